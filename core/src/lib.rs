@@ -1,0 +1,3 @@
+//! Placeholder story; see the modules.
+#![no_std]
+#![forbid(unsafe_code)]

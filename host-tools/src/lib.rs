@@ -1,0 +1,1 @@
+//! Logs, model files, commands, simulator: the desktop side of proprio.

@@ -1,0 +1,2 @@
+//! The `proprio` command.
+fn main() {}
