@@ -38,6 +38,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod consistent;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;
