@@ -5,8 +5,9 @@ use std::path::Path;
 
 use super::columns::{Channel, Columns, TIME, slot};
 use super::error::{LogError, Problem};
-use super::joint::{JOINTS, JointId, Leg};
+use super::joint::JointId;
 use super::reader::Row;
+use proprio_core::go2::{JOINTS, position_limits};
 
 /// The least sampling rate, Hz. A leg's fastest own motion (a calf on its controller's gains) lies near 15 Hz, and
 /// a window of 20 ms must hold several samples.
@@ -67,7 +68,11 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Gaps { count, longest, line } => write!(
+            Self::Gaps {
+                count,
+                longest,
+                line,
+            } => write!(
                 f,
                 "{count} gap{} over {:.0} ms, the longest {:.0} ms after line {line}; no window bridges a gap",
                 if *count == 1 { "" } else { "s" },
@@ -75,7 +80,10 @@ impl fmt::Display for Warning {
                 longest * 1e3,
             ),
             Self::RepeatedStamps { count, rows } => {
-                write!(f, "{count} of {rows} rows repeat the time stamp of the row above and are not used")
+                write!(
+                    f,
+                    "{count} of {rows} rows repeat the time stamp of the row above and are not used"
+                )
             }
         }
     }
@@ -105,10 +113,16 @@ impl Checks {
         } else {
             let gap = now - self.previous;
             if gap < 0.0 {
-                return Err(Problem::TimeBackwards { before: self.previous, now });
+                return Err(Problem::TimeBackwards {
+                    before: self.previous,
+                    now,
+                });
             }
             if gap > LONGEST_GAP {
-                return Err(Problem::TimeJump { gap, before: self.previous_line });
+                return Err(Problem::TimeJump {
+                    gap,
+                    before: self.previous_line,
+                });
             }
             self.gaps += u64::from(gap > GAP);
             self.repeated_stamps += u64::from(gap == 0.0);
@@ -149,7 +163,10 @@ impl Checks {
         // The median is known to 1 %: a log of exactly the least rate passes.
         if let Some(line) = self.first_slow.filter(|_| period * LEAST_RATE > 1.02) {
             let column = columns.cell[TIME].unwrap_or_default();
-            let problem = Problem::TooSlow { rate: 1.0 / period, least: LEAST_RATE };
+            let problem = Problem::TooSlow {
+                rate: 1.0 / period,
+                least: LEAST_RATE,
+            };
             return Err(error(problem).at_line(line).at_column(column, "t"));
         }
         let degrees = columns.joints().any(|joint| self.is_calf_in_degrees(joint));
@@ -172,8 +189,11 @@ impl Checks {
 
     fn warnings(&self) -> Vec<Warning> {
         let (longest, line) = self.longest;
-        let gaps =
-            (self.gaps > 0).then_some(Warning::Gaps { count: self.gaps, longest, line });
+        let gaps = (self.gaps > 0).then_some(Warning::Gaps {
+            count: self.gaps,
+            longest,
+            line,
+        });
         let repeated = (self.repeated_stamps > 0).then_some(Warning::RepeatedStamps {
             count: self.repeated_stamps,
             rows: self.rows,
@@ -184,7 +204,7 @@ impl Checks {
 
 impl LimitCheck {
     fn add(&mut self, joint: JointId, line: u64, q: f64) {
-        let (lower, upper) = limits(joint);
+        let [lower, upper] = limits(joint);
         let within = |q: f64| q > lower - LIMIT_MARGIN && q < upper + LIMIT_MARGIN;
         if !within(q) {
             self.outside += 1;
@@ -196,20 +216,24 @@ impl LimitCheck {
     /// More than half of the samples outside is no glitch but a wrong unit, sign or zero.
     fn judge(&self, joint: JointId, rows: u64, degrees: bool) -> Option<(u64, Problem)> {
         let (line, value) = self.first.filter(|_| 2 * self.outside > rows)?;
-        let (lower, upper) = limits(joint);
+        let [lower, upper] = limits(joint);
         let percent = 100.0 * self.outside as f64 / rows as f64;
-        Some((line, Problem::OutsideLimits { joint, lower, upper, percent, value, degrees }))
+        Some((
+            line,
+            Problem::OutsideLimits {
+                joint,
+                lower,
+                upper,
+                percent,
+                value,
+                degrees,
+            },
+        ))
     }
 }
 
-/// Lower and upper limit of a joint, rad (go2.md, from the URDF).
-fn limits(joint: JointId) -> (f64, f64) {
-    match (joint.place(), joint.leg()) {
-        (0, _) => (-1.0472, 1.0472),
-        (1, Leg::FR | Leg::FL) => (-1.5708, 3.4907),
-        (1, _) => (-0.5236, 4.5379),
-        _ => (-2.7227, -0.83776),
-    }
+fn limits(joint: JointId) -> [f64; 2] {
+    position_limits(joint.leg())[joint.place()]
 }
 
 /// The median sampling period from a histogram of fixed size.
@@ -226,7 +250,10 @@ const BINS: usize = 1850;
 
 impl Periods {
     fn new() -> Self {
-        Self { counts: vec![0; BINS], total: 0 }
+        Self {
+            counts: vec![0; BINS],
+            total: 0,
+        }
     }
 
     fn add(&mut self, period: f64) {

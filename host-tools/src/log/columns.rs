@@ -6,7 +6,8 @@ use std::path::Path;
 use csv::ByteRecord;
 
 use super::error::{LogError, Problem};
-use super::joint::{JOINTS, JointId, Leg};
+use super::joint::{JointId, leg_named};
+use proprio_core::go2::{JOINTS, Leg};
 
 /// A signal that each joint has of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,9 +94,14 @@ impl Columns {
         selection: Selection,
     ) -> Result<Self, LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
-        let names: Vec<String> =
-            header.iter().map(|name| String::from_utf8_lossy(name).trim().to_owned()).collect();
-        if names.iter().all(|name| fast_float2::parse::<f64, _>(name).is_ok()) {
+        let names: Vec<String> = header
+            .iter()
+            .map(|name| String::from_utf8_lossy(name).trim().to_owned())
+            .collect();
+        if names
+            .iter()
+            .all(|name| fast_float2::parse::<f64, _>(name).is_ok())
+        {
             return Err(error(Problem::NoHeader));
         }
         if let [only] = &names[..]
@@ -115,7 +121,11 @@ impl Columns {
                 return Err(error(problem).at_column(index, name));
             }
         }
-        let columns = Self { names, wanted: Vec::new(), cell };
+        let columns = Self {
+            names,
+            wanted: Vec::new(),
+            cell,
+        };
         columns.check_complete(path, line)?;
         Ok(columns.select(selection))
     }
@@ -127,7 +137,9 @@ impl Columns {
 
     /// The legs recorded; each with all its joints.
     pub fn legs(&self) -> impl Iterator<Item = Leg> {
-        Leg::ALL.into_iter().filter(|leg| self.has(Channel::Q, leg.joints()[0]))
+        Leg::ALL
+            .into_iter()
+            .filter(|&leg| self.has(Channel::Q, JointId::of(leg)[0]))
     }
 
     /// Whether the log has this channel of this joint.
@@ -142,7 +154,11 @@ impl Columns {
 
     fn check_complete(&self, path: &Path, line: u64) -> Result<(), LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
-        let missing = |name: &str| error(Problem::MissingColumn { name: name.to_owned() });
+        let missing = |name: &str| {
+            error(Problem::MissingColumn {
+                name: name.to_owned(),
+            })
+        };
         if self.cell[TIME].is_none() {
             return Err(missing("t"));
         }
@@ -151,13 +167,17 @@ impl Columns {
             let absent = Channel::MOTION.into_iter().find(|&c| !self.has(c, joint));
             if let (Some(present), Some(absent)) = (present, absent) {
                 let (present, missing) = (present.column(joint), absent.column(joint));
-                return Err(error(Problem::MissingChannel { joint, present, missing }));
+                return Err(error(Problem::MissingChannel {
+                    joint,
+                    present,
+                    missing,
+                }));
             }
         }
         for leg in Leg::ALL {
             let recorded = |joint: &JointId| self.has(Channel::Q, *joint);
-            let present = leg.joints().into_iter().find(recorded);
-            let absent = leg.joints().into_iter().find(|joint| !recorded(joint));
+            let present = JointId::of(leg).into_iter().find(recorded);
+            let absent = JointId::of(leg).into_iter().find(|joint| !recorded(joint));
             if let (Some(present), Some(missing)) = (present, absent) {
                 return Err(error(Problem::IncompleteLeg { present, missing }));
             }
@@ -184,7 +204,9 @@ impl Columns {
         for cell in &mut self.cell[end..] {
             *cell = None;
         }
-        self.wanted = (0..SLOTS).filter_map(|s| Some((self.cell[s]?, s))).collect();
+        self.wanted = (0..SLOTS)
+            .filter_map(|s| Some((self.cell[s]?, s)))
+            .collect();
         self.wanted.sort_unstable();
         self
     }
@@ -196,22 +218,33 @@ fn known_columns() -> HashMap<String, usize> {
         JointId::all().map(move |joint| (channel.column(joint), slot(channel, joint.index())))
     });
     let grouped = GROUPS.into_iter().flat_map(|(prefix, first, axes)| {
-        axes.iter().enumerate().map(move |(i, axis)| (format!("{prefix}/{axis}"), first + i))
+        axes.iter()
+            .enumerate()
+            .map(move |(i, axis)| (format!("{prefix}/{axis}"), first + i))
     });
-    per_joint.chain(grouped).chain([("t".to_owned(), TIME)]).collect()
+    per_joint
+        .chain(grouped)
+        .chain([("t".to_owned(), TIME)])
+        .collect()
 }
 
 /// A column that begins like one of the format but names no joint, leg or axis of the robot is a mistake, not a
 /// column to ignore.
 fn misspelt(name: &str) -> Option<Problem> {
     let (prefix, rest) = name.split_once('/')?;
-    let unknown = if Channel::ALL.iter().any(|channel| channel.prefix() == prefix) {
+    let unknown = if Channel::ALL
+        .iter()
+        .any(|channel| channel.prefix() == prefix)
+    {
         rest.parse::<JointId>().err()?
     } else if prefix == "foot" {
-        rest.parse::<Leg>().err()?
+        leg_named(rest).err()?
     } else {
         return None;
     };
     let nearest = format!("{prefix}/{}", unknown.nearest()?);
-    Some(Problem::UnknownName { name: rest.to_owned(), nearest })
+    Some(Problem::UnknownName {
+        name: rest.to_owned(),
+        nearest,
+    })
 }

@@ -30,7 +30,12 @@ pub struct Column {
 
 impl LogError {
     pub(super) fn new(path: &Path, problem: Problem) -> Self {
-        Self { path: path.to_owned(), line: None, column: None, problem: Box::new(problem) }
+        Self {
+            path: path.to_owned(),
+            line: None,
+            column: None,
+            problem: Box::new(problem),
+        }
     }
 
     pub(super) fn at_line(mut self, line: u64) -> Self {
@@ -39,7 +44,10 @@ impl LogError {
     }
 
     pub(super) fn at_column(mut self, index: usize, name: &str) -> Self {
-        self.column = Some(Box::new(Column { number: index + 1, name: name.to_owned() }));
+        self.column = Some(Box::new(Column {
+            number: index + 1,
+            name: name.to_owned(),
+        }));
         self
     }
 }
@@ -109,7 +117,7 @@ pub enum Problem {
         missing: String,
     },
     /// A leg has some of its three joints.
-    #[error("leg {} has {present} but not {missing}", .missing.leg())]
+    #[error("leg {} has {present} but not {missing}", .missing.leg().name())]
     IncompleteLeg {
         /// A joint of the leg that is recorded.
         present: JointId,

@@ -18,10 +18,12 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 
+use proprio_core::go2::Leg;
+
 pub use checks::{Checks, GAP, LEAST_RATE, LONGEST_GAP, Warning};
 pub use columns::{Channel, Columns, Selection};
 pub use error::{Column, LogError, Problem};
-pub use joint::{JOINTS, JointId, Leg, UnknownName};
+pub use joint::{JointId, UnknownName, leg_named};
 pub use reader::{LogReader, Row};
 pub use writer::LogWriter;
 
@@ -87,7 +89,10 @@ impl Log {
 
     /// The channels of a leg: hip, thigh, calf.
     pub fn leg(&self, leg: Leg) -> Option<&[JointChannel; 3]> {
-        let first = self.joints.iter().position(|channel| channel.joint.leg() == leg)?;
+        let first = self
+            .joints
+            .iter()
+            .position(|channel| channel.joint.leg() == leg)?;
         self.joints[first..].first_chunk()
     }
 

@@ -10,7 +10,7 @@ use flate2::bufread::MultiGzDecoder;
 use super::checks::{Checks, Warning};
 use super::columns::{ACC, Channel, Columns, FOOT, GYRO, QUAT, SLOTS, Selection, TIME, slot};
 use super::error::{LogError, Problem};
-use super::joint::JOINTS;
+use proprio_core::go2::JOINTS;
 
 /// One row of a log. Channels that the log does not have are NaN.
 #[derive(Debug, Clone)]
@@ -22,7 +22,9 @@ pub struct Row {
 
 impl Row {
     fn part<const N: usize>(&self, first: usize) -> &[f64; N] {
-        self.values[first..].first_chunk().expect("every group lies within the slots")
+        self.values[first..]
+            .first_chunk()
+            .expect("every group lies within the slots")
     }
 
     /// Time, s, as recorded.
@@ -112,8 +114,11 @@ impl LogReader {
         }
         let mut file = BufReader::with_capacity(1 << 16, file);
         let gzip = file.fill_buf().map_err(open)?.starts_with(&[0x1f, 0x8b]);
-        let bytes: Box<dyn Read> =
-            if gzip { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        let bytes: Box<dyn Read> = if gzip {
+            Box::new(MultiGzDecoder::new(file))
+        } else {
+            Box::new(file)
+        };
         let mut csv = csv::ReaderBuilder::new()
             .has_headers(false)
             // Ragged rows are reported here, with the place.
@@ -122,13 +127,25 @@ impl LogReader {
             .from_reader(bytes);
 
         let mut record = ByteRecord::new();
-        let found = csv.read_byte_record(&mut record).map_err(|error| read(path, 1, error))?;
+        let found = csv
+            .read_byte_record(&mut record)
+            .map_err(|error| read(path, 1, error))?;
         if !found {
             return Err(LogError::new(path, Problem::Empty).at_line(1));
         }
         let columns = Columns::new(path, line(&record), &record, selection)?;
-        let row = Row { line: 0, values: [f64::NAN; SLOTS] };
-        Ok(Self { path: path.to_owned(), csv, columns, record, row, checks: Checks::new() })
+        let row = Row {
+            line: 0,
+            values: [f64::NAN; SLOTS],
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            csv,
+            columns,
+            record,
+            row,
+            checks: Checks::new(),
+        })
     }
 
     /// What the log records.
@@ -185,7 +202,8 @@ impl LogReader {
     }
 
     fn cell_error(&self, cell: usize, problem: Problem) -> LogError {
-        self.error(problem).at_column(cell, &self.columns.names[cell])
+        self.error(problem)
+            .at_column(cell, &self.columns.names[cell])
     }
 }
 
@@ -209,5 +227,9 @@ fn number(text: &[u8]) -> Result<f64, Problem> {
         Err(_) => fast_float2::parse(text.trim_ascii())
             .map_err(|_| Problem::NotANumber(String::from_utf8_lossy(text).into_owned()))?,
     };
-    if f64::is_finite(value) { Ok(value) } else { Err(Problem::NotFinite(value)) }
+    if f64::is_finite(value) {
+        Ok(value)
+    } else {
+        Err(Problem::NotFinite(value))
+    }
 }

@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use super::columns::Channel;
-use super::joint::Leg;
+use super::joint::JointId;
+use proprio_core::go2::Leg;
 
 /// Writes a log of the motion of one or more legs.
 pub struct LogWriter<W: Write> {
@@ -18,7 +19,7 @@ impl<W: Write> LogWriter<W> {
     pub fn new(mut out: W, legs: &[Leg]) -> io::Result<Self> {
         write!(out, "t")?;
         for channel in Channel::MOTION {
-            for joint in legs.iter().flat_map(|leg| leg.joints()) {
+            for joint in legs.iter().flat_map(|&leg| JointId::of(leg)) {
                 write!(out, ",{}", channel.column(joint))?;
             }
         }
