@@ -1,0 +1,90 @@
+//! Parameters by name: what a result file, a truth file and a table have in common.
+
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
+use proprio_core::tree::Tree;
+use serde::Serialize;
+
+use crate::log::JointId;
+
+/// Inertial parameters of a body.
+pub const INERTIAL: usize = 10;
+/// Names and units of a body's inertial parameters, in the order of [`proprio_core::inertia`].
+pub const INERTIAL_NAMES: [(&str, &str); INERTIAL] = [
+    ("m", "kg"),
+    ("hx", "kg m"),
+    ("hy", "kg m"),
+    ("hz", "kg m"),
+    ("Ixx", "kg m^2"),
+    ("Ixy", "kg m^2"),
+    ("Ixz", "kg m^2"),
+    ("Iyy", "kg m^2"),
+    ("Iyz", "kg m^2"),
+    ("Izz", "kg m^2"),
+];
+
+/// An effect at a joint and the value of its parameter; written `EFFECT:JOINT=VALUE`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointEffect {
+    /// Which effect.
+    pub effect: EffectKind,
+    /// At which joint.
+    pub joint: JointId,
+    /// Its parameter, in the unit of the catalogue.
+    pub value: f64,
+}
+
+/// A parameter's name: `m:FR_hip`, `coulomb:FR_hip`.
+pub fn name(what: &str, joint: JointId) -> String {
+    format!("{what}:{joint}")
+}
+
+/// A parameter and its value.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter {
+    /// `m:FR_hip`, `coulomb:FR_hip`.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
+}
+
+/// All parameters of one leg, in the order of the core's θ: inertial blocks, then effects joint by joint.
+pub fn of_leg(
+    leg: Leg,
+    tree: &Tree<f64, JOINTS_PER_LEG, JOINTS_PER_LEG>,
+    effects: &[JointEffect],
+) -> Vec<Parameter> {
+    let joints = JointId::of(leg);
+    let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
+        INERTIAL_NAMES.iter().zip(body.inertia.0.iter()).map(move |(&(what, unit), &value)| {
+            Parameter { name: name(what, joint), unit, value }
+        })
+    });
+    let added = joints.iter().flat_map(|&joint| {
+        EffectKind::ALL.iter().map(move |&effect| {
+            let of = |e: &&JointEffect| e.effect == effect && e.joint == joint;
+            Parameter {
+                name: name(effect.name(), joint),
+                unit: effect.description().parameters[0].unit,
+                value: effects.iter().filter(of).map(|e| e.value).sum(),
+            }
+        })
+    });
+    inertial.chain(added).collect()
+}
+
+/// Friction and rotor inertia of a Go2's motors in the middle of what recorded data show (go2.md).
+pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
+    let at = |joint: JointId| {
+        let values = |effect| match effect {
+            EffectKind::Viscous => [0.03, 0.04, 0.05][joint.place()],
+            EffectKind::Coulomb => [0.15, 0.12, 0.6][joint.place()],
+            EffectKind::Armature => ACTUATORS[joint.place()].armature(),
+            EffectKind::Bias => [-0.1, 0.1, -0.1][joint.place()],
+        };
+        EffectKind::ALL.iter().map(move |&effect| JointEffect { effect, joint, value: values(effect) })
+    };
+    legs.iter().flat_map(|&leg| JointId::of(leg)).flat_map(at).collect()
+}
