@@ -6,8 +6,9 @@
 //! are positive definite exactly when a body of positive density could have them.
 
 use crate::spatial::{Force, Motion, Transform};
+use crate::factor::BodyFactor;
 use crate::{Real, scalar::real};
-use nalgebra::{Matrix3, Matrix4, SVector, Vector3};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
 
 /// How many inertial parameters a body has.
 pub const INERTIAL: usize = 10;
@@ -120,6 +121,41 @@ impl<T: Real> InertialParameters<T> {
         )
     }
 
+    /// The CAD prior: the knowledge that the body is this one up to a relative uncertainty, as a triangle of ten rows.
+    ///
+    /// With P₀ = L Lᵀ this body's pseudo-inertia, the squared distance of another is ‖L⁻¹ (P − P₀) L⁻ᵀ‖² / `relative`²: the
+    /// second-order part of the affine-invariant distance between pseudo-inertias (Lee, Wensing & Park 2020). It is the same
+    /// in every frame and every unit, which a table of standard deviations per number is not. `relative` is the standard
+    /// deviation of the mass over the mass; that of the centre of mass is `relative`/√2 times the radius of gyration.
+    ///
+    /// `None` if this body is not physical.
+    pub fn prior(&self, relative: T) -> Option<BodyFactor<T>> {
+        let inverse = nalgebra::Cholesky::new(self.pseudo_inertia())?.l().try_inverse()?;
+        let mut distance = SMatrix::<T, INERTIAL, INERTIAL>::zeros();
+        for c in 0..INERTIAL {
+            let unit = Self(SVector::from_fn(|r, _| if r == c { T::one() } else { T::zero() }));
+            let whitened = inverse * unit.pseudo_inertia() * inverse.transpose() / relative;
+            let mut r = 0;
+            for i in 0..4 {
+                for j in 0..=i {
+                    // Off the diagonal an entry stands twice in the norm.
+                    let times = if i == j { T::one() } else { real::<T>(2.0).sqrt() };
+                    distance[(r, c)] = whitened[(i, j)] * times;
+                    r += 1;
+                }
+            }
+        }
+        let here = distance * self.0;
+        let mut factor = BodyFactor::new(INERTIAL).ok()?;
+        for r in 0..INERTIAL {
+            let mut row = [T::zero(); INERTIAL + 1];
+            row.iter_mut().zip(distance.row(r).iter()).for_each(|(to, from)| *to = *from);
+            row[INERTIAL] = here[r];
+            factor.update(&mut row).ok()?;
+        }
+        Some(factor)
+    }
+
     /// Whether a body of positive density could have these parameters: the pseudo-inertia is positive definite.
     pub fn is_physical(&self) -> bool {
         nalgebra::Cholesky::new(self.pseudo_inertia()).is_some()
@@ -204,6 +240,22 @@ pub(crate) mod tests {
             let there = InertialParameters::from_com(2.0, Vector3::zeros(), Matrix3::identity())
                 .in_parent(&Transform::from_translation(com));
             prop_assert!((body.0 - there.0).norm() < 1e-12);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_prior_does_not_depend_on_the_frame(phi in physical(), other in physical(), x in transform()) {
+            let here = phi.prior(0.1).unwrap().sum_of_squares(other.0.as_slice());
+            let there = phi.in_parent(&x).prior(0.1).unwrap().sum_of_squares(other.in_parent(&x).0.as_slice());
+            prop_assert!((here - there).abs() < 1e-6 * here, "{here} {there}");
+        }
+
+        #[test]
+        fn the_prior_states_the_relative_uncertainty_of_the_mass(phi in physical()) {
+            let (mut variance, mut scratch) = ([0.0; 10], [0.0; 10]);
+            phi.prior(0.1).unwrap().variances(&mut variance, &mut scratch).unwrap();
+            prop_assert!((variance[0].sqrt() / phi.mass() - 0.1).abs() < 1e-9);
         }
     }
 

@@ -36,6 +36,9 @@
 #![forbid(unsafe_code)]
 
 pub mod dynamics;
+pub mod effect;
+pub mod factor;
+pub mod window;
 
 pub mod go2;
 pub mod inertia;

@@ -47,7 +47,10 @@ impl AtomicFile {
     /// # Errors
     /// If the directory does not exist or cannot be written.
     pub fn create(destination: &Path) -> Result<Self, WriteError> {
-        let error = |source| WriteError { path: destination.to_owned(), source };
+        let error = |source| WriteError {
+            path: destination.to_owned(),
+            source,
+        };
         if destination.is_dir() {
             return Err(error(io::ErrorKind::IsADirectory.into()));
         }
@@ -65,7 +68,11 @@ impl AtomicFile {
             })
             .map_err(error)?;
         let registration = Registration(file.path().to_owned());
-        Ok(Self { destination: destination.to_owned(), file: BufWriter::new(file), registration })
+        Ok(Self {
+            destination: destination.to_owned(),
+            file: BufWriter::new(file),
+            registration,
+        })
     }
 
     /// Makes the file appear.
@@ -73,8 +80,15 @@ impl AtomicFile {
     /// # Errors
     /// If the disk is full or the destination cannot be replaced.
     pub fn commit(self) -> Result<(), WriteError> {
-        let Self { destination, file, registration: _until_renamed } = self;
-        let error = |source| WriteError { path: destination.clone(), source };
+        let Self {
+            destination,
+            file,
+            registration: _until_renamed,
+        } = self;
+        let error = |source| WriteError {
+            path: destination.clone(),
+            source,
+        };
         let file = file.into_inner().map_err(|e| error(e.into_error()))?;
         file.persist(&destination).map_err(|e| error(e.error))?;
         Ok(())
@@ -98,7 +112,10 @@ impl Write for AtomicFile {
 pub fn write(path: &Path, contents: &str) -> Result<(), WriteError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(contents.as_bytes())
-        .map_err(|source| WriteError { path: path.to_owned(), source })?;
+        .map_err(|source| WriteError {
+            path: path.to_owned(),
+            source,
+        })?;
     file.commit()
 }
 

@@ -58,9 +58,14 @@ pub fn of_leg(
 ) -> Vec<Parameter> {
     let joints = JointId::of(leg);
     let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
-        INERTIAL_NAMES.iter().zip(body.inertia.0.iter()).map(move |(&(what, unit), &value)| {
-            Parameter { name: name(what, joint), unit, value }
-        })
+        INERTIAL_NAMES
+            .iter()
+            .zip(body.inertia.0.iter())
+            .map(move |(&(what, unit), &value)| Parameter {
+                name: name(what, joint),
+                unit,
+                value,
+            })
     });
     let added = joints.iter().flat_map(|&joint| {
         EffectKind::ALL.iter().map(move |&effect| {
@@ -84,7 +89,14 @@ pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
             EffectKind::Armature => ACTUATORS[joint.place()].armature(),
             EffectKind::Bias => [-0.1, 0.1, -0.1][joint.place()],
         };
-        EffectKind::ALL.iter().map(move |&effect| JointEffect { effect, joint, value: values(effect) })
+        EffectKind::ALL.iter().map(move |&effect| JointEffect {
+            effect,
+            joint,
+            value: values(effect),
+        })
     };
-    legs.iter().flat_map(|&leg| JointId::of(leg)).flat_map(at).collect()
+    legs.iter()
+        .flat_map(|&leg| JointId::of(leg))
+        .flat_map(at)
+        .collect()
 }

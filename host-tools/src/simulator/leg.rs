@@ -52,7 +52,9 @@ impl SimulatedLeg {
     }
 
     pub(super) fn dq(&self) -> Vector3<f64> {
-        self.state.fixed_rows::<JOINTS_PER_LEG>(JOINTS_PER_LEG).into()
+        self.state
+            .fixed_rows::<JOINTS_PER_LEG>(JOINTS_PER_LEG)
+            .into()
     }
 
     /// The motors' torque now, N m.
@@ -75,7 +77,11 @@ impl SimulatedLeg {
         }
         self.t = t;
         let finite = self.state.iter().all(|value| value.is_finite());
-        if finite { Ok(()) } else { Err(Diverged { leg: self.leg, t }) }
+        if finite {
+            Ok(())
+        } else {
+            Err(Diverged { leg: self.leg, t })
+        }
     }
 
     /// PD on the reference, within what the motor can give.
@@ -98,8 +104,12 @@ impl SimulatedLeg {
             .forward_dynamics(&kinematics, &dq, &(tau - lost), &armature)
             .unwrap_or_else(|| Vector3::repeat(f64::NAN));
         let mut derivative = State::zeros();
-        derivative.fixed_rows_mut::<JOINTS_PER_LEG>(0).copy_from(&dq);
-        derivative.fixed_rows_mut::<JOINTS_PER_LEG>(JOINTS_PER_LEG).copy_from(&ddq);
+        derivative
+            .fixed_rows_mut::<JOINTS_PER_LEG>(0)
+            .copy_from(&dq);
+        derivative
+            .fixed_rows_mut::<JOINTS_PER_LEG>(JOINTS_PER_LEG)
+            .copy_from(&ddq);
         derivative
     }
 
@@ -116,7 +126,13 @@ impl SimulatedLeg {
         let mut inertia = Vector3::zeros();
         for &(effect, j, value) in &self.effects {
             let boundary = |q, dq| effect.term(&JointState { q, dq, tau: tau[j] }).boundary;
-            let rate = effect.term(&JointState { q: q[j], dq: dq[j], tau: tau[j] }).rate;
+            let rate = effect
+                .term(&JointState {
+                    q: q[j],
+                    dq: dq[j],
+                    tau: tau[j],
+                })
+                .rate;
             let by_q = slope(|d| boundary(q[j] + d, dq[j]));
             let by_dq = slope(|d| boundary(q[j], dq[j] + d));
             torque[j] += value * (rate + by_q * dq[j]);

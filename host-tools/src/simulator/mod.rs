@@ -80,8 +80,11 @@ impl Simulation {
     /// An item is [`Diverged`], and the last, if the motion is no longer finite.
     pub fn samples(&self) -> impl Iterator<Item = Result<SimulatedSample, Diverged>> + '_ {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let mut legs: Vec<SimulatedLeg> =
-            self.legs.iter().map(|&leg| SimulatedLeg::new(leg, self, &mut rng)).collect();
+        let mut legs: Vec<SimulatedLeg> = self
+            .legs
+            .iter()
+            .map(|&leg| SimulatedLeg::new(leg, self, &mut rng))
+            .collect();
         let count = (self.duration * self.rate).round() as u64;
         let mut previous = None;
         let mut failed = false;
@@ -105,7 +108,12 @@ impl Simulation {
 fn sample(legs: &mut [SimulatedLeg], t: f64) -> Result<SimulatedSample, Diverged> {
     let joints = JOINTS_PER_LEG * legs.len();
     let empty = || Vec::with_capacity(joints);
-    let mut sample = SimulatedSample { t, q: empty(), dq: empty(), tau: empty() };
+    let mut sample = SimulatedSample {
+        t,
+        q: empty(),
+        dq: empty(),
+        tau: empty(),
+    };
     for leg in legs {
         leg.advance_to(t)?;
         sample.q.extend(leg.q().iter());
@@ -134,7 +142,10 @@ mod tests {
     #[test]
     fn a_seed_gives_one_log_and_another_seed_another() {
         let log = |seed| -> Vec<_> {
-            let simulation = Simulation { seed, ..short(Sensors::default()) };
+            let simulation = Simulation {
+                seed,
+                ..short(Sensors::default())
+            };
             simulation.samples().collect::<Result<_, _>>().unwrap()
         };
         assert_eq!(log(1), log(1));
@@ -186,17 +197,20 @@ mod tests {
             kinetic + potential
         };
         let power = |s: &SimulatedSample| -> f64 {
-            (0..3).map(|j| (s.tau[j] - viscous[j].value * s.dq[j]) * s.dq[j]).sum()
+            (0..3)
+                .map(|j| (s.tau[j] - viscous[j].value * s.dq[j]) * s.dq[j])
+                .sum()
         };
         // Simpson's rule over pairs of samples.
         let work: f64 = samples
             .windows(3)
             .step_by(2)
-            .map(|w| {
-                (w[2].t - w[0].t) / 6.0 * (power(&w[0]) + 4.0 * power(&w[1]) + power(&w[2]))
-            })
+            .map(|w| (w[2].t - w[0].t) / 6.0 * (power(&w[0]) + 4.0 * power(&w[1]) + power(&w[2])))
             .sum();
         let change = energy(&samples[samples.len() - 1]) - energy(&samples[0]);
-        assert!((work - change).abs() < 1e-5, "work {work} J, energy {change} J");
+        assert!(
+            (work - change).abs() < 1e-5,
+            "work {work} J, energy {change} J"
+        );
     }
 }

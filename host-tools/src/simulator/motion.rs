@@ -43,7 +43,11 @@ pub(super) struct Reference {
 impl Reference {
     pub(super) fn new(motion: Motion, leg: Leg, rng: &mut ChaCha8Rng) -> Self {
         // The legs' hips turn outwards a little, mirrored.
-        let side = if matches!(leg, Leg::FL | Leg::RL) { 1.0 } else { -1.0 };
+        let side = if matches!(leg, Leg::FL | Leg::RL) {
+            1.0
+        } else {
+            -1.0
+        };
         let mut centre = CENTRE;
         centre[0] += 0.1 * side;
         let sines = std::array::from_fn(|joint| {
@@ -52,13 +56,23 @@ impl Reference {
                 let multiple = (n * n * JOINTS_PER_LEG + joint + 1) as f64;
                 let frequency = TAU * BASE_FREQUENCY * multiple;
                 // Equal speed at every frequency, within bounds on either side.
-                (frequency, 1.0 / (multiple + 5.0), rng.random_range(0.0..TAU))
+                (
+                    frequency,
+                    1.0 / (multiple + 5.0),
+                    rng.random_range(0.0..TAU),
+                )
             });
             let sum: f64 = sines.iter().map(|sine| sine.1).sum();
-            sines.iter_mut().for_each(|sine| sine.1 *= REACH[joint] / sum);
+            sines
+                .iter_mut()
+                .for_each(|sine| sine.1 *= REACH[joint] / sum);
             sines
         });
-        Self { motion, centre, sines }
+        Self {
+            motion,
+            centre,
+            sines,
+        }
     }
 
     /// Position (rad) and velocity (rad/s) asked for at time `t`, s.
@@ -81,14 +95,19 @@ impl Reference {
 /// Size and its rate of change: a half cosine from 0 to 1, so that nothing jumps.
 fn ramp(t: f64) -> (f64, f64) {
     let phase = (t / RAMP).clamp(0.0, 1.0) * TAU / 2.0;
-    (0.5 - 0.5 * phase.cos(), 0.5 * phase.sin() * TAU / 2.0 / RAMP)
+    (
+        0.5 - 0.5 * phase.cos(),
+        0.5 * phase.sin() * TAU / 2.0 / RAMP,
+    )
 }
 
 fn multisine(sines: &[(f64, f64, f64)], t: f64) -> (f64, f64) {
-    sines.iter().fold((0.0, 0.0), |(q, dq), &(frequency, amplitude, phase)| {
-        let (sin, cos) = (frequency * t + phase).sin_cos();
-        (q + amplitude * sin, dq + amplitude * frequency * cos)
-    })
+    sines
+        .iter()
+        .fold((0.0, 0.0), |(q, dq), &(frequency, amplitude, phase)| {
+            let (sin, cos) = (frequency * t + phase).sin_cos();
+            (q + amplitude * sin, dq + amplitude * frequency * cos)
+        })
 }
 
 /// Sweeps up and starts anew; the phase is continuous within a sweep and zero at its ends.

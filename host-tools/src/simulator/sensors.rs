@@ -24,14 +24,24 @@ pub struct Sensors {
 impl Default for Sensors {
     /// A Go2's noise and quanta, an even clock.
     fn default() -> Self {
-        Self { noise: 1.0, quantised: true, jitter: 0.0, repeats: 0.0 }
+        Self {
+            noise: 1.0,
+            quantised: true,
+            jitter: 0.0,
+            repeats: 0.0,
+        }
     }
 }
 
 impl Sensors {
     /// The truth itself.
     pub fn ideal() -> Self {
-        Self { noise: 0.0, quantised: false, jitter: 0.0, repeats: 0.0 }
+        Self {
+            noise: 0.0,
+            quantised: false,
+            jitter: 0.0,
+            repeats: 0.0,
+        }
     }
 
     /// When sample `k` is taken, s.
@@ -53,7 +63,10 @@ impl Sensors {
             && self.repeats > 0.0
             && rng.random_bool(self.repeats)
         {
-            return SimulatedSample { t: truth.t, ..previous.clone() };
+            return SimulatedSample {
+                t: truth.t,
+                ..previous.clone()
+            };
         }
         let mut measured = truth;
         for joint in 0..measured.q.len() {
