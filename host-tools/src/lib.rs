@@ -4,3 +4,4 @@ pub mod log;
 pub mod output;
 pub mod parameter;
 pub mod simulator;
+pub mod table;

@@ -82,17 +82,20 @@ pub fn of_leg(
 
 /// Friction and rotor inertia of a Go2's motors in the middle of what recorded data show (go2.md).
 pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
+    let table = [
+        (EffectKind::Viscous, [0.03, 0.04, 0.05]),
+        (EffectKind::Coulomb, [0.15, 0.12, 0.6]),
+        (
+            EffectKind::Armature,
+            ACTUATORS.map(|actuator| actuator.armature()),
+        ),
+        (EffectKind::Bias, [-0.1, 0.1, -0.1]),
+    ];
     let at = |joint: JointId| {
-        let values = |effect| match effect {
-            EffectKind::Viscous => [0.03, 0.04, 0.05][joint.place()],
-            EffectKind::Coulomb => [0.15, 0.12, 0.6][joint.place()],
-            EffectKind::Armature => ACTUATORS[joint.place()].armature(),
-            EffectKind::Bias => [-0.1, 0.1, -0.1][joint.place()],
-        };
-        EffectKind::ALL.iter().map(move |&effect| JointEffect {
+        table.map(|(effect, values)| JointEffect {
             effect,
             joint,
-            value: values(effect),
+            value: values[joint.place()],
         })
     };
     legs.iter()

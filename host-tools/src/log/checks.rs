@@ -16,8 +16,8 @@ pub const LEAST_RATE: f64 = 100.0;
 /// A longer silence than this, s, is no lost message: two recordings in one file, or a clock that was set.
 pub const LONGEST_GAP: f64 = 600.0;
 
-/// A gap worth telling, s: over one window of the default length no rows are formed.
-pub const GAP: f64 = 0.02;
+/// A gap that ends a window, s; [`proprio_core::window::Settings::max_gap_us`] by default.
+pub const GAP: f64 = 0.01;
 
 /// How far beyond a joint's limit a sample may lie, rad: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;
@@ -82,7 +82,7 @@ impl fmt::Display for Warning {
             Self::RepeatedStamps { count, rows } => {
                 write!(
                     f,
-                    "{count} of {rows} rows repeat the time stamp of the row above and are not used"
+                    "{count} of {rows} rows repeat the time stamp of the row above and are skipped"
                 )
             }
         }

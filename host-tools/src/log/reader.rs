@@ -1,8 +1,10 @@
 //! A log as a stream of rows, in memory that does not grow with its length.
 
+use std::cell::Cell;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use csv::ByteRecord;
 use flate2::bufread::MultiGzDecoder;
@@ -99,6 +101,22 @@ pub struct LogReader {
     record: ByteRecord,
     row: Row,
     checks: Checks,
+    read: Rc<Cell<u64>>,
+    size: u64,
+}
+
+/// A file that counts what is read from it.
+struct Counted {
+    file: File,
+    read: Rc<Cell<u64>>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.read.set(self.read.get() + count as u64);
+        Ok(count)
+    }
 }
 
 impl LogReader {
@@ -109,10 +127,16 @@ impl LogReader {
     pub fn open(path: &Path, selection: Selection) -> Result<Self, LogError> {
         let open = |error| LogError::new(path, Problem::Open(error));
         let file = File::open(path).map_err(open)?;
-        if file.metadata().map_err(open)?.is_dir() {
-            return Err(open(std::io::ErrorKind::IsADirectory.into()));
+        let metadata = file.metadata().map_err(open)?;
+        if metadata.is_dir() {
+            return Err(open(io::ErrorKind::IsADirectory.into()));
         }
-        let mut file = BufReader::with_capacity(1 << 16, file);
+        let read = Rc::new(Cell::new(0));
+        let counted = Counted {
+            file,
+            read: Rc::clone(&read),
+        };
+        let mut file = BufReader::with_capacity(1 << 16, counted);
         let gzip = file.fill_buf().map_err(open)?.starts_with(&[0x1f, 0x8b]);
         let bytes: Box<dyn Read> = if gzip {
             Box::new(MultiGzDecoder::new(file))
@@ -129,7 +153,7 @@ impl LogReader {
         let mut record = ByteRecord::new();
         let found = csv
             .read_byte_record(&mut record)
-            .map_err(|error| read(path, 1, error))?;
+            .map_err(|error| unreadable(path, 1, error))?;
         if !found {
             return Err(LogError::new(path, Problem::Empty).at_line(1));
         }
@@ -145,6 +169,8 @@ impl LogReader {
             record,
             row,
             checks: Checks::new(),
+            read,
+            size: metadata.len(),
         })
     }
 
@@ -153,9 +179,9 @@ impl LogReader {
         &self.columns
     }
 
-    /// Bytes of text read so far.
-    pub fn position(&self) -> u64 {
-        self.csv.position().byte()
+    /// Bytes of the file read so far, and in all; of a compressed file, compressed ones.
+    pub fn progress(&self) -> (u64, u64) {
+        (self.read.get(), self.size)
     }
 
     /// The next row, or none at the end.
@@ -165,7 +191,7 @@ impl LogReader {
     pub fn next_row(&mut self) -> Result<Option<&Row>, LogError> {
         let here = self.csv.position().line();
         let more = self.csv.read_byte_record(&mut self.record);
-        if !more.map_err(|error| read(&self.path, here, error))? {
+        if !more.map_err(|error| unreadable(&self.path, here, error))? {
             return Ok(None);
         }
         self.row.line = line(&self.record);
@@ -211,10 +237,10 @@ fn line(record: &ByteRecord) -> u64 {
     record.position().map_or(1, csv::Position::line)
 }
 
-fn read(path: &Path, line: u64, error: csv::Error) -> LogError {
+fn unreadable(path: &Path, line: u64, error: csv::Error) -> LogError {
     let error = match error.into_kind() {
         csv::ErrorKind::Io(error) => error,
-        other => std::io::Error::other(format!("{other:?}")),
+        other => io::Error::other(format!("{other:?}")),
     };
     LogError::new(path, Problem::Read(error)).at_line(line)
 }
