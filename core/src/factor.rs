@@ -15,7 +15,7 @@
 //! Storage is packed by rows in anything that lends a slice: an array on the microcontroller, a `Vec` on the desktop.
 //! Every operation executes the same instructions whatever the numbers.
 
-use crate::{Real, scalar::real};
+use crate::Real;
 
 /// How many numbers a factor of `columns` parameters keeps: (p + 1)(p + 2)/2, the right-hand side and ρ included.
 pub const fn packed_len(columns: usize) -> usize {
@@ -54,12 +54,14 @@ pub struct Factor<T, S> {
 }
 
 impl<T: Real, const N: usize> Factor<T, [T; N]> {
-    /// A factor of no rows in an array; `N` must be [`packed_len`]`(columns)`.
-    ///
-    /// # Errors
-    /// [`FactorError::Length`] if `N` does not fit.
-    pub fn new(columns: usize) -> Result<Self, FactorError> {
-        Self::in_storage(columns, [T::zero(); N])
+    /// A factor of no rows and `P` parameters in an array; `N` must be [`packed_len`]`(P)`, checked when compiled.
+    pub fn new<const P: usize>() -> Self {
+        const { assert!(N == packed_len(P)) }
+        Self {
+            columns: P,
+            rows: T::zero(),
+            storage: [T::zero(); N],
+        }
     }
 }
 
@@ -443,16 +445,5 @@ impl<T: Real> Rotation<T> {
     }
 }
 
-/// An effect's or a parameter's knowledge as a triangle of ten, used by priors of bodies.
+/// What is known of one body's ten inertial parameters.
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
-
-/// Noise variance of the rows of a factor: ρ²/(n − p), held finite by `weight` imaginary rows of `guess` before there are
-/// data.
-pub(crate) fn noise_variance<T: Real, S: AsRef<[T]>>(
-    factor: &Factor<T, S>,
-    guess: T,
-    weight: T,
-) -> T {
-    let freedom = (factor.rows() - real(factor.columns() as f64)).max(T::zero());
-    (factor.residual() + weight * guess * guess) / (freedom + weight)
-}

@@ -117,6 +117,7 @@ pub const ACTUATORS: [Actuator; JOINTS_PER_LEG] = [
 ];
 
 /// Lower and upper position limits of a leg's joints, rad.
+#[allow(clippy::approx_constant)] // the URDF's rounding, not ours
 pub fn position_limits(leg: Leg) -> [[f64; 2]; JOINTS_PER_LEG] {
     let thigh = if leg.front() > 0.0 {
         [-1.5708, 3.4907]
@@ -168,8 +169,8 @@ fn tree<T: Real, const B: usize, const V: usize>(bodies: [Body<T>; B]) -> Tree<T
 
 /// The n-th leg body of the robot, its parent renumbered for a tree whose first leg body has index `first`.
 fn on_leg<T: Real>(legs: &[[Body<T>; 3]; LEGS], n: usize, first: usize) -> Body<T> {
-    let mut body = legs[n / 3][n % 3];
-    if n % 3 > 0 {
+    let mut body = legs[n / JOINTS_PER_LEG][n % JOINTS_PER_LEG];
+    if !n.is_multiple_of(JOINTS_PER_LEG) {
         body.parent = Some(first + n - 1);
     }
     body

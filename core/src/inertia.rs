@@ -5,8 +5,8 @@
 //! (Atkeson, An & Hollerbach 1986). The same numbers as a 4 × 4 matrix, the *pseudo-inertia* (Wensing, Kim & Slotine 2018),
 //! are positive definite exactly when a body of positive density could have them.
 
-use crate::spatial::{Force, Motion, Transform};
 use crate::factor::BodyFactor;
+use crate::spatial::{Force, Motion, Transform};
 use crate::{Real, scalar::real};
 use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
 
@@ -130,26 +130,36 @@ impl<T: Real> InertialParameters<T> {
     ///
     /// `None` if this body is not physical.
     pub fn prior(&self, relative: T) -> Option<BodyFactor<T>> {
-        let inverse = nalgebra::Cholesky::new(self.pseudo_inertia())?.l().try_inverse()?;
+        let inverse = nalgebra::Cholesky::new(self.pseudo_inertia())?
+            .l()
+            .try_inverse()?;
         let mut distance = SMatrix::<T, INERTIAL, INERTIAL>::zeros();
         for c in 0..INERTIAL {
-            let unit = Self(SVector::from_fn(|r, _| if r == c { T::one() } else { T::zero() }));
+            let unit = Self(SVector::from_fn(
+                |r, _| if r == c { T::one() } else { T::zero() },
+            ));
             let whitened = inverse * unit.pseudo_inertia() * inverse.transpose() / relative;
             let mut r = 0;
             for i in 0..4 {
                 for j in 0..=i {
                     // Off the diagonal an entry stands twice in the norm.
-                    let times = if i == j { T::one() } else { real::<T>(2.0).sqrt() };
+                    let times = if i == j {
+                        T::one()
+                    } else {
+                        real::<T>(2.0).sqrt()
+                    };
                     distance[(r, c)] = whitened[(i, j)] * times;
                     r += 1;
                 }
             }
         }
         let here = distance * self.0;
-        let mut factor = BodyFactor::new(INERTIAL).ok()?;
+        let mut factor = BodyFactor::new::<INERTIAL>();
         for r in 0..INERTIAL {
             let mut row = [T::zero(); INERTIAL + 1];
-            row.iter_mut().zip(distance.row(r).iter()).for_each(|(to, from)| *to = *from);
+            row.iter_mut()
+                .zip(distance.row(r).iter())
+                .for_each(|(to, from)| *to = *from);
             row[INERTIAL] = here[r];
             factor.update(&mut row).ok()?;
         }

@@ -37,6 +37,7 @@
 
 pub mod dynamics;
 pub mod effect;
+pub mod estimator;
 pub mod factor;
 pub mod window;
 

@@ -1,13 +1,13 @@
 //! Coulomb friction, τ = Fc sign(q̇).
 //!
-//! The sign is a straight line through zero within ±[`SPEED`]: a joint at rest reports noise of that size, whose sign means
+//! The sign is a straight line through zero within ±`SPEED`: a joint at rest reports noise of that size, whose sign means
 //! nothing, and the line gives it no weight on average.
 
 use super::{Description, Effect, JointState, Parameter, Prior, Term};
 use crate::{Real, go2::Actuator, scalar::real};
 
 /// Speed, rad/s, above which the sign of the velocity is trusted: the noise of a standing Go2's velocity (go2.md).
-pub const SPEED: f64 = 0.035;
+const SPEED: f64 = 0.035;
 
 /// See the module.
 pub(super) struct Coulomb;
