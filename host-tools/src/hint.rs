@@ -2,6 +2,7 @@
 
 use std::io::ErrorKind;
 
+use proprio::identification::IdentificationError;
 use proprio::log::{LEAST_RATE, LogError, Problem};
 
 use crate::command::Error;
@@ -9,7 +10,11 @@ use crate::command::Error;
 /// The hint for an error, if there is anything to do.
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
-        Error::Log(error) => Some(of_log(error)),
+        Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
+        Error::Identification(IdentificationError::NoWindows { .. }) => Some(
+            "record at 500 Hz without losing messages, in SI units on the joint side".to_owned(),
+        ),
+        Error::Identification(IdentificationError::Solve { .. }) => None,
         Error::Write(error) => match error.source.kind() {
             ErrorKind::NotFound => Some("create the directory first".to_owned()),
             ErrorKind::IsADirectory => Some("name a file, not a directory".to_owned()),

@@ -1,5 +1,6 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 
+pub mod identification;
 pub mod log;
 pub mod output;
 pub mod parameter;

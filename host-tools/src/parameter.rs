@@ -1,8 +1,8 @@
 //! Parameters by name: what a result file, a truth file and a table have in common.
 
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
-use proprio_core::tree::Tree;
+use proprio_core::estimator::EFFECTS;
+use proprio_core::go2::{self, ACTUATORS, Leg};
 use serde::Serialize;
 
 use crate::log::JointId;
@@ -50,34 +50,51 @@ pub struct Parameter {
     pub value: f64,
 }
 
-/// All parameters of one leg, in the order of the core's θ: inertial blocks, then effects joint by joint.
-pub fn of_leg(
-    leg: Leg,
-    tree: &Tree<f64, JOINTS_PER_LEG, JOINTS_PER_LEG>,
-    effects: &[JointEffect],
-) -> Vec<Parameter> {
+/// Names and units of one leg's parameters in the order of the estimator's θ.
+pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
     let joints = JointId::of(leg);
-    let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
+    let inertial = joints.iter().flat_map(|&joint| {
         INERTIAL_NAMES
             .iter()
-            .zip(body.inertia.0.iter())
-            .map(move |(&(what, unit), &value)| Parameter {
-                name: name(what, joint),
-                unit,
-                value,
-            })
+            .map(move |&(what, unit)| (name(what, joint), unit))
+    });
+    let effects = joints.iter().flat_map(|&joint| {
+        EFFECTS
+            .iter()
+            .map(move |&effect| (name(effect.name(), joint), unit(effect)))
+    });
+    inertial.chain(effects).collect()
+}
+
+/// One leg's parameters as simulated: its bodies', then every effect of the catalogue, zero where there is none.
+pub fn truth_of_leg(leg: Leg, effects: &[JointEffect]) -> Vec<Parameter> {
+    let tree = go2::leg::<f64>(leg);
+    let joints = JointId::of(leg);
+    let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
+        let named = INERTIAL_NAMES.iter().zip(body.inertia.0.iter());
+        named.map(move |(&(what, unit), &value)| Parameter {
+            name: name(what, joint),
+            unit,
+            value,
+        })
     });
     let added = joints.iter().flat_map(|&joint| {
         EffectKind::ALL.iter().map(move |&effect| {
             let of = |e: &&JointEffect| e.effect == effect && e.joint == joint;
+            let value = effects.iter().filter(of).map(|e| e.value).sum();
             Parameter {
                 name: name(effect.name(), joint),
-                unit: effect.description().parameters[0].unit,
-                value: effects.iter().filter(of).map(|e| e.value).sum(),
+                unit: unit(effect),
+                value,
             }
         })
     });
     inertial.chain(added).collect()
+}
+
+/// Unit of an effect's parameter.
+pub fn unit(effect: EffectKind) -> &'static str {
+    effect.description().parameters[0].unit
 }
 
 /// Friction and rotor inertia of a Go2's motors in the middle of what recorded data show (go2.md).

@@ -1,9 +1,10 @@
 //! The subcommands, one file each.
 
+mod identify;
 mod simulate;
 
 use clap::{Parser, Subcommand};
-use proprio::log::LogError;
+use proprio::identification::IdentificationError;
 use proprio::output::WriteError;
 use proprio::simulator::Diverged;
 use serde::Serialize;
@@ -25,6 +26,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Identify(identify::Identify),
     Simulate(simulate::Simulate),
 }
 
@@ -32,6 +34,7 @@ impl Arguments {
     /// Does what is asked and returns what goes to standard output.
     pub(crate) fn run(self) -> Result<String, Error> {
         match self.command {
+            Command::Identify(command) => command.run(),
             Command::Simulate(command) => command.run(),
         }
     }
@@ -41,7 +44,7 @@ impl Arguments {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Error {
     #[error(transparent)]
-    Log(#[from] LogError),
+    Identification(#[from] IdentificationError),
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]

@@ -12,7 +12,7 @@ use proprio::output::{self, AtomicFile, WriteError};
 use proprio::parameter::{self, JointEffect, typical_effects};
 use proprio::simulator::{Motion, Sensors, Simulation};
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::{self, Leg};
+use proprio_core::go2::Leg;
 use serde::Serialize;
 
 use super::{Arguments, Error, json};
@@ -240,7 +240,7 @@ fn beside(log: &std::path::Path) -> PathBuf {
 }
 
 fn truth_of(simulation: &Simulation) -> Truth {
-    let of = |&leg: &Leg| parameter::of_leg(leg, &go2::leg(leg), &simulation.effects);
+    let of = |&leg: &Leg| parameter::truth_of_leg(leg, &simulation.effects);
     Truth {
         seed: simulation.seed,
         parameters: simulation.legs.iter().flat_map(of).collect(),

@@ -12,13 +12,16 @@ use flate2::bufread::MultiGzDecoder;
 use super::checks::{Checks, Warning};
 use super::columns::{ACC, Channel, Columns, FOOT, GYRO, QUAT, SLOTS, Selection, TIME, slot};
 use super::error::{LogError, Problem};
-use proprio_core::go2::JOINTS;
+use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, Leg};
+use proprio_core::window::Sample;
 
 /// One row of a log. Channels that the log does not have are NaN.
 #[derive(Debug, Clone)]
 pub struct Row {
     /// Line in the file.
     pub line: u64,
+    /// Time since the first row, rounded to µs.
+    pub time_us: u64,
     values: [f64; SLOTS],
 }
 
@@ -27,6 +30,17 @@ impl Row {
         self.values[first..]
             .first_chunk()
             .expect("every group lies within the slots")
+    }
+
+    /// What a leg's estimator takes; NaN for a leg that the log does not have. Time counts from the log's first row.
+    pub fn sample(&self, leg: Leg) -> Sample<f64, JOINTS_PER_LEG> {
+        let of = |channel| *self.part(slot(channel, JOINTS_PER_LEG * leg.index()));
+        Sample {
+            time_us: self.time_us,
+            q: of(Channel::Q),
+            dq: of(Channel::Dq),
+            tau: of(Channel::Tau),
+        }
     }
 
     /// Time, s, as recorded.
@@ -207,6 +221,7 @@ impl LogReader {
             let cell = self.columns.cell[TIME].unwrap_or_default();
             return Err(self.cell_error(cell, problem));
         }
+        self.row.time_us = (self.checks.duration() * 1e6).round() as u64;
         Ok(Some(&self.row))
     }
 
