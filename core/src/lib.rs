@@ -1,3 +1,5 @@
 //! Placeholder story; see the modules.
 #![no_std]
 #![forbid(unsafe_code)]
+
+pub mod bus;
