@@ -13,6 +13,8 @@
 pub mod crc;
 mod decoder;
 mod frame;
+#[cfg(test)]
+mod tests;
 
 pub use decoder::{Decoder, DecoderCounters, Frame};
 pub use frame::{Command, EncodeError, Mode, Reply, Status};
