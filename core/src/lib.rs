@@ -1,5 +1,54 @@
-//! Placeholder story; see the modules.
+//! The core of proprio: what turns a legged robot's motor-bus bytes into its physical parameters.
+//!
+//! One crate runs unchanged on the microcontroller, on the desktop and in the tests: no allocation, no unsafe code, no
+//! panic on any input, sizes fixed by const generics, the scalar generic over `f32` and `f64` ([`Real`]).
+//!
+//! # Reading order
+//!
+//! Data flows one way, and so do the modules:
+//!
+//! 1. [`spatial`], [`inertia`]: spatial vectors, and the ten inertial parameters of a body in which all is linear.
+//! 2. [`tree`], [`go2`]: a kinematic tree with a fixed or free base; the Go2's constants.
+//! 3. [`dynamics`]: inverse and forward dynamics, H, C and g.
+//! 4. [`regressor`]: the same quantities as matrices that multiply the parameters; all of them from one bilinear form.
+//! 5. [`effect`]: the catalogue of what a rigid body lacks: friction, rotor inertia, bias.
+//! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration.
+//! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
+//! 8. [`estimator`]: a leg's factors, its prior and its solution.
+//! 9. `bus`, `wire`: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 10. `app`: the whole line, one bounded step at a time, with time as an argument.
+//!
+//! # The equation
+//!
+//! With θ the inertial and effect parameters, a window [t1, t2] gives one row per joint (`design.md` §2; Ljung & others
+//! call W the regressor)
+//!
+//! ```text
+//! [W_m θ] from t1 to t2 − ∫ W_c θ dt + ∫ W_g θ dt + effect columns = ∫ τ dt
+//! ```
+//!
+//! from H q̇ = W_m θ, Cᵀ q̇ = W_c θ and g = W_g θ, since Ḣ = C + Cᵀ.
+//!
+//! # Units
+//!
+//! SI throughout, joint side: rad, rad/s, N m, kg, s, °C; time stamps are whole microseconds.
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod bus;
+pub mod wire;
+
+pub mod dynamics;
+pub mod effect;
+pub mod estimator;
+pub mod factor;
+pub mod window;
+
+pub mod go2;
+pub mod inertia;
+pub mod regressor;
+mod scalar;
+pub mod spatial;
+pub mod tree;
+
+pub use scalar::Real;

@@ -1,1 +1,4 @@
 //! Shared helpers of the cross-crate tests.
+#![forbid(unsafe_code)]
+
+pub mod oracle;

@@ -1,0 +1,278 @@
+//! The ten inertial parameters of a body, in which momentum, torque and energy are linear.
+//!
+//! φ = (m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz): mass (kg), first moment h = m c (kg m) and the inertia (kg m²)
+//! **about the joint frame's origin**, not about the centre of mass: only then is everything linear in φ
+//! (Atkeson, An & Hollerbach 1986). The same numbers as a 4 × 4 matrix, the *pseudo-inertia* (Wensing, Kim & Slotine 2018),
+//! are positive definite exactly when a body of positive density could have them.
+
+use crate::factor::BodyFactor;
+use crate::spatial::{Force, Motion, Transform};
+use crate::{Real, scalar::real};
+use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
+
+/// How many inertial parameters a body has.
+pub const INERTIAL: usize = 10;
+
+/// Names of the ten parameters, in order.
+pub const NAMES: [&str; INERTIAL] = [
+    "m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz",
+];
+
+/// Units of the ten parameters, in order.
+pub const UNITS: [&str; INERTIAL] = [
+    "kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2",
+];
+
+/// The inertial parameters φ of one body about its joint frame's origin; order and units as in [`NAMES`] and [`UNITS`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InertialParameters<T: Real>(pub SVector<T, INERTIAL>);
+
+impl<T: Real> InertialParameters<T> {
+    /// No mass at all.
+    pub fn zero() -> Self {
+        Self(SVector::zeros())
+    }
+
+    /// From mass (kg), centre of mass (m) and the inertia about the centre of mass (kg m²), as a URDF states them.
+    pub fn from_com(mass: T, com: Vector3<T>, inertia: Matrix3<T>) -> Self {
+        let about_origin =
+            inertia + (Matrix3::identity() * com.dot(&com) - com * com.transpose()) * mass;
+        Self::from_parts(mass, com * mass, about_origin)
+    }
+
+    fn from_parts(mass: T, h: Vector3<T>, i: Matrix3<T>) -> Self {
+        Self(SVector::from([
+            mass,
+            h.x,
+            h.y,
+            h.z,
+            i[(0, 0)],
+            i[(0, 1)],
+            i[(0, 2)],
+            i[(1, 1)],
+            i[(1, 2)],
+            i[(2, 2)],
+        ]))
+    }
+
+    /// Mass, kg.
+    pub fn mass(&self) -> T {
+        self.0[0]
+    }
+
+    /// First moment h = m c, kg m.
+    pub fn first_moment(&self) -> Vector3<T> {
+        self.0.fixed_rows::<3>(1).into_owned()
+    }
+
+    /// Inertia about the frame's origin, kg m².
+    pub fn rotational_inertia(&self) -> Matrix3<T> {
+        let p = &self.0;
+        Matrix3::new(p[4], p[5], p[6], p[5], p[7], p[8], p[6], p[8], p[9])
+    }
+
+    /// Momentum I v of the body moving with `velocity`: N m s and N s.
+    pub fn momentum(&self, velocity: &Motion<T>) -> Force<T> {
+        let h = self.first_moment();
+        Force::new(
+            self.rotational_inertia() * velocity.angular + h.cross(&velocity.linear),
+            velocity.linear * self.mass() - h.cross(&velocity.angular),
+        )
+    }
+
+    /// The same body described in the parent frame of `placement`.
+    pub fn in_parent(&self, placement: &Transform<T>) -> Self {
+        let pseudo = self.pseudo_inertia();
+        let mut homogeneous = Matrix4::identity();
+        homogeneous
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&placement.rotation);
+        homogeneous
+            .fixed_view_mut::<3, 1>(0, 3)
+            .copy_from(&placement.translation);
+        Self::from_pseudo_inertia(&(homogeneous * pseudo * homogeneous.transpose()))
+    }
+
+    /// The pseudo-inertia [[Σ, h], [hᵀ, m]] with Σ = ½ tr(I) 1 − I (Wensing, Kim & Slotine 2018, eq. 5).
+    pub fn pseudo_inertia(&self) -> Matrix4<T> {
+        let inertia = self.rotational_inertia();
+        let second_moment = Matrix3::identity() * (inertia.trace() * real(0.5)) - inertia;
+        let mut pseudo = Matrix4::zeros();
+        pseudo
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&second_moment);
+        let h = self.first_moment();
+        pseudo.fixed_view_mut::<3, 1>(0, 3).copy_from(&h);
+        pseudo
+            .fixed_view_mut::<1, 3>(3, 0)
+            .copy_from(&h.transpose());
+        pseudo[(3, 3)] = self.mass();
+        pseudo
+    }
+
+    /// The parameters of a pseudo-inertia; the inverse of [`pseudo_inertia`](Self::pseudo_inertia).
+    pub fn from_pseudo_inertia(pseudo: &Matrix4<T>) -> Self {
+        let second_moment = pseudo.fixed_view::<3, 3>(0, 0).into_owned();
+        let inertia = Matrix3::identity() * second_moment.trace() - second_moment;
+        Self::from_parts(
+            pseudo[(3, 3)],
+            pseudo.fixed_view::<3, 1>(0, 3).into_owned(),
+            inertia,
+        )
+    }
+
+    /// The CAD prior: the knowledge that the body is this one up to a relative uncertainty, as a triangle of ten rows.
+    ///
+    /// With P₀ = L Lᵀ this body's pseudo-inertia, the squared distance of another is ‖L⁻¹ (P − P₀) L⁻ᵀ‖² / `relative`²: the
+    /// second-order part of the affine-invariant distance between pseudo-inertias (Lee, Wensing & Park 2020). It is the same
+    /// in every frame and every unit, which a table of standard deviations per number is not. `relative` is the standard
+    /// deviation of the mass over the mass; that of the centre of mass is `relative`/√2 times the radius of gyration.
+    ///
+    /// `None` if this body is not physical.
+    pub fn prior(&self, relative: T) -> Option<BodyFactor<T>> {
+        let inverse = nalgebra::Cholesky::new(self.pseudo_inertia())?
+            .l()
+            .try_inverse()?;
+        let mut distance = SMatrix::<T, INERTIAL, INERTIAL>::zeros();
+        for c in 0..INERTIAL {
+            let unit = Self(SVector::from_fn(
+                |r, _| if r == c { T::one() } else { T::zero() },
+            ));
+            let whitened = inverse * unit.pseudo_inertia() * inverse.transpose() / relative;
+            let mut r = 0;
+            for i in 0..4 {
+                for j in 0..=i {
+                    // Off the diagonal an entry stands twice in the norm.
+                    let times = if i == j {
+                        T::one()
+                    } else {
+                        real::<T>(2.0).sqrt()
+                    };
+                    distance[(r, c)] = whitened[(i, j)] * times;
+                    r += 1;
+                }
+            }
+        }
+        let here = distance * self.0;
+        let mut factor = BodyFactor::new::<INERTIAL>();
+        for r in 0..INERTIAL {
+            let mut row = [T::zero(); INERTIAL + 1];
+            row.iter_mut()
+                .zip(distance.row(r).iter())
+                .for_each(|(to, from)| *to = *from);
+            row[INERTIAL] = here[r];
+            factor.update(&mut row).ok()?;
+        }
+        Some(factor)
+    }
+
+    /// Whether a body of positive density could have these parameters: the pseudo-inertia is positive definite.
+    pub fn is_physical(&self) -> bool {
+        nalgebra::Cholesky::new(self.pseudo_inertia()).is_some()
+    }
+}
+
+impl<T: Real> core::ops::Add for InertialParameters<T> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self(self.0 + other.0)
+    }
+}
+
+/// The row r(u, v) for which r·φ = uᵀ I(φ) v: the momentum of a body with velocity `velocity`, felt along `along`.
+///
+/// The form is symmetric and bilinear, and every regressor of this crate is made of it ([`crate::regressor`]):
+/// uᵀ I v = m (u_l·v_l) + h·(v_l × u_a + u_l × v_a) + u_a·(Ī v_a), where a and l are the angular and linear parts.
+pub fn momentum_row<T: Real>(along: &Motion<T>, velocity: &Motion<T>) -> SVector<T, INERTIAL> {
+    let (u, v) = (along, velocity);
+    let h = v.linear.cross(&u.angular) + u.linear.cross(&v.angular);
+    let (a, b) = (&u.angular, &v.angular);
+    SVector::from([
+        u.linear.dot(&v.linear),
+        h.x,
+        h.y,
+        h.z,
+        a.x * b.x,
+        a.x * b.y + a.y * b.x,
+        a.x * b.z + a.z * b.x,
+        a.y * b.y,
+        a.y * b.z + a.z * b.y,
+        a.z * b.z,
+    ])
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::spatial::tests::{motion, transform, vector};
+    use proptest::prelude::*;
+
+    /// Parameters of a physical body, from the Cholesky factor of its pseudo-inertia.
+    pub(crate) fn physical() -> impl Strategy<Value = InertialParameters<f64>> {
+        prop::array::uniform10(-1.0..1.0f64).prop_map(|x| {
+            let (a, b, c, d) = (1.1 + x[0], 1.1 + x[1], 1.1 + x[2], 1.1 + x[3]);
+            #[rustfmt::skip]
+            let l = Matrix4::new(
+                a,    0.0,  0.0,  0.0,
+                x[4], b,    0.0,  0.0,
+                x[5], x[6], c,    0.0,
+                x[7], x[8], x[9], d,
+            );
+            InertialParameters::from_pseudo_inertia(&(l * l.transpose()))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn pseudo_inertia_round_trip(phi in physical()) {
+            let back = InertialParameters::from_pseudo_inertia(&phi.pseudo_inertia());
+            prop_assert!((back.0 - phi.0).norm() < 1e-12);
+            prop_assert!(phi.is_physical());
+        }
+
+        #[test]
+        fn momentum_row_is_the_bilinear_form(phi in physical(), u in motion(), v in motion()) {
+            let expected = u.dot(&phi.momentum(&v));
+            prop_assert!((momentum_row(&u, &v).dot(&phi.0) - expected).abs() < 1e-10);
+        }
+
+        #[test]
+        fn kinetic_energy_does_not_depend_on_the_frame(phi in physical(), x in transform(), v in motion()) {
+            let parent = x.act(&v);
+            let there = parent.dot(&phi.in_parent(&x).momentum(&parent));
+            let here = v.dot(&phi.momentum(&v));
+            prop_assert!((there - here).abs() < 1e-9 * (1.0 + here.abs()));
+        }
+
+        #[test]
+        fn inertia_about_the_com_is_the_steiner_theorem(com in vector()) {
+            let body = InertialParameters::from_com(2.0, com, Matrix3::identity());
+            let there = InertialParameters::from_com(2.0, Vector3::zeros(), Matrix3::identity())
+                .in_parent(&Transform::from_translation(com));
+            prop_assert!((body.0 - there.0).norm() < 1e-12);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_prior_does_not_depend_on_the_frame(phi in physical(), other in physical(), x in transform()) {
+            let here = phi.prior(0.1).unwrap().sum_of_squares(other.0.as_slice());
+            let there = phi.in_parent(&x).prior(0.1).unwrap().sum_of_squares(other.in_parent(&x).0.as_slice());
+            prop_assert!((here - there).abs() < 1e-6 * here, "{here} {there}");
+        }
+
+        #[test]
+        fn the_prior_states_the_relative_uncertainty_of_the_mass(phi in physical()) {
+            let (mut variance, mut scratch) = ([0.0; 10], [0.0; 10]);
+            phi.prior(0.1).unwrap().variances(&mut variance, &mut scratch).unwrap();
+            prop_assert!((variance[0].sqrt() / phi.mass() - 0.1).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_point_mass_with_negative_inertia_is_not_physical() {
+        let mut phi = InertialParameters::from_com(1.0, Vector3::zeros(), Matrix3::identity());
+        phi.0[4] = -0.1;
+        assert!(!phi.is_physical());
+    }
+}

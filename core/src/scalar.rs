@@ -1,0 +1,86 @@
+//! The scalar: `f32` or `f64`, and sines whose cost does not depend on their argument.
+
+use nalgebra::RealField;
+
+/// A real number, `f32` or `f64`.
+///
+/// The firmware picks one in a single alias; everything else is generic.
+pub trait Real: RealField + Copy {}
+
+impl<T: RealField + Copy> Real for T {}
+
+/// A literal as a [`Real`].
+pub(crate) fn real<T: Real>(value: f64) -> T {
+    nalgebra::convert(value)
+}
+
+/// Sine and cosine of `angle` (rad), by the same instructions whatever the angle.
+///
+/// A library's `sin` branches on the size of its argument, so that a tick's cost would depend on the posture. Here the
+/// angle is reduced to (−π, π], quartered, put into Taylor polynomials that are exact to rounding on (−π/4, π/4], and
+/// doubled twice. Error for |angle| ≤ 100 rad: below 2e-14 in `f64`, 2e-5 in `f32` (dominated by the reduction; below 1e-6
+/// within one turn).
+pub(crate) fn sin_cos<T: Real>(angle: T) -> (T, T) {
+    let turn = T::two_pi();
+    // Adding and subtracting 1.5/ε rounds to a whole number: the mantissa has no room left for a fraction.
+    let rounder = real::<T>(1.5) / T::default_epsilon();
+    let turns = (angle / turn + rounder) - rounder;
+    let y = (angle - turns * turn) * real(0.25);
+    let square = y * y;
+    let sin = y * polynomial(
+        square,
+        [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0],
+        [
+            -1.0 / 39916800.0,
+            1.0 / 6227020800.0,
+            -1.0 / 1307674368000.0,
+        ],
+    );
+    let cos = polynomial(
+        square,
+        [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0],
+        [-1.0 / 3628800.0, 1.0 / 479001600.0, -1.0 / 87178291200.0],
+    );
+    let (sin, cos) = double_angle(sin, cos);
+    double_angle(sin, cos)
+}
+
+/// 1 + low₀ x + … + low₃ x⁴ + high₀ x⁵ + … by Horner's rule.
+fn polynomial<T: Real>(x: T, low: [f64; 4], high: [f64; 3]) -> T {
+    let mut sum = T::zero();
+    for c in high.iter().rev().chain(low.iter().rev()) {
+        sum = (sum + real(*c)) * x;
+    }
+    sum + T::one()
+}
+
+fn double_angle<T: Real>(sin: T, cos: T) -> (T, T) {
+    (
+        real::<T>(2.0) * sin * cos,
+        T::one() - real::<T>(2.0) * sin * sin,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sines_agree_with_the_library(angle in -100.0..100.0f64) {
+            let (sin, cos) = sin_cos(angle);
+            prop_assert!((sin - angle.sin()).abs() < 2e-14 && (cos - angle.cos()).abs() < 2e-14);
+            let (sin, cos) = sin_cos(angle as f32);
+            prop_assert!((f64::from(sin) - f64::from(angle as f32).sin()).abs() < 2e-5);
+            prop_assert!((f64::from(cos) - f64::from(angle as f32).cos()).abs() < 2e-5);
+        }
+
+        #[test]
+        fn sines_within_a_turn_are_close_to_rounding_in_f32(angle in -3.1f32..3.1) {
+            let (sin, cos) = sin_cos(angle);
+            prop_assert!((f64::from(sin) - f64::from(angle).sin()).abs() < 1e-6);
+            prop_assert!((f64::from(cos) - f64::from(angle).cos()).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! A kinematic tree of rigid bodies, on a fixed or a free base, and its motion at one instant.
+//!
+//! Bodies are numbered from the root so that a parent comes before its children and a subtree is a contiguous range
+//! (depth first), as in Featherstone ch. 4. A tree on a fixed base consists of moving bodies only; a tree on a free base
+//! starts with the base itself, whose joint is [`Joint::Free`]. Then nothing else in the crate needs to know which it is.
+//!
+//! The velocity of a free joint is the body's twist in its own coordinates, angular part first; its acceleration is the
+//! derivative of those six numbers (as in Pinocchio's free-flyer, except for the order).
+
+use crate::inertia::InertialParameters;
+use crate::spatial::{Motion, Transform};
+use crate::{Real, scalar};
+use nalgebra::{Matrix3, SVector, Vector3};
+
+/// How a body moves in its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Joint<T: Real> {
+    /// Six degrees of freedom; only for the root. Its placement is the argument `base` of [`Tree::kinematics`].
+    Free,
+    /// Rotation about a unit axis, rad.
+    Revolute(Vector3<T>),
+    /// Translation along a unit axis, m.
+    Prismatic(Vector3<T>),
+}
+
+/// One body of a tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body<T: Real> {
+    /// Index of the body that carries this one; `None` for a child of the (fixed) world.
+    pub parent: Option<usize>,
+    /// Placement of the joint frame in the parent's frame at zero joint position.
+    pub placement: Transform<T>,
+    /// How the body moves.
+    pub joint: Joint<T>,
+    /// Inertial parameters about the joint frame's origin.
+    pub inertia: InertialParameters<T>,
+}
+
+/// Why bodies do not make a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TreeError {
+    /// The parent of this body does not come before it.
+    ParentAfterChild(usize),
+    /// The subtree below this body is not a contiguous range: number the bodies depth first.
+    NotDepthFirst(usize),
+    /// This body has a free joint but is not the root.
+    FreeJointBelowRoot(usize),
+    /// The joints have this many degrees of freedom, not the tree's `V`.
+    DegreesOfFreedom(usize),
+}
+
+impl core::fmt::Display for TreeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::ParentAfterChild(b) => {
+                write!(f, "the parent of body {b} does not come before it")
+            }
+            Self::NotDepthFirst(b) => write!(f, "body {b} is not numbered depth first"),
+            Self::FreeJointBelowRoot(b) => {
+                write!(f, "body {b} has a free joint but is not the root")
+            }
+            Self::DegreesOfFreedom(n) => write!(f, "the joints have {n} degrees of freedom"),
+        }
+    }
+}
+
+impl core::error::Error for TreeError {}
+
+/// A tree of `B` bodies with `V` velocity coordinates.
+///
+/// The Go2 is a `Tree<T, 3, 3>` (one pinned leg), a `Tree<T, 12, 12>` (pinned) or a `Tree<T, 13, 18>` (free).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tree<T: Real, const B: usize, const V: usize> {
+    bodies: [Body<T>; B],
+    first_coordinate: [usize; B],
+    subtree_end: [usize; B],
+    gravity: Vector3<T>,
+}
+
+impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
+    /// A tree under standard gravity, 9.81 m/s² along −z of the world.
+    ///
+    /// # Errors
+    /// [`TreeError`] names the body that breaks the numbering.
+    pub fn new(bodies: [Body<T>; B]) -> Result<Self, TreeError> {
+        let mut first_coordinate = [0; B];
+        let mut subtree_end = [0; B];
+        let mut coordinates = 0;
+        for b in 0..B {
+            first_coordinate[b] = coordinates;
+            coordinates += if bodies[b].joint == Joint::Free { 6 } else { 1 };
+            subtree_end[b] = b + 1;
+            match bodies[b].parent {
+                Some(parent) if parent >= b => return Err(TreeError::ParentAfterChild(b)),
+                Some(_) | None if b > 0 && bodies[b].joint == Joint::Free => {
+                    return Err(TreeError::FreeJointBelowRoot(b));
+                }
+                _ => {}
+            }
+            let mut ancestor = bodies[b].parent;
+            while let Some(a) = ancestor {
+                if subtree_end[a] != b {
+                    return Err(TreeError::NotDepthFirst(b));
+                }
+                subtree_end[a] = b + 1;
+                ancestor = bodies[a].parent;
+            }
+        }
+        if coordinates != V {
+            return Err(TreeError::DegreesOfFreedom(coordinates));
+        }
+        let gravity = Vector3::new(T::zero(), T::zero(), scalar::real(-9.81));
+        Ok(Self {
+            bodies,
+            first_coordinate,
+            subtree_end,
+            gravity,
+        })
+    }
+
+    /// The bodies, root first.
+    pub fn bodies(&self) -> &[Body<T>; B] {
+        &self.bodies
+    }
+
+    /// The same tree with other inertial parameters.
+    pub fn with_inertia(mut self, inertia: &[InertialParameters<T>; B]) -> Self {
+        for (body, phi) in self.bodies.iter_mut().zip(inertia) {
+            body.inertia = *phi;
+        }
+        self
+    }
+
+    /// All inertial parameters, body after body: θ of the rigid part. `P` is 10 `B`.
+    pub fn parameters<const P: usize>(&self) -> SVector<T, P> {
+        const { assert!(P == 10 * B) }
+        SVector::from_fn(|k, _| self.bodies[k / 10].inertia.0[k % 10])
+    }
+
+    /// The velocity coordinates of a body's joint: one number, or six.
+    pub fn coordinates(&self, body: usize) -> core::ops::Range<usize> {
+        let first = self.first_coordinate[body];
+        first
+            ..first
+                + if self.bodies[body].joint == Joint::Free {
+                    6
+                } else {
+                    1
+                }
+    }
+
+    /// The bodies that a body's joint moves: the body itself and all it carries.
+    pub fn subtree(&self, body: usize) -> core::ops::Range<usize> {
+        body..self.subtree_end[body]
+    }
+
+    /// Gravity in world coordinates, m/s².
+    pub fn gravity(&self) -> Vector3<T> {
+        self.gravity
+    }
+
+    /// Placements and velocities of all bodies.
+    ///
+    /// `base` is the base frame's placement in the world: where the fixed base is mounted, or where the free one is. `q`
+    /// holds joint positions (rad, m; the six entries of a free joint are not read: `base` says where it is), `v` the
+    /// velocities.
+    pub fn kinematics(
+        &self,
+        base: &Transform<T>,
+        q: &SVector<T, V>,
+        v: &SVector<T, V>,
+    ) -> Kinematics<T, B, V> {
+        let mut k = Kinematics {
+            from_parent: [Transform::identity(); B],
+            velocity: [Motion::zero(); B],
+            gravity: [Vector3::zeros(); B],
+            subspace: [[Motion::zero(); V]; B],
+            subspace_rate: [[Motion::zero(); V]; B],
+        };
+        for b in 0..B {
+            self.add_body(&mut k, b, base, q, v);
+        }
+        k
+    }
+
+    fn add_body(
+        &self,
+        k: &mut Kinematics<T, B, V>,
+        b: usize,
+        base: &Transform<T>,
+        q: &SVector<T, V>,
+        v: &SVector<T, V>,
+    ) {
+        let body = &self.bodies[b];
+        let own = self.coordinates(b);
+        let placement = match body.joint {
+            Joint::Free => *base,
+            Joint::Revolute(axis) => turned(&body.placement, &axis, q[own.start]),
+            Joint::Prismatic(axis) => body
+                .placement
+                .compose(&Transform::from_translation(axis * q[own.start])),
+        };
+        k.from_parent[b] = placement;
+        let above = match body.parent {
+            Some(parent) => k.gravity[parent],
+            None if body.joint == Joint::Free => self.gravity,
+            None => base.rotation.tr_mul(&self.gravity),
+        };
+        k.gravity[b] = placement.rotation.tr_mul(&above);
+
+        let mut velocity = Motion::zero();
+        if let Some(parent) = body.parent {
+            velocity = placement.act_inverse(&k.velocity[parent]);
+            let mut ancestor = Some(parent);
+            while let Some(a) = ancestor {
+                for c in self.coordinates(a) {
+                    k.subspace[b][c] = placement.act_inverse(&k.subspace[parent][c]);
+                    k.subspace_rate[b][c] = placement.act_inverse(&k.subspace_rate[parent][c]);
+                }
+                ancestor = self.bodies[a].parent;
+            }
+        }
+        for (n, c) in own.clone().enumerate() {
+            k.subspace[b][c] = match body.joint {
+                Joint::Free => Motion::unit(n),
+                Joint::Revolute(axis) => Motion::new(axis, Vector3::zeros()),
+                Joint::Prismatic(axis) => Motion::new(Vector3::zeros(), axis),
+            };
+            velocity = velocity + k.subspace[b][c].scale(v[c]);
+        }
+        k.velocity[b] = velocity;
+        for c in own {
+            k.subspace_rate[b][c] = velocity.cross(&k.subspace[b][c]);
+        }
+    }
+
+    /// Calls `visit(body, coordinate)` for each pair in which the coordinate moves the body.
+    pub(crate) fn for_each_pair(&self, mut visit: impl FnMut(usize, usize)) {
+        for b in 0..B {
+            let mut ancestor = Some(b);
+            while let Some(a) = ancestor {
+                self.coordinates(a).for_each(|c| visit(b, c));
+                ancestor = self.bodies[a].parent;
+            }
+        }
+    }
+}
+
+/// `placement` followed by a rotation of `angle` about `axis` (Rodrigues' formula).
+fn turned<T: Real>(placement: &Transform<T>, axis: &Vector3<T>, angle: T) -> Transform<T> {
+    let (sin, cos) = scalar::sin_cos(angle);
+    let cross = axis.cross_matrix();
+    let rotation = Matrix3::identity() + cross * sin + cross * cross * (T::one() - cos);
+    Transform {
+        rotation: placement.rotation * rotation,
+        translation: placement.translation,
+    }
+}
+
+/// The motion of a tree at one instant; everything is written in the coordinates of the body it is indexed by.
+#[derive(Clone, Copy, Debug)]
+pub struct Kinematics<T: Real, const B: usize, const V: usize> {
+    /// Placement of each body in its parent (in the world, for a free base).
+    pub from_parent: [Transform<T>; B],
+    /// Twist of each body.
+    pub velocity: [Motion<T>; B],
+    /// Gravity, m/s².
+    pub gravity: [Vector3<T>; B],
+    /// `subspace[b][c]`: twist of body b when coordinate c moves at unit rate, a column of the body's Jacobian; zero
+    /// where c does not move b.
+    pub subspace: [[Motion<T>; V]; B],
+    /// `subspace_rate[b][c]`: v × S of the body that coordinate c belongs to: how fast that column turns.
+    pub subspace_rate: [[Motion<T>; V]; B],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body(parent: Option<usize>, joint: Joint<f64>) -> Body<f64> {
+        Body {
+            parent,
+            placement: Transform::identity(),
+            joint,
+            inertia: InertialParameters::zero(),
+        }
+    }
+
+    #[test]
+    fn bad_trees_are_refused_by_name() {
+        let turn = Joint::Revolute(Vector3::x());
+        let tree = |bodies: [Body<f64>; 3]| Tree::<f64, 3, 3>::new(bodies).unwrap_err();
+        let root = body(None, turn);
+        assert_eq!(
+            tree([root, body(Some(1), turn), body(Some(0), turn)]),
+            TreeError::ParentAfterChild(1)
+        );
+        assert_eq!(
+            tree([root, body(None, turn), body(Some(0), turn)]),
+            TreeError::NotDepthFirst(2)
+        );
+        assert_eq!(
+            tree([root, body(Some(0), Joint::Free), root]),
+            TreeError::FreeJointBelowRoot(1)
+        );
+        assert_eq!(
+            tree([
+                body(None, Joint::Free),
+                body(Some(0), turn),
+                body(Some(1), turn)
+            ]),
+            TreeError::DegreesOfFreedom(8)
+        );
+    }
+
+    #[test]
+    fn a_subtree_is_the_body_and_all_it_carries() {
+        let turn = Joint::Revolute(Vector3::x());
+        let bodies = [
+            body(None, turn),
+            body(Some(0), turn),
+            body(Some(1), turn),
+            body(Some(0), turn),
+        ];
+        let tree = Tree::<f64, 4, 4>::new(bodies).unwrap();
+        assert_eq!(tree.subtree(0), 0..4);
+        assert_eq!(tree.subtree(1), 1..3);
+        assert_eq!(tree.subtree(3), 3..4);
+    }
+}

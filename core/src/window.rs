@@ -1,0 +1,331 @@
+//! Samples in, integrated rows out: the momentum equation over short windows of time.
+//!
+//! Between the first and the last sample of a window (20 ms by default), with W_m, W_c and W_g of [`crate::regressor`],
+//!
+//! ```text
+//! [W_m] − ∫ W_c dt + ∫ W_g dt | effect columns     =     ∫ τ dt
+//! ```
+//!
+//! Everything is divided by the window's length, so that rows and residuals are mean torques in N m. Integrals are sums
+//! of trapezia, which take samples at any spacing. What real buses and hosts do to samples is handled here, in one place:
+//!
+//! - a *repeated* sample (the host read the latest message twice) is skipped: its time stamp is not when it was measured;
+//! - a *late* one (time does not increase) is skipped;
+//! - an *implausible* one (not finite, beyond any value the robot can have) is skipped;
+//! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
+
+use crate::effect::{EffectKind, JointState, Term};
+use crate::inertia::INERTIAL;
+use crate::spatial::Transform;
+use crate::tree::{Kinematics, Tree};
+use crate::{Real, scalar::real};
+use nalgebra::{SMatrix, SVector};
+
+/// One measurement of `B` joints; SI, joint side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<T, const B: usize> {
+    /// When it was measured, µs since any fixed moment.
+    pub time_us: u64,
+    /// Joint positions, rad.
+    pub q: [T; B],
+    /// Joint velocities, rad/s.
+    pub dq: [T; B],
+    /// Motor torques, N m.
+    pub tau: [T; B],
+}
+
+/// Lengths of time, µs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// A window closes at the first sample this long after its start.
+    pub window_us: u64,
+    /// Two samples further apart than this are not bridged.
+    pub max_gap_us: u64,
+}
+
+impl Default for Settings {
+    /// 20 ms windows, gaps of up to 10 ms.
+    fn default() -> Self {
+        Self {
+            window_us: 20_000,
+            max_gap_us: 10_000,
+        }
+    }
+}
+
+/// What a joint can do at most; beyond it a reading is a fault of the bus, not of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plausible<T> {
+    /// Least and greatest position, rad.
+    pub position: [T; 2],
+    /// Greatest speed, rad/s.
+    pub speed: T,
+    /// Greatest torque, N m.
+    pub torque: T,
+}
+
+/// Why a sample is implausible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Implausible {
+    /// A number is NaN or infinite.
+    NotFinite,
+    /// A joint's position is far outside its limits.
+    Position,
+    /// A joint's speed is beyond what its motor can do.
+    Speed,
+    /// A joint's torque is beyond what its motor can do.
+    Torque,
+}
+
+/// What became of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Push {
+    /// It was used.
+    Used,
+    /// It was used and closed a window: [`Window::rows`] has new rows.
+    Closed,
+    /// It was used, but the time since the last one is not bridged; the open window is lost.
+    Gap,
+    /// All readings equal the last sample's: skipped.
+    Repeated,
+    /// Its time is not after the last sample's: skipped.
+    Late,
+    /// It cannot be true: skipped.
+    Rejected(Implausible),
+}
+
+/// The rows of one closed window: mean torques over the window, N m per unit of the parameter.
+///
+/// `P` = 10 `B` inertial columns and `E` effects per joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rows<T: Real, const B: usize, const P: usize, const E: usize> {
+    /// Start and end of the window, µs.
+    pub span_us: [u64; 2],
+    /// The inertial columns, one row per joint.
+    pub inertial: SMatrix<T, B, P>,
+    /// Each joint's own effect columns.
+    pub effects: [[T; E]; B],
+    /// The right-hand side: mean torque, N m.
+    pub torque: [T; B],
+}
+
+/// What is integrated over a window, or its integrand at one instant.
+#[derive(Clone, Copy, Debug)]
+struct Integrand<T: Real, const B: usize, const P: usize, const E: usize> {
+    inertial: SMatrix<T, B, P>,
+    effects: [[T; E]; B],
+    torque: [T; B],
+}
+
+impl<T: Real, const B: usize, const P: usize, const E: usize> Integrand<T, B, P, E> {
+    fn zero() -> Self {
+        Self {
+            inertial: SMatrix::zeros(),
+            effects: [[T::zero(); E]; B],
+            torque: [T::zero(); B],
+        }
+    }
+
+    fn add_trapezium(&mut self, before: &Self, after: &Self, dt: T) {
+        let half = dt * real(0.5);
+        self.inertial += (before.inertial + after.inertial) * half;
+        for b in 0..B {
+            self.torque[b] += (before.torque[b] + after.torque[b]) * half;
+            for e in 0..E {
+                self.effects[b][e] += (before.effects[b][e] + after.effects[b][e]) * half;
+            }
+        }
+    }
+}
+
+/// The quantities that enter as differences between a window's ends.
+#[derive(Clone, Copy, Debug)]
+struct Edge<T: Real, const B: usize, const P: usize, const E: usize> {
+    time_us: u64,
+    momentum: SMatrix<T, B, P>,
+    effects: [[T; E]; B],
+}
+
+/// The window being filled, for `B` joints on a fixed base, `P` = 10 `B` inertial columns and `E` effects per joint.
+#[derive(Clone, Debug)]
+pub struct Window<T: Real, const B: usize, const P: usize, const E: usize> {
+    tree: Tree<T, B, B>,
+    base: Transform<T>,
+    effects: [EffectKind; E],
+    plausible: [Plausible<T>; B],
+    settings: Settings,
+    last: Option<(Sample<T, B>, Integrand<T, B, P, E>)>,
+    start: Option<Edge<T, B, P, E>>,
+    integral: Integrand<T, B, P, E>,
+    rows: Rows<T, B, P, E>,
+}
+
+impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E> {
+    /// An empty window for `tree`, whose base is mounted at `base` in the world (only its rotation matters).
+    pub fn new(
+        tree: Tree<T, B, B>,
+        base: Transform<T>,
+        effects: [EffectKind; E],
+        plausible: [Plausible<T>; B],
+        settings: Settings,
+    ) -> Self {
+        let rows = Rows {
+            span_us: [0; 2],
+            inertial: SMatrix::zeros(),
+            effects: [[T::zero(); E]; B],
+            torque: [T::zero(); B],
+        };
+        let integral = Integrand::zero();
+        Self {
+            tree,
+            base,
+            effects,
+            plausible,
+            settings,
+            last: None,
+            start: None,
+            integral,
+            rows,
+        }
+    }
+
+    /// Forgets the open window and the last sample.
+    pub fn clear(&mut self) {
+        self.last = None;
+        self.start = None;
+    }
+
+    /// The rows of the window closed last; of use after [`Push::Closed`].
+    pub fn rows(&self) -> &Rows<T, B, P, E> {
+        &self.rows
+    }
+
+    /// Takes the next sample.
+    pub fn push(&mut self, sample: &Sample<T, B>) -> Push {
+        if let Some(reason) = self.implausible(sample) {
+            return Push::Rejected(reason);
+        }
+        let gap = match &self.last {
+            None => true,
+            Some((last, _)) if sample.time_us <= last.time_us => return Push::Late,
+            Some((last, _))
+                if sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau =>
+            {
+                return Push::Repeated;
+            }
+            Some((last, _)) => sample.time_us - last.time_us > self.settings.max_gap_us,
+        };
+        let kinematics = self.tree.kinematics(
+            &self.base,
+            &SVector::from(sample.q),
+            &SVector::from(sample.dq),
+        );
+        let terms = self.terms(sample);
+        let integrand = Integrand {
+            inertial: self.tree.momentum_rate_regressor(&kinematics),
+            effects: terms.map(|joint| joint.map(|term| term.rate)),
+            torque: sample.tau,
+        };
+        let before = self.last.replace((*sample, integrand));
+        let (Some((last, before)), Some(start), false) = (before, self.start, gap) else {
+            let first = self.start.is_none();
+            self.open(self.edge(sample.time_us, &kinematics, &terms));
+            return if first { Push::Used } else { Push::Gap };
+        };
+        let dt = microseconds(sample.time_us - last.time_us);
+        self.integral.add_trapezium(&before, &integrand, dt);
+        if sample.time_us - start.time_us < self.settings.window_us {
+            return Push::Used;
+        }
+        let end = self.edge(sample.time_us, &kinematics, &terms);
+        self.close(&start, &end);
+        self.open(end);
+        Push::Closed
+    }
+
+    fn terms(&self, sample: &Sample<T, B>) -> [[Term<T>; E]; B] {
+        core::array::from_fn(|b| {
+            let state = JointState {
+                q: sample.q[b],
+                dq: sample.dq[b],
+                tau: sample.tau[b],
+            };
+            self.effects.map(|effect| effect.term(&state))
+        })
+    }
+
+    fn edge(
+        &self,
+        time_us: u64,
+        kinematics: &Kinematics<T, B, B>,
+        terms: &[[Term<T>; E]; B],
+    ) -> Edge<T, B, P, E> {
+        Edge {
+            time_us,
+            momentum: self.tree.momentum_regressor(kinematics),
+            effects: terms.map(|joint| joint.map(|term| term.boundary)),
+        }
+    }
+
+    fn open(&mut self, start: Edge<T, B, P, E>) {
+        self.start = Some(start);
+        self.integral = Integrand::zero();
+    }
+
+    fn close(&mut self, start: &Edge<T, B, P, E>, end: &Edge<T, B, P, E>) {
+        let per_second = T::one() / microseconds(end.time_us - start.time_us);
+        let sum = &self.integral;
+        self.rows = Rows {
+            span_us: [start.time_us, end.time_us],
+            inertial: (end.momentum - start.momentum + sum.inertial) * per_second,
+            effects: core::array::from_fn(|b| {
+                core::array::from_fn(|e| {
+                    (end.effects[b][e] - start.effects[b][e] + sum.effects[b][e]) * per_second
+                })
+            }),
+            torque: sum.torque.map(|impulse| impulse * per_second),
+        };
+    }
+
+    fn implausible(&self, sample: &Sample<T, B>) -> Option<Implausible> {
+        let mut reason = None;
+        for (b, limit) in self.plausible.iter().enumerate() {
+            let (q, dq, tau) = (sample.q[b], sample.dq[b], sample.tau[b]);
+            if !(q.is_finite() && dq.is_finite() && tau.is_finite()) {
+                return Some(Implausible::NotFinite);
+            }
+            if q < limit.position[0] || q > limit.position[1] {
+                reason = reason.or(Some(Implausible::Position));
+            }
+            if dq.abs() > limit.speed {
+                reason = reason.or(Some(Implausible::Speed));
+            }
+            if tau.abs() > limit.torque {
+                reason = reason.or(Some(Implausible::Torque));
+            }
+        }
+        reason
+    }
+}
+
+impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
+    /// Joint b's row over `bodies`, as a factor takes it: effects, inertial columns, torque. `row` holds
+    /// E + 10 × bodies + 1 numbers.
+    pub fn write_row(&self, b: usize, bodies: core::ops::Range<usize>, row: &mut [T]) {
+        let inertial =
+            (INERTIAL * bodies.start..INERTIAL * bodies.end).map(|c| self.inertial[(b, c)]);
+        let entries = self.effects[b]
+            .iter()
+            .copied()
+            .chain(inertial)
+            .chain([self.torque[b]]);
+        row.iter_mut()
+            .zip(entries)
+            .for_each(|(to, from)| *to = from);
+    }
+}
+
+/// Whole microseconds as seconds.
+fn microseconds<T: Real>(time: u64) -> T {
+    real(time as f64 * 1e-6)
+}
