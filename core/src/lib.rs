@@ -35,6 +35,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod bus;
+pub mod wire;
+
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;

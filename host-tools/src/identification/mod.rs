@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{LEGS, Leg};
 
+use crate::bus;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
 pub use result::{Identification, JointFit, ParameterEstimate, Samples, Status};
@@ -117,7 +118,9 @@ fn read(
         for &leg in &recorded {
             if let Some(identifier) = &mut legs[leg.index()] {
                 let sample = row.sample(leg);
-                identifier.push(&sample);
+                // What fits no frame is also more than the robot can do: the window rejects it.
+                let heard = options.bus.then(|| bus::heard(&sample).ok()).flatten();
+                identifier.push(&heard.unwrap_or(sample));
             }
         }
         if reader.checks().rows().is_multiple_of(STRIDE) {

@@ -174,6 +174,7 @@ impl LogReader {
         let columns = Columns::new(path, line(&record), &record, selection)?;
         let row = Row {
             line: 0,
+            time_us: 0,
             values: [f64::NAN; SLOTS],
         };
         Ok(Self {
