@@ -2,7 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::EFFECTS;
-use proprio_core::go2::{self, ACTUATORS, Leg};
+use proprio_core::go2::{self, Leg};
 use serde::Serialize;
 
 use crate::log::JointId;
@@ -102,10 +102,8 @@ pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
     let table = [
         (EffectKind::Viscous, [0.03, 0.04, 0.05]),
         (EffectKind::Coulomb, [0.15, 0.12, 0.6]),
-        (
-            EffectKind::Armature,
-            ACTUATORS.map(|actuator| actuator.armature()),
-        ),
+        // Not quite the rotors' on paper, which an estimate takes as its prior.
+        (EffectKind::Armature, [0.005, 0.005, 0.018]),
         (EffectKind::Bias, [-0.1, 0.1, -0.1]),
     ];
     let at = |joint: JointId| {

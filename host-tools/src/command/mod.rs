@@ -1,5 +1,6 @@
 //! The subcommands, one file each.
 
+mod demo;
 mod identify;
 mod simulate;
 
@@ -26,6 +27,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Demo),
     Identify(identify::Identify),
     Simulate(simulate::Simulate),
 }
@@ -34,6 +36,7 @@ impl Arguments {
     /// Does what is asked and returns what goes to standard output.
     pub(crate) fn run(self) -> Result<String, Error> {
         match self.command {
+            Command::Demo(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Simulate(command) => command.run(),
         }

@@ -1,7 +1,7 @@
 //! `proprio simulate`: a log whose truth is known.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, ValueEnum};
@@ -128,7 +128,7 @@ impl Simulate {
             ..Simulation::new(&self.legs.0)
         };
         let truth = self.truth.clone().unwrap_or_else(|| beside(&self.output));
-        let samples = self.write_log(&simulation)?;
+        let samples = record(&simulation, &self.output)?;
         output::write(&truth, &json(&truth_of(&simulation)))?;
         let report = Report {
             log: self.output,
@@ -175,46 +175,43 @@ impl Simulate {
         }
         effects
     }
+}
 
-    fn write_log(&self, simulation: &Simulation) -> Result<u64, Error> {
-        let unwritable = |source| WriteError {
-            path: self.output.clone(),
-            source,
-        };
-        let file = AtomicFile::create(&self.output)?;
-        if self
-            .output
-            .extension()
-            .is_some_and(|extension| extension == "gz")
-        {
-            let (gzip, samples) =
-                self.write_rows(GzEncoder::new(file, Compression::default()), simulation)?;
-            gzip.finish().map_err(unwritable)?.commit()?;
-            Ok(samples)
-        } else {
-            let (file, samples) = self.write_rows(file, simulation)?;
-            file.commit()?;
-            Ok(samples)
-        }
+/// Writes the log of `simulation` to `path` and counts its samples.
+pub(super) fn record(simulation: &Simulation, path: &Path) -> Result<u64, Error> {
+    let unwritable = |source| WriteError {
+        path: path.to_owned(),
+        source,
+    };
+    let file = AtomicFile::create(path)?;
+    if path.extension().is_some_and(|extension| extension == "gz") {
+        let gzip = GzEncoder::new(file, Compression::default());
+        let (gzip, samples) = record_to(gzip, simulation, unwritable)?;
+        gzip.finish().map_err(unwritable)?.commit()?;
+        Ok(samples)
+    } else {
+        let (file, samples) = record_to(file, simulation, unwritable)?;
+        file.commit()?;
+        Ok(samples)
     }
+}
 
-    fn write_rows<W: Write>(&self, out: W, simulation: &Simulation) -> Result<(W, u64), Error> {
-        let unwritable = |source| WriteError {
-            path: self.output.clone(),
-            source,
-        };
-        let mut progress = Progress::new("Simulating");
-        let mut log = LogWriter::new(out, &simulation.legs).map_err(unwritable)?;
-        let mut samples = 0;
-        for sample in simulation.samples() {
-            let sample = sample?;
-            log.row(sample.t, &sample.q, &sample.dq, &sample.tau)
-                .map_err(unwritable)?;
-            samples += 1;
-            progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);
-        }
-        Ok((log.finish().map_err(unwritable)?, samples))
+fn record_to<W: Write>(
+    out: W,
+    simulation: &Simulation,
+    unwritable: impl Fn(io::Error) -> WriteError + Copy,
+) -> Result<(W, u64), Error> {
+    let mut progress = Progress::new("Simulating");
+    let mut log = LogWriter::new(out, &simulation.legs).map_err(unwritable)?;
+    let mut samples = 0;
+    for sample in simulation.samples() {
+        let sample = sample?;
+        log.row(sample.t, &sample.q, &sample.dq, &sample.tau)
+            .map_err(unwritable)?;
+        samples += 1;
+        progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);
     }
+    Ok((log.finish().map_err(unwritable)?, samples))
 }
 
 impl std::fmt::Display for Report {
@@ -231,7 +228,7 @@ impl std::fmt::Display for Report {
 }
 
 /// `walk.csv.gz` → `walk.truth.json`.
-fn beside(log: &std::path::Path) -> PathBuf {
+fn beside(log: &Path) -> PathBuf {
     let mut stem = log.to_owned();
     if stem.extension().is_some_and(|extension| extension == "gz") {
         stem.set_extension("");

@@ -161,7 +161,7 @@ pub enum Problem {
         rows: u64,
     },
     /// Sampled more slowly than the dynamics.
-    #[error("the log is sampled at {rate:.3} Hz; identification needs at least {least} Hz")]
+    #[error("the log is sampled at {rate:.0} Hz; identification needs at least {least} Hz")]
     TooSlow {
         /// One over the median sampling period, Hz.
         rate: f64,
