@@ -11,8 +11,12 @@ use crate::command::Error;
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
         Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
-        Error::Identification(IdentificationError::NoWindows { .. }) => Some(
-            "record at 500 Hz without losing messages, in SI units on the joint side".to_owned(),
+        Error::Identification(IdentificationError::NoWindows { .. }) => {
+            Some("record moving joints at 500 Hz, without losing messages".to_owned())
+        }
+        Error::Identification(IdentificationError::Impossible { .. }) => Some(
+            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
+                .to_owned(),
         ),
         Error::Identification(IdentificationError::Solve { .. }) => None,
         Error::Write(error) => match error.source.kind() {

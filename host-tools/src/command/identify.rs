@@ -38,8 +38,8 @@ impl Identify {
         let options = Options { bus: self.bus };
         let result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
         drop(progress);
-        for (path, warning) in &result.warnings {
-            eprintln!("warning: {}: {warning}", path.display());
+        for warning in &result.warnings {
+            eprintln!("warning: {warning}");
         }
         if let Some(path) = &self.output {
             output::write(path, &json(&result))?;

@@ -1,5 +1,7 @@
 //! One leg's data and fits.
 
+use std::path::Path;
+
 use proprio_core::estimator::{
     EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegVector, LegWindow, Solution, Solver,
     plausible,
@@ -7,8 +9,9 @@ use proprio_core::estimator::{
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
 use proprio_core::spatial::Transform;
-use proprio_core::window::{Push, Sample, Settings, Window};
+use proprio_core::window::{Implausible, Push, Sample, Settings, Window};
 
+use super::IdentificationError;
 use super::result::Samples;
 
 /// Windows of the estimator, here and on the device.
@@ -31,6 +34,9 @@ pub(super) struct LegIdentifier {
     /// The folds, then the guards' windows.
     factors: [LegFactors<f64>; FOLDS + 1],
     samples: Samples,
+    /// The same of the log being read, and the first sample of it that was rejected.
+    in_log: Samples,
+    rejected: Option<(u64, Implausible)>,
     windows: u64,
 }
 
@@ -64,13 +70,43 @@ impl LegIdentifier {
             window,
             factors,
             samples: Samples::default(),
+            in_log: Samples::default(),
+            rejected: None,
             windows: 0,
         }
     }
 
-    /// Between two logs nothing is continuous.
-    pub(super) fn start_log(&mut self) {
+    /// Ends a log: nothing is continuous between two. Says what was odd about this one.
+    pub(super) fn end_log(&mut self, path: &Path) -> Result<Option<String>, IdentificationError> {
         self.window.clear();
+        let samples = std::mem::take(&mut self.in_log);
+        self.samples = self.samples.plus(&samples);
+        let Some((line, reason)) = self.rejected.take() else {
+            return Ok(None);
+        };
+        let (leg, what) = (self.leg, quantity(reason));
+        let percent = 100.0 * samples.rejected as f64 / samples.total as f64;
+        if percent > 50.0 {
+            let path = path.to_owned();
+            return Err(IdentificationError::Impossible {
+                path,
+                line,
+                leg,
+                what,
+                percent,
+            });
+        }
+        Ok(Some(format!(
+            "{}: {} samples of leg {} are more than the robot can do, the first by its {what} on line {line}; they \
+             are skipped",
+            path.display(),
+            samples.rejected,
+            leg.name(),
+        )))
+    }
+
+    pub(super) fn leg(&self) -> Leg {
+        self.leg
     }
 
     pub(super) fn samples(&self) -> Samples {
@@ -81,8 +117,10 @@ impl LegIdentifier {
         self.windows
     }
 
-    pub(super) fn push(&mut self, sample: &Sample<f64, JOINTS_PER_LEG>) {
-        self.samples.total += 1;
+    /// Takes the sample of a line of the log.
+    pub(super) fn push(&mut self, sample: &Sample<f64, JOINTS_PER_LEG>, line: u64) {
+        let samples = &mut self.in_log;
+        samples.total += 1;
         match self.window.push(sample) {
             Push::Used => {}
             Push::Closed => {
@@ -92,10 +130,13 @@ impl LegIdentifier {
                     self.windows += 1;
                 }
             }
-            Push::Gap => self.samples.gaps += 1,
-            Push::Repeated => self.samples.repeated += 1,
-            Push::Late => self.samples.late += 1,
-            Push::Rejected(_) => self.samples.rejected += 1,
+            Push::Gap => samples.gaps += 1,
+            Push::Repeated => samples.repeated += 1,
+            Push::Late => samples.late += 1,
+            Push::Rejected(reason) => {
+                samples.rejected += 1;
+                self.rejected.get_or_insert((line, reason));
+            }
         }
     }
 
@@ -143,6 +184,15 @@ fn fold(rows: &LegRows<f64>) -> usize {
         FOLDS
     } else {
         (start / BLOCK_US) as usize % FOLDS
+    }
+}
+
+fn quantity(reason: Implausible) -> &'static str {
+    match reason {
+        Implausible::NotFinite => "value",
+        Implausible::Position => "position",
+        Implausible::Speed => "velocity",
+        Implausible::Torque => "torque",
     }
 }
 

@@ -7,7 +7,7 @@
 mod leg;
 mod result;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{LEGS, Leg};
@@ -31,6 +31,23 @@ pub enum IdentificationError {
     /// A log is bad.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// Most of a leg's samples are beyond what the robot can do.
+    #[error(
+        "{}, line {line}: the {what} of leg {} is more than the robot can do; so are {percent:.0} % of its samples",
+        .path.display(), .leg.name()
+    )]
+    Impossible {
+        /// The log.
+        path: PathBuf,
+        /// The first such line.
+        line: u64,
+        /// The leg.
+        leg: Leg,
+        /// Which quantity.
+        what: &'static str,
+        /// Share of the samples, %.
+        percent: f64,
+    },
     /// A leg's samples do not make a single window.
     #[error(
         "{}: leg {} has no {window_ms} ms of samples without a gap or a fault: of {} samples, {} repeat the one before, {} \
@@ -69,17 +86,19 @@ pub fn identify(
     let mut legs: [Option<LegIdentifier>; LEGS] = [const { None }; LEGS];
     let mut warnings = Vec::new();
     for path in logs {
-        for warning in read(path, options, &mut legs, &mut progress)? {
-            warnings.push((path.clone(), warning));
+        let told = read(path, options, &mut legs, &mut progress)?;
+        warnings.extend(
+            told.iter()
+                .map(|warning| format!("{}: {warning}", path.display())),
+        );
+        for identifier in legs.iter_mut().flatten() {
+            warnings.extend(identifier.end_log(path)?);
         }
     }
     let mut fits = Vec::new();
-    for (leg, identifier) in Leg::ALL.into_iter().zip(&legs) {
-        let Some(identifier) = identifier else {
-            continue;
-        };
+    for identifier in legs.iter().flatten() {
+        let (leg, samples) = (identifier.leg(), identifier.samples());
         if identifier.windows() == 0 {
-            let samples = identifier.samples();
             let path = logs.last().cloned().unwrap_or_default();
             let window_ms = leg::SETTINGS.window_us / 1000;
             return Err(IdentificationError::NoWindows {
@@ -89,18 +108,15 @@ pub fn identify(
                 window_ms,
             });
         }
-        fits.push(
-            identifier
-                .fit()
-                .map_err(|source| IdentificationError::Solve { leg, source })?,
-        );
+        let fit = identifier.fit();
+        fits.push(fit.map_err(|source| IdentificationError::Solve { leg, source })?);
     }
     Ok(Identification::new(logs, &fits, warnings))
 }
 
 /// Feeds one log to the identifiers of its legs.
 fn read(
-    path: &std::path::Path,
+    path: &Path,
     options: Options,
     legs: &mut [Option<LegIdentifier>; LEGS],
     progress: &mut impl FnMut(u64, u64),
@@ -110,9 +126,7 @@ fn read(
     let mut reader = LogReader::open(path, Selection::Motion)?;
     let recorded: Vec<Leg> = reader.columns().legs().collect();
     for &leg in &recorded {
-        legs[leg.index()]
-            .get_or_insert_with(|| LegIdentifier::new(leg))
-            .start_log();
+        legs[leg.index()].get_or_insert_with(|| LegIdentifier::new(leg));
     }
     while let Some(row) = reader.next_row()? {
         for &leg in &recorded {
@@ -120,7 +134,7 @@ fn read(
                 let sample = row.sample(leg);
                 // What fits no frame is also more than the robot can do: the window rejects it.
                 let heard = options.bus.then(|| bus::heard(&sample).ok()).flatten();
-                identifier.push(&heard.unwrap_or(sample));
+                identifier.push(&heard.unwrap_or(sample), row.line);
             }
         }
         if reader.checks().rows().is_multiple_of(STRIDE) {

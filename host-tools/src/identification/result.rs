@@ -9,7 +9,7 @@ use proprio_core::go2::JOINTS_PER_LEG;
 use serde::Serialize;
 
 use super::leg::{LegFit, Misfit};
-use crate::log::{JointId, Warning};
+use crate::log::JointId;
 use crate::parameter;
 use crate::table::{Table, with_std};
 
@@ -33,8 +33,7 @@ pub struct Identification {
     /// The logs.
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
-    #[serde(skip)]
-    pub warnings: Vec<(PathBuf, Warning)>,
+    pub warnings: Vec<String>,
 }
 
 /// A parameter and what is known of it.
@@ -112,11 +111,7 @@ fn serialize_name<S: serde::Serializer>(joint: &JointId, to: S) -> Result<S::Ok,
 }
 
 impl Identification {
-    pub(super) fn new(
-        logs: &[PathBuf],
-        fits: &[LegFit],
-        warnings: Vec<(PathBuf, Warning)>,
-    ) -> Self {
+    pub(super) fn new(logs: &[PathBuf], fits: &[LegFit], warnings: Vec<String>) -> Self {
         let total =
             fits.iter()
                 .flat_map(|fit| &fit.joints)
@@ -158,7 +153,7 @@ impl Misfit {
 }
 
 impl Samples {
-    fn plus(self, other: &Self) -> Self {
+    pub(super) fn plus(self, other: &Self) -> Self {
         Self {
             total: self.total + other.total,
             repeated: self.repeated + other.repeated,
@@ -245,29 +240,60 @@ impl fmt::Display for Identification {
 
 impl Identification {
     fn legend(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let inertial: Vec<_> = self
+        let inertial = self
             .parameters
             .iter()
-            .filter(|parameter| parameter.is_inertial())
-            .collect();
-        let identified = inertial
+            .filter(|parameter| parameter.is_inertial());
+        let (all, identified) = inertial.fold((0, 0), |(all, identified), parameter| {
+            (
+                all + 1,
+                identified + usize::from(parameter.status == Status::Identified),
+            )
+        });
+        let windows = self.windows;
+        let Samples {
+            total,
+            repeated,
+            late,
+            rejected,
+            gaps,
+        } = self.samples;
+        writeln!(
+            f,
+            "
+± one standard deviation if residuals are independent; (p) held by the prior, (u) unexcited: the prior alone.
+rms of the mean torque over {windows} windows: of the fit, on blocks it has not seen, and of the URDF's rigid body.
+{identified} of {all} inertial parameters are identified beyond the CAD; --json lists them.
+Of {total} samples, one per leg and row, {repeated} repeat the one before, {late} are late, {rejected} impossible; \
+             {gaps} gaps."
+        )?;
+        EffectKind::ALL
             .iter()
-            .filter(|p| p.status == Status::Identified)
-            .count();
-        writeln!(f)?;
+            .try_for_each(|&effect| self.unphysical(f, effect))
+    }
+
+    /// Names the joints where an effect has a value that it cannot have.
+    fn unphysical(&self, f: &mut fmt::Formatter<'_>, effect: EffectKind) -> fmt::Result {
+        let description = effect.description();
+        let (lower, upper) = (
+            description.parameters[0].lower,
+            description.parameters[0].upper,
+        );
+        let beyond =
+            |e: &ParameterEstimate| e.value + 2.0 * e.std < lower || e.value - 2.0 * e.std > upper;
+        let joints = self.joints.iter().map(|fit| fit.joint).filter(|&joint| {
+            self.parameter(&parameter::name(effect.name(), joint))
+                .is_some_and(beyond)
+        });
+        let names: Vec<_> = joints.map(JointId::name).collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        let (name, joints) = (effect.name(), names.join(", "));
+        let look_alikes = description.look_alikes.join(", ");
         writeln!(
             f,
-            "± one standard deviation; (p) held by the prior, (u) unexcited: the prior alone."
-        )?;
-        writeln!(
-            f,
-            "rms of the mean torque over {} windows: of the fit, on blocks it has not seen, and of the URDF's rigid body.",
-            self.windows
-        )?;
-        writeln!(
-            f,
-            "{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
-            inertial.len()
+            "Unphysical {name} of {joints}: the model lacks something that looks like it ({look_alikes})."
         )
     }
 }

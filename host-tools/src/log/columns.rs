@@ -154,24 +154,22 @@ impl Columns {
 
     fn check_complete(&self, path: &Path, line: u64) -> Result<(), LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
-        let missing = |name: &str| {
-            error(Problem::MissingColumn {
-                name: name.to_owned(),
-            })
+        let missing = |name: String| error(Problem::MissingColumn { name });
+        // An incomplete group is told at a column that it has.
+        let at = |error: LogError, slot: usize| match self.cell[slot] {
+            Some(cell) => error.at_column(cell, &self.names[cell]),
+            None => error,
         };
         if self.cell[TIME].is_none() {
-            return Err(missing("t"));
+            return Err(missing("t".to_owned()));
         }
         for joint in JointId::all() {
             let present = Channel::MOTION.into_iter().find(|&c| self.has(c, joint));
             let absent = Channel::MOTION.into_iter().find(|&c| !self.has(c, joint));
             if let (Some(present), Some(absent)) = (present, absent) {
-                let (present, missing) = (present.column(joint), absent.column(joint));
-                return Err(error(Problem::MissingChannel {
-                    joint,
-                    present,
-                    missing,
-                }));
+                let missing = absent.column(joint);
+                let error = error(Problem::MissingChannel { joint, missing });
+                return Err(at(error, slot(present, joint.index())));
             }
         }
         for leg in Leg::ALL {
@@ -179,7 +177,8 @@ impl Columns {
             let present = JointId::of(leg).into_iter().find(recorded);
             let absent = JointId::of(leg).into_iter().find(|joint| !recorded(joint));
             if let (Some(present), Some(missing)) = (present, absent) {
-                return Err(error(Problem::IncompleteLeg { present, missing }));
+                let error = error(Problem::IncompleteLeg { present, missing });
+                return Err(at(error, slot(Channel::Q, present.index())));
             }
         }
         if self.legs().next().is_none() {
@@ -187,10 +186,13 @@ impl Columns {
         }
         for (prefix, first, axes) in GROUPS {
             let has = |i: &usize| self.cell[first + i].is_some();
-            if (0..axes.len()).any(|i| has(&i))
-                && let Some(lacking) = (0..axes.len()).find(|i| !has(i))
-            {
-                return Err(missing(&format!("{prefix}/{}", axes[lacking])));
+            let present = (0..axes.len()).find(has);
+            let absent = (0..axes.len()).find(|i| !has(i));
+            if let (Some(present), Some(absent)) = (present, absent) {
+                return Err(at(
+                    missing(format!("{prefix}/{}", axes[absent])),
+                    first + present,
+                ));
             }
         }
         Ok(())

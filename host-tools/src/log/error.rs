@@ -107,12 +107,10 @@ pub enum Problem {
     #[error("the header names no joint: there is no column `q/…`, `dq/…` or `tau/…`")]
     NoJoints,
     /// A joint has one of position, velocity and torque but not all.
-    #[error("{joint} has `{present}` but no `{missing}`")]
+    #[error("{joint} is recorded, but the header has no column `{missing}`")]
     MissingChannel {
         /// The joint.
         joint: JointId,
-        /// A column it has.
-        present: String,
         /// The column it lacks.
         missing: String,
     },

@@ -88,13 +88,18 @@ impl UnknownName {
     /// (Jaro-Winkler): `FR_knee` is nearer to `FR_hip` than to `RL_thigh`, and `FR_knee` means the calf.
     pub fn nearest(&self) -> Option<&'static str> {
         // What other makers call the Go2's joints.
-        let wanted = self
-            .name
-            .replace("knee", "calf")
-            .replace("abad", "hip")
-            .replace("abduction", "hip")
-            .replace("shin", "calf");
-        let likeness = |known: &str| strsim::jaro_winkler(&wanted, known);
+        let synonyms = [
+            ("knee", "calf"),
+            ("shin", "calf"),
+            ("abduction", "hip"),
+            ("abad", "hip"),
+        ];
+        let wanted = synonyms
+            .iter()
+            .fold(self.name.to_lowercase(), |name, (theirs, ours)| {
+                name.replace(theirs, ours)
+            });
+        let likeness = |known: &str| strsim::jaro_winkler(&wanted, &known.to_lowercase());
         self.known
             .iter()
             .copied()
@@ -122,6 +127,7 @@ mod tests {
         assert_eq!(nearest("FR_knee"), "FR_calf");
         assert_eq!(nearest("FL_Thigh"), "FL_thigh");
         assert_eq!(nearest("RRcalf"), "RR_calf");
+        assert_eq!(nearest("fr_hip"), "FR_hip");
         assert_eq!(nearest("RL_abad"), "RL_hip");
     }
 }
