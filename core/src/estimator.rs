@@ -11,7 +11,7 @@
 use crate::effect::{EffectKind, Prior};
 use crate::factor::{BodyFactor, Factor, FactorError, packed_len};
 use crate::go2::{ACTUATORS, Actuator, JOINTS_PER_LEG, Leg, leg, position_limits};
-use crate::inertia::INERTIAL;
+use crate::inertia::{INERTIAL, InertialParameters};
 use crate::spatial::Transform;
 use crate::window::{Plausible, Push, Rows, Sample, Settings, Window};
 use crate::{Real, scalar::real};
@@ -145,16 +145,27 @@ impl<T: Real> LegFactors<T> {
         ((factor.residual() + rows * guess * guess) / (freedom + rows)).sqrt()
     }
 
+    /// Half the slope of a joint's sum of squared residuals along its effect `effect`, at any parameters of the leg.
+    pub fn slope(&self, joint: usize, effect: usize, theta: &LegVector<T>) -> T {
+        self.joint(joint)
+            .slope(effect, &joint_parameters(joint, theta))
+    }
+
     /// A joint's sum of squared residuals (mean torques over windows, N m) under any parameters of the leg.
     pub fn sum_of_squares(&self, joint: usize, theta: &LegVector<T>) -> T {
-        let own: [T; joint_columns(0)] = core::array::from_fn(|c| {
-            theta
-                .get(parameter_index(joint, c))
-                .copied()
-                .unwrap_or(T::zero())
-        });
-        self.joint(joint).sum_of_squares(&own)
+        self.joint(joint)
+            .sum_of_squares(&joint_parameters(joint, theta))
     }
+}
+
+/// A leg's θ in the order of a joint's columns; zeros beyond them.
+fn joint_parameters<T: Real>(joint: usize, theta: &LegVector<T>) -> [T; joint_columns(0)] {
+    core::array::from_fn(|c| {
+        theta
+            .get(parameter_index(joint, c))
+            .copied()
+            .unwrap_or(T::zero())
+    })
 }
 
 /// A joint's noise before there are data, N m.
@@ -165,19 +176,21 @@ const NOISE_GUESS_ROWS: f64 = 10.0;
 /// What is taken to be true of a leg before any data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LegPrior<T: Real> {
-    bodies: [BodyFactor<T>; JOINTS_PER_LEG],
-    effects: [[Prior; EFFECTS.len()]; JOINTS_PER_LEG],
+    pub(crate) cad: [InertialParameters<T>; JOINTS_PER_LEG],
+    pub(crate) bodies: [BodyFactor<T>; JOINTS_PER_LEG],
+    pub(crate) effects: [[Prior; EFFECTS.len()]; JOINTS_PER_LEG],
 }
 
 impl<T: Real> LegPrior<T> {
     /// The CAD's inertias within [`CAD_UNCERTAINTY`], each effect as its catalogue entry says.
     pub fn new(which: Leg) -> Self {
-        let tree = leg::<T>(which);
+        let cad = leg::<T>(which).bodies().map(|body| body.inertia);
         Self {
+            cad,
             // A body that is not physical has no distance to others: nothing is then known of it. The Go2's all are.
-            bodies: core::array::from_fn(|b| {
-                let body = tree.bodies()[b].inertia.prior(real(CAD_UNCERTAINTY));
-                body.unwrap_or(BodyFactor::new::<INERTIAL>())
+            bodies: cad.map(|body| {
+                body.prior(real(CAD_UNCERTAINTY))
+                    .unwrap_or(BodyFactor::new::<INERTIAL>())
             }),
             effects: ACTUATORS.map(|actuator: Actuator| EFFECTS.map(|e| e.prior(&actuator))),
         }

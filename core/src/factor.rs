@@ -119,10 +119,23 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
     /// ‖W θ − b‖² of the rows folded in, for any θ of p numbers (missing ones count as zero).
     pub fn sum_of_squares(&self, theta: &[T]) -> T {
         (0..self.columns).fold(self.residual(), |sum, k| {
-            let row = self.row(k);
-            let (z, r) = row.split_last().unwrap_or((&theta[0], &[]));
-            let misfit = dot(r, theta.get(k..).unwrap_or(&[])) - *z;
+            let misfit = self.misfit(k, theta);
             sum + misfit * misfit
+        })
+    }
+
+    /// Half the derivative of [`sum_of_squares`](Self::sum_of_squares) by parameter `column`.
+    pub fn slope(&self, column: usize, theta: &[T]) -> T {
+        (0..=column).fold(T::zero(), |sum, k| {
+            let r = self.row(k).get(column - k).copied().unwrap_or(T::zero());
+            sum + r * self.misfit(k, theta)
+        })
+    }
+
+    /// Entry k of R θ − z.
+    fn misfit(&self, k: usize, theta: &[T]) -> T {
+        self.row(k).split_last().map_or(T::zero(), |(z, r)| {
+            dot(r, theta.get(k..).unwrap_or(&[])) - *z
         })
     }
 

@@ -39,13 +39,13 @@
 extern crate std;
 
 pub mod bus;
-pub mod wire;
-
+pub mod consistent;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;
 pub mod factor;
 pub mod window;
+pub mod wire;
 
 pub mod go2;
 pub mod inertia;
