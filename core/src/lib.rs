@@ -15,8 +15,8 @@
 //! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration.
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
 //! 8. [`estimator`]: a leg's factors, its prior and its solution.
-//! 9. `bus`, `wire`: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 10. `app`: the whole line, one bounded step at a time, with time as an argument.
+//! 9. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 10. [`app`]: the whole line, one bounded step at a time, with time as an argument.
 //!
 //! # The equation
 //!
@@ -35,6 +35,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod app;
 pub mod bus;
 pub mod wire;
 

@@ -49,6 +49,8 @@ fn largest() -> [DeviceMessage; 4] {
         rejected: m,
         gaps: m,
         windows: m,
+        unfolded: m,
+        unsolved: m,
     };
     let load = Load {
         ticks: m,
