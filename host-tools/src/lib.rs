@@ -1,1 +1,3 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
+
+pub mod device;
