@@ -159,3 +159,6 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         Cholesky::<T, Const<V>>::new(inertia).map(|factor| factor.solve(&(torque - bias)))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -431,3 +431,6 @@ impl<T: Real> LegRows<T> {
         row
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -447,3 +447,6 @@ impl<T: Real> Rotation<T> {
 
 /// What is known of one body's ten inertial parameters.
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
+
+#[cfg(test)]
+mod tests;

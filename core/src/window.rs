@@ -329,3 +329,6 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
 fn microseconds<T: Real>(time: u64) -> T {
     real(time as f64 * 1e-6)
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,6 +1,5 @@
 //! The line against its parts: the same samples give the same numbers, no sample mixes two cycles, nothing goes uncounted.
 
-extern crate std;
 use std::{boxed::Box, vec::Vec};
 
 use proptest::prelude::*;

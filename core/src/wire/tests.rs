@@ -1,6 +1,5 @@
 //! Every message there and back, the largest, damage, arbitrary bytes.
 
-extern crate std;
 use std::vec::Vec;
 
 use proptest::prelude::*;

@@ -48,7 +48,7 @@ impl SerialDevice {
         })
     }
 
-    /// What has come since the last call, waiting up to a hundredth of a second.
+    /// What has come since the last call, waiting up to a millisecond.
     ///
     /// # Errors
     /// [`DeviceError`].
@@ -59,7 +59,7 @@ impl SerialDevice {
 
 fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
     serialport::new(port, baud)
-        .timeout(Duration::from_millis(10))
+        .timeout(Duration::from_millis(1))
         .open()
         .map_err(|source| DeviceError::Port {
             port: port.to_owned(),

@@ -1,0 +1,142 @@
+use super::*;
+use crate::window::tests::{TRUE_EFFECTS, exact};
+use std::prelude::rust_2024::*;
+
+fn fed(which: Leg, seconds: std::ops::Range<u64>) -> LegEstimator<f64> {
+    let mut estimator = LegEstimator::new(which);
+    for n in seconds.start * 2_000..seconds.end * 2_000 {
+        estimator.push(&exact(which, n * 500));
+    }
+    estimator
+}
+
+#[test]
+fn exact_data_give_the_true_effects_and_a_small_residual() {
+    for which in Leg::ALL {
+        let estimator = fed(which, 0..20);
+        let solution = estimator.solve().unwrap();
+        for joint in 0..JOINTS_PER_LEG {
+            for e in 0..EFFECTS.len() {
+                let value = solution.values[effect_index(joint, e)];
+                let error = (value - TRUE_EFFECTS[joint][e]).abs();
+                assert!(
+                    error < 5e-3,
+                    "{} {}: {error}",
+                    which.joint_names()[joint],
+                    EFFECTS[e].name()
+                );
+            }
+            let windows = estimator.factors().windows();
+            let rms =
+                (estimator.factors().sum_of_squares(joint, &solution.values) / windows).sqrt();
+            assert!(rms < 5e-3, "{rms}");
+        }
+    }
+}
+
+#[test]
+fn without_data_the_solution_is_the_prior() {
+    let estimator = LegEstimator::<f64>::new(Leg::RL);
+    let solution = estimator.solve().unwrap();
+    let cad = leg::<f64>(Leg::RL).parameters::<LEG_INERTIAL>();
+    for k in 0..LEG_INERTIAL {
+        assert!((solution.values[k] - cad[k]).abs() < 1e-9);
+    }
+    let armature = solution.values[effect_index(2, 2)];
+    assert!((armature - ACTUATORS[2].armature()).abs() < 1e-9);
+    let mass = solution.std[0] / cad[0];
+    assert!((mass - CAD_UNCERTAINTY).abs() < 1e-6, "{mass}");
+}
+
+#[test]
+fn what_a_motion_does_not_show_keeps_the_prior() {
+    // A leg that hangs still shows gravity and bias together, nothing else.
+    let mut estimator = LegEstimator::<f64>::new(Leg::FR);
+    for n in 0..2_000_u64 {
+        let wiggle = if n % 2 == 0 { 1e-5 } else { 0.0 };
+        let sample = Sample {
+            time_us: n * 2_000,
+            q: [wiggle, 0.8, -1.7],
+            dq: [0.0; 3],
+            tau: [-0.6, 0.9, 1.3],
+        };
+        estimator.push(&sample);
+    }
+    let solution = estimator.solve().unwrap();
+    let (mean, std) = estimator.prior().marginals().unwrap();
+    for joint in 0..JOINTS_PER_LEG {
+        for e in [0, 2] {
+            let k = effect_index(joint, e);
+            assert!(
+                (solution.values[k] - mean[k]).abs() < 0.02 * std[k],
+                "{}",
+                EFFECTS[e].name()
+            );
+            assert!(solution.std[k] > 0.98 * std[k]);
+        }
+    }
+}
+
+#[test]
+fn halves_merge_to_the_whole() {
+    let mut window = LegEstimator::<f64>::new(Leg::FL);
+    let (mut even, mut odd) = (LegFactors::default(), LegFactors::default());
+    let mut windows = 0;
+    for n in 0..20_000 {
+        if window.push(&exact(Leg::FL, n * 500)) == Push::Closed {
+            windows += 1;
+            let half = if windows % 2 == 0 {
+                &mut even
+            } else {
+                &mut odd
+            };
+            half.fold(window.rows()).unwrap();
+        }
+    }
+    odd.merge(&even).unwrap();
+    let mut merged = LegEstimator::new(Leg::FL);
+    *merged.factors_mut() = odd;
+    let (a, b) = (merged.solve().unwrap(), window.solve().unwrap());
+    for k in 0..LEG_PARAMETERS {
+        assert!((a.values[k] - b.values[k]).abs() < 1e-9 * (1.0 + b.values[k].abs()));
+        assert!((a.std[k] - b.std[k]).abs() < 1e-9 * (1.0 + b.std[k]));
+    }
+}
+
+#[test]
+fn the_number_of_steps_does_not_depend_on_the_data() {
+    let steps = |estimator: &LegEstimator<f64>| {
+        let mut solver = Solver::default();
+        solver.start(estimator.prior(), estimator.factors());
+        (1..).find(|_| solver.advance().unwrap()).unwrap()
+    };
+    assert_eq!(
+        steps(&LegEstimator::new(Leg::FR)),
+        steps(&fed(Leg::FR, 0..2))
+    );
+}
+
+#[test]
+fn f32_agrees_with_f64() {
+    let mut single = LegEstimator::<f32>::new(Leg::FR);
+    for n in 0..10_000_u64 {
+        let s = exact(Leg::FR, n * 2_000);
+        let narrow = |x: [f64; 3]| x.map(|x| x as f32);
+        let sample = Sample {
+            time_us: s.time_us,
+            q: narrow(s.q),
+            dq: narrow(s.dq),
+            tau: narrow(s.tau),
+        };
+        single.push(&sample);
+    }
+    let mut double = LegEstimator::<f64>::new(Leg::FR);
+    (0..10_000).for_each(|n| {
+        double.push(&exact(Leg::FR, n * 2_000));
+    });
+    let (a, b) = (single.solve().unwrap(), double.solve().unwrap());
+    for k in 0..LEG_PARAMETERS {
+        let sigmas = (f64::from(a.values[k]) - b.values[k]).abs() / b.std[k];
+        assert!(sigmas < 0.2, "parameter {k}: {sigmas} sigma");
+    }
+}
