@@ -1,6 +1,6 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 
-pub mod bus;
+pub mod device;
 pub mod identification;
 pub mod log;
 pub mod output;

@@ -1,6 +1,5 @@
 //! Captured frames, noise, arbitrary bytes.
 
-extern crate std;
 use std::vec::Vec;
 
 use proptest::prelude::*;

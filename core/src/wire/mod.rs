@@ -156,6 +156,10 @@ pub struct LegCounters {
     pub gaps: u32,
     /// Windows folded in.
     pub windows: u32,
+    /// Windows whose rows were not finite: not folded in.
+    pub unfolded: u32,
+    /// Solutions that failed: nothing determines some parameter.
+    pub unsolved: u32,
 }
 
 /// Cost of the application's steps, in the unit that [`Hello`] names.

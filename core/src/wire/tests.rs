@@ -1,6 +1,5 @@
 //! Every message there and back, the largest, damage, arbitrary bytes.
 
-extern crate std;
 use std::vec::Vec;
 
 use proptest::prelude::*;
@@ -49,6 +48,8 @@ fn largest() -> [DeviceMessage; 4] {
         rejected: m,
         gaps: m,
         windows: m,
+        unfolded: m,
+        unsolved: m,
     };
     let load = Load {
         ticks: m,

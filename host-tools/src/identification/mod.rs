@@ -4,6 +4,7 @@
 //! with the log. Time is cut into blocks that fall into two folds by turns, with a guard between blocks that belongs to
 //! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
 
+mod bus;
 mod leg;
 mod result;
 
@@ -12,7 +13,6 @@ use std::path::{Path, PathBuf};
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{LEGS, Leg};
 
-use crate::bus;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
 pub use result::{Identification, JointFit, ParameterEstimate, Samples, Status};
