@@ -15,8 +15,8 @@
 //! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration.
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
 //! 8. [`estimator`]: a leg's factors, its prior and its solution.
-//! 9. `bus`, `wire`: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 10. `app`: the whole line, one bounded step at a time, with time as an argument.
+//! 9. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 10. [`app`]: the whole line, one bounded step at a time, with time as an argument.
 //!
 //! # The equation
 //!
@@ -38,18 +38,20 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod app;
+pub mod bus;
 pub mod consistent;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;
 pub mod factor;
-pub mod window;
-
 pub mod go2;
 pub mod inertia;
 pub mod regressor;
 mod scalar;
 pub mod spatial;
 pub mod tree;
+pub mod window;
+pub mod wire;
 
 pub use scalar::Real;

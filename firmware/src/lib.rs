@@ -1,2 +1,18 @@
-//! Boards.
+//! The motor-bus listener's boards.
+//!
+//! A board brings bytes and time to [`proprio_core::app::App`] and carries its messages away. It listens to the motor
+//! buses and never transmits on them.
 #![no_std]
+
+pub mod board;
+pub mod stack;
+
+/// What the firmware computes with: both work; feature `single` picks the smaller.
+#[cfg(not(feature = "single"))]
+pub type Scalar = f64;
+/// What the firmware computes with.
+#[cfg(feature = "single")]
+pub type Scalar = f32;
+
+/// Version told to the host.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

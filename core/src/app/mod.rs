@@ -1,0 +1,224 @@
+//! The whole line, one bounded step at a time: bus bytes in, messages out.
+//!
+//! [`App::step`] is the same synchronous function on a board, in emulation and on the desktop; who calls it says what time
+//! it is and who it is. A step
+//!
+//! 1. decodes the bytes that each leg's bus brought and assembles at most one sample per leg ([`assembly`]);
+//! 2. puts the samples into the legs' windows; a window that closes is marked;
+//! 3. folds at most one marked window into its leg's factor, or does one part of a solution;
+//! 4. says at most one message.
+//!
+//! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
+//! bound. Apart from step 1, which ends earlier where frames are broken, it does not depend on the data.
+//! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
+
+mod assembly;
+mod leg;
+#[cfg(test)]
+mod tests;
+
+use crate::Real;
+use crate::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, Solver};
+use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use crate::window::Settings;
+use crate::wire::{
+    self, Capacities, Counters, DeviceMessage, Estimate, Hello, HostMessage, Load, SCHEMA,
+};
+use heapless::String;
+use leg::LegLine;
+
+/// Time between two estimates of a leg, and between two reports of the counters, µs.
+pub const REPORT_US: u64 = 100_000;
+/// Time between two unasked hellos, µs.
+pub const HELLO_US: u64 = 1_000_000;
+
+/// Who the device is and what it may do; an argument, so that all logic runs anywhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// Version of the firmware; 24 bytes at most are told.
+    pub firmware: &'static str,
+    /// Name of the board; 24 bytes at most are told.
+    pub board: &'static str,
+    /// What [`App::record_cost`] is told; 16 bytes at most.
+    pub load_unit: &'static str,
+    /// A step that costs more is counted as over budget.
+    pub budget: u32,
+    /// How long before the step that completes a sample its first reply may have come, µs: 0 where a step brings whole
+    /// polling cycles, as in replay; the time between two steps on a board that reads a running bus.
+    pub cycle_us: u64,
+}
+
+/// The application: four legs' lines and the solver that serves them in turn.
+pub struct App<T: Real> {
+    identity: Identity,
+    legs: [LegLine<T>; LEGS],
+    solver: Solver<T>,
+    /// The leg being solved and the time its data end.
+    solving: Option<(Leg, u64)>,
+    /// The leg to solve next, and when.
+    next: (Leg, u64),
+    /// A solution to be told.
+    solved: Option<(Leg, u64)>,
+    hello_at: u64,
+    counters_at: u64,
+    load: Load,
+    host_frames: (u32, u32),
+}
+
+impl<T: Real> App<T> {
+    /// An application that has seen nothing. It says hello in its first step.
+    pub fn new(identity: Identity) -> Self {
+        Self {
+            identity,
+            legs: Leg::ALL.map(LegLine::new),
+            solver: Solver::default(),
+            solving: None,
+            next: (Leg::FR, 0),
+            solved: None,
+            hello_at: 0,
+            counters_at: 0,
+            load: Load::default(),
+            host_frames: (0, 0),
+        }
+    }
+
+    /// Obeys the host. [`HostMessage::Advance`] is for the loop around the application and does nothing here.
+    pub fn handle(&mut self, message: &HostMessage) {
+        match message {
+            HostMessage::RequestHello => self.hello_at = 0,
+            HostMessage::Reset => *self = Self::new(self.identity),
+            HostMessage::Advance(_) => {}
+        }
+    }
+
+    /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
+    pub fn record_cost(&mut self, cost: u32, stack_bytes: u32) {
+        let load = &mut self.load;
+        load.ticks = load.ticks.wrapping_add(1);
+        load.over_budget = load
+            .over_budget
+            .wrapping_add(u32::from(cost > self.identity.budget));
+        load.worst = load.worst.max(cost);
+        load.total = load.total.wrapping_add(u64::from(cost));
+        load.stack_bytes = stack_bytes;
+    }
+
+    /// Takes note of frames from the host that were damaged or never came.
+    pub fn record_host_frames(&mut self, bad: u32, missed: u32) {
+        self.host_frames = (bad, missed);
+    }
+
+    /// Everything counted up to `now_us`.
+    pub fn counters(&self, now_us: u64) -> Counters {
+        Counters {
+            time_us: now_us,
+            legs: self.legs.each_ref().map(LegLine::counters),
+            host_frames_bad: self.host_frames.0,
+            host_frames_missed: self.host_frames.1,
+            load: self.load,
+        }
+    }
+
+    /// One step at `now_us` (any fixed origin, never backwards), with the bytes that each leg's bus brought since the last
+    /// one, in SDK order. `out` gets the messages to the host.
+    pub fn step(
+        &mut self,
+        now_us: u64,
+        buses: [&[u8]; LEGS],
+        out: &mut impl FnMut(&DeviceMessage),
+    ) {
+        for (leg, bytes) in self.legs.iter_mut().zip(buses) {
+            leg.listen(now_us, self.identity.cycle_us, bytes);
+        }
+        let folded = self.legs.iter_mut().any(LegLine::fold);
+        if !folded {
+            self.solve(now_us);
+        }
+        if let Some(message) = self.message(now_us) {
+            out(&message);
+        }
+    }
+
+    /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun.
+    fn solve(&mut self, now_us: u64) {
+        let Some((which, time_us)) = self.solving else {
+            let (which, due) = self.next;
+            if self.solved.is_none() && now_us >= due {
+                self.legs[which.index()].start(&mut self.solver);
+                self.solving = Some((which, now_us));
+                let turn = REPORT_US / LEGS as u64;
+                // A solver that cannot keep up does not try to catch up.
+                let due = (due + turn).max(now_us.saturating_sub(REPORT_US));
+                self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
+            }
+            return;
+        };
+        match self.solver.advance() {
+            Ok(false) => {}
+            Ok(true) => {
+                self.solving = None;
+                self.solved = Some((which, time_us));
+            }
+            Err(_) => {
+                self.solving = None;
+                self.legs[which.index()].count_unsolved();
+            }
+        }
+    }
+
+    /// The most urgent message that is due.
+    fn message(&mut self, now_us: u64) -> Option<DeviceMessage> {
+        if now_us >= self.hello_at {
+            self.hello_at = now_us + HELLO_US;
+            return Some(DeviceMessage::Hello(self.hello()));
+        }
+        if let Some((which, time_us)) = self.solved.take() {
+            return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
+        }
+        if now_us >= self.counters_at {
+            self.counters_at = now_us + REPORT_US;
+            return Some(DeviceMessage::Counters(self.counters(now_us)));
+        }
+        None
+    }
+
+    fn hello(&self) -> Hello {
+        Hello {
+            schema: SCHEMA,
+            firmware: text(self.identity.firmware),
+            board: text(self.identity.board),
+            capacities: Capacities {
+                legs: LEGS as u8,
+                joints_per_leg: JOINTS_PER_LEG as u8,
+                inertial_parameters: LEG_INERTIAL as u8,
+                effect_parameters: (EFFECTS.len() * JOINTS_PER_LEG) as u8,
+                window_us: Settings::default().window_us as u32,
+                scalar_bits: (8 * size_of::<T>()) as u8,
+            },
+            load_unit: text(self.identity.load_unit),
+        }
+    }
+
+    fn estimate(&self, which: Leg, time_us: u64) -> Estimate {
+        const { assert!(LEG_PARAMETERS <= wire::MAX_PARAMETERS) }
+        let solution = self.solver.solution();
+        Estimate {
+            leg: which.index() as u8,
+            time_us,
+            windows: single(solution.windows) as u32,
+            values: solution.values.iter().copied().map(single).collect(),
+            std: solution.std.iter().copied().map(single).collect(),
+            noise: solution.noise.map(single),
+        }
+    }
+}
+
+/// As `f32`, which the wire carries.
+fn single<T: Real>(value: T) -> f32 {
+    nalgebra::try_convert(value).unwrap_or(f64::NAN) as f32
+}
+
+/// As much of `source` as fits.
+fn text<const N: usize>(source: &str) -> String<N> {
+    source.chars().take_while(char::is_ascii).take(N).collect()
+}

@@ -1,0 +1,230 @@
+//! The line against its parts: the same samples give the same numbers, no sample mixes two cycles, nothing goes uncounted.
+
+use std::{boxed::Box, vec::Vec};
+
+use proptest::prelude::*;
+
+use super::assembly::Assembler;
+use super::*;
+use crate::bus::{Command, Frame, Mode, Reply, crc::SEED_GO2};
+use crate::estimator::LegEstimator;
+use crate::go2::ACTUATORS;
+use crate::window::Sample;
+
+const DESKTOP: Identity = Identity {
+    firmware: "test",
+    board: "desktop",
+    load_unit: "instructions",
+    budget: 10,
+    cycle_us: 0,
+};
+const STEP_US: u64 = 2000;
+
+/// A motion that excites every joint, and torques that vary with it.
+fn motion(step: u64, leg: usize) -> [Reply; 3] {
+    let t = step as f64 * 2e-3 + leg as f64;
+    core::array::from_fn(|j| {
+        let (amplitude, rate) = ([0.4, 0.5, 0.6][j], [5.0, 7.0, 9.0][j]);
+        let offset = [0.0, 0.8, -1.6][j];
+        let (sin, cos) = (rate * t).sin_cos();
+        let tau =
+            0.01 * rate * rate * sin + 0.2 * cos.signum() + 2.0 * (offset + amplitude * sin).sin();
+        let (q, dq) = (offset + amplitude * sin, amplitude * rate * cos);
+        Reply::from_joint(Mode::foc(j as u8), ACTUATORS[j].gear, q, dq, tau, 30).unwrap()
+    })
+}
+
+fn bytes(replies: &[Reply; 3], commands: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for reply in replies {
+        if commands {
+            bytes.extend(
+                Command {
+                    mode: reply.mode,
+                    ..Command::default()
+                }
+                .encode(SEED_GO2),
+            );
+        }
+        bytes.extend(reply.encode(0));
+    }
+    bytes
+}
+
+/// Steps through `steps` cycles on all legs and as long after them as it takes to tell all of it.
+fn run(app: &mut App<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+    run_from(app, 0, steps, commands)
+}
+
+fn run_from(app: &mut App<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+    let mut messages = Vec::new();
+    for step in start..start + steps + 100 {
+        let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| match step < start + steps {
+            true => bytes(&motion(step, leg), commands),
+            false => Vec::new(),
+        });
+        app.step(
+            1 + step * STEP_US,
+            brought.each_ref().map(Vec::as_slice),
+            &mut |m| messages.push(m.clone()),
+        );
+    }
+    messages
+}
+
+fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate {
+    let told = messages.iter().rev().find_map(|message| match message {
+        DeviceMessage::Estimate(estimate) if usize::from(estimate.leg) == leg => Some(estimate),
+        _ => None,
+    });
+    told.unwrap()
+}
+
+#[test]
+fn what_is_told_is_what_the_leg_estimator_finds() {
+    let steps = 700;
+    let mut app = Box::new(App::new(DESKTOP));
+    let messages = run(&mut app, steps, true);
+    assert!(matches!(&messages[0], DeviceMessage::Hello(hello) if hello.schema == SCHEMA));
+    for which in Leg::ALL {
+        let mut estimator = LegEstimator::<f64>::new(which);
+        for step in 0..steps {
+            let replies = motion(step, which.index());
+            let read = |f: fn(&Reply, f64) -> f64| {
+                core::array::from_fn(|j| f(&replies[j], ACTUATORS[j].gear))
+            };
+            estimator.push(&Sample {
+                time_us: 1 + step * STEP_US,
+                q: read(Reply::joint_position),
+                dq: read(Reply::joint_velocity),
+                tau: read(Reply::joint_torque),
+            });
+        }
+        let solution = estimator.solve().unwrap();
+        let estimate = last_estimate(&messages, which.index());
+        assert_eq!(estimate.values, solution.values.map(|v| v as f32));
+        assert_eq!(estimate.std, solution.std.map(|v| v as f32));
+        assert_eq!(estimate.windows, 69);
+        let counters = app.counters(0).legs[which.index()];
+        assert_eq!(
+            (counters.samples, counters.used, counters.windows),
+            (700, 700, 69)
+        );
+        assert_eq!(
+            (counters.commands, counters.replies, counters.skipped_bytes),
+            (2100, 2100, 0)
+        );
+    }
+}
+
+#[test]
+fn commands_are_a_help_and_not_needed() {
+    let with = run(&mut Box::new(App::new(DESKTOP)), 100, true);
+    let without = run(&mut Box::new(App::new(DESKTOP)), 100, false);
+    for leg in 0..LEGS {
+        assert_eq!(last_estimate(&with, leg), last_estimate(&without, leg));
+    }
+}
+
+#[test]
+fn estimates_and_counters_come_ten_times_a_second() {
+    let messages = run(&mut Box::new(App::new(DESKTOP)), 1000, true);
+    let count = |wanted: fn(&DeviceMessage) -> bool| messages.iter().filter(|m| wanted(m)).count();
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 22);
+    assert!(count(|m| matches!(m, DeviceMessage::Estimate(_))) >= 84);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Hello(_))), 3);
+}
+
+#[test]
+fn a_reset_forgets_and_says_hello() {
+    let mut app = Box::new(App::new(DESKTOP));
+    run(&mut app, 100, true);
+    app.record_cost(11, 5);
+    app.handle(&HostMessage::Reset);
+    assert_eq!(app.counters(0), Counters::default());
+    assert!(matches!(run(&mut app, 1, true)[0], DeviceMessage::Hello(_)));
+}
+
+#[test]
+fn costs_are_counted_against_the_budget() {
+    let mut app = Box::new(App::<f32>::new(DESKTOP));
+    for cost in [9, 10, 11, 5] {
+        app.record_cost(cost, 7);
+    }
+    let load = app.counters(0).load;
+    assert_eq!(
+        load,
+        Load {
+            ticks: 4,
+            over_budget: 1,
+            worst: 11,
+            total: 35,
+            stack_bytes: 7
+        }
+    );
+}
+
+/// The cycles of a bus with some of the frames missing: per cycle three commands and three replies, all marked with the
+/// cycle's number.
+fn cycles() -> impl Strategy<Value = Vec<[bool; 6]>> {
+    proptest::collection::vec(
+        proptest::array::uniform6(proptest::bool::weighted(0.7)),
+        1..200,
+    )
+}
+
+proptest! {
+    #[test]
+    fn no_sample_mixes_two_cycles(cycles in cycles()) {
+        let mut assembler = Assembler::default();
+        let (mut samples, mut replies, mut whole) = (0, 0, 0);
+        for (n, heard) in cycles.iter().enumerate() {
+            for motor in 0..3u8 {
+                let mode = Mode::foc(motor);
+                let command = Frame::Command(Command { mode, ..Command::default() });
+                let reply = Frame::Reply(Reply { mode, position: n as i32, ..Reply::default() });
+                let frames = [command, reply];
+                for (frame, _) in frames.iter().zip(&heard[2 * usize::from(motor)..]).filter(|(_, heard)| **heard) {
+                    replies += u32::from(matches!(frame, Frame::Reply(_)));
+                    if let Some(sample) = assembler.push(frame, n as u64 * STEP_US, 0) {
+                        prop_assert_eq!(sample.map(|reply| reply.position), [n as i32; 3]);
+                        samples += 1;
+                    }
+                }
+            }
+            whole += u32::from(heard[1] && heard[3] && heard[5]);
+        }
+        prop_assert_eq!(samples, whole);
+        prop_assert!((0..3).contains(&(replies - 3 * samples - assembler.unused())));
+    }
+
+    #[test]
+    fn cycles_in_one_step_stay_apart_when_replies_are_lost(cycles in cycles()) {
+        let mut assembler = Assembler::default();
+        for (n, heard) in cycles.iter().enumerate() {
+            for motor in 0..3u8 {
+                let mode = Mode::foc(motor);
+                assembler.push(&Frame::Command(Command { mode, ..Command::default() }), 0, 0);
+                if heard[usize::from(motor)] {
+                    let reply = Frame::Reply(Reply { mode, position: n as i32, ..Reply::default() });
+                    if let Some(sample) = assembler.push(&reply, 0, 0) {
+                        prop_assert_eq!(sample.map(|reply| reply.position), [n as i32; 3]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_bytes_panic_or_break_the_estimate(
+        noise in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 1..40)
+    ) {
+        let mut app = Box::new(App::new(DESKTOP));
+        run(&mut app, 30, true);
+        for (n, bytes) in noise.iter().enumerate() {
+            app.step((200 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
+        }
+        let messages = run_from(&mut app, 300, 0, true);
+        prop_assert!(last_estimate(&messages, 0).values.iter().all(|v| v.is_finite()));
+    }
+}

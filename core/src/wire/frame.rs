@@ -1,0 +1,211 @@
+//! Framing: `0x00 | COBS( sequence varint | message | CRC-32 little-endian ) | 0x00`.
+
+use core::marker::PhantomData;
+
+use cobs::{DecodeResult, DecoderState};
+use crc::{CRC_32_ISCSI, Crc};
+use postcard::ser_flavors::{Cobs, Slice, crc::CrcModifier};
+use serde::{Serialize, de::DeserializeOwned};
+
+use super::{DeviceMessage, HostMessage, SCHEMA};
+
+/// Bytes that the largest message takes on the wire; a test fills every field.
+pub const MAX_FRAME: usize = 640;
+
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+const CRC_LEN: usize = 4;
+
+/// Why a frame was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WireError {
+    /// It is longer than any message.
+    TooLong,
+    /// It ended early: bytes are missing or changed.
+    Cut,
+    /// Its CRC is wrong.
+    Crc,
+    /// Its CRC is right and it is no message: the peer speaks otherwise.
+    Malformed,
+    /// The device was built from other messages.
+    Incompatible {
+        /// The schema it named.
+        theirs: [u8; 8],
+    },
+}
+
+impl core::fmt::Display for WireError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::TooLong => f.write_str("frame longer than any message"),
+            Self::Cut => f.write_str("frame cut short"),
+            Self::Crc => f.write_str("frame with a wrong checksum"),
+            Self::Malformed => f.write_str("frame that holds no known message"),
+            Self::Incompatible { theirs } => write!(
+                f,
+                "the device speaks schema {:016x}, this program {:016x}: build both from the same sources",
+                u64::from_be_bytes(*theirs),
+                u64::from_be_bytes(SCHEMA)
+            ),
+        }
+    }
+}
+
+impl core::error::Error for WireError {}
+
+/// A [`DeviceMessage`] or a [`HostMessage`].
+pub trait Message: Serialize + DeserializeOwned + private::Sealed {
+    /// Looks at a message's bytes before they are read as one.
+    ///
+    /// # Errors
+    /// [`WireError::Incompatible`] if they name another schema.
+    fn check(bytes: &[u8]) -> Result<(), WireError>;
+}
+
+impl Message for HostMessage {
+    fn check(_: &[u8]) -> Result<(), WireError> {
+        Ok(())
+    }
+}
+
+impl Message for DeviceMessage {
+    fn check(bytes: &[u8]) -> Result<(), WireError> {
+        match bytes.split_first_chunk::<9>() {
+            Some(([0, theirs @ ..], _)) if *theirs != SCHEMA => {
+                Err(WireError::Incompatible { theirs: *theirs })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+mod private {
+    pub trait Sealed {}
+    impl Sealed for super::DeviceMessage {}
+    impl Sealed for super::HostMessage {}
+}
+
+/// Numbers messages and makes frames of them.
+#[derive(Clone, Debug, Default)]
+pub struct Sender {
+    sequence: u16,
+}
+
+impl Sender {
+    /// The frame of `message`, in `buffer`. Empty only if the message did not fit, which [`MAX_FRAME`] rules out; the
+    /// number is used up all the same, so that the receiver knows.
+    pub fn encode<'a, M: Message>(
+        &mut self,
+        message: &M,
+        buffer: &'a mut [u8; MAX_FRAME],
+    ) -> &'a [u8] {
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        encode(&(sequence, message), buffer).unwrap_or_default()
+    }
+}
+
+fn encode<'a, V: Serialize>(value: &V, buffer: &'a mut [u8]) -> postcard::Result<&'a [u8]> {
+    let [first, rest @ ..] = buffer else {
+        return Ok(&[]);
+    };
+    *first = 0;
+    let cobs = Cobs::try_new(Slice::new(rest))?;
+    let length =
+        postcard::serialize_with_flavor(value, CrcModifier::new(cobs, CRC.digest()))?.len();
+    // With `first` in front; `rest` begins one byte later.
+    Ok(buffer.get(..=length).unwrap_or_default())
+}
+
+/// Finds frames in bytes and the messages in them.
+#[derive(Debug)]
+pub struct Receiver<M> {
+    state: DecoderState,
+    buffer: [u8; MAX_FRAME],
+    len: usize,
+    /// The open frame has outgrown the buffer.
+    overflow: bool,
+    expected: Option<u16>,
+    bad: u32,
+    missed: u32,
+    message: PhantomData<M>,
+}
+
+impl<M: Message> Default for Receiver<M> {
+    fn default() -> Self {
+        Self {
+            state: DecoderState::Idle,
+            buffer: [0; MAX_FRAME],
+            len: 0,
+            overflow: false,
+            expected: None,
+            bad: 0,
+            missed: 0,
+            message: PhantomData,
+        }
+    }
+}
+
+impl<M: Message> Receiver<M> {
+    /// Frames that were damaged or no message.
+    pub fn bad(&self) -> u32 {
+        self.bad
+    }
+
+    /// Frames that never came, whole, by the sequence numbers: at least those of [`Self::bad`] that had one. A peer that
+    /// starts anew starts its numbers anew, which counts as well.
+    pub fn missed(&self) -> u32 {
+        self.missed
+    }
+
+    /// Takes one byte; gives the message that it completes, or why there is none.
+    ///
+    /// # Errors
+    /// [`WireError`] for the frame that the byte ends.
+    pub fn push(&mut self, byte: u8) -> Option<Result<M, WireError>> {
+        let outcome = match self.state.feed(byte) {
+            Ok(DecodeResult::NoData) => return None,
+            Ok(DecodeResult::DataContinue(data)) => {
+                match self.buffer.get_mut(self.len) {
+                    Some(slot) => {
+                        *slot = data;
+                        self.len += 1;
+                    }
+                    None => self.overflow = true,
+                }
+                return None;
+            }
+            Ok(DecodeResult::DataComplete) if self.overflow => Err(WireError::TooLong),
+            Ok(DecodeResult::DataComplete) => self.open(),
+            Err(_) => Err(WireError::Cut),
+        };
+        self.len = 0;
+        self.overflow = false;
+        if outcome.is_err() {
+            self.bad = self.bad.wrapping_add(1);
+        }
+        Some(outcome)
+    }
+
+    /// The message in the buffer.
+    fn open(&mut self) -> Result<M, WireError> {
+        let frame = self.buffer.get(..self.len).unwrap_or_default();
+        let Some((content, crc)) = frame.split_last_chunk::<CRC_LEN>() else {
+            return Err(WireError::Cut);
+        };
+        if CRC.checksum(content) != u32::from_le_bytes(*crc) {
+            return Err(WireError::Crc);
+        }
+        let (sequence, message) =
+            postcard::take_from_bytes::<u16>(content).map_err(|_| WireError::Malformed)?;
+        let expected = self.expected.unwrap_or(sequence);
+        self.missed = self
+            .missed
+            .wrapping_add(u32::from(sequence.wrapping_sub(expected)));
+        self.expected = Some(sequence.wrapping_add(1));
+        M::check(message)?;
+        match postcard::take_from_bytes(message) {
+            Ok((message, [])) => Ok(message),
+            _ => Err(WireError::Malformed),
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! The link between a device and its host: which messages there are, and how they travel.
+//!
+//! A [`DeviceMessage`] or [`HostMessage`] is postcard; with a sequence number before it and a CRC-32 behind it, it is one
+//! COBS frame between zero bytes ([`frame`]). So the reader finds the next frame after any damage, knows a damaged frame
+//! from a good one, and knows from the numbers how many never came.
+//!
+//! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled; a device says it in its
+//! [`Hello`], before anything whose layout may differ, and a host with another hash gets [`WireError::Incompatible`]
+//! instead of numbers in the wrong places.
+
+mod frame;
+#[cfg(test)]
+mod tests;
+
+pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
+
+use heapless::{String, Vec};
+use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
+use serde::{Deserialize, Serialize};
+
+/// Version of the rules that the hash does not see: framing, units, when which message is sent.
+pub const PROTOCOL: u8 = 1;
+
+/// Identifies the layout of all messages and [`PROTOCOL`].
+pub const SCHEMA: [u8; 8] = {
+    let mut hash = hash_ty_path::<(DeviceMessage, HostMessage)>("proprio");
+    hash[0] ^= PROTOCOL;
+    hash
+};
+
+/// Legs that counters and byte counts speak of, in SDK order.
+pub const LEGS: usize = 4;
+
+/// Most parameters that an [`Estimate`] can carry.
+pub const MAX_PARAMETERS: usize = 64;
+
+/// One number per parameter, in the order of the core's θ; SI.
+pub type Parameters = Vec<f32, MAX_PARAMETERS>;
+
+/// What a device says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+#[allow(clippy::large_enum_variant)] // no allocator to box with
+pub enum DeviceMessage {
+    /// Who it is. Must stay the first variant: the host reads its schema before it trusts the rest.
+    Hello(Hello),
+    /// One leg's parameters.
+    Estimate(Estimate),
+    /// What was lost, and what it cost.
+    Counters(Counters),
+    /// The step that the host asked for is done.
+    Advanced(Advanced),
+}
+
+/// What a host says.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub enum HostMessage {
+    /// Say [`Hello`] at once.
+    RequestHello,
+    /// Forget all data and counts.
+    Reset,
+    /// Do one step at a time that the host decides; only emulated boards, whose clock means nothing, obey.
+    Advance(Advance),
+}
+
+/// A device's identity and capacities: at start, when asked, and once a second.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Hello {
+    /// [`SCHEMA`]. Must stay the first field.
+    pub schema: [u8; 8],
+    /// Version of the firmware.
+    pub firmware: String<24>,
+    /// Name of the board.
+    pub board: String<24>,
+    /// What the device can hold.
+    pub capacities: Capacities,
+    /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
+    pub load_unit: String<16>,
+}
+
+/// Sizes fixed when the firmware was compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Capacities {
+    /// Legs identified.
+    pub legs: u8,
+    /// Joints of a leg.
+    pub joints_per_leg: u8,
+    /// Inertial parameters of a leg; they come first in θ.
+    pub inertial_parameters: u8,
+    /// Effect parameters of a leg.
+    pub effect_parameters: u8,
+    /// Length of a window, µs.
+    pub window_us: u32,
+    /// Bits of the scalar that the device computes with, 32 or 64.
+    pub scalar_bits: u8,
+}
+
+/// One leg's parameters, ten times a second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Estimate {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// Device time of the last sample in it, µs.
+    pub time_us: u64,
+    /// Windows of data in it.
+    pub windows: u32,
+    /// θ.
+    pub values: Parameters,
+    /// Standard deviations of θ.
+    pub std: Parameters,
+    /// Each joint's noise: standard deviation of a window's mean torque, N m.
+    pub noise: [f32; 3],
+}
+
+/// Everything that was counted, ten times a second. Counts start at zero and wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Counters {
+    /// Device time, µs.
+    pub time_us: u64,
+    /// Per leg, in SDK order.
+    pub legs: [LegCounters; LEGS],
+    /// Frames from the host that were damaged.
+    pub host_frames_bad: u32,
+    /// Frames from the host that never came, by their sequence numbers.
+    pub host_frames_missed: u32,
+    /// Cost of the ticks.
+    pub load: Load,
+}
+
+/// One leg's bus, samples and windows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct LegCounters {
+    /// Good commands heard.
+    pub commands: u32,
+    /// Good replies heard.
+    pub replies: u32,
+    /// Frames with a bad CRC, of full length.
+    pub bad_crc: u32,
+    /// Frames with a bad CRC, cut short by the next one.
+    pub short: u32,
+    /// Bytes in no good frame.
+    pub skipped_bytes: u32,
+    /// Good replies that are in no sample: of another motor than 0–2, of a polling cycle that stayed incomplete, or of a
+    /// cycle that a newer one in the same step replaced.
+    pub unused_replies: u32,
+    /// Samples assembled: three good replies of one polling cycle.
+    pub samples: u32,
+    /// Samples used.
+    pub used: u32,
+    /// Samples equal to the one before: skipped.
+    pub repeated: u32,
+    /// Samples whose time was not after the one before: skipped.
+    pub late: u32,
+    /// Samples that cannot be true: skipped.
+    pub rejected: u32,
+    /// Gaps in time that were not bridged.
+    pub gaps: u32,
+    /// Windows folded in.
+    pub windows: u32,
+    /// Windows whose rows were not finite: not folded in.
+    pub unfolded: u32,
+    /// Solutions that failed: nothing determines some parameter.
+    pub unsolved: u32,
+}
+
+/// Cost of the application's steps, in the unit that [`Hello`] names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Load {
+    /// Steps done.
+    pub ticks: u32,
+    /// Steps that cost more than the board's budget.
+    pub over_budget: u32,
+    /// The dearest step.
+    pub worst: u32,
+    /// All steps together.
+    pub total: u64,
+    /// Deepest stack so far, bytes; 0 where the board does not measure it.
+    pub stack_bytes: u32,
+}
+
+/// One step of an emulated board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Advance {
+    /// Time of the step, µs.
+    pub time_us: u64,
+    /// Bytes of each leg's bus to take before it.
+    pub bytes: [u32; LEGS],
+}
+
+/// A step is done; what it led to was said before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Advanced {
+    /// [`Advance::time_us`] of the step.
+    pub time_us: u64,
+}

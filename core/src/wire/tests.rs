@@ -1,0 +1,179 @@
+//! Every message there and back, the largest, damage, arbitrary bytes.
+
+use std::vec::Vec;
+
+use proptest::prelude::*;
+
+use super::*;
+
+fn receive<M: Message>(receiver: &mut Receiver<M>, bytes: &[u8]) -> Vec<Result<M, WireError>> {
+    bytes
+        .iter()
+        .filter_map(|&byte| receiver.push(byte))
+        .collect()
+}
+
+fn hello() -> Hello {
+    Hello {
+        schema: SCHEMA,
+        firmware: String::try_from("123456789012345678901234").unwrap(),
+        board: String::try_from("123456789012345678901234").unwrap(),
+        capacities: Capacities {
+            legs: 255,
+            joints_per_leg: 255,
+            inertial_parameters: 255,
+            effect_parameters: 255,
+            window_us: u32::MAX,
+            scalar_bits: 255,
+        },
+        load_unit: String::try_from("1234567890123456").unwrap(),
+    }
+}
+
+/// Every message with every field as long as it gets.
+fn largest() -> [DeviceMessage; 4] {
+    let full = Parameters::from_slice(&[f32::MIN; MAX_PARAMETERS]).unwrap();
+    let m = u32::MAX;
+    let leg = LegCounters {
+        commands: m,
+        replies: m,
+        bad_crc: m,
+        short: m,
+        skipped_bytes: m,
+        unused_replies: m,
+        samples: m,
+        used: m,
+        repeated: m,
+        late: m,
+        rejected: m,
+        gaps: m,
+        windows: m,
+        unfolded: m,
+        unsolved: m,
+    };
+    let load = Load {
+        ticks: m,
+        over_budget: m,
+        worst: m,
+        total: u64::MAX,
+        stack_bytes: m,
+    };
+    [
+        DeviceMessage::Hello(hello()),
+        DeviceMessage::Estimate(Estimate {
+            leg: 255,
+            time_us: u64::MAX,
+            windows: m,
+            values: full.clone(),
+            std: full,
+            noise: [f32::MIN; 3],
+        }),
+        DeviceMessage::Counters(Counters {
+            time_us: u64::MAX,
+            legs: [leg; LEGS],
+            host_frames_bad: m,
+            host_frames_missed: m,
+            load,
+        }),
+        DeviceMessage::Advanced(Advanced { time_us: u64::MAX }),
+    ]
+}
+
+#[test]
+fn the_largest_messages_fit_and_come_back() {
+    let (mut sender, mut receiver) = (Sender::default(), Receiver::default());
+    let mut buffer = [0; MAX_FRAME];
+    for message in largest() {
+        let bytes = sender.encode(&message, &mut buffer);
+        assert_eq!(receive(&mut receiver, bytes), [Ok(message)]);
+    }
+    assert_eq!((receiver.bad(), receiver.missed()), (0, 0));
+}
+
+#[test]
+fn a_device_of_another_schema_is_refused() {
+    let mut theirs = SCHEMA;
+    theirs[3] ^= 1;
+    let message = DeviceMessage::Hello(Hello {
+        schema: theirs,
+        ..hello()
+    });
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = Sender::default().encode(&message, &mut buffer);
+    let got = receive(&mut Receiver::<DeviceMessage>::default(), bytes);
+    assert_eq!(got, [Err(WireError::Incompatible { theirs })]);
+}
+
+#[test]
+fn a_change_of_layout_changes_the_schema() {
+    #[derive(Schema)]
+    #[allow(dead_code)]
+    struct Swapped {
+        bytes: [u32; LEGS],
+        time_us: u64,
+    }
+    assert_ne!(hash_ty_path::<Advance>(""), hash_ty_path::<Swapped>(""));
+}
+
+#[test]
+fn a_frame_that_never_came_is_counted() {
+    let (mut sender, mut receiver) = (Sender::default(), Receiver::default());
+    let mut buffer = [0; MAX_FRAME];
+    for n in 0..20 {
+        let bytes = sender.encode(&HostMessage::RequestHello, &mut buffer);
+        if n % 5 != 2 {
+            assert_eq!(
+                receive(&mut receiver, bytes),
+                [Ok(HostMessage::RequestHello)]
+            );
+        }
+    }
+    assert_eq!((receiver.bad(), receiver.missed()), (0, 4));
+}
+
+fn advance() -> impl Strategy<Value = HostMessage> {
+    any::<(u64, [u32; 4])>()
+        .prop_map(|(time_us, bytes)| HostMessage::Advance(Advance { time_us, bytes }))
+}
+
+proptest! {
+    #[test]
+    fn damage_costs_one_frame_and_is_counted(
+        messages in proptest::collection::vec(advance(), 3..10), at: prop::sample::Index, flip in 1u8..
+    ) {
+        let (mut sender, mut receiver) = (Sender::default(), Receiver::default());
+        let mut buffer = [0; MAX_FRAME];
+        for (n, message) in messages.iter().enumerate() {
+            let mut bytes = sender.encode(message, &mut buffer).to_vec();
+            if n == 1 {
+                // The closing zero stays, or the next frame's opening zero ends this one all the same.
+                let at = at.index(bytes.len());
+                bytes[at] ^= flip;
+                let got = receive(&mut receiver, &bytes);
+                prop_assert!(got.iter().all(Result::is_err));
+            } else if n == 2 {
+                let got = receive(&mut receiver, &bytes);
+                prop_assert_eq!(got.last(), Some(&Ok(*message)));
+            } else {
+                prop_assert_eq!(receive(&mut receiver, &bytes), [Ok(*message)]);
+            }
+        }
+        prop_assert_eq!(receiver.missed() > 0, receiver.bad() > 0);
+    }
+
+    #[test]
+    fn no_bytes_panic(bytes in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0)], 0..3000)) {
+        receive(&mut Receiver::<DeviceMessage>::default(), &bytes);
+        receive(&mut Receiver::<HostMessage>::default(), &bytes);
+    }
+
+    #[test]
+    fn no_content_with_a_good_checksum_panics(content in proptest::collection::vec(any::<u8>(), 0..300)) {
+        let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&content).to_le_bytes();
+        let mut frame = [0; MAX_FRAME];
+        let plain: Vec<u8> = content.iter().copied().chain(crc).collect();
+        let length = cobs::encode(&plain, &mut frame);
+        receive(&mut Receiver::<DeviceMessage>::default(), &frame[..=length]);
+        receive(&mut Receiver::<HostMessage>::default(), &frame[..=length]);
+    }
+}

@@ -1,0 +1,151 @@
+//! The listener on the emulated board. The host decides what time it is: arrival times through a socket mean nothing.
+//!
+//! For each [`Advance`] the board takes as many bytes from its buses as the host says it sent, does one step at the time
+//! the host gives, and answers. Bytes wait in the host's sockets until they are taken, so none is lost.
+#![no_std]
+#![no_main]
+
+use cortex_m_rt::{ExceptionFrame, entry, exception};
+use cortex_m_semihosting::debug::{EXIT_FAILURE, exit};
+use defmt_semihosting as _;
+use proprio_core::app::{App, Identity};
+use proprio_core::wire::{
+    Advance, Advanced, DeviceMessage, HostMessage, LEGS, MAX_FRAME, Receiver, Sender,
+};
+use proprio_firmware::board::mps2_an500::Board;
+use proprio_firmware::{Scalar, VERSION, stack::HighWater};
+use static_cell::StaticCell;
+
+const IDENTITY: Identity = Identity {
+    firmware: VERSION,
+    board: "mps2-an500",
+    load_unit: "instructions",
+    budget: 120_000,
+    cycle_us: 0,
+};
+
+/// Bytes of one bus that one step takes; a longer stretch is several steps at the same time.
+const BUS_BUFFER: usize = 1024;
+
+static APP: StaticCell<App<Scalar>> = StaticCell::new();
+static BUFFERS: StaticCell<[[u8; BUS_BUFFER]; LEGS]> = StaticCell::new();
+
+struct Listener {
+    board: Board,
+    app: &'static mut App<Scalar>,
+    buffers: &'static mut [[u8; BUS_BUFFER]; LEGS],
+    sender: Sender,
+    frame: [u8; MAX_FRAME],
+    stack: HighWater,
+    /// Time of the last step.
+    time_us: u64,
+}
+
+#[entry]
+fn main() -> ! {
+    let Some(board) = Board::take() else {
+        panic!("the board is taken once")
+    };
+    defmt::info!("proprio {} on {}", IDENTITY.firmware, IDENTITY.board);
+    let mut listener = Listener {
+        board,
+        app: APP.init_with(|| App::new(IDENTITY)),
+        buffers: BUFFERS.init_with(|| [[0; BUS_BUFFER]; LEGS]),
+        sender: Sender::default(),
+        frame: [0; MAX_FRAME],
+        stack: HighWater::new(),
+        time_us: 0,
+    };
+    let mut receiver = Receiver::<HostMessage>::default();
+    listener.step(0, [0; LEGS]);
+    loop {
+        let Some(byte) = listener.board.host.read() else {
+            continue;
+        };
+        match receiver.push(byte) {
+            None => {}
+            Some(Ok(HostMessage::Advance(advance))) => listener.advance(advance),
+            Some(Ok(message)) => {
+                listener.app.handle(&message);
+                listener.step(listener.time_us, [0; LEGS]);
+            }
+            Some(Err(_)) => defmt::warn!("damaged frame from the host"),
+        }
+        listener
+            .app
+            .record_host_frames(receiver.bad(), receiver.missed());
+    }
+}
+
+impl Listener {
+    fn advance(&mut self, advance: Advance) {
+        let mut left = advance.bytes;
+        loop {
+            let lengths = left.map(|bytes| bytes.min(BUS_BUFFER as u32));
+            self.fill(lengths);
+            self.step(advance.time_us, lengths);
+            for (left, length) in left.iter_mut().zip(lengths) {
+                *left -= length;
+            }
+            if left == [0; LEGS] {
+                break;
+            }
+        }
+        let done = DeviceMessage::Advanced(Advanced {
+            time_us: advance.time_us,
+        });
+        self.board
+            .host
+            .write(self.sender.encode(&done, &mut self.frame));
+    }
+
+    /// Waits until each bus has brought its number of bytes.
+    fn fill(&mut self, lengths: [u32; LEGS]) {
+        let mut filled = [0; LEGS];
+        while filled != lengths {
+            for leg in 0..LEGS {
+                if filled[leg] < lengths[leg]
+                    && let Some(byte) = self.board.buses[leg].read()
+                {
+                    self.buffers[leg][filled[leg] as usize] = byte;
+                    filled[leg] += 1;
+                }
+            }
+        }
+    }
+
+    /// One step of the application, its message made a frame; both are counted, the waiting for the UART is not.
+    fn step(&mut self, time_us: u64, lengths: [u32; LEGS]) {
+        self.time_us = time_us;
+        let Self {
+            app, sender, frame, ..
+        } = self;
+        let mut lengths = lengths.iter();
+        let buses = self.buffers.each_ref().map(|buffer| {
+            let length = lengths.next().map_or(0, |&length| length as usize);
+            &buffer[..length]
+        });
+        let mut told = 0;
+        let ((), instructions) = self.board.counter.count(|| {
+            app.step(time_us, buses, &mut |message| {
+                told = sender.encode(message, frame).len()
+            });
+        });
+        self.app.record_cost(instructions, self.stack.bytes());
+        self.board.host.write(&self.frame[..told]);
+    }
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    defmt::error!("{}", defmt::Display2Format(info));
+    exit(EXIT_FAILURE);
+    loop {}
+}
+
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    defmt::error!("hard fault at {:x}", frame.pc());
+    exit(EXIT_FAILURE);
+    loop {}
+}

@@ -1,0 +1,109 @@
+//! The Cortex-M7 board that QEMU emulates as `mps2-an500`.
+//!
+//! UART0 is the host link, UART1 to UART4 are the buses of FR, FL, RR and RL. Under `-icount shift=6` an instruction takes
+//! 2⁶ ns of emulated time and SysTick counts 40 ns, so that it counts instructions, the same in every run. The counts say
+//! nothing of a real core's latencies: they guard against regressions.
+//!
+//! Registers: Arm DDI 0479, CMSDK APB UART; addresses: Arm DAI 0500.
+
+use cortex_m::peripheral::{SYST, syst::SystClkSource};
+
+/// One of the board's CMSDK UARTs.
+pub struct Uart {
+    base: *mut u32,
+}
+
+const STATE: usize = 1;
+const CONTROL: usize = 2;
+const BAUD_DIVIDER: usize = 4;
+
+const TRANSMIT_FULL: u32 = 1;
+const RECEIVE_FULL: u32 = 2;
+
+impl Uart {
+    const fn new(base: usize) -> Self {
+        Self {
+            base: base as *mut u32,
+        }
+    }
+
+    fn read_register(&self, register: usize) -> u32 {
+        // SAFETY: `base` is the address of a UART of this board, whose registers are `register` words further.
+        unsafe { self.base.add(register).read_volatile() }
+    }
+
+    fn write_register(&mut self, register: usize, value: u32) {
+        // SAFETY: as in `read_register`; `&mut self` makes this the only writer.
+        unsafe { self.base.add(register).write_volatile(value) }
+    }
+
+    fn enable(&mut self) {
+        // The emulator does not pace by the divider but refuses one below 16.
+        self.write_register(BAUD_DIVIDER, 16);
+        self.write_register(CONTROL, 0b11);
+    }
+
+    /// The next byte, if one is there. Bytes are never lost: the emulator sends no byte before the last one was read.
+    pub fn read(&mut self) -> Option<u8> {
+        (self.read_register(STATE) & RECEIVE_FULL != 0).then(|| self.read_register(0) as u8)
+    }
+
+    /// Sends `bytes`, waiting for room.
+    pub fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            while self.read_register(STATE) & TRANSMIT_FULL != 0 {}
+            self.write_register(0, u32::from(byte));
+        }
+    }
+}
+
+/// Counts instructions with SysTick.
+pub struct InstructionCounter(SYST);
+
+const SYSTICK_NS: u32 = 40;
+const INSTRUCTION_NS_LOG2: u32 = 6;
+const SYSTICK_MAX: u32 = 0x00FF_FFFF;
+
+impl InstructionCounter {
+    fn new(mut syst: SYST) -> Self {
+        syst.set_clock_source(SystClkSource::Core);
+        syst.set_reload(SYSTICK_MAX);
+        syst.clear_current();
+        syst.enable_counter();
+        Self(syst)
+    }
+
+    /// Runs `work` and says how many instructions it took, up to ten million.
+    pub fn count<R>(&mut self, work: impl FnOnce() -> R) -> (R, u32) {
+        let before = SYST::get_current();
+        let result = work();
+        let ticks = before.wrapping_sub(SYST::get_current()) & SYSTICK_MAX;
+        (result, (ticks * SYSTICK_NS) >> INSTRUCTION_NS_LOG2)
+    }
+}
+
+/// Everything on the board that the listener uses.
+pub struct Board {
+    /// UART0.
+    pub host: Uart,
+    /// UART1 to UART4, in the order of the legs.
+    pub buses: [Uart; 4],
+    /// SysTick.
+    pub counter: InstructionCounter,
+}
+
+impl Board {
+    /// The board; `None` the second time.
+    pub fn take() -> Option<Self> {
+        let core = cortex_m::Peripherals::take()?;
+        let mut host = Uart::new(0x4000_4000);
+        let mut buses = [0x4000_5000, 0x4000_6000, 0x4000_7000, 0x4000_9000].map(Uart::new);
+        host.enable();
+        buses.iter_mut().for_each(Uart::enable);
+        Some(Self {
+            host,
+            buses,
+            counter: InstructionCounter::new(core.SYST),
+        })
+    }
+}

@@ -1,0 +1,63 @@
+//! The application in this process, for comparison with a device's.
+
+use proprio_core::Real;
+use proprio_core::app::{App, Identity};
+use proprio_core::go2::LEGS;
+use proprio_core::wire::{DeviceMessage, Hello};
+
+use super::{BusStep, Device, DeviceError};
+
+/// The application fed directly.
+pub struct Desktop<T: Real> {
+    app: Box<App<T>>,
+    hello: Hello,
+}
+
+impl<T: Real> Desktop<T> {
+    /// A device that has seen nothing.
+    pub fn new() -> Self {
+        let mut app = Box::new(App::new(Identity {
+            firmware: env!("CARGO_PKG_VERSION"),
+            board: "desktop",
+            load_unit: "nothing",
+            budget: u32::MAX,
+            cycle_us: 0,
+        }));
+        // Every board does one step at time 0, and it says hello.
+        let mut hello = None;
+        app.step(0, [&[]; LEGS], &mut |message| {
+            if let DeviceMessage::Hello(said) = message {
+                hello = Some(said.clone());
+            }
+        });
+        let hello = hello.expect("the application says hello in its first step");
+        Self { app, hello }
+    }
+}
+
+impl<T: Real> Default for Desktop<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real> Device for Desktop<T> {
+    fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    fn play(
+        &mut self,
+        step: &BusStep,
+        told: &mut dyn FnMut(DeviceMessage),
+    ) -> Result<(), DeviceError> {
+        let buses = step.buses.each_ref().map(Vec::as_slice);
+        self.app
+            .step(step.time_us, buses, &mut |message| told(message.clone()));
+        Ok(())
+    }
+
+    fn settle(&mut self, _: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,68 @@
+//! The firmware image, built by `firmware/build` of the clone that this program is from.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use super::DeviceError;
+
+/// What the firmware computes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scalar {
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+}
+
+impl Scalar {
+    /// "f32" or "f64".
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+        }
+    }
+}
+
+/// Builds the emulated board's image if it is not up to date, and says where it is. The compiler's messages go to standard
+/// error; a first build takes about a minute.
+///
+/// # Errors
+/// [`DeviceError::NoSources`], [`DeviceError::Build`].
+pub fn build(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    let script = workspace()
+        .ok_or(DeviceError::NoSources)?
+        .join("firmware/build");
+    let output = Command::new("sh")
+        .arg(&script)
+        .arg(scalar.name())
+        // Set by `cargo run` and `cargo test`; the firmware's cargo and rustc are not those of this program.
+        .env_remove("CARGO")
+        .env_remove("RUSTC")
+        .env_remove("RUSTFLAGS")
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| DeviceError::Build(format!("{}: {error}", script.display())))?;
+    if !output.status.success() {
+        return Err(DeviceError::Build(format!(
+            "{}: {}",
+            script.display(),
+            output.status
+        )));
+    }
+    Ok(PathBuf::from(
+        String::from_utf8_lossy(&output.stdout).trim(),
+    ))
+}
+
+/// The clone this program was built in, or else the one around the current directory.
+fn workspace() -> Option<PathBuf> {
+    let built_in = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .map(Path::to_path_buf);
+    let current = std::env::current_dir().unwrap_or_default();
+    built_in
+        .into_iter()
+        .chain(current.ancestors().map(Path::to_path_buf))
+        .find(|directory| directory.join("firmware/build").is_file())
+}

@@ -1,0 +1,83 @@
+//! Devices that run proprio's application: the firmware in an emulator, the firmware on a board, the same code in-process.
+//!
+//! All three take [`BusStep`]s, the bytes of the motor buses between two moments, and tell [`DeviceMessage`]s. The emulated
+//! and the in-process device live in the time of the steps; a board lives in its own, so that steps are sent when they are
+//! due ([`serial`]).
+
+mod desktop;
+pub mod image;
+mod link;
+pub mod qemu;
+pub mod replay;
+pub mod serial;
+
+pub use desktop::Desktop;
+pub use qemu::Qemu;
+
+use proprio_core::go2::LEGS;
+use proprio_core::wire::{DeviceMessage, Hello, WireError};
+
+/// What the four buses carry between the last step and this one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BusStep {
+    /// Time of the step, µs.
+    pub time_us: u64,
+    /// Bytes of each leg's bus, in SDK order.
+    pub buses: [Vec<u8>; LEGS],
+}
+
+/// Something that listens to motor buses.
+pub trait Device {
+    /// What the device said of itself.
+    fn hello(&self) -> &Hello;
+
+    /// Plays one step. What the device says meanwhile, to this or an earlier step, goes to `told`.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device cannot be reached any more.
+    fn play(
+        &mut self,
+        step: &BusStep,
+        told: &mut dyn FnMut(DeviceMessage),
+    ) -> Result<(), DeviceError>;
+
+    /// Waits until all steps are done.
+    ///
+    /// # Errors
+    /// As [`Self::play`].
+    fn settle(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError>;
+}
+
+/// Why a device cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// The firmware's sources are not where this program was built, nor above the current directory.
+    #[error("the firmware's sources are not here: run this inside a clone of proprio")]
+    NoSources,
+    /// The firmware did not build; the compiler has said why.
+    #[error("the firmware did not build: {0}")]
+    Build(String),
+    /// The emulator is not installed.
+    #[error("qemu-system-arm is not installed: on Debian, apt-get install qemu-system-arm")]
+    NoEmulator,
+    /// The emulator ended or never came up.
+    #[error("the emulator ended ({0}); its output: {1}")]
+    Emulator(String, String),
+    /// The device says nothing.
+    #[error("the device has said nothing for {0} s")]
+    Silent(u64),
+    /// The device speaks another language.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// A serial port cannot be opened or set.
+    #[error("{port}: {source}")]
+    Port {
+        /// Its name.
+        port: String,
+        /// What the operating system says.
+        source: serialport::Error,
+    },
+    /// A link failed.
+    #[error("the link to the device: {0}")]
+    Link(#[from] std::io::Error),
+}

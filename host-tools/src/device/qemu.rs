@@ -1,0 +1,199 @@
+//! The firmware on an emulated Cortex-M7.
+//!
+//! QEMU's five UARTs are sockets that this process listens on. QEMU takes a byte only when the firmware has read the one
+//! before, so nothing is lost however fast it is sent. The firmware lives in the time of the steps: with each step's bytes
+//! goes an [`Advance`] that says when it is and how many bytes belong to it. Several steps may be under way; what the
+//! device does is the same.
+
+use std::io::{Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use proprio_core::go2::LEGS;
+use proprio_core::wire::{Advance, DeviceMessage, Hello, HostMessage};
+
+use super::link::{Link, PATIENCE};
+use super::{BusStep, Device, DeviceError};
+
+/// Steps that may be under way. Their bytes, and the answers, must fit the sockets' buffers.
+const IN_FLIGHT: usize = 64;
+
+/// Name of the emulator.
+pub const EMULATOR: &str = "qemu-system-arm";
+
+/// A running emulator; ended when dropped.
+pub struct Qemu {
+    child: Process,
+    link: Link<UnixStream>,
+    buses: [UnixStream; LEGS],
+    hello: Hello,
+    in_flight: usize,
+}
+
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // Both fail only if it has ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Qemu {
+    /// Boots `image` and waits for its hello. The device's log, defmt frames, goes to `image` with `.log` appended.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn boot(image: &Path) -> Result<Self, DeviceError> {
+        let directory = tempfile::tempdir()?;
+        let sockets: [_; LEGS + 1] =
+            std::array::from_fn(|n| directory.path().join(format!("uart{n}")));
+        let listeners = sockets.each_ref().map(UnixListener::bind);
+        let mut command = Command::new(EMULATOR);
+        command.args([
+            "-machine",
+            "mps2-an500",
+            "-nographic",
+            "-monitor",
+            "none",
+            "-icount",
+            "shift=6",
+        ]);
+        let log = image.with_added_extension("log");
+        command
+            .arg("-chardev")
+            .arg(format!("file,id=log,path={}", log.display()));
+        command.args(["-semihosting-config", "enable=on,target=native,chardev=log"]);
+        for (n, socket) in sockets.iter().enumerate() {
+            command
+                .arg("-chardev")
+                .arg(format!("socket,id=uart{n},path={}", socket.display()));
+            command.arg("-serial").arg(format!("chardev:uart{n}"));
+        }
+        command.arg("-kernel").arg(image);
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        let child = command.spawn().map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => DeviceError::NoEmulator,
+            _ => error.into(),
+        })?;
+        let mut child = Process(child);
+        let mut streams = Vec::new();
+        for listener in listeners {
+            streams.push(accept(&listener?, &mut child)?);
+        }
+        let [host, buses @ ..] =
+            <[UnixStream; LEGS + 1]>::try_from(streams).map_err(|_| DeviceError::Silent(0))?;
+        host.set_read_timeout(Some(Duration::from_millis(500)))?;
+        let mut link = Link::new(host);
+        let hello = link.hello().map_err(|error| child.explain(error))?;
+        Ok(Self {
+            child,
+            link,
+            buses,
+            hello,
+            in_flight: 0,
+        })
+    }
+
+    /// Frames from the device that were damaged, and that never came.
+    pub fn losses(&self) -> (u32, u32) {
+        self.link.losses()
+    }
+
+    /// Receives until at most `allowed` steps are under way.
+    fn wait(
+        &mut self,
+        allowed: usize,
+        told: &mut dyn FnMut(DeviceMessage),
+    ) -> Result<(), DeviceError> {
+        let mut heard = Instant::now();
+        while self.in_flight > allowed {
+            let in_flight = &mut self.in_flight;
+            let came = self.link.receive(&mut |message| match message {
+                DeviceMessage::Advanced(_) => *in_flight = in_flight.saturating_sub(1),
+                message => told(message),
+            });
+            match came.map_err(|error| self.child.explain(error))? {
+                true => heard = Instant::now(),
+                false if heard.elapsed() > PATIENCE => {
+                    return Err(self.child.explain(DeviceError::Silent(PATIENCE.as_secs())));
+                }
+                false => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Device for Qemu {
+    fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    fn play(
+        &mut self,
+        step: &BusStep,
+        told: &mut dyn FnMut(DeviceMessage),
+    ) -> Result<(), DeviceError> {
+        self.wait(IN_FLIGHT - 1, told)?;
+        let bytes = step.buses.each_ref().map(|bytes| bytes.len() as u32);
+        // First, so that the device takes bytes while they are written, should they be many.
+        self.link.send(&HostMessage::Advance(Advance {
+            time_us: step.time_us,
+            bytes,
+        }))?;
+        for (bus, bytes) in self.buses.iter_mut().zip(&step.buses) {
+            bus.write_all(bytes)?;
+        }
+        self.in_flight += 1;
+        Ok(())
+    }
+
+    fn settle(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
+        self.wait(0, told)
+    }
+}
+
+impl Process {
+    /// If the emulator has ended, that is the error.
+    fn explain(&mut self, error: DeviceError) -> DeviceError {
+        match self.0.try_wait() {
+            Ok(Some(status)) => {
+                let mut output = String::new();
+                if let Some(stderr) = &mut self.0.stderr {
+                    let _ = stderr.read_to_string(&mut output);
+                }
+                DeviceError::Emulator(status.to_string(), output.trim().to_owned())
+            }
+            _ => error,
+        }
+    }
+}
+
+/// The emulator's connection to one socket.
+fn accept(listener: &UnixListener, child: &mut Process) -> Result<UnixStream, DeviceError> {
+    listener.set_nonblocking(true)?;
+    let started = Instant::now();
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                stream.set_nonblocking(false)?;
+                return Ok(stream);
+            }
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error.into()),
+        }
+        let silent = DeviceError::Silent(PATIENCE.as_secs());
+        match child.explain(silent) {
+            DeviceError::Silent(_) if started.elapsed() < PATIENCE => {}
+            error => return Err(error),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}

@@ -1,0 +1,100 @@
+//! A board on serial ports.
+//!
+//! A board lives in its own time, so steps are sent when they are due. One port is the host link; each leg that is to be
+//! played needs an RS-485 adapter of its own at [`BUS_BAUD`], wired to that leg's input.
+
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use proprio_core::go2::LEGS;
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
+use serialport::SerialPort;
+
+use super::link::Link;
+use super::{BusStep, Device, DeviceError};
+
+/// Baud rate of the host link.
+pub const HOST_BAUD: u32 = 921_600;
+/// Baud rate of the motor bus.
+pub const BUS_BAUD: u32 = 4_000_000;
+
+/// A board.
+pub struct SerialDevice {
+    link: Link<Box<dyn SerialPort>>,
+    buses: [Option<Box<dyn SerialPort>>; LEGS],
+    hello: Hello,
+    /// When the first step was sent and what its time was.
+    start: Option<(Instant, u64)>,
+}
+
+impl SerialDevice {
+    /// Opens the host link and the adapters, and asks the board who it is.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn open(host: &str, buses: [Option<&str>; LEGS]) -> Result<Self, DeviceError> {
+        let mut link = Link::new(open(host, HOST_BAUD)?);
+        let mut adapters = [const { None }; LEGS];
+        for (adapter, port) in adapters.iter_mut().zip(buses) {
+            *adapter = port.map(|port| open(port, BUS_BAUD)).transpose()?;
+        }
+        link.send(&HostMessage::RequestHello)?;
+        let hello = link.hello()?;
+        Ok(Self {
+            link,
+            buses: adapters,
+            hello,
+            start: None,
+        })
+    }
+
+    /// What has come since the last call, waiting up to a millisecond.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn listen(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
+        self.link.receive(told).map(drop)
+    }
+}
+
+fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
+    serialport::new(port, baud)
+        .timeout(Duration::from_millis(1))
+        .open()
+        .map_err(|source| DeviceError::Port {
+            port: port.to_owned(),
+            source,
+        })
+}
+
+impl Device for SerialDevice {
+    fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    fn play(
+        &mut self,
+        step: &BusStep,
+        told: &mut dyn FnMut(DeviceMessage),
+    ) -> Result<(), DeviceError> {
+        let (started, first_us) = *self.start.get_or_insert((Instant::now(), step.time_us));
+        let due = started + Duration::from_micros(step.time_us.saturating_sub(first_us));
+        while Instant::now() < due {
+            self.listen(told)?;
+        }
+        for (bus, bytes) in self.buses.iter_mut().zip(&step.buses) {
+            if let Some(bus) = bus {
+                bus.write_all(bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn settle(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
+        let until = Instant::now() + Duration::from_millis(200);
+        while Instant::now() < until {
+            self.listen(told)?;
+        }
+        Ok(())
+    }
+}

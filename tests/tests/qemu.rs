@@ -1,0 +1,95 @@
+//! The real firmware image on the emulated Cortex-M7: it says what the same code says on the desktop.
+//!
+//! Without the emulator these tests fail, unless `PROPRIO_SKIP_QEMU` is set; then they say that they were skipped.
+
+use proprio::device::replay::{ReplayError, bus_step, replay};
+use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio_core::go2::Leg;
+use proprio_core::wire::{Counters, DeviceMessage, Estimate, SCHEMA};
+use proprio_tests::motion;
+
+/// The emulated board with the image for `scalar`; `None` if the emulator is missing and may be.
+fn boot(scalar: image::Scalar) -> Option<Qemu> {
+    let image = image::build(scalar).unwrap();
+    match Qemu::boot(&image) {
+        Err(DeviceError::NoEmulator) if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() => {
+            eprintln!(
+                "SKIPPED: {} (PROPRIO_SKIP_QEMU is set)",
+                DeviceError::NoEmulator
+            );
+            None
+        }
+        booted => Some(booted.unwrap()),
+    }
+}
+
+/// `samples` steps of the legs in `legs`.
+fn steps(legs: &[Leg], samples: u64) -> Vec<BusStep> {
+    let step = |n| {
+        let instant = Leg::ALL.map(|leg| legs.contains(&leg).then(|| motion::sample(leg, n)));
+        bus_step(n * motion::SAMPLE_US, &instant).unwrap()
+    };
+    (1..=samples).map(step).collect()
+}
+
+/// All estimates and the last counters.
+fn told(device: &mut dyn Device, steps: &[BusStep]) -> (Vec<Estimate>, Counters) {
+    let (mut estimates, mut counters) = (Vec::new(), Counters::default());
+    let steps = steps.iter().cloned().map(Ok::<_, ReplayError>);
+    let mut hear = |message| match message {
+        DeviceMessage::Estimate(estimate) => estimates.push(estimate),
+        DeviceMessage::Counters(latest) => counters = latest,
+        DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
+    };
+    replay(steps, device, &mut hear).unwrap();
+    (estimates, counters)
+}
+
+#[test]
+fn the_board_says_hello() {
+    let Some(qemu) = boot(image::Scalar::F64) else {
+        return;
+    };
+    let hello = qemu.hello();
+    assert_eq!(hello.schema, SCHEMA);
+    assert_eq!(hello.board, "mps2-an500");
+    assert_eq!(hello.firmware, env!("CARGO_PKG_VERSION"));
+    let capacities = hello.capacities;
+    assert_eq!(
+        (
+            capacities.legs,
+            capacities.joints_per_leg,
+            capacities.scalar_bits
+        ),
+        (4, 3, 64)
+    );
+    assert_eq!(
+        (capacities.inertial_parameters, capacities.effect_parameters),
+        (30, 12)
+    );
+    assert_eq!(capacities.window_us, 20_000);
+}
+
+#[test]
+fn board_and_desktop_say_the_same() {
+    for (name, legs) in [("one leg", &Leg::ALL[2..3]), ("four legs", &Leg::ALL[..])] {
+        let Some(mut qemu) = boot(image::Scalar::F64) else {
+            return;
+        };
+        let steps = steps(legs, 1500);
+        let (board, on_board) = told(&mut qemu, &steps);
+        let (desktop, on_desktop) = told(&mut Desktop::<f64>::new(), &steps);
+        assert_eq!(qemu.losses(), (0, 0));
+        assert!(board.len() >= 100, "{name}: {} estimates", board.len());
+        assert_eq!(board, desktop, "{name}");
+        assert_eq!(on_board.legs, on_desktop.legs);
+        for leg in legs {
+            let counters = on_board.legs[leg.index()];
+            assert_eq!(
+                (counters.replies, counters.used, counters.windows),
+                (4500, 1500, 149)
+            );
+            assert_eq!(counters.skipped_bytes, 0);
+        }
+    }
+}
