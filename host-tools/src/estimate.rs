@@ -1,7 +1,7 @@
 //! Estimates of parameters, wherever they were made: their errors, their standing against the prior, their table.
 
 use proprio_core::effect::EffectKind;
-use proprio_core::estimator::{LegPrior, LegVector};
+use proprio_core::estimator::{LegFactors, LegPrior, LegSolver, LegVector};
 use proprio_core::factor::FactorError;
 use proprio_core::go2::Leg;
 use serde::Serialize;
@@ -51,6 +51,30 @@ impl Status {
     }
 }
 
+/// A leg's θ and standard deviations.
+#[derive(Debug, Clone, Copy)]
+pub struct Fit {
+    /// θ.
+    pub values: LegVector<f64>,
+    /// Standard deviations.
+    pub std: LegVector<f64>,
+}
+
+/// The fit to `data` on top of `prior`; without data it is the prior.
+///
+/// # Errors
+/// As the core's solver's.
+pub fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Fit, FactorError> {
+    let mut solver = LegSolver::default();
+    solver.start(prior, data);
+    while !solver.advance()? {}
+    let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
+    Ok(Fit {
+        values: own(solver.values()),
+        std: own(solver.std()),
+    })
+}
+
 /// A leg's parameters from its θ and standard deviations, in the estimator's order.
 ///
 /// # Errors
@@ -60,7 +84,10 @@ pub fn of_leg(
     values: &LegVector<f64>,
     std: &LegVector<f64>,
 ) -> Result<Vec<ParameterEstimate>, FactorError> {
-    let (prior, prior_std) = LegPrior::new(leg).marginals()?;
+    let Fit {
+        values: prior,
+        std: prior_std,
+    } = solve(&LegPrior::of(leg), &LegFactors::default())?;
     let named = parameter::names_of_leg(leg).into_iter().enumerate();
     let estimates = named.map(|(k, (name, unit))| ParameterEstimate {
         name,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proprio_core::estimator::{
-    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegWindow, Solution, Solver, plausible,
+    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegWindow, plausible,
 };
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
@@ -126,9 +126,9 @@ impl LegIdentifier {
             Push::Closed => {
                 let rows = self.window.rows();
                 // Samples are checked to be finite, so the rows are, and no fold refuses them.
-                self.windows += u64::from(self.all.fold(rows).is_ok());
+                self.windows += u64::from(self.all.fold_window(rows).is_ok());
                 if let Some(fold) = fold(rows) {
-                    let _ = self.folds[fold].fold(rows);
+                    let _ = self.folds[fold].fold_window(rows);
                 }
             }
             Push::Gap => samples.gaps += 1,
@@ -142,10 +142,10 @@ impl LegIdentifier {
     }
 
     pub(super) fn fit(&self) -> Result<LegFit, FactorError> {
-        let prior = LegPrior::new(self.leg);
-        let solution = solve(&prior, &self.all)?;
+        let prior = LegPrior::of(self.leg);
+        let solution = estimate::solve(&prior, &self.all)?;
 
-        let mut urdf = prior.marginals()?.0;
+        let mut urdf = estimate::solve(&prior, &LegFactors::default())?.values;
         urdf[LEG_INERTIAL..].fill(0.0);
         let mut joints = [Misfit::default(); JOINTS_PER_LEG];
         for (joint, misfit) in joints.iter_mut().enumerate() {
@@ -157,7 +157,7 @@ impl LegIdentifier {
             if train.windows() == 0.0 {
                 continue;
             }
-            let theta = solve(&prior, train)?.values;
+            let theta = estimate::solve(&prior, train)?.values;
             for (joint, misfit) in joints.iter_mut().enumerate() {
                 misfit.held_out += test.sum_of_squares(joint, &theta);
                 misfit.held_out_windows += test.windows();
@@ -188,11 +188,4 @@ fn quantity(reason: Implausible) -> &'static str {
         Implausible::Speed => "velocity",
         Implausible::Torque => "torque",
     }
-}
-
-fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Solution<f64>, FactorError> {
-    let mut solver = Solver::default();
-    solver.start(prior, data);
-    while !solver.advance()? {}
-    Ok(*solver.solution())
 }
