@@ -15,7 +15,7 @@ use proprio_core::go2::{LEGS, Leg};
 
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
-pub use result::{Identification, JointFit, ParameterEstimate, Samples, Status};
+pub use result::{Identification, JointFit, Samples};
 
 /// How to identify.
 #[derive(Debug, Clone, Copy, Default)]
