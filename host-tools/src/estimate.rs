@@ -1,7 +1,10 @@
 //! Estimates of parameters, wherever they were made: their errors, their standing against the prior, their table.
 
+use proprio_core::consistent::{Held, LegConsistentSolver};
 use proprio_core::effect::EffectKind;
-use proprio_core::estimator::{LegFactors, LegPrior, LegSolver, LegVector};
+use proprio_core::estimator::{
+    LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
+};
 use proprio_core::factor::FactorError;
 use proprio_core::go2::Leg;
 use serde::Serialize;
@@ -27,6 +30,8 @@ pub struct ParameterEstimate {
     pub prior_std: f64,
     /// Where the value comes from.
     pub status: Status,
+    /// The data would have it beyond what is physical; it is held at the bound.
+    pub at_bound: bool,
 }
 
 /// Where a parameter's value comes from.
@@ -58,45 +63,73 @@ pub struct Fit {
     pub values: LegVector<f64>,
     /// Standard deviations.
     pub std: LegVector<f64>,
+    /// The effects held at a bound.
+    pub held: Held,
+}
+
+/// Whether a fit may take values that no body and no friction can have.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Constraint {
+    /// It may: what the device streams. An unphysical value tells that the model lacks something.
+    #[default]
+    Free,
+    /// Every body could exist, every friction and rotor inertia is at least zero.
+    Physical,
 }
 
 /// The fit to `data` on top of `prior`; without data it is the prior.
 ///
 /// # Errors
-/// As the core's solver's.
-pub fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Fit, FactorError> {
-    let mut solver = LegSolver::default();
-    solver.start(prior, data);
-    while !solver.advance()? {}
+/// As the core's solvers'.
+pub fn solve(
+    prior: &LegPrior<f64>,
+    data: &LegFactors<f64>,
+    constraint: Constraint,
+) -> Result<Fit, FactorError> {
     let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
-    Ok(Fit {
-        values: own(solver.values()),
-        std: own(solver.std()),
-    })
+    let mut solver = LegSolver::default();
+    match constraint {
+        Constraint::Free => {
+            solver.start(prior, data);
+            while !solver.advance()? {}
+            let held = Held::default();
+            Ok(Fit {
+                values: own(solver.values()),
+                std: own(solver.std()),
+                held,
+            })
+        }
+        Constraint::Physical => {
+            let mut solver = LegConsistentSolver::new(prior, solver, [0.0; LEG_PARAMETERS]);
+            solver.solve(data)?;
+            let held = solver.held();
+            Ok(Fit {
+                values: own(solver.values()),
+                std: own(solver.std()),
+                held,
+            })
+        }
+    }
 }
 
-/// A leg's parameters from its θ and standard deviations, in the estimator's order.
+/// A leg's parameters from its fit, in the estimator's order.
 ///
 /// # Errors
 /// [`FactorError`] if the leg has no prior; the Go2's have.
-pub fn of_leg(
-    leg: Leg,
-    values: &LegVector<f64>,
-    std: &LegVector<f64>,
-) -> Result<Vec<ParameterEstimate>, FactorError> {
-    let Fit {
-        values: prior,
-        std: prior_std,
-    } = solve(&LegPrior::of(leg), &LegFactors::default())?;
+pub fn of_leg(leg: Leg, fit: &Fit) -> Result<Vec<ParameterEstimate>, FactorError> {
+    let prior = solve(&LegPrior::of(leg), &LegFactors::default(), Constraint::Free)?;
     let named = parameter::names_of_leg(leg).into_iter().enumerate();
     let estimates = named.map(|(k, (name, unit))| ParameterEstimate {
         name,
         unit,
-        value: values[k],
-        std: std[k],
-        prior: prior[k],
-        prior_std: prior_std[k],
-        status: Status::of(std[k], prior_std[k]),
+        value: fit.values[k],
+        std: fit.std[k],
+        prior: prior.values[k],
+        prior_std: prior.std[k],
+        status: Status::of(fit.std[k], prior.std[k]),
+        at_bound: k
+            .checked_sub(LEG_INERTIAL)
+            .is_some_and(|n| fit.held.contains(n)),
     });
     Ok(estimates.collect())
 }
@@ -117,6 +150,7 @@ impl ParameterEstimate {
 
     fn cell(&self) -> String {
         let mark = match self.status {
+            _ if self.at_bound => "(b)",
             Status::Identified => "   ",
             Status::Prior => "(p)",
             Status::Unexcited => "(u)",
@@ -127,7 +161,7 @@ impl ParameterEstimate {
 
 /// What [`effect_table`]'s marks mean.
 pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) held by the prior, (u) unexcited: \
-                          the prior alone.";
+                          the prior alone,\n(b) at its bound: the data would have it unphysical.";
 
 /// A table of the joints' effects, with further columns of which the headings, units and cells are given.
 pub fn effect_table<const N: usize>(

@@ -8,10 +8,11 @@ use clap::{Args, ValueEnum};
 use proprio::device::replay::{self, ReplayError, bus_step};
 use proprio::device::serial::SerialDevice;
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
-use proprio::estimate::{self, LEGEND, ParameterEstimate, effect_table};
+use proprio::estimate::{self, Fit, LEGEND, ParameterEstimate, effect_table};
 use proprio::identification::IdentificationError;
 use proprio::log::{JointId, LogReader, Selection, leg_named};
 use proprio::table::Table;
+use proprio_core::consistent::Held;
 use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{Counters, DeviceMessage, Estimate, Hello, LegCounters};
 use serde::Serialize;
@@ -237,9 +238,12 @@ impl Report {
                 warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
             }
             let number = |from: &[f32], k: usize| from.get(k).map_or(f64::NAN, |&v| f64::from(v));
-            let values = std::array::from_fn(|k| number(&estimate.values, k));
-            let std = std::array::from_fn(|k| number(&estimate.std, k));
-            let estimates = estimate::of_leg(leg, &values, &std);
+            let fit = Fit {
+                values: std::array::from_fn(|k| number(&estimate.values, k)),
+                std: std::array::from_fn(|k| number(&estimate.std, k)),
+                held: Held::default(),
+            };
+            let estimates = estimate::of_leg(leg, &fit);
             parameters
                 .extend(estimates.map_err(|source| IdentificationError::Solve { leg, source })?);
             let (windows, noise) = (estimate.windows, estimate.noise);

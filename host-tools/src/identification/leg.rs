@@ -12,7 +12,7 @@ use proprio_core::window::{Implausible, Push, Sample, Settings, Window};
 
 use super::IdentificationError;
 use super::result::Samples;
-use crate::estimate::{self, ParameterEstimate};
+use crate::estimate::{self, Constraint, ParameterEstimate};
 
 /// Windows of the estimator, here and on the device.
 pub(super) const SETTINGS: Settings = Settings {
@@ -141,11 +141,11 @@ impl LegIdentifier {
         }
     }
 
-    pub(super) fn fit(&self) -> Result<LegFit, FactorError> {
+    pub(super) fn fit(&self, constraint: Constraint) -> Result<LegFit, FactorError> {
         let prior = LegPrior::of(self.leg);
-        let solution = estimate::solve(&prior, &self.all)?;
+        let solution = estimate::solve(&prior, &self.all, constraint)?;
 
-        let mut urdf = estimate::solve(&prior, &LegFactors::default())?.values;
+        let mut urdf = estimate::solve(&prior, &LegFactors::default(), Constraint::Free)?.values;
         urdf[LEG_INERTIAL..].fill(0.0);
         let mut joints = [Misfit::default(); JOINTS_PER_LEG];
         for (joint, misfit) in joints.iter_mut().enumerate() {
@@ -157,13 +157,13 @@ impl LegIdentifier {
             if train.windows() == 0.0 {
                 continue;
             }
-            let theta = estimate::solve(&prior, train)?.values;
+            let theta = estimate::solve(&prior, train, constraint)?.values;
             for (joint, misfit) in joints.iter_mut().enumerate() {
                 misfit.held_out += test.sum_of_squares(joint, &theta);
                 misfit.held_out_windows += test.windows();
             }
         }
-        let parameters = estimate::of_leg(self.leg, &solution.values, &solution.std)?;
+        let parameters = estimate::of_leg(self.leg, &solution)?;
         let (samples, windows) = (self.samples, self.windows);
         Ok(LegFit {
             leg: self.leg,
