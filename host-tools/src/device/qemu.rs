@@ -59,7 +59,7 @@ impl Qemu {
             "-nographic",
             "-monitor",
             "none",
-            "-icount",
+            "-echr", "0x100", "-icount",
             "shift=6",
         ]);
         let log = image.with_added_extension("log");
@@ -70,7 +70,7 @@ impl Qemu {
         for (n, socket) in sockets.iter().enumerate() {
             command
                 .arg("-chardev")
-                .arg(format!("socket,id=uart{n},path={}", socket.display()));
+                .arg(format!("socket,id=uart{n},mux=on,path={}", socket.display()));
             command.arg("-serial").arg(format!("chardev:uart{n}"));
         }
         command.arg("-kernel").arg(image);
