@@ -106,7 +106,7 @@ impl Listener {
         while filled != lengths {
             let before = filled;
             for leg in 0..LEGS {
-                if filled[leg] < lengths[leg]
+                while filled[leg] < lengths[leg]
                     && let Some(byte) = self.board.buses[leg].read()
                 {
                     self.buffers[leg][filled[leg] as usize] = byte;
@@ -115,8 +115,14 @@ impl Listener {
             }
             match (filled == before, idle) {
                 (false, _) => idle = false,
-                (true, false) => { self.board.clear(); idle = true; }
-                (true, true) => { self.board.sleep(); idle = false; }
+                (true, false) => {
+                    self.board.clear();
+                    idle = true;
+                }
+                (true, true) => {
+                    self.board.sleep();
+                    idle = false;
+                }
             }
         }
     }

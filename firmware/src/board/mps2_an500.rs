@@ -48,7 +48,10 @@ impl Uart {
     fn enable(&mut self) {
         // The emulator does not pace by the divider but refuses one below 16.
         self.write_register(BAUD_DIVIDER, 16);
-        self.write_register(CONTROL, TRANSMIT_ENABLE | RECEIVE_ENABLE | RECEIVE_INTERRUPT);
+        self.write_register(
+            CONTROL,
+            TRANSMIT_ENABLE | RECEIVE_ENABLE | RECEIVE_INTERRUPT,
+        );
     }
 
     /// The next byte, if one is there. Bytes are never lost: the emulator sends no byte before the last one was read.
@@ -120,7 +123,12 @@ impl Board {
         // SAFETY: with interrupts disabled no handler runs.
         unsafe { nvic.iser[0].write(RECEIVE_IRQS) };
         let counter = InstructionCounter::new(core.SYST);
-        Some(Self { host, buses, counter, nvic })
+        Some(Self {
+            host,
+            buses,
+            counter,
+            nvic,
+        })
     }
 
     /// Sleeps until a byte has come to any UART since the last [`Self::clear`].
