@@ -8,7 +8,7 @@
 use crate::factor::BodyFactor;
 use crate::spatial::{Force, Motion, Transform};
 use crate::{Real, scalar::real};
-use nalgebra::{Matrix3, Matrix4, SMatrix, SVector, Vector3};
+use nalgebra::{Cholesky, Matrix3, Matrix4, SMatrix, SVector, Vector3};
 
 /// How many inertial parameters a body has.
 pub const INERTIAL: usize = 10;
@@ -121,7 +121,7 @@ impl<T: Real> InertialParameters<T> {
         )
     }
 
-    /// The CAD prior: the knowledge that the body is this one up to a relative uncertainty, as a triangle of ten rows.
+    /// The CAD prior: the knowledge that a body is this one up to a relative uncertainty, as a triangle of ten rows.
     ///
     /// With P₀ = L Lᵀ this body's pseudo-inertia, the squared distance of another is ‖L⁻¹ (P − P₀) L⁻ᵀ‖² / `relative`²: the
     /// second-order part of the affine-invariant distance between pseudo-inertias (Lee, Wensing & Park 2020). It is the same
@@ -130,45 +130,55 @@ impl<T: Real> InertialParameters<T> {
     ///
     /// `None` if this body is not physical.
     pub fn prior(&self, relative: T) -> Option<BodyFactor<T>> {
-        let inverse = nalgebra::Cholesky::new(self.pseudo_inertia())?
-            .l()
-            .try_inverse()?;
+        self.divergence_near(self, relative)
+    }
+
+    /// The second-order expansion, about `self`, of the prior that keeps a body near `cad` *and* physical.
+    ///
+    /// That prior is the Bregman divergence of −log det (Lee & Park 2018),
+    /// (2 / `relative`²) (tr(P₀⁻¹ P) − log det(P₀⁻¹ P) − 4): convex in φ, infinite at the edge of the physical bodies, and
+    /// equal to [`prior`](Self::prior) to second order about the CAD's P₀. About P = L Lᵀ it is, up to a constant,
+    /// ‖W − (1 − Lᵀ P₀⁻¹ L)‖² / `relative`² with W = L⁻¹ δP L⁻ᵀ linear in δφ: ten rows again.
+    ///
+    /// `None` if one of the two bodies is not physical.
+    pub fn divergence_near(&self, cad: &Self, relative: T) -> Option<BodyFactor<T>> {
+        let l = Cholesky::new(self.pseudo_inertia())?.l();
+        let inverse = l.try_inverse()?;
+        let pull = Matrix4::identity() - l.tr_mul(&Cholesky::new(cad.pseudo_inertia())?.solve(&l));
         let mut distance = SMatrix::<T, INERTIAL, INERTIAL>::zeros();
         for c in 0..INERTIAL {
             let unit = Self(SVector::from_fn(
                 |r, _| if r == c { T::one() } else { T::zero() },
             ));
-            let whitened = inverse * unit.pseudo_inertia() * inverse.transpose() / relative;
-            let mut r = 0;
-            for i in 0..4 {
-                for j in 0..=i {
-                    // Off the diagonal an entry stands twice in the norm.
-                    let times = if i == j {
-                        T::one()
-                    } else {
-                        real::<T>(2.0).sqrt()
-                    };
-                    distance[(r, c)] = whitened[(i, j)] * times;
-                    r += 1;
-                }
-            }
+            let whitened = inverse * unit.pseudo_inertia() * inverse.transpose();
+            distance.set_column(c, &(lower_triangle(&whitened) / relative));
         }
-        let here = distance * self.0;
+        let right = distance * self.0 + lower_triangle(&pull) / relative;
         let mut factor = BodyFactor::new::<INERTIAL>();
         for r in 0..INERTIAL {
             let mut row = [T::zero(); INERTIAL + 1];
             row.iter_mut()
                 .zip(distance.row(r).iter())
                 .for_each(|(to, from)| *to = *from);
-            row[INERTIAL] = here[r];
+            row[INERTIAL] = right[r];
             factor.update(&mut row).ok()?;
         }
         Some(factor)
     }
 
+    /// The divergence itself, tr(P₀⁻¹ P) − log det(P₀⁻¹ P) − 4 ≥ 0; `None` if one of the two bodies is not physical.
+    pub fn divergence(&self, cad: &Self) -> Option<T> {
+        let p = self.pseudo_inertia();
+        let (here, there) = (Cholesky::new(p)?, Cholesky::new(cad.pseudo_inertia())?);
+        let ratio = (0..4).fold(T::one(), |ratio, k| {
+            ratio * here.l()[(k, k)] / there.l()[(k, k)]
+        });
+        Some(there.solve(&p).trace() - real::<T>(2.0) * ratio.ln() - real(4.0))
+    }
+
     /// Whether a body of positive density could have these parameters: the pseudo-inertia is positive definite.
     pub fn is_physical(&self) -> bool {
-        nalgebra::Cholesky::new(self.pseudo_inertia()).is_some()
+        Cholesky::new(self.pseudo_inertia()).is_some()
     }
 }
 
@@ -177,6 +187,16 @@ impl<T: Real> core::ops::Add for InertialParameters<T> {
     fn add(self, other: Self) -> Self {
         Self(self.0 + other.0)
     }
+}
+
+/// The ten numbers of a symmetric matrix, those off the diagonal times √2: their norm is the matrix's (Frobenius).
+fn lower_triangle<T: Real>(matrix: &Matrix4<T>) -> SVector<T, INERTIAL> {
+    let mut entries = (0..4).flat_map(|i| (0..=i).map(move |j| (i, j)));
+    SVector::from_fn(|_, _| match entries.next() {
+        Some((i, j)) if i == j => matrix[(i, j)],
+        Some((i, j)) => matrix[(i, j)] * real::<T>(2.0).sqrt(),
+        None => T::zero(),
+    })
 }
 
 /// The row r(u, v) for which r·φ = uᵀ I(φ) v: the momentum of a body with velocity `velocity`, felt along `along`.
@@ -266,6 +286,29 @@ pub(crate) mod tests {
             let (mut variance, mut scratch) = ([0.0; 10], [0.0; 10]);
             phi.prior(0.1).unwrap().variances(&mut variance, &mut scratch).unwrap();
             prop_assert!((variance[0].sqrt() / phi.mass() - 0.1).abs() < 1e-9);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_expansion_has_the_divergence_slope_and_curvature(
+            phi in physical(), cad in physical(), step in prop::array::uniform10(-1.0..1.0f64),
+        ) {
+            let (near, h) = (phi.divergence_near(&cad, 0.5).unwrap(), 1e-3 * phi.mass().min(0.1));
+            let at = |x: f64| InertialParameters(phi.0 + SVector::from(step) * x);
+            prop_assume!(at(20.0 * h).is_physical() && at(-20.0 * h).is_physical());
+            // Differences of the quadratic's values are exact; of the divergence's, to fourth order.
+            let quadratic = |x: f64| near.sum_of_squares(at(x).0.as_slice());
+            let exact = |x: f64| at(x).divergence(&cad).unwrap() * 2.0 / 0.25;
+            let slope = |f: &dyn Fn(f64) -> f64| (f(-2.0 * h) - 8.0 * f(-h) + 8.0 * f(h) - f(2.0 * h)) / (12.0 * h);
+            let (a, b) = (slope(&quadratic), slope(&exact));
+            prop_assert!((a - b).abs() < 1e-4 * (1.0 + a.abs()), "{a} {b}");
+        }
+
+        #[test]
+        fn the_divergence_is_zero_only_at_the_cad(phi in physical(), cad in physical()) {
+            prop_assert!(phi.divergence(&phi).unwrap().abs() < 1e-9);
+            prop_assert!(phi.divergence(&cad).unwrap() > 0.0);
         }
     }
 

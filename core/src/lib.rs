@@ -40,19 +40,18 @@ extern crate std;
 
 pub mod app;
 pub mod bus;
-pub mod wire;
-
+pub mod consistent;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;
 pub mod factor;
-pub mod window;
-
 pub mod go2;
 pub mod inertia;
 pub mod regressor;
 mod scalar;
 pub mod spatial;
 pub mod tree;
+pub mod window;
+pub mod wire;
 
 pub use scalar::Real;

@@ -1,3 +1,9 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 
 pub mod device;
+pub mod identification;
+pub mod log;
+pub mod output;
+pub mod parameter;
+pub mod simulator;
+pub mod table;

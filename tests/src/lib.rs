@@ -1,5 +1,6 @@
 //! Shared helpers of the cross-crate tests.
 #![forbid(unsafe_code)]
 
+pub mod command;
 pub mod motion;
 pub mod oracle;

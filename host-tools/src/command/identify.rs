@@ -1,0 +1,53 @@
+//! `proprio identify`: from logs to parameters.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use proprio::identification::{Options, identify};
+use proprio::output;
+
+use super::{Error, json};
+use crate::progress::Progress;
+
+/// Identify the robot from its logs
+///
+/// Prints each joint's friction, rotor inertia and torque offset with standard deviations, and how well they explain the
+/// torque. The base is taken to be pinned and level: the robot hangs or is held. Several logs are taken together.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio identify chirp.csv
+  proprio identify morning.csv.gz evening.csv.gz --json -o robot.json")]
+pub(crate) struct Identify {
+    /// Logs: CSV, plain or gzip-compressed
+    #[arg(value_name = "LOG", required = true)]
+    logs: Vec<PathBuf>,
+    /// Also write the result as JSON to this file
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Round samples to what the motor bus carries, as a device that hears the log does
+    #[arg(long)]
+    bus: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Identify {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let mut progress = Progress::new("Identifying");
+        let options = Options { bus: self.bus };
+        let result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
+        drop(progress);
+        for warning in &result.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.output {
+            output::write(path, &json(&result))?;
+        }
+        Ok(if self.json {
+            json(&result)
+        } else {
+            result.to_string()
+        })
+    }
+}

@@ -1,0 +1,61 @@
+//! The subcommands, one file each.
+
+mod demo;
+mod identify;
+mod simulate;
+
+use clap::{Parser, Subcommand};
+use proprio::identification::IdentificationError;
+use proprio::output::WriteError;
+use proprio::simulator::Diverged;
+use serde::Serialize;
+
+/// What your robot's body really is, and what the model of it is still missing.
+///
+/// proprio identifies a Unitree Go2's dynamics (masses, inertias, friction, rotor inertia) from its motor bus.
+#[derive(Debug, Parser)]
+#[command(
+    name = "proprio",
+    version,
+    propagate_version = true,
+    arg_required_else_help = true
+)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Identify(identify::Identify),
+    Simulate(simulate::Simulate),
+}
+
+impl Arguments {
+    /// Does what is asked and returns what goes to standard output.
+    pub(crate) fn run(self) -> Result<String, Error> {
+        match self.command {
+            Command::Demo(command) => command.run(),
+            Command::Identify(command) => command.run(),
+            Command::Simulate(command) => command.run(),
+        }
+    }
+}
+
+/// Why a command fails: the data or the files are bad. Wrong usage is clap's affair.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Error {
+    #[error(transparent)]
+    Identification(#[from] IdentificationError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
+}
+
+/// One JSON object and a line end.
+fn json(value: &impl Serialize) -> String {
+    // Our own types: string keys, and no writer that can fail.
+    serde_json::to_string_pretty(value).expect("results are plain data") + "\n"
+}

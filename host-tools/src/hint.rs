@@ -1,0 +1,104 @@
+//! What the user can do about each error.
+
+use std::io::ErrorKind;
+
+use proprio::identification::IdentificationError;
+use proprio::log::{LEAST_RATE, LogError, Problem};
+
+use crate::command::Error;
+
+/// The hint for an error, if there is anything to do.
+pub(crate) fn of(error: &Error) -> Option<String> {
+    match error {
+        Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
+        Error::Identification(IdentificationError::NoWindows { .. }) => {
+            Some("record moving joints at 500 Hz, without losing messages".to_owned())
+        }
+        Error::Identification(IdentificationError::Impossible { .. }) => Some(
+            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
+                .to_owned(),
+        ),
+        Error::Identification(IdentificationError::Solve { .. }) => None,
+        Error::Write(error) => match error.source.kind() {
+            ErrorKind::NotFound => Some("create the directory first".to_owned()),
+            ErrorKind::IsADirectory => Some("name a file, not a directory".to_owned()),
+            ErrorKind::PermissionDenied => Some("name a file you may write".to_owned()),
+            ErrorKind::StorageFull => Some("free some space on the disk".to_owned()),
+            _ => None,
+        },
+        Error::Diverged(_) => {
+            Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
+        }
+    }
+}
+
+fn of_log(error: &LogError) -> String {
+    match &*error.problem {
+        Problem::Open(cause) => match cause.kind() {
+            ErrorKind::NotFound => "check the path; `proprio simulate` makes a log to try".to_owned(),
+            ErrorKind::PermissionDenied => "make the file readable: `chmod +r FILE`".to_owned(),
+            ErrorKind::IsADirectory => "name the log files in it, such as `DIRECTORY/*.csv`".to_owned(),
+            _ => "check that the path is a readable file".to_owned(),
+        },
+        Problem::Read(_) => {
+            "the file is damaged or cut short; copy it again, or unpack it with `gunzip` and delete the last line".to_owned()
+        }
+        Problem::Empty => "record again: the recorder wrote nothing, not even a header".to_owned(),
+        Problem::NoHeader => {
+            "put the columns' names on the first line: `t,q/FR_hip,dq/FR_hip,tau/FR_hip,…`".to_owned()
+        }
+        Problem::Separator(separator) => {
+            format!("write the log with commas instead of `{}`, decimals with a point", separator.escape_default())
+        }
+        Problem::MissingColumn { name } if name == "t" => {
+            "name the column of the time in seconds `t`".to_owned()
+        }
+        Problem::MissingColumn { .. } => {
+            "a vector is recorded whole or not at all: add the column or drop its siblings".to_owned()
+        }
+        Problem::DuplicateColumn { .. } => "rename or delete one of the two".to_owned(),
+        Problem::UnknownName { nearest, .. } => format!("did you mean `{nearest}`?"),
+        Problem::NoJoints => {
+            "a joint needs position, velocity and torque: `q/FR_hip`, `dq/FR_hip`, `tau/FR_hip`; joints are FR, FL, \
+             RR, RL × hip, thigh, calf"
+                .to_owned()
+        }
+        Problem::MissingChannel { joint, missing, .. } => {
+            format!("record `{missing}` too, or delete the columns of {joint}'s leg")
+        }
+        Problem::IncompleteLeg { missing, .. } => format!(
+            "record {missing} too, or delete the other columns of leg {}: legs are identified whole",
+            missing.leg().name()
+        ),
+        Problem::Ragged { found, expected } if found < expected => {
+            "if it is the last line, the recording was cut short: delete it".to_owned()
+        }
+        Problem::Ragged { .. } => "decimals need a point, not a comma; otherwise delete the line".to_owned(),
+        Problem::NotANumber(text) if text.trim().is_empty() => {
+            "delete the line: every recorded channel needs a value in every row".to_owned()
+        }
+        Problem::NotANumber(_) => "correct the cell, or delete the line".to_owned(),
+        Problem::NotFinite(_) => "delete the line; a gap does no harm, a made-up value would".to_owned(),
+        Problem::TimeBackwards { .. } => {
+            "sort the rows by `t`; if two recordings were joined, split the file here".to_owned()
+        }
+        Problem::TimeJump { .. } => {
+            "if two recordings were joined or the clock was set, split the file here and pass both parts; `t` must \
+             be in seconds"
+                .to_owned()
+        }
+        Problem::TooShort { .. } => "record at least some seconds of motion".to_owned(),
+        Problem::TooSlow { rate, .. } if *rate < LEAST_RATE / 50.0 => {
+            "`t` must be in seconds: if it is in milliseconds, divide it by 1000".to_owned()
+        }
+        Problem::TooSlow { .. } => {
+            "record at the robot's own rate, 500 Hz (topic `rt/lowstate`, not `rt/lf/lowstate`)".to_owned()
+        }
+        Problem::OutsideLimits { degrees: true, .. } => {
+            "convert positions to rad and velocities to rad/s: multiply both by π/180 = 0.0174533".to_owned()
+        }
+        Problem::OutsideLimits { .. } => {
+            "check the joint's zero and sign: positions are the URDF's, in rad, 0 with the leg straight down".to_owned()
+        }
+    }
+}

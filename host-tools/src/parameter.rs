@@ -1,0 +1,120 @@
+//! Parameters by name: what a result file, a truth file and a table have in common.
+
+use proprio_core::effect::EffectKind;
+use proprio_core::estimator::EFFECTS;
+use proprio_core::go2::{self, Leg};
+use serde::Serialize;
+
+use crate::log::JointId;
+
+/// Inertial parameters of a body.
+pub const INERTIAL: usize = 10;
+/// Names and units of a body's inertial parameters, in the order of [`proprio_core::inertia`].
+pub const INERTIAL_NAMES: [(&str, &str); INERTIAL] = [
+    ("m", "kg"),
+    ("hx", "kg m"),
+    ("hy", "kg m"),
+    ("hz", "kg m"),
+    ("Ixx", "kg m^2"),
+    ("Ixy", "kg m^2"),
+    ("Ixz", "kg m^2"),
+    ("Iyy", "kg m^2"),
+    ("Iyz", "kg m^2"),
+    ("Izz", "kg m^2"),
+];
+
+/// An effect at a joint and the value of its parameter; written `EFFECT:JOINT=VALUE`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointEffect {
+    /// Which effect.
+    pub effect: EffectKind,
+    /// At which joint.
+    pub joint: JointId,
+    /// Its parameter, in the unit of the catalogue.
+    pub value: f64,
+}
+
+/// A parameter's name: `m:FR_hip`, `coulomb:FR_hip`.
+pub fn name(what: &str, joint: JointId) -> String {
+    format!("{what}:{joint}")
+}
+
+/// A parameter and its value.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter {
+    /// `m:FR_hip`, `coulomb:FR_hip`.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
+}
+
+/// Names and units of one leg's parameters in the order of the estimator's θ.
+pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
+    let joints = JointId::of(leg);
+    let inertial = joints.iter().flat_map(|&joint| {
+        INERTIAL_NAMES
+            .iter()
+            .map(move |&(what, unit)| (name(what, joint), unit))
+    });
+    let effects = joints.iter().flat_map(|&joint| {
+        EFFECTS
+            .iter()
+            .map(move |&effect| (name(effect.name(), joint), unit(effect)))
+    });
+    inertial.chain(effects).collect()
+}
+
+/// One leg's parameters as simulated: its bodies', then every effect of the catalogue, zero where there is none.
+pub fn truth_of_leg(leg: Leg, effects: &[JointEffect]) -> Vec<Parameter> {
+    let tree = go2::leg::<f64>(leg);
+    let joints = JointId::of(leg);
+    let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
+        let named = INERTIAL_NAMES.iter().zip(body.inertia.0.iter());
+        named.map(move |(&(what, unit), &value)| Parameter {
+            name: name(what, joint),
+            unit,
+            value,
+        })
+    });
+    let added = joints.iter().flat_map(|&joint| {
+        EffectKind::ALL.iter().map(move |&effect| {
+            let of = |e: &&JointEffect| e.effect == effect && e.joint == joint;
+            let value = effects.iter().filter(of).map(|e| e.value).sum();
+            Parameter {
+                name: name(effect.name(), joint),
+                unit: unit(effect),
+                value,
+            }
+        })
+    });
+    inertial.chain(added).collect()
+}
+
+/// Unit of an effect's parameter.
+pub fn unit(effect: EffectKind) -> &'static str {
+    effect.description().parameters[0].unit
+}
+
+/// Friction and rotor inertia of a Go2's motors in the middle of what recorded data show (go2.md).
+pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
+    let table = [
+        (EffectKind::Viscous, [0.03, 0.04, 0.05]),
+        (EffectKind::Coulomb, [0.15, 0.12, 0.6]),
+        // Not quite the rotors' on paper, which an estimate takes as its prior.
+        (EffectKind::Armature, [0.005, 0.005, 0.018]),
+        (EffectKind::Bias, [-0.1, 0.1, -0.1]),
+    ];
+    let at = |joint: JointId| {
+        table.map(|(effect, values)| JointEffect {
+            effect,
+            joint,
+            value: values[joint.place()],
+        })
+    };
+    legs.iter()
+        .flat_map(|&leg| JointId::of(leg))
+        .flat_map(at)
+        .collect()
+}

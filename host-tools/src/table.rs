@@ -1,0 +1,79 @@
+//! Tables for humans.
+
+use std::fmt;
+
+/// A table whose first column is text, set left, and whose others are numbers, set right.
+#[derive(Debug, Clone)]
+pub struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table with these headings.
+    pub fn new<const N: usize>(headings: [&str; N]) -> Self {
+        Self {
+            rows: vec![headings.map(str::to_owned).to_vec()],
+        }
+    }
+
+    /// Adds a row; missing cells at its end stay blank.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = String>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = |column: usize| {
+            let cells = self.rows.iter().filter_map(|row| row.get(column));
+            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+        };
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        for row in &self.rows {
+            let mut line = String::new();
+            for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+                match column {
+                    0 => line += &format!("{cell:<width$}"),
+                    _ => line += &format!("  {cell:>width$}"),
+                }
+            }
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+/// A value and its standard deviation, such as `0.146 ±0.003`: as many decimals as the deviation deserves.
+pub fn with_std(value: f64, std: f64) -> String {
+    let decimals = if std > 0.0 {
+        (1.0 - std.log10().floor()).clamp(0.0, 6.0) as usize
+    } else {
+        4
+    };
+    format!("{value:.decimals$} ±{std:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_set_right_and_text_left() {
+        let mut table = Table::new(["joint", "rms"]);
+        table.row(["FR_hip".to_owned(), "0.1".to_owned()]);
+        table.row(["all".to_owned(), "12.25".to_owned()]);
+        assert_eq!(
+            table.to_string(),
+            "joint     rms\nFR_hip    0.1\nall     12.25\n"
+        );
+    }
+
+    #[test]
+    fn two_digits_of_the_deviation_are_told() {
+        assert_eq!(with_std(0.14609, 0.00313), "0.1461 ±0.0031");
+        assert_eq!(with_std(-1.5, 0.25), "-1.50 ±0.25");
+        assert_eq!(with_std(12.0, 30.0), "12 ±30");
+        assert_eq!(with_std(1.0, 0.0), "1.0000 ±0.0000");
+    }
+}

@@ -1,0 +1,76 @@
+//! The real `proprio` binary, and logs to feed it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// The `proprio` binary of the profile under test; built on first use, since cargo builds a package's binaries only for
+/// that package's own tests.
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        // target/<profile>/deps/<this test>
+        let test = std::env::current_exe().expect("a test has a path");
+        let folder = test
+            .ancestors()
+            .nth(2)
+            .expect("tests lie in target/<profile>/deps");
+        let profile = match folder.file_name().and_then(|name| name.to_str()) {
+            Some("debug") | None => "dev",
+            Some(profile) => profile,
+        };
+        let built = Command::new(env!("CARGO"))
+            .args([
+                "build",
+                "--quiet",
+                "--package",
+                "proprio",
+                "--bin",
+                "proprio",
+            ])
+            .args(["--profile", profile, "--target-dir"])
+            .arg(
+                folder
+                    .parent()
+                    .expect("a profile's folder lies in the target folder"),
+            )
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .status()
+            .expect("cargo runs");
+        assert!(built.success(), "the binary does not build");
+        folder.join("proprio")
+    })
+}
+
+/// Runs `proprio` with `arguments` in `folder`.
+pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(binary())
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("proprio runs")
+}
+
+/// What went to standard output.
+pub fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// What went to standard error.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The folder of recorded logs: `$PROPRIO_SHARED/data`, or `../shared/data` beside the workspace; none, and a line that
+/// says so, where there is neither.
+pub fn recorded_logs() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
+    let shared = std::env::var_os("PROPRIO_SHARED").map_or(beside, PathBuf::from);
+    let folder = shared.join("data");
+    if folder.is_dir() {
+        Some(folder)
+    } else {
+        println!("skipped: no recorded logs in {}", folder.display());
+        None
+    }
+}

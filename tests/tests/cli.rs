@@ -1,0 +1,428 @@
+//! The command line as its user meets it: the real binary, its texts, its files, its exit status.
+
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use proprio_tests::command::{binary, proprio, recorded_logs, stderr, stdout};
+use serde_json::Value;
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// Standard output of a run that must succeed.
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = proprio(folder, arguments);
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{arguments:?}: {}",
+        stderr(&output)
+    );
+    stdout(&output)
+}
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+/// The entry of `parameters` in a result or truth file.
+fn parameter<'a>(file: &'a Value, name: &str) -> &'a Value {
+    let parameters = file["parameters"].as_array().unwrap();
+    parameters
+        .iter()
+        .find(|p| p["name"] == name)
+        .unwrap_or_else(|| panic!("no parameter {name}"))
+}
+
+#[test]
+fn help_tells_each_command_with_an_example() {
+    let folder = folder();
+    let mut texts = String::new();
+    for command in [
+        &["--help"][..],
+        &["demo", "--help"],
+        &["identify", "--help"],
+        &["simulate", "--help"],
+    ] {
+        let text = done(folder.path(), command);
+        if command.len() > 1 {
+            assert!(text.contains("Examples:\n  proprio "), "{text}");
+        }
+        texts += &format!("$ proprio {}\n{text}\n", command.join(" "));
+    }
+    insta::assert_snapshot!(texts);
+}
+
+#[test]
+fn version_is_the_packages() {
+    let folder = folder();
+    assert_eq!(
+        done(folder.path(), &["--version"]),
+        format!("proprio {}\n", env!("CARGO_PKG_VERSION"))
+    );
+}
+
+#[test]
+fn wrong_usage_has_status_2_and_says_what_would_be_right() {
+    let folder = folder();
+    let wrong: [&[&str]; 9] = [
+        &["frobnicate"],
+        &["identify"],
+        &["identify", "log.csv", "--jsno"],
+        &["simulate", "--legs", "FX"],
+        &["simulate", "--hide", "coulom=0.3"],
+        &["simulate", "--hide", "coulomb:FR_knee=0.3"],
+        &["simulate", "--hide", "viscous=-1"],
+        &["simulate", "--duration", "soon"],
+        &["simulate", "--legs", "FR", "--hide", "bias:RL_hip=1"],
+    ];
+    let mut texts = String::new();
+    for arguments in wrong {
+        let output = proprio(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert_eq!(stdout(&output), "");
+        texts += &format!("$ proprio {}\n{}\n", arguments.join(" "), stderr(&output));
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    insta::assert_snapshot!(texts);
+}
+
+#[test]
+fn the_demo_finds_what_it_hid() {
+    let folder = folder();
+    let report = json(&done(folder.path(), &["demo", "--json"]));
+    assert_eq!(report["passed"], true);
+    assert_eq!(report["parameters"].as_array().unwrap().len(), 12);
+    assert!(report["rms"].as_f64() < report["urdf_rms"].as_f64().map(|rms| rms / 5.0));
+    assert!(done(folder.path(), &["demo"]).contains("Every estimate lies within"));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_simulated_robot_is_identified() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--typical",
+            "--hide",
+            "coulomb:RL_calf=1.1",
+            "-o",
+            "log.csv.gz",
+        ],
+    );
+    let truth = json(&fs::read_to_string(folder.path().join("log.truth.json")).unwrap());
+    let result = json(&done(folder.path(), &["identify", "log.csv.gz", "--json"]));
+    assert_eq!(parameter(&truth, "coulomb:RL_calf")["value"], 1.1);
+
+    let named = result["parameters"].as_array().unwrap();
+    assert_eq!(named.len(), 4 * 42);
+    let mut identified = 0;
+    for estimate in named {
+        let name = estimate["name"].as_str().unwrap();
+        let number = |key: &str| {
+            estimate[key]
+                .as_f64()
+                .unwrap_or_else(|| panic!("{name}: {key}"))
+        };
+        let error = number("value") - parameter(&truth, name)["value"].as_f64().unwrap();
+        assert!(
+            error.abs() < 4.0 * number("std"),
+            "{name}: off by {error}, std {}",
+            number("std")
+        );
+        assert!(number("std") <= number("prior_std") * 1.001, "{name}");
+        identified += usize::from(estimate["status"] == "identified");
+    }
+    assert!(identified >= 48, "{identified} identified");
+    let rms = |key: &str| result[key].as_f64().unwrap();
+    assert!(rms("rms") <= rms("held_out_rms") && rms("held_out_rms") < 0.2 * rms("urdf_rms"));
+}
+
+#[test]
+fn a_rigid_robot_without_hidden_effects_shows_none() {
+    let folder = folder();
+    let arguments = [
+        "simulate",
+        "--legs",
+        "FL",
+        "--noise",
+        "0",
+        "--unquantised",
+        "-o",
+        "log.csv",
+    ];
+    done(folder.path(), &arguments);
+    let result = json(&done(folder.path(), &["identify", "log.csv", "--json"]));
+    for (effect, most) in [
+        ("coulomb", 2e-3),
+        ("viscous", 2e-3),
+        ("armature", 2e-5),
+        ("bias", 1e-2),
+    ] {
+        for joint in ["FL_hip", "FL_thigh", "FL_calf"] {
+            let value = parameter(&result, &format!("{effect}:{joint}"))["value"]
+                .as_f64()
+                .unwrap();
+            assert!(value.abs() < most, "{effect} of {joint}: {value}");
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_does_not_move_is_said_to_be_unexcited() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--legs",
+            "FR",
+            "-o",
+            "moving.csv",
+            "--duration",
+            "4",
+        ],
+    );
+    let moving = fs::read_to_string(folder.path().join("moving.csv")).unwrap();
+    let mut lines = moving.lines();
+    let mut still = lines.next().unwrap().to_owned() + "\n";
+    let first: Vec<&str> = lines.next().unwrap().split(',').collect();
+    for k in 0..2000 {
+        // One torque quantum to and fro, so that no sample repeats the one before.
+        let tau = f64::from(k % 2) * 0.02474;
+        still += &format!(
+            "{:.3},{},0,0,0,{tau},{tau},{tau}\n",
+            f64::from(k) * 0.002,
+            first[1..4].join(",")
+        );
+    }
+    fs::write(folder.path().join("still.csv"), still).unwrap();
+    let result = json(&done(folder.path(), &["identify", "still.csv", "--json"]));
+    for joint in ["FR_hip", "FR_thigh", "FR_calf"] {
+        assert_eq!(
+            parameter(&result, &format!("armature:{joint}"))["status"],
+            "unexcited"
+        );
+        assert_eq!(
+            parameter(&result, &format!("viscous:{joint}"))["status"],
+            "unexcited"
+        );
+    }
+}
+
+#[test]
+fn several_logs_are_one_data_set() {
+    let folder = folder();
+    for (log, legs, seed) in [("a.csv", "FR", "1"), ("b.csv", "FR,RL", "2")] {
+        let arguments = [
+            "simulate",
+            "--typical",
+            "--duration",
+            "5",
+            "--legs",
+            legs,
+            "--seed",
+            seed,
+            "-o",
+            log,
+        ];
+        done(folder.path(), &arguments);
+    }
+    let std = |logs: &[&str]| {
+        let result = json(&done(
+            folder.path(),
+            &[&["identify", "--json"], logs].concat(),
+        ));
+        parameter(&result, "coulomb:FR_calf")["std"]
+            .as_f64()
+            .unwrap()
+    };
+    let (a, both) = (std(&["a.csv"]), std(&["a.csv", "b.csv"]));
+    assert!(both < 0.85 * a, "{both} against {a}");
+    let text = done(folder.path(), &["identify", "a.csv", "b.csv"]);
+    assert!(
+        text.contains("RL_calf") && !text.contains("FL_calf"),
+        "{text}"
+    );
+}
+
+#[test]
+fn hearing_the_log_over_the_bus_changes_less_than_its_error() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--typical",
+            "--legs",
+            "RR",
+            "--unquantised",
+            "-o",
+            "log.csv",
+        ],
+    );
+    let [exact, heard] = [
+        &["identify", "log.csv", "--json"][..],
+        &["identify", "log.csv", "--json", "--bus"],
+    ]
+    .map(|arguments| json(&done(folder.path(), arguments)));
+    let mut differ = false;
+    for estimate in exact["parameters"].as_array().unwrap() {
+        let name = estimate["name"].as_str().unwrap();
+        let value = |file: &Value| parameter(file, name)["value"].as_f64().unwrap();
+        let difference = (value(&exact) - value(&heard)).abs();
+        assert!(
+            difference < estimate["std"].as_f64().unwrap(),
+            "{name}: {difference}"
+        );
+        differ |= difference > 0.0;
+    }
+    assert!(differ, "--bus has no effect");
+}
+
+#[test]
+fn output_files_hold_what_json_prints() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--legs",
+            "FR",
+            "--duration",
+            "3",
+            "-o",
+            "log.csv",
+        ],
+    );
+    let printed = done(
+        folder.path(),
+        &["identify", "log.csv", "--json", "-o", "robot.json"],
+    );
+    assert_eq!(
+        fs::read_to_string(folder.path().join("robot.json")).unwrap(),
+        printed
+    );
+
+    let output = proprio(
+        folder.path(),
+        &["identify", "log.csv", "-o", "no/such/folder.json"],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("hint: create the directory first"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn a_seed_makes_the_same_files_twice() {
+    let folder = folder();
+    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    for log in ["a.csv", "b.csv"] {
+        let faults = ["--jitter", "0.3", "--repeats", "0.1", "--motion", "chirp"];
+        done(
+            folder.path(),
+            &[&["simulate", "--duration", "2", "-o", log], &faults[..]].concat(),
+        );
+    }
+    assert_eq!(file("a.csv"), file("b.csv"));
+    assert_eq!(file("a.truth.json"), file("b.truth.json"));
+}
+
+#[test]
+fn a_reader_that_stops_early_is_no_error() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &[
+            "simulate",
+            "--legs",
+            "FR",
+            "--duration",
+            "3",
+            "-o",
+            "log.csv",
+        ],
+    );
+    let mut child = std::process::Command::new(binary())
+        .args(["identify", "log.csv", "--json"])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(
+        (output.status.code(), stderr(&output).as_str()),
+        (Some(0), "")
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_no_half_file() {
+    let folder = folder();
+    let mut child = std::process::Command::new(binary())
+        .args(["simulate", "--duration", "80000", "-o", "log.csv"])
+        .current_dir(folder.path())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while fs::read_dir(folder.path()).unwrap().next().is_none() {
+        assert!(
+            Instant::now() < deadline,
+            "the simulation does not begin its file"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let interrupt = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(interrupt.unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn every_recorded_chirp_gives_all_joints() {
+    let Some(logs) = recorded_logs() else { return };
+    let mut seen = 0;
+    for entry in fs::read_dir(&logs).unwrap() {
+        let path = entry.unwrap().path();
+        if !path
+            .file_name()
+            .unwrap()
+            .to_string_lossy()
+            .starts_with("go2_air_chirp_")
+        {
+            continue;
+        }
+        seen += 1;
+        let path = path.to_str().unwrap();
+        let result = json(&done(Path::new("."), &["identify", path, "--json"]));
+        assert_eq!(result["joints"].as_array().unwrap().len(), 12);
+        for joint in result["joints"].as_array().unwrap() {
+            let name = joint["joint"].as_str().unwrap();
+            for effect in ["coulomb", "viscous", "armature", "bias"] {
+                let std = parameter(&result, &format!("{effect}:{name}"))["std"]
+                    .as_f64()
+                    .unwrap();
+                assert!(std > 0.0 && std < 0.5, "{path}: {effect} of {name} ±{std}");
+            }
+            let rms = |key: &str| joint[key].as_f64().unwrap();
+            assert!(rms("rms") < 0.8 * rms("urdf_rms"), "{path}: {name}");
+        }
+        let text = done(Path::new("."), &["identify", path]);
+        assert!(text.contains("RL_calf"), "{text}");
+    }
+    assert!(seen > 0, "no chirp in {}", logs.display());
+}
