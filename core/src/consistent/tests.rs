@@ -1,5 +1,6 @@
 use super::*;
-use crate::estimator::{EFFECTS, LegEstimator, LegFactors, LegSolver};
+use crate::estimator::tests::LegEstimator;
+use crate::estimator::{EFFECTS, LegFactors, LegSolver};
 use crate::go2::Leg;
 use crate::inertia::tests::physical;
 use crate::window::tests::exact;

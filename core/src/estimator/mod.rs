@@ -21,8 +21,7 @@ use crate::effect::EffectKind;
 use crate::factor::FactorError;
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg, position_limits};
 use crate::inertia::INERTIAL;
-use crate::spatial::Transform;
-use crate::window::{Plausible, Push, Rows, Sample, Settings, Window};
+use crate::window::{Plausible, Rows, Window};
 use crate::{Real, scalar::real};
 
 /// The effects that are estimated at every joint, in column order.
@@ -107,61 +106,6 @@ impl<T: Real> Default for LegSolver<T> {
             LegFactors::default(),
             [T::zero(); solver_len(LEG_PARAMETERS)],
         )
-    }
-}
-
-/// One leg from samples to estimates: window, factors, prior. A [`LegSolver`] may serve several.
-#[derive(Clone, Debug)]
-pub struct LegEstimator<T: Real> {
-    window: LegWindow<T>,
-    factors: LegFactors<T>,
-    prior: LegPrior<T>,
-}
-
-impl<T: Real> LegEstimator<T> {
-    /// A leg of a robot that hangs or stands level by its base, without data.
-    pub fn new(which: Leg) -> Self {
-        let window = Window::new(
-            leg(which),
-            Transform::identity(),
-            EFFECTS,
-            plausible(which),
-            Settings::default(),
-        );
-        Self {
-            window,
-            factors: LegFactors::default(),
-            prior: LegPrior::of(which),
-        }
-    }
-
-    /// Takes the next sample; a window that it closes is folded in.
-    pub fn push(&mut self, sample: &Sample<T, JOINTS_PER_LEG>) -> Push {
-        let push = self.window.push(sample);
-        if push == Push::Closed && self.factors.fold_window(self.window.rows()).is_err() {
-            return Push::Rejected(crate::window::Implausible::NotFinite);
-        }
-        push
-    }
-
-    /// The rows of the window closed last.
-    pub fn rows(&self) -> &LegRows<T> {
-        self.window.rows()
-    }
-
-    /// The data so far.
-    pub fn factors(&self) -> &LegFactors<T> {
-        &self.factors
-    }
-
-    /// The data so far, to forget or to merge.
-    pub fn factors_mut(&mut self) -> &mut LegFactors<T> {
-        &mut self.factors
-    }
-
-    /// What was taken to be true before.
-    pub fn prior(&self) -> &LegPrior<T> {
-        &self.prior
     }
 }
 

@@ -8,8 +8,8 @@ use crate::Real;
 use crate::factor::{Factor, FactorError, packed_len};
 use crate::inertia::INERTIAL;
 
-/// Cost that one step may reach: numbers touched, about a dozen instructions each.
-const STEP_COST: usize = 3000;
+/// A step ends at the first row that brings its cost here: numbers rotated, about a dozen instructions each.
+const STEP_COST: usize = 4500;
 
 /// How many numbers a solver of `parameters` parameters keeps beside its copy of the data.
 pub const fn solver_len(parameters: usize) -> usize {
@@ -116,12 +116,15 @@ where
     /// # Errors
     /// [`FactorError`] if the prior leaves something open or the data are not finite; the solution stays the last one.
     pub fn advance(&mut self) -> Result<bool, FactorError> {
-        self.stage = match self.stage {
-            Stage::Merge { joint, row } => self.merge(joint, row)?,
-            Stage::Solve => self.solve()?,
-            Stage::Variance { column } => self.add_variances(column)?,
-            Stage::Done => Stage::Done,
-        };
+        let mut cost = 0;
+        while cost < STEP_COST && self.stage != Stage::Done {
+            cost += match self.stage {
+                Stage::Merge { joint, row } => self.merge(joint, row)?,
+                Stage::Solve => self.solve()?,
+                Stage::Variance { column } => self.add_variances(column)?,
+                Stage::Done => 0,
+            };
+        }
         Ok(self.stage == Stage::Done)
     }
 
@@ -161,10 +164,10 @@ where
         self.storage.as_ref().get(start..start + p).unwrap_or(&[])
     }
 
-    fn merge(&mut self, joint: usize, row: usize) -> Result<Stage, FactorError> {
+    /// Merges one row of a joint's factor; returns the cost.
+    fn merge(&mut self, joint: usize, row: usize) -> Result<usize, FactorError> {
         let layout = *self.layout();
         let columns = layout.columns(joint);
-        let data = self.data.joint(joint);
         let weight = T::one() / self.data.noise(joint);
         let effects = layout.effects(joint);
         let first_effect = layout.solver_column(layout.effect_index(joint, 0));
@@ -177,53 +180,61 @@ where
             }
         };
         let mut parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
-        let mut cost = 0;
-        for k in row..=columns {
-            if cost > STEP_COST {
-                return Ok(Stage::Merge { joint, row: k });
+        parts
+            .factor
+            .merge_row(&self.data.joint(joint), row, place, weight, parts.scratch)?;
+        self.stage = if row < columns {
+            Stage::Merge {
+                joint,
+                row: row + 1,
             }
-            parts
-                .factor
-                .merge_row(&data, k, place, weight, parts.scratch)?;
-            cost += (columns + 1 - k) * (columns + 2 - k) / 2;
-        }
-        if joint + 1 < layout.bodies() {
-            Ok(Stage::Merge {
+        } else if joint + 1 < layout.bodies() {
+            Stage::Merge {
                 joint: joint + 1,
                 row: 0,
-            })
-        } else {
-            Ok(Stage::Solve)
-        }
-    }
-
-    fn solve(&mut self) -> Result<Stage, FactorError> {
-        let parts = Parts::of(self.storage.as_mut(), self.data.layout().parameters())?;
-        parts.factor.solve(parts.next)?;
-        Ok(Stage::Variance { column: 0 })
-    }
-
-    fn add_variances(&mut self, column: usize) -> Result<Stage, FactorError> {
-        let layout = *self.layout();
-        let p = layout.parameters();
-        let parts = Parts::of(self.storage.as_mut(), p)?;
-        let (scratch, mut cost) = (parts.scratch.get_mut(..p).unwrap_or(&mut []), 0);
-        for j in column..p {
-            if cost > STEP_COST {
-                return Ok(Stage::Variance { column: j });
             }
-            parts
-                .factor
-                .add_variance_column(j, parts.variance, scratch)?;
-            cost += (j + 1) * (j + 2) / 2;
+        } else {
+            Stage::Solve
+        };
+        Ok((columns + 1 - row) * (columns + 2 - row) / 2)
+    }
+
+    /// Solves the triangle; returns the cost.
+    fn solve(&mut self) -> Result<usize, FactorError> {
+        let p = self.data.layout().parameters();
+        let parts = Parts::of(self.storage.as_mut(), p)?;
+        parts.factor.solve(parts.next)?;
+        self.stage = Stage::Variance { column: 0 };
+        Ok(p * p / 4)
+    }
+
+    /// Adds one column of the inverse to the variances, and ends with the last; returns the cost.
+    fn add_variances(&mut self, column: usize) -> Result<usize, FactorError> {
+        let p = self.data.layout().parameters();
+        let parts = Parts::of(self.storage.as_mut(), p)?;
+        let scratch = parts.scratch.get_mut(..p).unwrap_or(&mut []);
+        parts
+            .factor
+            .add_variance_column(column, parts.variance, scratch)?;
+        self.stage = Stage::Variance { column: column + 1 };
+        if column + 1 == p {
+            self.finish()?;
         }
-        for k in 0..p {
+        // A number of a dot product costs half of one that is rotated.
+        Ok((column + 1) * (column + 2) / 4)
+    }
+
+    fn finish(&mut self) -> Result<(), FactorError> {
+        let layout = *self.layout();
+        let parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
+        for k in 0..layout.parameters() {
             let from = layout.solver_column(k);
             parts.values[k] = parts.next[from];
             parts.std[k] = parts.variance[from].sqrt();
         }
         self.noise = core::array::from_fn(|joint| self.data.noise(joint));
         self.windows = self.data.windows();
-        Ok(Stage::Done)
+        self.stage = Stage::Done;
+        Ok(())
     }
 }

@@ -1,5 +1,7 @@
 use super::*;
+use crate::spatial::Transform;
 use crate::window::tests::{TRUE_EFFECTS, exact};
+use crate::window::{Implausible, Push, Sample, Settings};
 use std::prelude::rust_2024::*;
 
 fn fed(which: Leg, seconds: std::ops::Range<u64>) -> LegEstimator<f64> {
@@ -8,6 +10,61 @@ fn fed(which: Leg, seconds: std::ops::Range<u64>) -> LegEstimator<f64> {
         estimator.push(&exact(which, n * 500));
     }
     estimator
+}
+
+/// One leg from samples to factors at once; the application does it bit by bit.
+#[derive(Clone, Debug)]
+pub(crate) struct LegEstimator<T: Real> {
+    window: LegWindow<T>,
+    factors: LegFactors<T>,
+    prior: LegPrior<T>,
+}
+
+impl<T: Real> LegEstimator<T> {
+    /// A leg of a robot that hangs or stands level by its base, without data.
+    pub(crate) fn new(which: Leg) -> Self {
+        let window = Window::new(
+            leg(which),
+            Transform::identity(),
+            EFFECTS,
+            plausible(which),
+            Settings::default(),
+        );
+        Self {
+            window,
+            factors: LegFactors::default(),
+            prior: LegPrior::of(which),
+        }
+    }
+
+    /// Takes the next sample; a window that it closes is folded in.
+    pub(crate) fn push(&mut self, sample: &Sample<T, JOINTS_PER_LEG>) -> Push {
+        let push = self.window.push(sample);
+        if push == Push::Closed && self.factors.fold_window(self.window.rows()).is_err() {
+            return Push::Rejected(Implausible::NotFinite);
+        }
+        push
+    }
+
+    /// The rows of the window closed last.
+    pub(crate) fn rows(&self) -> &LegRows<T> {
+        self.window.rows()
+    }
+
+    /// The data so far.
+    pub(crate) fn factors(&self) -> &LegFactors<T> {
+        &self.factors
+    }
+
+    /// The data so far, to forget or to merge.
+    pub(crate) fn factors_mut(&mut self) -> &mut LegFactors<T> {
+        &mut self.factors
+    }
+
+    /// What was taken to be true before.
+    pub(crate) fn prior(&self) -> &LegPrior<T> {
+        &self.prior
+    }
 }
 
 /// The solution at once; the microcontroller goes step by step.

@@ -7,7 +7,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, exit};
 use cortex_m_semihosting::hprintln;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
-use proprio_core::estimator::{EFFECTS, LegFactors, LegPrior, LegWindow, Solver, plausible};
+use proprio_core::estimator::{EFFECTS, LegFactors, LegPrior, LegSolver, LegWindow, plausible};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
@@ -73,7 +73,7 @@ fn main() -> ! {
         ["decode_cycle", "push", "push_closing"].map(Count::new);
     let [mut fold, mut start, mut advance] =
         ["fold", "solver_start", "solver_step"].map(Count::new);
-    let prior = LegPrior::<Scalar>::new(Leg::FR);
+    let prior = LegPrior::<Scalar>::of(Leg::FR);
     let mut noise = Noise(1);
     for set in 0..SETS {
         let upright = Transform::identity();
@@ -114,11 +114,21 @@ fn main() -> ! {
             if n > 0 {
                 decode.add(cost);
             }
+            if set == 3 && n == 3 {
+                let tree = leg::<Scalar>(Leg::FR);
+                let (k, cost) = counter
+                    .count(|| tree.kinematics(&upright, &sample.q.into(), &sample.dq.into()));
+                hprintln!("# kinematics {}", cost);
+                let (w, cost) = counter.count(|| tree.momentum_rate_regressor::<30>(&k));
+                hprintln!("# rate regressor {} {}", cost, w[(0, 0)] as f32);
+                let (w, cost) = counter.count(|| tree.momentum_regressor::<30>(&k));
+                hprintln!("# momentum regressor {} {}", cost, w[(0, 0)] as f32);
+            }
             let (pushed, cost) = counter.count(|| window.push(&sample));
             match pushed {
                 Push::Closed => {
                     close.add(cost);
-                    let (folded, cost) = counter.count(|| factors.fold(window.rows()));
+                    let (folded, cost) = counter.count(|| factors.fold_window(window.rows()));
                     fold.add(cost);
                     if folded.is_err() {
                         hprintln!("a fold failed");
@@ -133,7 +143,7 @@ fn main() -> ! {
                 }
             }
         }
-        let mut solver = Solver::default();
+        let mut solver = LegSolver::<Scalar>::default();
         start.add(counter.count(|| solver.start(&prior, &factors)).1);
         let mut steps = 0;
         loop {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use proprio_core::estimator::{
-    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegVector, LegWindow, Solution, Solver,
+    EFFECTS, LEG, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegSolver, LegVector, LegWindow,
     plausible,
 };
 use proprio_core::factor::FactorError;
@@ -43,7 +43,7 @@ pub(super) struct LegIdentifier {
 /// What is known of a leg in the end.
 pub(super) struct LegFit {
     pub(super) leg: Leg,
-    pub(super) solution: Solution<f64>,
+    pub(super) solution: Solution,
     /// Means and standard deviations before the data.
     pub(super) prior: (LegVector<f64>, LegVector<f64>),
     pub(super) joints: [Misfit; JOINTS_PER_LEG],
@@ -126,7 +126,7 @@ impl LegIdentifier {
             Push::Closed => {
                 let rows = self.window.rows();
                 // Samples are checked to be finite, so the rows are.
-                if self.factors[fold(rows)].fold(rows).is_ok() {
+                if self.factors[fold(rows)].fold_window(rows).is_ok() {
                     self.windows += 1;
                 }
             }
@@ -141,10 +141,14 @@ impl LegIdentifier {
     }
 
     pub(super) fn fit(&self) -> Result<LegFit, FactorError> {
-        let prior = LegPrior::new(self.leg);
-        let marginals = prior.marginals()?;
+        let prior = LegPrior::of(self.leg);
+        let nothing = solve(&prior, &LegFactors::default())?;
+        let marginals = (nothing.values, nothing.std);
         let mut all = LegFactors::default();
-        self.factors.iter().try_for_each(|part| all.merge(part))?;
+        let mut scratch = [0.0; LEG.columns(0) + 1];
+        self.factors
+            .iter()
+            .try_for_each(|part| all.merge(part, &mut scratch))?;
         let solution = solve(&prior, &all)?;
 
         let mut urdf = marginals.0;
@@ -196,9 +200,20 @@ fn quantity(reason: Implausible) -> &'static str {
     }
 }
 
-fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Solution<f64>, FactorError> {
-    let mut solver = Solver::default();
+/// θ of a leg and its standard deviations.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Solution {
+    pub(super) values: LegVector<f64>,
+    pub(super) std: LegVector<f64>,
+}
+
+fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Solution, FactorError> {
+    let mut solver = LegSolver::default();
     solver.start(prior, data);
     while !solver.advance()? {}
-    Ok(*solver.solution())
+    let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
+    Ok(Solution {
+        values: own(solver.values()),
+        std: own(solver.std()),
+    })
 }
