@@ -129,7 +129,7 @@ fn main() -> ! {
                 Push::Closed => {
                     close.add(cost);
                     let (folded, cost) = counter.count(|| factors.fold_window(window.rows()));
-                    fold.add(cost);hprintln!("# fold {} {} {}", set, n, cost);
+                    fold.add(cost);
                     if folded.is_err() {
                         hprintln!("a fold failed");
                         exit(EXIT_FAILURE);
