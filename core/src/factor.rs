@@ -16,6 +16,7 @@
 //! Every operation executes the same instructions whatever the numbers.
 
 use crate::Real;
+use crate::scalar::sqrt;
 
 /// How many numbers a factor of `columns` parameters keeps: (p + 1)(p + 2)/2, the right-hand side and ρ included.
 pub const fn packed_len(columns: usize) -> usize {
@@ -257,7 +258,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
 
     /// Weighs everything folded in so far down to `retention` (0 to 1): exponential forgetting.
     pub fn forget(&mut self, retention: T) {
-        let scale = retention.max(T::zero()).min(T::one()).sqrt();
+        let scale = sqrt(retention.max(T::zero()).min(T::one()));
         self.storage.as_mut().iter_mut().for_each(|x| *x *= scale);
         self.rows *= retention;
     }
@@ -370,8 +371,17 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
                 return Err(FactorError::Length(pivot));
             };
             let rotation = Rotation::new(*r, *x);
-            for (j, x) in row.iter_mut().enumerate().skip(i - k) {
-                if let Some(r) = target.get_mut(place(k + j).wrapping_sub(pivot)) {
+            let row = row.get_mut(i - k..).unwrap_or(&mut []);
+            if row.len() == target.len() {
+                // From here on the columns lie side by side.
+                target
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(r, x)| rotation.apply(r, x));
+                continue;
+            }
+            for (j, x) in row.iter_mut().enumerate() {
+                if let Some(r) = target.get_mut(place(i + j).wrapping_sub(pivot)) {
                     rotation.apply(r, x);
                 }
             }
@@ -457,14 +467,14 @@ struct Rotation<T> {
 
 impl<T: Real> Rotation<T> {
     fn new(r: T, x: T) -> Self {
-        let length = (r * r + x * x).sqrt();
+        let square = r * r + x * x;
         // Selections rather than branches: the cost must not tell the data. No length, no rotation.
-        let is_zero = if length > T::zero() {
+        let is_zero = if square > T::zero() {
             T::zero()
         } else {
             T::one()
         };
-        let inverse = T::one() / (length + is_zero);
+        let inverse = square.inverse_sqrt();
         Self {
             cos: r * inverse + is_zero,
             sin: x * inverse,

@@ -57,10 +57,8 @@ impl<T: Real> LegLine<T> {
     /// Takes the bytes of one step. Of several samples in them the newest is used, so that a step's work is bounded.
     pub(super) fn listen(&mut self, now_us: u64, cycle_us: u64, bytes: &[u8]) {
         let mut newest = None;
-        for &byte in bytes {
-            let Some(frame) = self.decoder.push(byte) else {
-                continue;
-            };
+        let mut bytes = bytes;
+        while let Some(frame) = self.decoder.next(&mut bytes) {
             if let Some(replies) = self.assembler.push(&frame, now_us, cycle_us)
                 && newest.replace(replies).is_some()
             {

@@ -2,7 +2,7 @@
 
 use super::Layout;
 use crate::factor::{Factor, FactorError};
-use crate::{Real, scalar::real};
+use crate::{Real, scalar::real, scalar::sqrt};
 
 /// A joint's noise before there are data, N m.
 pub const NOISE_GUESS: f64 = 0.1;
@@ -99,7 +99,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
         let (guess, rows) = (real::<T>(NOISE_GUESS), real::<T>(NOISE_GUESS_ROWS));
         let factor = self.joint(joint);
         let freedom = (factor.rows() - real(factor.columns() as f64)).max(T::zero());
-        ((factor.residual() + rows * guess * guess) / (freedom + rows)).sqrt()
+        sqrt((factor.residual() + rows * guess * guess) / (freedom + rows))
     }
 
     /// A joint's sum of squared residuals (mean torques over windows, N m) under any parameters θ of the limb.

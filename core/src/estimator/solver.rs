@@ -7,6 +7,7 @@ use super::{EffectPrior, JointFactors, Layout, LimbPrior};
 use crate::Real;
 use crate::factor::{Factor, FactorError, packed_len};
 use crate::inertia::INERTIAL;
+use crate::scalar::sqrt;
 
 /// A step ends at the first row that brings its cost here: numbers rotated, about a dozen instructions each.
 const STEP_COST: usize = 4500;
@@ -230,7 +231,7 @@ where
         for k in 0..layout.parameters() {
             let from = layout.solver_column(k);
             parts.values[k] = parts.next[from];
-            parts.std[k] = parts.variance[from].sqrt();
+            parts.std[k] = sqrt(parts.variance[from]);
         }
         self.noise = core::array::from_fn(|joint| self.data.noise(joint));
         self.windows = self.data.windows();
