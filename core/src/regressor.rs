@@ -90,8 +90,17 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         self.assemble(|b, c| gravity_row(&k.subspace[b][c], &k.gravity[b]))
     }
 
-    /// W_g − W_c, the integrand of the momentum equation (N m), in one pass and in place: `regressor` is of this tree, or
-    /// zero.
+    /// W_g − W_c, the integrand of the momentum equation (N m), in one pass.
+    pub fn momentum_rate_regressor<const P: usize>(
+        &self,
+        k: &Kinematics<T, B, V>,
+    ) -> SMatrix<T, V, P> {
+        let mut regressor = SMatrix::zeros();
+        self.write_momentum_rate_regressor(k, &mut regressor);
+        regressor
+    }
+
+    /// [`momentum_rate_regressor`](Self::momentum_rate_regressor) in place: `regressor` is of this tree, or zero.
     pub(crate) fn write_momentum_rate_regressor<const P: usize>(
         &self,
         k: &Kinematics<T, B, V>,

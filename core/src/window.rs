@@ -127,14 +127,15 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Integrand<T, B, P,
     }
 
     fn clear(&mut self) {
-        self.inertial.fill(T::zero());
+        self.inertial.as_mut_slice().fill(T::zero());
         self.effects = [[T::zero(); E]; B];
         self.torque = [T::zero(); B];
     }
 
     /// Adds `other` times `duration`.
     fn add(&mut self, other: &Self, duration: T) {
-        for (sum, rate) in self.inertial.iter_mut().zip(other.inertial.iter()) {
+        let rates = other.inertial.as_slice();
+        for (sum, rate) in self.inertial.as_mut_slice().iter_mut().zip(rates) {
             *sum += *rate * duration;
         }
         for b in 0..B {
@@ -303,9 +304,13 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
         let (start, end, sum, rows) = (&self.start, &self.end, &self.integral, &mut self.rows);
         let per_second = T::one() / microseconds(end.time_us - start.time_us);
         rows.span_us = [start.time_us, end.time_us];
-        let edges = end.momentum.iter().zip(start.momentum.iter());
-        let entries = rows.inertial.iter_mut().zip(edges.zip(sum.inertial.iter()));
-        for (row, ((end, start), sum)) in entries {
+        let edges = end
+            .momentum
+            .as_slice()
+            .iter()
+            .zip(start.momentum.as_slice());
+        let entries = edges.zip(sum.inertial.as_slice());
+        for (row, ((end, start), sum)) in rows.inertial.as_mut_slice().iter_mut().zip(entries) {
             *row = (*end - *start + *sum) * per_second;
         }
         for b in 0..B {

@@ -146,6 +146,9 @@ fn check_state<T: Real, const B: usize, const V: usize, const P: usize>(
             state.field("uW_energy"),
         );
     }
+    let rate = regressors[3].1 - regressors[2].1;
+    let ours = row_major(&tree.momentum_rate_regressor::<P>(&k));
+    worst.note("momentum rate", ours, &row_major(&rate.map(to_f64)));
 }
 
 fn check<T: Real, const B: usize, const V: usize, const P: usize>(
