@@ -27,7 +27,7 @@ use crate::wire::{
 use heapless::String;
 use leg::LegLine;
 
-/// Time between two estimates of a leg, and between two reports of the counters, µs.
+/// Time between two estimates, each of the next leg in turn, and between two reports of the counters, µs.
 pub const REPORT_US: u64 = 100_000;
 /// Time between two unasked hellos, µs.
 pub const HELLO_US: u64 = 1_000_000;
@@ -146,9 +146,8 @@ impl<T: Real> App<T> {
             if self.solved.is_none() && now_us >= due {
                 self.legs[which.index()].start(&mut self.solver);
                 self.solving = Some((which, now_us));
-                let turn = REPORT_US / LEGS as u64;
                 // A solver that cannot keep up does not try to catch up.
-                let due = (due + turn).max(now_us.saturating_sub(REPORT_US));
+                let due = (due + REPORT_US).max(now_us.saturating_sub(REPORT_US));
                 self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
             }
             return;

@@ -9,8 +9,8 @@ use crate::factor::{Factor, FactorError, packed_len};
 use crate::inertia::INERTIAL;
 use crate::scalar::sqrt;
 
-/// A step ends at the first row that brings its cost here: numbers rotated, about a dozen instructions each.
-const STEP_COST: usize = 4500;
+/// A step ends at the first row that brings its cost here: numbers rotated, 20 to 35 instructions each on a Cortex-M7.
+const STEP_COST: usize = 1200;
 
 /// How many numbers a solver of `parameters` parameters keeps beside its copy of the data.
 pub const fn solver_len(parameters: usize) -> usize {
