@@ -45,6 +45,7 @@ pub fn binary() -> &'static Path {
 /// Runs `proprio` with `arguments` in `folder`.
 pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(binary())
+        .env_remove("COLUMNS")
         .args(arguments)
         .current_dir(folder)
         .output()

@@ -2,10 +2,14 @@
 
 mod demo;
 mod identify;
+mod replay;
 mod simulate;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
+use proprio::device::replay::ReplayError;
 use proprio::identification::IdentificationError;
+use proprio::log::LogError;
 use proprio::output::WriteError;
 use proprio::simulator::Diverged;
 use serde::Serialize;
@@ -29,6 +33,7 @@ pub(crate) struct Arguments {
 enum Command {
     Demo(demo::Demo),
     Identify(identify::Identify),
+    Replay(replay::Replay),
     Simulate(simulate::Simulate),
 }
 
@@ -38,6 +43,7 @@ impl Arguments {
         match self.command {
             Command::Demo(command) => command.run(),
             Command::Identify(command) => command.run(),
+            Command::Replay(command) => command.run(),
             Command::Simulate(command) => command.run(),
         }
     }
@@ -49,6 +55,19 @@ pub(crate) enum Error {
     #[error(transparent)]
     Identification(#[from] IdentificationError),
     #[error(transparent)]
+    Log(#[from] LogError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error(
+        "the device told no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
+    )]
+    NoEstimate {
+        leg: &'static str,
+        played: u32,
+        samples: u32,
+        windows: u32,
+    },
+    #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
     Diverged(#[from] Diverged),
@@ -58,4 +77,14 @@ pub(crate) enum Error {
 fn json(value: &impl Serialize) -> String {
     // Our own types: string keys, and no writer that can fail.
     serde_json::to_string_pretty(value).expect("results are plain data") + "\n"
+}
+
+/// Ends the process as clap does on wrong usage of `command`.
+fn usage_error(command: &str, kind: ErrorKind, message: String) -> ! {
+    let mut arguments = Arguments::command();
+    arguments.build();
+    match arguments.find_subcommand_mut(command) {
+        Some(command) => command.error(kind, message).exit(),
+        None => arguments.error(kind, message).exit(),
+    }
 }
