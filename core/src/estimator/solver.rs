@@ -74,14 +74,13 @@ where
 {
     /// A solver that has solved nothing yet, for data like `data`, in `storage` of [`solver_len`] zeros; with another
     /// length, every use is an error of length.
-    pub fn new(data: JointFactors<T, D, B>, storage: S) -> Self {
-        let (noise, windows) = ([T::zero(); B], T::zero());
+    pub const fn new(data: JointFactors<T, D, B>, storage: S) -> Self {
         Self {
             data,
             storage,
             stage: Stage::Done,
-            noise,
-            windows,
+            noise: [T::ZERO; B],
+            windows: T::ZERO,
         }
     }
 
