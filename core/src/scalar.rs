@@ -6,6 +6,9 @@ use nalgebra::RealField;
 ///
 /// The firmware picks one in a single alias; everything else is generic.
 pub trait Real: RealField + Copy {
+    /// Zero, where a constant is needed: what a static of the firmware starts as.
+    const ZERO: Self;
+
     /// 1/√x for a positive x, by the same instructions whatever the number; finite at zero.
     ///
     /// A library's square root is software on a microcontroller, four times the instructions, and ends early for some
@@ -15,12 +18,16 @@ pub trait Real: RealField + Copy {
 }
 
 impl Real for f64 {
+    const ZERO: Self = 0.0;
+
     fn inverse_sqrt(self) -> Self {
         newton(self, 4)
     }
 }
 
 impl Real for f32 {
+    const ZERO: Self = 0.0;
+
     fn inverse_sqrt(self) -> Self {
         newton(Self::into(self), 3).min(Self::MAX.into()) as Self
     }

@@ -13,7 +13,7 @@ use crate::bus::{Frame, Reply};
 use crate::go2::JOINTS_PER_LEG;
 
 /// The replies of the cycle under way.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Assembler {
     turns: [Turn; JOINTS_PER_LEG],
     /// Time of the step in which the cycle began.
@@ -22,13 +22,29 @@ pub(super) struct Assembler {
 }
 
 /// What was heard of one motor's turn.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Turn {
     asked: bool,
     reply: Option<Reply>,
 }
 
+impl Turn {
+    const SILENT: Self = Self {
+        asked: false,
+        reply: None,
+    };
+}
+
 impl Assembler {
+    /// Nothing heard yet.
+    pub(super) const fn new() -> Self {
+        Self {
+            turns: [Turn::SILENT; JOINTS_PER_LEG],
+            since_us: 0,
+            unused: 0,
+        }
+    }
+
     /// Replies that became part of no sample.
     pub(super) fn unused(&self) -> u32 {
         self.unused
@@ -72,7 +88,7 @@ impl Assembler {
         else {
             return None;
         };
-        self.turns = Default::default();
+        self.turns = [Turn::SILENT; JOINTS_PER_LEG];
         Some([hip, thigh, calf])
     }
 
@@ -84,7 +100,7 @@ impl Assembler {
             .filter(|turn| turn.reply.is_some())
             .count();
         self.discard(waiting as u32);
-        self.turns = Default::default();
+        self.turns = [Turn::SILENT; JOINTS_PER_LEG];
         self.since_us = now_us;
     }
 }

@@ -14,27 +14,45 @@ use crate::wire::LegCounters;
 pub(super) struct LegLine<T: Real> {
     decoder: Decoder,
     assembler: Assembler,
-    window: LegWindow<T>,
+    /// `None` until the first [`Self::reset`], like the prior: neither can be a constant.
+    window: Option<LegWindow<T>>,
     /// The window has closed and its rows are not in the factors yet.
     closed: bool,
     factors: LegFactors<T>,
-    prior: LegPrior<T>,
+    prior: Option<LegPrior<T>>,
     counters: LegCounters,
 }
 
 impl<T: Real> LegLine<T> {
-    pub(super) fn new(which: Leg) -> Self {
-        let upright = Transform::identity();
-        let settings = Settings::default();
+    /// A line that listens to nothing yet.
+    pub(super) const fn new() -> Self {
         Self {
             decoder: Decoder::new(),
-            assembler: Assembler::default(),
-            window: Window::new(leg(which), upright, EFFECTS, plausible(which), settings),
+            assembler: Assembler::new(),
+            window: None,
             closed: false,
-            factors: LegFactors::default(),
-            prior: LegPrior::of(which),
-            counters: LegCounters::default(),
+            factors: LegFactors::empty(),
+            prior: None,
+            counters: LegCounters::ZERO,
         }
+    }
+
+    /// Begins anew, in place: a line is larger than a microcontroller's stack.
+    pub(super) fn reset(&mut self, which: Leg) {
+        let (upright, settings) = (Transform::identity(), Settings::default());
+        self.decoder = Decoder::new();
+        self.assembler = Assembler::new();
+        self.window = Some(Window::new(
+            leg(which),
+            upright,
+            EFFECTS,
+            plausible(which),
+            settings,
+        ));
+        self.closed = false;
+        self.factors.clear();
+        self.prior = Some(LegPrior::of(which));
+        self.counters = LegCounters::ZERO;
     }
 
     pub(super) fn counters(&self) -> LegCounters {
@@ -71,15 +89,20 @@ impl<T: Real> LegLine<T> {
     }
 
     fn push(&mut self, sample: &Sample<T, JOINTS_PER_LEG>) {
+        let Some(window) = &mut self.window else {
+            return;
+        };
         // Steps so long that the turn to fold did not come: fold now, before the next window's rows take the place.
-        let next_close =
-            self.window.rows().span_us[1].saturating_add(Settings::default().window_us);
-        if sample.time_us >= next_close {
+        let next_close = window.rows().span_us[1].saturating_add(Settings::default().window_us);
+        if self.closed && sample.time_us >= next_close {
             self.fold();
         }
+        let Some(window) = &mut self.window else {
+            return;
+        };
         let counters = &mut self.counters;
         increment(&mut counters.samples);
-        match self.window.push(sample) {
+        match window.push(sample) {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
                 increment(&mut counters.used);
@@ -97,11 +120,11 @@ impl<T: Real> LegLine<T> {
 
     /// Folds a closed window into the factors; whether there was one.
     pub(super) fn fold(&mut self) -> bool {
-        if !self.closed {
+        let (true, Some(window)) = (self.closed, &self.window) else {
             return false;
-        }
+        };
         self.closed = false;
-        match self.factors.fold_window(self.window.rows()) {
+        match self.factors.fold_window(window.rows()) {
             Ok(()) => increment(&mut self.counters.windows),
             Err(_) => increment(&mut self.counters.unfolded),
         }
@@ -110,7 +133,9 @@ impl<T: Real> LegLine<T> {
 
     /// Begins the solution for the windows folded so far.
     pub(super) fn start(&self, solver: &mut LegSolver<T>) {
-        solver.start(&self.prior, &self.factors);
+        if let Some(prior) = &self.prior {
+            solver.start(prior, &self.factors);
+        }
     }
 }
 

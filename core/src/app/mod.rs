@@ -27,7 +27,7 @@ use crate::wire::{
 use heapless::String;
 use leg::LegLine;
 
-/// Time between two estimates of a leg, and between two reports of the counters, µs.
+/// Time between two estimates, each of the next leg in turn, and between two reports of the counters, µs.
 pub const REPORT_US: u64 = 100_000;
 /// Time between two unasked hellos, µs.
 pub const HELLO_US: u64 = 1_000_000;
@@ -51,6 +51,7 @@ pub struct Identity {
 /// The application: four legs' lines and the solver that serves them in turn.
 pub struct App<T: Real> {
     identity: Identity,
+    begun: bool,
     legs: [LegLine<T>; LEGS],
     solver: LegSolver<T>,
     /// The leg being solved and the time its data end.
@@ -66,27 +67,43 @@ pub struct App<T: Real> {
 }
 
 impl<T: Real> App<T> {
-    /// An application that has seen nothing. It says hello in its first step.
-    pub fn new(identity: Identity) -> Self {
+    /// An application that has seen nothing, a constant. It says hello in its first step.
+    pub const fn new(identity: Identity) -> Self {
         Self {
             identity,
-            legs: Leg::ALL.map(LegLine::new),
-            solver: LegSolver::default(),
+            begun: false,
+            legs: [const { LegLine::new() }; LEGS],
+            solver: LegSolver::empty(),
             solving: None,
             next: (Leg::FR, 0),
             solved: None,
             hello_at: 0,
             counters_at: 0,
-            load: Load::default(),
+            load: Load::ZERO,
             host_frames: (0, 0),
         }
+    }
+
+    /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
+    pub fn reset(&mut self) {
+        self.begun = true;
+        for (line, which) in self.legs.iter_mut().zip(Leg::ALL) {
+            line.reset(which);
+        }
+        self.solving = None;
+        self.next = (Leg::FR, 0);
+        self.solved = None;
+        self.hello_at = 0;
+        self.counters_at = 0;
+        self.load = Load::ZERO;
+        self.host_frames = (0, 0);
     }
 
     /// Obeys the host. [`HostMessage::Advance`] is for the loop around the application and does nothing here.
     pub fn handle(&mut self, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
-            HostMessage::Reset => *self = Self::new(self.identity),
+            HostMessage::Reset => self.reset(),
             HostMessage::Advance(_) => {}
         }
     }
@@ -127,6 +144,9 @@ impl<T: Real> App<T> {
         buses: [&[u8]; LEGS],
         out: &mut impl FnMut(&DeviceMessage),
     ) {
+        if !self.begun {
+            self.reset();
+        }
         for (leg, bytes) in self.legs.iter_mut().zip(buses) {
             leg.listen(now_us, self.identity.cycle_us, bytes);
         }
@@ -146,9 +166,8 @@ impl<T: Real> App<T> {
             if self.solved.is_none() && now_us >= due {
                 self.legs[which.index()].start(&mut self.solver);
                 self.solving = Some((which, now_us));
-                let turn = REPORT_US / LEGS as u64;
                 // A solver that cannot keep up does not try to catch up.
-                let due = (due + turn).max(now_us.saturating_sub(REPORT_US));
+                let due = (due + REPORT_US).max(now_us.saturating_sub(REPORT_US));
                 self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
             }
             return;

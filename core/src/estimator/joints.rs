@@ -19,12 +19,18 @@ pub struct JointFactors<T, S, const B: usize> {
 
 impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> {
     /// No data, in `storage` of [`Layout::packed_len`] zeros; with another length, every use is an error of length.
-    pub fn new(layout: Layout<B>, storage: S) -> Self {
+    pub const fn new(layout: Layout<B>, storage: S) -> Self {
         Self {
             layout,
-            rows: [T::zero(); B],
+            rows: [T::ZERO; B],
             storage,
         }
+    }
+
+    /// Forgets all data.
+    pub fn clear(&mut self) {
+        self.rows = [T::ZERO; B];
+        self.storage.as_mut().fill(T::ZERO);
     }
 
     /// Which column is what.

@@ -62,11 +62,16 @@ pub type LegSolver<T> =
 impl<T: Real> Default for LegFactors<T> {
     /// No data.
     fn default() -> Self {
-        Self::new(LEG, [T::zero(); LEG.packed_len()])
+        Self::empty()
     }
 }
 
 impl<T: Real> LegFactors<T> {
+    /// No data.
+    pub const fn empty() -> Self {
+        Self::new(LEG, [T::ZERO; LEG.packed_len()])
+    }
+
     /// Folds in the rows of one window.
     ///
     /// # Errors
@@ -99,13 +104,17 @@ impl<T: Real> LegPrior<T> {
     }
 }
 
+impl<T: Real> LegSolver<T> {
+    /// A solver that has solved nothing yet.
+    pub const fn empty() -> Self {
+        Self::new(LegFactors::empty(), [T::ZERO; solver_len(LEG_PARAMETERS)])
+    }
+}
+
 impl<T: Real> Default for LegSolver<T> {
     /// A solver that has solved nothing yet.
     fn default() -> Self {
-        Self::new(
-            LegFactors::default(),
-            [T::zero(); solver_len(LEG_PARAMETERS)],
-        )
+        Self::empty()
     }
 }
 

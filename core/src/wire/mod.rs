@@ -162,6 +162,27 @@ pub struct LegCounters {
     pub unsolved: u32,
 }
 
+impl LegCounters {
+    /// Nothing counted.
+    pub const ZERO: Self = Self {
+        commands: 0,
+        replies: 0,
+        bad_crc: 0,
+        short: 0,
+        skipped_bytes: 0,
+        unused_replies: 0,
+        samples: 0,
+        used: 0,
+        repeated: 0,
+        late: 0,
+        rejected: 0,
+        gaps: 0,
+        windows: 0,
+        unfolded: 0,
+        unsolved: 0,
+    };
+}
+
 /// Cost of the application's steps, in the unit that [`Hello`] names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Load {
@@ -184,6 +205,17 @@ pub struct Advance {
     pub time_us: u64,
     /// Bytes of each leg's bus to take before it.
     pub bytes: [u32; LEGS],
+}
+
+impl Load {
+    /// Nothing done.
+    pub const ZERO: Self = Self {
+        ticks: 0,
+        over_budget: 0,
+        worst: 0,
+        total: 0,
+        stack_bytes: 0,
+    };
 }
 
 /// A step is done; what it led to was said before.

@@ -14,7 +14,7 @@ use proprio_core::wire::{
 };
 use proprio_firmware::board::mps2_an500::Board;
 use proprio_firmware::{Scalar, VERSION, stack::HighWater};
-use static_cell::StaticCell;
+use static_cell::ConstStaticCell;
 
 const IDENTITY: Identity = Identity {
     firmware: VERSION,
@@ -27,8 +27,9 @@ const IDENTITY: Identity = Identity {
 /// Bytes of one bus that one step takes; a longer stretch is several steps at the same time.
 const BUS_BUFFER: usize = 1024;
 
-static APP: StaticCell<App<Scalar>> = StaticCell::new();
-static BUFFERS: StaticCell<[[u8; BUS_BUFFER]; LEGS]> = StaticCell::new();
+static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
+static BUFFERS: ConstStaticCell<[[u8; BUS_BUFFER]; LEGS]> =
+    ConstStaticCell::new([[0; BUS_BUFFER]; LEGS]);
 
 struct Listener {
     board: Board,
@@ -49,14 +50,15 @@ fn main() -> ! {
     defmt::info!("proprio {} on {}", IDENTITY.firmware, IDENTITY.board);
     let mut listener = Listener {
         board,
-        app: APP.init_with(|| App::new(IDENTITY)),
-        buffers: BUFFERS.init_with(|| [[0; BUS_BUFFER]; LEGS]),
+        app: APP.take(),
+        buffers: BUFFERS.take(),
         sender: Sender::default(),
         frame: [0; MAX_FRAME],
         stack: HighWater::new(),
         time_us: 0,
     };
     let mut receiver = Receiver::<HostMessage>::default();
+    listener.app.reset();
     listener.step(0, [0; LEGS]);
     loop {
         let Some(byte) = listener.board.host.read() else {
