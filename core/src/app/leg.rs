@@ -39,9 +39,19 @@ impl<T: Real> LegLine<T> {
 
     /// Begins anew, in place: a line is larger than a microcontroller's stack.
     pub(super) fn reset(&mut self, which: Leg) {
-        let (upright, settings) = (Transform::identity(), Settings::default());
         self.decoder = Decoder::new();
         self.assembler = Assembler::new();
+        self.open(which);
+        self.closed = false;
+        self.factors.clear();
+        self.prior = Some(LegPrior::of(which));
+        self.counters = LegCounters::ZERO;
+    }
+
+    /// An empty window. Not inlined, so that what it takes of the stack is given back before the prior takes its own.
+    #[inline(never)]
+    fn open(&mut self, which: Leg) {
+        let (upright, settings) = (Transform::identity(), Settings::default());
         self.window = Some(Window::new(
             leg(which),
             upright,
@@ -49,10 +59,6 @@ impl<T: Real> LegLine<T> {
             plausible(which),
             settings,
         ));
-        self.closed = false;
-        self.factors.clear();
-        self.prior = Some(LegPrior::of(which));
-        self.counters = LegCounters::ZERO;
     }
 
     pub(super) fn counters(&self) -> LegCounters {

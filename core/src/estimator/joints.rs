@@ -36,6 +36,16 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
         }
     }
 
+    /// Becomes a copy of `other`, in place: it may be larger than a microcontroller's stack.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.layout = other.layout;
+        self.rows = other.rows;
+        let numbers = self.storage.as_mut().iter_mut();
+        numbers
+            .zip(other.storage.as_ref())
+            .for_each(|(to, from)| *to = *from);
+    }
+
     /// Forgets all data.
     pub fn clear(&mut self) {
         self.rows = [T::ZERO; B];

@@ -89,7 +89,7 @@ where
     where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
-        self.data.clone_from(data);
+        self.data.copy_from(data);
         self.stage = Stage::Merge { joint: 0, row: 0 };
         let layout = *self.layout();
         let Ok(mut parts) = Parts::of(self.storage.as_mut(), layout.parameters()) else {

@@ -19,6 +19,9 @@ const SETS: usize = 12;
 /// Samples of each.
 const SAMPLES: u64 = 45;
 
+/// At least as many steps as a solution takes.
+const SOLVER_STEPS: usize = 40;
+
 /// Fewest and most instructions of one operation.
 struct Count(&'static str, u32, u32);
 
@@ -71,8 +74,8 @@ fn main() -> ! {
     };
     let [mut decode, mut push, mut close] =
         ["decode_cycle", "push", "push_closing"].map(Count::new);
-    let [mut fold, mut start, mut advance] =
-        ["fold", "solver_start", "solver_step"].map(Count::new);
+    let [mut fold, mut start] = ["fold", "solver_start"].map(Count::new);
+    let mut steps = [const { Count::new("solver_step") }; SOLVER_STEPS];
     let prior = LegPrior::<Scalar>::of(Leg::FR);
     let mut noise = Noise(1);
     for set in 0..SETS {
@@ -84,7 +87,7 @@ fn main() -> ! {
             plausible(Leg::FR),
             Settings::default(),
         );
-        let mut factors = LegFactors::<Scalar>::default();
+        let mut factors = LegFactors::<Scalar>::empty();
         let mut decoder = Decoder::new();
         for n in 0..SAMPLES {
             let sample = sample(set, n, &mut noise);
@@ -117,16 +120,6 @@ fn main() -> ! {
             if n > 0 {
                 decode.add(cost);
             }
-            if set == 3 && n == 3 {
-                let tree = leg::<Scalar>(Leg::FR);
-                let (k, cost) = counter
-                    .count(|| tree.kinematics(&upright, &sample.q.into(), &sample.dq.into()));
-                hprintln!("# kinematics {}", cost);
-                let (w, cost) = counter.count(|| tree.momentum_rate_regressor::<30>(&k));
-                hprintln!("# rate regressor {} {}", cost, w[(0, 0)] as f32);
-                let (w, cost) = counter.count(|| tree.momentum_regressor::<30>(&k));
-                hprintln!("# momentum regressor {} {}", cost, w[(0, 0)] as f32);
-            }
             let (pushed, cost) = counter.count(|| window.push(&sample));
             match pushed {
                 Push::Closed => {
@@ -146,21 +139,22 @@ fn main() -> ! {
                 }
             }
         }
-        let mut solver = LegSolver::<Scalar>::default();
+        let mut solver = LegSolver::<Scalar>::empty();
         start.add(counter.count(|| solver.start(&prior, &factors)).1);
-        let mut steps = 0;
-        loop {
+        for step in &mut steps {
             let (done, cost) = counter.count(|| solver.advance());
-            advance.add(cost);
-            steps += 1;
-            hprintln!("# step {} {}", steps, cost);
+            step.add(cost);
             if done != Ok(false) {
                 break;
             }
         }
     }
-    [decode, push, close, fold, start, advance]
+    [decode, push, close, fold, start]
         .iter()
+        .for_each(Count::print);
+    steps
+        .iter()
+        .filter(|step| step.2 > 0)
         .for_each(Count::print);
     exit(EXIT_SUCCESS);
     loop {}

@@ -55,6 +55,14 @@ pub fn build(scalar: Scalar) -> Result<PathBuf, DeviceError> {
     ))
 }
 
+/// Builds the images and says where the one is that counts the core's operations; [`super::qemu::run`] runs it.
+///
+/// # Errors
+/// As [`build`].
+pub fn operation_counts(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    Ok(build(scalar)?.with_file_name(format!("operation_counts-{}", scalar.name())))
+}
+
 /// The clone this program was built in, or else the one around the current directory.
 fn workspace() -> Option<PathBuf> {
     let built_in = Path::new(env!("CARGO_MANIFEST_DIR"))

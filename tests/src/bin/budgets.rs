@@ -1,0 +1,198 @@
+//! Measures the firmware and compares it with `budgets.toml`: `cargo run --release -p proprio-tests --bin budgets`.
+//!
+//! Counts, never wall time: bytes of the images, the deepest stack, instructions on the emulated board. Ends with status 1
+//! if a figure is above what was accepted, or an operation's instructions depend on the data. `-- --accept` writes what was
+//! measured into the file, for a change that is meant to cost; its diff is then reviewed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::ExitCode;
+
+use object::{Object, ObjectSection, SectionFlags, elf};
+use proprio::device::image::{self, Scalar};
+use proprio::device::replay::{bus_step, replay};
+use proprio::device::{Qemu, qemu};
+use proprio_core::go2::Leg;
+use proprio_core::wire::{Counters, DeviceMessage, Load};
+use proprio_tests::motion;
+use serde::{Deserialize, Serialize};
+
+type Failure = Box<dyn std::error::Error>;
+/// Figure by name.
+type Figures = BTreeMap<String, u64>;
+
+/// Samples of all legs that a tick's cost is measured over: two seconds, every leg solved several times.
+const SAMPLES: u64 = 1_000;
+/// The counter's resolution, instructions.
+const RESOLUTION: u64 = 1;
+/// A figure may exceed what was accepted by 1/50: compilers differ a little.
+const SLACK: u64 = 50;
+
+/// `budgets.toml`.
+#[derive(Default, Serialize, Deserialize)]
+struct Budgets {
+    /// The targets of `design.md` §8.
+    target: Figures,
+    /// What was accepted, per scalar.
+    #[serde(flatten)]
+    accepted: BTreeMap<String, Figures>,
+}
+
+fn main() -> ExitCode {
+    match check() {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("budgets: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn check() -> Result<bool, Failure> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../budgets.toml");
+    let text = std::fs::read_to_string(&path)?;
+    let mut budgets: Budgets = toml::from_str(&text)?;
+    let mut good = true;
+    for scalar in [Scalar::F64, Scalar::F32] {
+        let mut figures = Figures::new();
+        sizes(scalar, &mut figures)?;
+        tick(scalar, &mut figures)?;
+        good &= operations(scalar, &mut figures)?;
+        good &= compare(scalar.name(), &figures, &budgets);
+        if std::env::args().any(|argument| argument == "--accept") {
+            budgets.accepted.insert(scalar.name().to_owned(), figures);
+        }
+    }
+    let accepted = toml::to_string(&budgets)?;
+    if std::env::args().any(|argument| argument == "--accept") {
+        let comment: String = text
+            .lines()
+            .take_while(|l| l.starts_with('#'))
+            .map(|l| format!("{l}\n"))
+            .collect();
+        std::fs::write(&path, comment + &accepted)?;
+        return Ok(true);
+    }
+    Ok(good)
+}
+
+/// Bytes of the image in flash and in static RAM.
+fn sizes(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
+    let image = std::fs::read(image::build(scalar)?)?;
+    let file = object::File::parse(&*image)?;
+    let (mut flash, mut ram) = (0, 0);
+    for section in file.sections() {
+        let SectionFlags::Elf { sh_flags, .. } = section.flags() else {
+            continue;
+        };
+        if sh_flags.0 & elf::SHF_ALLOC.0 == 0 {
+            continue;
+        }
+        // Initialised data lie in flash and are copied to RAM.
+        if section.kind() != object::SectionKind::UninitializedData {
+            flash += section.size();
+        }
+        if section.address() >= 0x2000_0000 {
+            ram += section.size();
+        }
+    }
+    figures.insert("flash_bytes".into(), flash);
+    figures.insert("static_ram_bytes".into(), ram);
+    Ok(())
+}
+
+/// Instructions per tick and the deepest stack, all four legs moving.
+fn tick(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
+    let steps = || {
+        (1..=SAMPLES).map(|n| {
+            bus_step(
+                n * motion::SAMPLE_US,
+                &Leg::ALL.map(|leg| Some(motion::sample(leg, n))),
+            )
+        })
+    };
+    let mut last = Counters::default();
+    let mut hear = |message| {
+        // Not the silence after the last sample.
+        if let DeviceMessage::Counters(counters) = message
+            && counters.time_us <= SAMPLES * motion::SAMPLE_US
+        {
+            last = counters;
+        }
+    };
+    let mut board = Qemu::boot(&image::build(scalar)?)?;
+    replay(steps(), &mut board, &mut hear)?;
+    let Load {
+        ticks,
+        worst,
+        total,
+        stack_bytes,
+        ..
+    } = last.load;
+    if last
+        .legs
+        .iter()
+        .any(|leg| leg.used == 0 || leg.used != leg.samples)
+    {
+        return Err("the board did not use every sample".into());
+    }
+    figures.insert("stack_bytes".into(), u64::from(stack_bytes));
+    figures.insert("tick_worst".into(), u64::from(worst));
+    figures.insert("tick_mean".into(), total / u64::from(ticks));
+    Ok(())
+}
+
+/// Instructions of the core's operations; whether each takes the same whatever the data.
+fn operations(scalar: Scalar, figures: &mut Figures) -> Result<bool, Failure> {
+    let mut constant = true;
+    for line in qemu::run(&image::operation_counts(scalar)?)?.lines() {
+        let fields: Vec<&str> = line.split_whitespace().collect();
+        let [name, fewest, most] = fields[..] else {
+            return Err(format!("unexpected line: {line}").into());
+        };
+        let (fewest, most): (u64, u64) = (fewest.parse()?, most.parse()?);
+        if most - fewest > RESOLUTION {
+            println!(
+                "{} {name}: {fewest} to {most} instructions, depending on the data",
+                scalar.name()
+            );
+            constant = false;
+        }
+        let dearest = figures.entry(name.to_owned()).or_default();
+        *dearest = most.max(*dearest);
+    }
+    Ok(constant)
+}
+
+/// Prints a scalar's figures; whether all are accepted.
+fn compare(scalar: &str, figures: &Figures, budgets: &Budgets) -> bool {
+    let mut good = true;
+    println!(
+        "{scalar:<18}{:>10}{:>10}{:>10}",
+        "measured", "accepted", "target"
+    );
+    for (name, &measured) in figures {
+        let accepted = budgets
+            .accepted
+            .get(scalar)
+            .and_then(|accepted| accepted.get(name))
+            .copied();
+        let target = budgets.target.get(name).copied();
+        let column = |figure: Option<u64>| figure.map_or("-".into(), |figure| figure.to_string());
+        let over = accepted.is_none_or(|accepted| measured > accepted + accepted / SLACK);
+        let verdict = match (over, target.is_some_and(|target| measured > target)) {
+            (true, _) => "  OVER BUDGET",
+            (false, true) => "  above the target",
+            (false, false) => "",
+        };
+        println!(
+            "{name:<18}{measured:>10}{:>10}{:>10}{verdict}",
+            column(accepted),
+            column(target)
+        );
+        good &= !over;
+    }
+    println!();
+    good
+}
