@@ -28,7 +28,14 @@ pub struct JointFactors<T, S, const B: usize> {
 
 impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> {
     /// No data, in `storage` of [`Layout::packed_len`] zeros; with another length, every use is an error of length.
-    pub const fn new(layout: Layout<B>, storage: S) -> Self {
+    pub fn new(layout: Layout<B>, storage: S) -> Self {
+        let mut factors = Self::unset(layout, storage);
+        factors.clear();
+        factors
+    }
+
+    /// [`new`](Self::new) as a constant, for statics: to be [`clear`](Self::clear)ed before it is used.
+    pub const fn unset(layout: Layout<B>, storage: S) -> Self {
         Self {
             layout,
             rows: [T::ZERO; B],
@@ -48,8 +55,14 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
 
     /// Forgets all data.
     pub fn clear(&mut self) {
-        self.rows = [T::ZERO; B];
-        self.storage.as_mut().fill(T::ZERO);
+        for joint in 0..self.layout.bodies() {
+            // The only error is a storage of the wrong length, which the first row will tell.
+            let _ = self.with_joint(joint, |factor| {
+                factor.clear();
+                factor.set_floor(floor());
+                Ok(())
+            });
+        }
     }
 
     /// Which column is what.
@@ -79,12 +92,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
     /// # Errors
     /// [`FactorError::NotFinite`], and then the joint's factor is unchanged; [`FactorError::Length`].
     pub fn fold(&mut self, joint: usize, row: &mut [T]) -> Result<(), FactorError> {
-        self.with_joint(joint, |factor| {
-            if factor.rows() == T::zero() {
-                factor.set_floor(floor());
-            }
-            factor.update(row)
-        })
+        self.with_joint(joint, |factor| factor.update(row))
     }
 
     /// Weighs all data so far down to `retention` (0 to 1).
