@@ -256,6 +256,15 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         Ok(())
     }
 
+    /// Writes `floor` on the diagonal of an empty triangle: each parameter is zero ± 1/`floor`.
+    pub(crate) fn set_floor(&mut self, floor: T) {
+        for k in 0..self.columns {
+            if let Some(pivot) = self.storage.as_mut().get_mut(row_start(self.columns, k)) {
+                *pivot = floor;
+            }
+        }
+    }
+
     /// Weighs everything folded in so far down to `retention` (0 to 1): exponential forgetting.
     pub fn forget(&mut self, retention: T) {
         let scale = sqrt(retention.max(T::zero()).min(T::one()));

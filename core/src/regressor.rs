@@ -26,25 +26,55 @@ fn lift<T: Real>(gravity: &Vector3<T>) -> Motion<T> {
     Motion::new(Vector3::zeros(), -*gravity)
 }
 
+/// r(S, −γ): no rotational part, for gravity has none.
+fn gravity_row<T: Real>(subspace: &Motion<T>, gravity: &Vector3<T>) -> SVector<T, INERTIAL> {
+    let h = subspace.angular.cross(gravity);
+    let zero = T::zero();
+    let m = -subspace.linear.dot(gravity);
+    SVector::from([m, h.x, h.y, h.z, zero, zero, zero, zero, zero, zero])
+}
+
 impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     fn assemble<const P: usize>(
         &self,
         row: impl Fn(usize, usize) -> SVector<T, INERTIAL>,
     ) -> SMatrix<T, V, P> {
-        const { assert!(P == INERTIAL * B) }
         let mut regressor = SMatrix::zeros();
+        self.write(&mut regressor, row);
+        regressor
+    }
+
+    /// Writes the entries that a tree can have; the others are not touched.
+    fn write<const P: usize>(
+        &self,
+        regressor: &mut SMatrix<T, V, P>,
+        row: impl Fn(usize, usize) -> SVector<T, INERTIAL>,
+    ) {
+        const { assert!(P == INERTIAL * B) }
         self.for_each_pair(|b, c| {
             let entries = row(b, c);
             for n in 0..INERTIAL {
                 regressor[(c, INERTIAL * b + n)] = entries[n];
             }
         });
-        regressor
     }
 
     /// W_m with W_m θ = H q̇, the generalised momentum (N m s).
     pub fn momentum_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
-        self.assemble(|b, c| momentum_row(&k.subspace[b][c], &k.velocity[b]))
+        let mut regressor = SMatrix::zeros();
+        self.write_momentum_regressor(k, &mut regressor);
+        regressor
+    }
+
+    /// [`momentum_regressor`](Self::momentum_regressor) in place: `regressor` is of this tree, or zero.
+    pub(crate) fn write_momentum_regressor<const P: usize>(
+        &self,
+        k: &Kinematics<T, B, V>,
+        regressor: &mut SMatrix<T, V, P>,
+    ) {
+        self.write(regressor, |b, c| {
+            momentum_row(&k.subspace[b][c], &k.velocity[b])
+        });
     }
 
     /// W_c with W_c θ = Cᵀ q̇ (N m).
@@ -57,18 +87,29 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
 
     /// W_g with W_g θ = g(q) (N m).
     pub fn gravity_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
-        self.assemble(|b, c| momentum_row(&k.subspace[b][c], &lift(&k.gravity[b])))
+        self.assemble(|b, c| gravity_row(&k.subspace[b][c], &k.gravity[b]))
     }
 
-    /// W_g − W_c, the integrand of the momentum equation, in one pass (N m).
+    /// W_g − W_c, the integrand of the momentum equation (N m), in one pass.
     pub fn momentum_rate_regressor<const P: usize>(
         &self,
         k: &Kinematics<T, B, V>,
     ) -> SMatrix<T, V, P> {
-        self.assemble(|b, c| {
-            momentum_row(&k.subspace[b][c], &lift(&k.gravity[b]))
+        let mut regressor = SMatrix::zeros();
+        self.write_momentum_rate_regressor(k, &mut regressor);
+        regressor
+    }
+
+    /// [`momentum_rate_regressor`](Self::momentum_rate_regressor) in place: `regressor` is of this tree, or zero.
+    pub(crate) fn write_momentum_rate_regressor<const P: usize>(
+        &self,
+        k: &Kinematics<T, B, V>,
+        regressor: &mut SMatrix<T, V, P>,
+    ) {
+        self.write(regressor, |b, c| {
+            gravity_row(&k.subspace[b][c], &k.gravity[b])
                 - momentum_row(&k.subspace_rate[b][c], &k.velocity[b])
-        })
+        });
     }
 
     /// W with W θ = H a + C v + g = τ (N m): the joint torque regressor (Atkeson, An & Hollerbach 1986).

@@ -72,6 +72,7 @@ impl core::error::Error for TreeError {}
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tree<T: Real, const B: usize, const V: usize> {
     bodies: [Body<T>; B],
+    turning: [Turning<T>; B],
     first_coordinate: [usize; B],
     subtree_end: [usize; B],
     gravity: Vector3<T>,
@@ -110,8 +111,10 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
             return Err(TreeError::DegreesOfFreedom(coordinates));
         }
         let gravity = Vector3::new(T::zero(), T::zero(), scalar::real(-9.81));
+        let turning = core::array::from_fn(|b| Turning::new(&bodies[b]));
         Ok(Self {
             bodies,
+            turning,
             first_coordinate,
             subtree_end,
             gravity,
@@ -170,17 +173,22 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         q: &SVector<T, V>,
         v: &SVector<T, V>,
     ) -> Kinematics<T, B, V> {
-        let mut k = Kinematics {
-            from_parent: [Transform::identity(); B],
-            velocity: [Motion::zero(); B],
-            gravity: [Vector3::zeros(); B],
-            subspace: [[Motion::zero(); V]; B],
-            subspace_rate: [[Motion::zero(); V]; B],
-        };
-        for b in 0..B {
-            self.add_body(&mut k, b, base, q, v);
-        }
+        let mut k = Kinematics::zero();
+        self.update_kinematics(&mut k, base, q, v);
         k
+    }
+
+    /// [`kinematics`](Self::kinematics) in place: `k` is of this tree, or zero.
+    pub(crate) fn update_kinematics(
+        &self,
+        k: &mut Kinematics<T, B, V>,
+        base: &Transform<T>,
+        q: &SVector<T, V>,
+        v: &SVector<T, V>,
+    ) {
+        for b in 0..B {
+            self.add_body(k, b, base, q, v);
+        }
     }
 
     fn add_body(
@@ -195,7 +203,10 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         let own = self.coordinates(b);
         let placement = match body.joint {
             Joint::Free => *base,
-            Joint::Revolute(axis) => turned(&body.placement, &axis, q[own.start]),
+            Joint::Revolute(_) => Transform {
+                rotation: self.turning[b].rotation(q[own.start]),
+                translation: body.placement.translation,
+            },
             Joint::Prismatic(axis) => body
                 .placement
                 .compose(&Transform::from_translation(axis * q[own.start])),
@@ -246,14 +257,32 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     }
 }
 
-/// `placement` followed by a rotation of `angle` about `axis` (Rodrigues' formula).
-fn turned<T: Real>(placement: &Transform<T>, axis: &Vector3<T>, angle: T) -> Transform<T> {
-    let (sin, cos) = scalar::sin_cos(angle);
-    let cross = axis.cross_matrix();
-    let rotation = Matrix3::identity() + cross * sin + cross * cross * (T::one() - cos);
-    Transform {
-        rotation: placement.rotation * rotation,
-        translation: placement.translation,
+/// A revolute joint's placement as A + B sin q + C cos q: Rodrigues' formula multiplied out once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Turning<T: Real> {
+    constant: Matrix3<T>,
+    sine: Matrix3<T>,
+    cosine: Matrix3<T>,
+}
+
+impl<T: Real> Turning<T> {
+    fn new(body: &Body<T>) -> Self {
+        let cross = match body.joint {
+            Joint::Revolute(axis) => axis.cross_matrix(),
+            Joint::Free | Joint::Prismatic(_) => Matrix3::zeros(),
+        };
+        let placed = body.placement.rotation;
+        let square = placed * cross * cross;
+        Self {
+            constant: placed + square,
+            sine: placed * cross,
+            cosine: -square,
+        }
+    }
+
+    fn rotation(&self, angle: T) -> Matrix3<T> {
+        let (sin, cos) = scalar::sin_cos(angle);
+        self.constant + self.sine * sin + self.cosine * cos
     }
 }
 
@@ -271,6 +300,19 @@ pub struct Kinematics<T: Real, const B: usize, const V: usize> {
     pub subspace: [[Motion<T>; V]; B],
     /// `subspace_rate[b][c]`: v × S of the body that coordinate c belongs to: how fast that column turns.
     pub subspace_rate: [[Motion<T>; V]; B],
+}
+
+impl<T: Real, const B: usize, const V: usize> Kinematics<T, B, V> {
+    /// No motion, no placement.
+    pub(crate) fn zero() -> Self {
+        Self {
+            from_parent: [Transform::identity(); B],
+            velocity: [Motion::zero(); B],
+            gravity: [Vector3::zeros(); B],
+            subspace: [[Motion::zero(); V]; B],
+            subspace_rate: [[Motion::zero(); V]; B],
+        }
+    }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@
 //! - an *implausible* one (not finite, beyond any value the robot can have) is skipped;
 //! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
 
-use crate::effect::{EffectKind, JointState, Term};
+use crate::effect::{EffectKind, JointState};
 use crate::inertia::INERTIAL;
 use crate::spatial::Transform;
 use crate::tree::{Kinematics, Tree};
@@ -126,13 +126,22 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Integrand<T, B, P,
         }
     }
 
-    fn add_trapezium(&mut self, before: &Self, after: &Self, dt: T) {
-        let half = dt * real(0.5);
-        self.inertial += (before.inertial + after.inertial) * half;
+    fn clear(&mut self) {
+        self.inertial.as_mut_slice().fill(T::zero());
+        self.effects = [[T::zero(); E]; B];
+        self.torque = [T::zero(); B];
+    }
+
+    /// Adds `other` times `duration`.
+    fn add(&mut self, other: &Self, duration: T) {
+        let rates = other.inertial.as_slice();
+        for (sum, rate) in self.inertial.as_mut_slice().iter_mut().zip(rates) {
+            *sum += *rate * duration;
+        }
         for b in 0..B {
-            self.torque[b] += (before.torque[b] + after.torque[b]) * half;
+            self.torque[b] += other.torque[b] * duration;
             for e in 0..E {
-                self.effects[b][e] += (before.effects[b][e] + after.effects[b][e]) * half;
+                self.effects[b][e] += other.effects[b][e] * duration;
             }
         }
     }
@@ -146,7 +155,19 @@ struct Edge<T: Real, const B: usize, const P: usize, const E: usize> {
     effects: [[T; E]; B],
 }
 
+impl<T: Real, const B: usize, const P: usize, const E: usize> Edge<T, B, P, E> {
+    fn zero() -> Self {
+        Self {
+            time_us: 0,
+            momentum: SMatrix::zeros(),
+            effects: [[T::zero(); E]; B],
+        }
+    }
+}
+
 /// The window being filled, for `B` joints on a fixed base, `P` = 10 `B` inertial columns and `E` effects per joint.
+///
+/// Everything is computed in place: on a microcontroller, moving these matrices costs as much as filling them.
 #[derive(Clone, Debug)]
 pub struct Window<T: Real, const B: usize, const P: usize, const E: usize> {
     tree: Tree<T, B, B>,
@@ -154,9 +175,16 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize> {
     effects: [EffectKind; E],
     plausible: [Plausible<T>; B],
     settings: Settings,
-    last: Option<(Sample<T, B>, Integrand<T, B, P, E>)>,
-    start: Option<Edge<T, B, P, E>>,
+    /// The last sample used, if any since the last [`clear`](Self::clear).
+    last: Option<Sample<T, B>>,
+    kinematics: Kinematics<T, B, B>,
+    /// The integrand at the last sample, and half the time between it and the one before in this window (s): what of its
+    /// trapezia lies before it.
+    integrand: Integrand<T, B, P, E>,
+    half_step: T,
     integral: Integrand<T, B, P, E>,
+    start: Edge<T, B, P, E>,
+    end: Edge<T, B, P, E>,
     rows: Rows<T, B, P, E>,
 }
 
@@ -169,13 +197,6 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
         plausible: [Plausible<T>; B],
         settings: Settings,
     ) -> Self {
-        let rows = Rows {
-            span_us: [0; 2],
-            inertial: SMatrix::zeros(),
-            effects: [[T::zero(); E]; B],
-            torque: [T::zero(); B],
-        };
-        let integral = Integrand::zero();
         Self {
             tree,
             base,
@@ -183,16 +204,24 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
             plausible,
             settings,
             last: None,
-            start: None,
-            integral,
-            rows,
+            kinematics: Kinematics::zero(),
+            integrand: Integrand::zero(),
+            half_step: T::zero(),
+            integral: Integrand::zero(),
+            start: Edge::zero(),
+            end: Edge::zero(),
+            rows: Rows {
+                span_us: [0; 2],
+                inertial: SMatrix::zeros(),
+                effects: [[T::zero(); E]; B],
+                torque: [T::zero(); B],
+            },
         }
     }
 
     /// Forgets the open window and the last sample.
     pub fn clear(&mut self) {
         self.last = None;
-        self.start = None;
     }
 
     /// The rows of the window closed last; of use after [`Push::Closed`].
@@ -205,86 +234,92 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
         if let Some(reason) = self.implausible(sample) {
             return Push::Rejected(reason);
         }
-        let gap = match &self.last {
-            None => true,
-            Some((last, _)) if sample.time_us <= last.time_us => return Push::Late,
-            Some((last, _))
-                if sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau =>
-            {
+        let step_us = match &self.last {
+            None => None,
+            Some(last) if sample.time_us <= last.time_us => return Push::Late,
+            Some(last) if sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau => {
                 return Push::Repeated;
             }
-            Some((last, _)) => sample.time_us - last.time_us > self.settings.max_gap_us,
+            Some(last) => Some(sample.time_us - last.time_us),
         };
-        let kinematics = self.tree.kinematics(
-            &self.base,
-            &SVector::from(sample.q),
-            &SVector::from(sample.dq),
-        );
-        let terms = self.terms(sample);
-        let integrand = Integrand {
-            inertial: self.tree.momentum_rate_regressor(&kinematics),
-            effects: terms.map(|joint| joint.map(|term| term.rate)),
-            torque: sample.tau,
-        };
-        let before = self.last.replace((*sample, integrand));
-        let (Some((last, before)), Some(start), false) = (before, self.start, gap) else {
-            let first = self.start.is_none();
-            self.open(self.edge(sample.time_us, &kinematics, &terms));
-            return if first { Push::Used } else { Push::Gap };
-        };
-        let dt = microseconds(sample.time_us - last.time_us);
-        self.integral.add_trapezium(&before, &integrand, dt);
-        if sample.time_us - start.time_us < self.settings.window_us {
-            return Push::Used;
+        let bridged = step_us.filter(|step| *step <= self.settings.max_gap_us);
+        if let Some(step_us) = bridged {
+            // A sample's share of the trapezia on both of its sides: half the time from the one before to the next.
+            let half = microseconds::<T>(step_us) * real(0.5);
+            self.integral.add(&self.integrand, self.half_step + half);
+            self.half_step = half;
         }
-        let end = self.edge(sample.time_us, &kinematics, &terms);
-        self.close(&start, &end);
-        self.open(end);
-        Push::Closed
-    }
-
-    fn terms(&self, sample: &Sample<T, B>) -> [[Term<T>; E]; B] {
-        core::array::from_fn(|b| {
-            let state = JointState {
-                q: sample.q[b],
-                dq: sample.dq[b],
-                tau: sample.tau[b],
-            };
-            self.effects.map(|effect| effect.term(&state))
-        })
-    }
-
-    fn edge(
-        &self,
-        time_us: u64,
-        kinematics: &Kinematics<T, B, B>,
-        terms: &[[Term<T>; E]; B],
-    ) -> Edge<T, B, P, E> {
-        Edge {
-            time_us,
-            momentum: self.tree.momentum_regressor(kinematics),
-            effects: terms.map(|joint| joint.map(|term| term.boundary)),
+        self.last = Some(*sample);
+        self.measure(sample);
+        match (step_us, bridged) {
+            (Some(_), Some(_)) if sample.time_us - self.start.time_us < self.settings.window_us => {
+                return Push::Used;
+            }
+            (Some(_), Some(_)) => {
+                self.set_end(sample);
+                self.close();
+            }
+            _ => self.set_end(sample),
+        }
+        core::mem::swap(&mut self.start, &mut self.end);
+        self.integral.clear();
+        self.half_step = T::zero();
+        match (step_us, bridged) {
+            (_, Some(_)) => Push::Closed,
+            (Some(_), None) => Push::Gap,
+            (None, None) => Push::Used,
         }
     }
 
-    fn open(&mut self, start: Edge<T, B, P, E>) {
-        self.start = Some(start);
-        self.integral = Integrand::zero();
+    /// The kinematics and the integrand at a sample.
+    fn measure(&mut self, sample: &Sample<T, B>) {
+        let (q, dq) = (SVector::from(sample.q), SVector::from(sample.dq));
+        self.tree
+            .update_kinematics(&mut self.kinematics, &self.base, &q, &dq);
+        let inertial = &mut self.integrand.inertial;
+        self.tree
+            .write_momentum_rate_regressor(&self.kinematics, inertial);
+        self.integrand.torque = sample.tau;
+        for b in 0..B {
+            for (e, effect) in self.effects.iter().enumerate() {
+                self.integrand.effects[b][e] = effect.term(&joint_state(sample, b)).rate;
+            }
+        }
     }
 
-    fn close(&mut self, start: &Edge<T, B, P, E>, end: &Edge<T, B, P, E>) {
+    /// Makes the sample that was just measured the window's end.
+    fn set_end(&mut self, sample: &Sample<T, B>) {
+        self.end.time_us = sample.time_us;
+        self.tree
+            .write_momentum_regressor(&self.kinematics, &mut self.end.momentum);
+        for b in 0..B {
+            for (e, effect) in self.effects.iter().enumerate() {
+                self.end.effects[b][e] = effect.term(&joint_state(sample, b)).boundary;
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        self.integral.add(&self.integrand, self.half_step);
+        let (start, end, sum, rows) = (&self.start, &self.end, &self.integral, &mut self.rows);
         let per_second = T::one() / microseconds(end.time_us - start.time_us);
-        let sum = &self.integral;
-        self.rows = Rows {
-            span_us: [start.time_us, end.time_us],
-            inertial: (end.momentum - start.momentum + sum.inertial) * per_second,
-            effects: core::array::from_fn(|b| {
-                core::array::from_fn(|e| {
-                    (end.effects[b][e] - start.effects[b][e] + sum.effects[b][e]) * per_second
-                })
-            }),
-            torque: sum.torque.map(|impulse| impulse * per_second),
-        };
+        rows.span_us = [start.time_us, end.time_us];
+        let edges = end
+            .momentum
+            .as_slice()
+            .iter()
+            .zip(start.momentum.as_slice());
+        let entries = edges.zip(sum.inertial.as_slice());
+        for (row, ((end, start), sum)) in rows.inertial.as_mut_slice().iter_mut().zip(entries) {
+            *row = (*end - *start + *sum) * per_second;
+        }
+        for b in 0..B {
+            rows.torque[b] = sum.torque[b] * per_second;
+            for e in 0..E {
+                let difference = end.effects[b][e] - start.effects[b][e];
+                rows.effects[b][e] = (difference + sum.effects[b][e]) * per_second;
+            }
+        }
     }
 
     fn implausible(&self, sample: &Sample<T, B>) -> Option<Implausible> {
@@ -322,6 +357,15 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
         row.iter_mut()
             .zip(entries)
             .for_each(|(to, from)| *to = from);
+    }
+}
+
+/// What an effect sees of joint b.
+fn joint_state<T: Real, const B: usize>(sample: &Sample<T, B>, b: usize) -> JointState<T> {
+    JointState {
+        q: sample.q[b],
+        dq: sample.dq[b],
+        tau: sample.tau[b],
     }
 }
 

@@ -62,14 +62,14 @@ pub type LegSolver<T> =
 impl<T: Real> Default for LegFactors<T> {
     /// No data.
     fn default() -> Self {
-        Self::empty()
+        Self::new(LEG, [T::ZERO; LEG.packed_len()])
     }
 }
 
 impl<T: Real> LegFactors<T> {
-    /// No data.
+    /// A constant for statics, to be [`clear`](Self::clear)ed before it is used.
     pub const fn empty() -> Self {
-        Self::new(LEG, [T::ZERO; LEG.packed_len()])
+        Self::unset(LEG, [T::ZERO; LEG.packed_len()])
     }
 
     /// Folds in the rows of one window.

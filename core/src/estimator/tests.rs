@@ -206,3 +206,44 @@ fn f32_agrees_with_f64() {
         assert!(sigmas < 0.2, "parameter {k}: {sigmas} sigma");
     }
 }
+
+/// The columns of a leg are dependent; how the rows were gathered must not show in the noise all the same.
+#[test]
+fn the_noise_does_not_depend_on_how_the_rows_were_gathered() {
+    let mut window = LegEstimator::<f64>::new(Leg::RR);
+    let mut single = LegFactors::<f32>::default();
+    let mut parts = [LegFactors::default(); 5];
+    let mut state = 3_u64;
+    for n in 0..10_000 {
+        let mut sample = exact(Leg::RR, n * 2_000);
+        for tau in &mut sample.tau {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            *tau += 0.3 * ((state >> 33) as f64 / f64::from(1 << 30) - 1.0);
+        }
+        if window.push(&sample) == Push::Closed {
+            let rows = *window.window.rows();
+            parts[(n / 2_500) as usize % 5].fold_window(&rows).unwrap();
+            let narrow = LegRows {
+                span_us: rows.span_us,
+                inertial: rows.inertial.map(|x| x as f32),
+                effects: rows.effects.map(|e| e.map(|x| x as f32)),
+                torque: rows.torque.map(|x| x as f32),
+            };
+            single.fold_window(&narrow).unwrap();
+        }
+    }
+    let mut merged = parts[4];
+    for part in &parts[..4] {
+        merged.merge(part, &mut [0.0; LEG.columns(0) + 1]).unwrap();
+    }
+    for joint in 0..JOINTS_PER_LEG {
+        let noise = window.factors().noise(joint);
+        assert!((merged.noise(joint) / noise - 1.0).abs() < 1e-6, "{joint}");
+        assert!(
+            (f64::from(single.noise(joint)) / noise - 1.0).abs() < 1e-3,
+            "{joint}"
+        );
+    }
+}

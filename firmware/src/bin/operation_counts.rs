@@ -87,7 +87,7 @@ fn main() -> ! {
             plausible(Leg::FR),
             Settings::default(),
         );
-        let mut factors = LegFactors::<Scalar>::empty();
+        let mut factors = LegFactors::<Scalar>::default();
         let mut decoder = Decoder::new();
         for n in 0..SAMPLES {
             let sample = sample(set, n, &mut noise);

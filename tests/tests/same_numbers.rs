@@ -1,0 +1,76 @@
+//! A recorded log through the real firmware image on the emulated Cortex-M7, and through `identify`: the same numbers.
+
+use std::fs;
+use std::path::Path;
+
+use proprio_tests::command::{done, json, parameter, recorded_logs};
+
+/// The first `rows` samples of a recorded log, only the columns whose joint is one of `legs`' (all of them if empty).
+fn excerpt(log: &Path, rows: usize, legs: &[&str]) -> String {
+    let text = fs::read_to_string(log).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let keep: Vec<usize> = (0..header.len())
+        .filter(|&column| {
+            let joint = header[column].split('/').nth(1);
+            legs.is_empty()
+                || joint.is_none_or(|joint| legs.iter().any(|leg| joint.starts_with(leg)))
+        })
+        .collect();
+    let lines = text.lines().take(rows + 1).map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        keep.iter()
+            .map(|&column| cells[column])
+            .collect::<Vec<_>>()
+            .join(",")
+            + "\n"
+    });
+    lines.collect()
+}
+
+#[test]
+fn the_board_and_identify_agree_on_a_recorded_log() {
+    let Some(logs) = recorded_logs() else { return };
+    if std::env::var_os("PROPRIO_SKIP_QEMU").is_some() {
+        println!("SKIPPED: PROPRIO_SKIP_QEMU is set");
+        return;
+    }
+    let log = logs.join("go2_air_chirp_9.0hz_p25d5.0.csv");
+    for (what, legs, rows, least) in [
+        ("one leg", &["RL"][..], 3000, 4),
+        ("four legs", &[], 1500, 16),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("log.csv"), excerpt(&log, rows, legs)).unwrap();
+        let board = json(&done(
+            folder.path(),
+            &["replay", "log.csv", "--to", "qemu", "--json"],
+        ));
+        let here = json(&done(
+            folder.path(),
+            &["identify", "log.csv", "--bus", "--json"],
+        ));
+        let mut identified = 0;
+        let mut worst = 0.0_f64;
+        for there in board["parameters"].as_array().unwrap() {
+            let name = there["name"].as_str().unwrap();
+            let here = parameter(&here, name);
+            assert_eq!(there["status"], here["status"], "{what}: {name}");
+            if here["status"] != "identified" {
+                continue;
+            }
+            identified += 1;
+            let value = |from: &serde_json::Value| from["value"].as_f64().unwrap();
+            let difference = ((value(there) - value(here)) / value(here)).abs();
+            assert!(
+                difference <= 1e-4,
+                "{what}: {name} differs by {difference:e}"
+            );
+            worst = worst.max(difference);
+        }
+        println!("{what}: {identified} identified parameters differ by at most {worst:.1e}");
+        assert!(
+            identified >= least,
+            "{what}: {identified} identified parameters"
+        );
+    }
+}
