@@ -1,11 +1,17 @@
 //! The subcommands, one file each.
 
+mod add;
 mod demo;
+mod export;
 mod identify;
 mod simulate;
 
+use std::path::PathBuf;
+
 use clap::{Parser, Subcommand};
 use proprio::identification::IdentificationError;
+use proprio::model::export::ExportError;
+use proprio::model::{ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
 use proprio::simulator::Diverged;
 use serde::Serialize;
@@ -27,7 +33,9 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Add(add::Add),
     Demo(demo::Demo),
+    Export(export::Export),
     Identify(identify::Identify),
     Simulate(simulate::Simulate),
 }
@@ -36,7 +44,9 @@ impl Arguments {
     /// Does what is asked and returns what goes to standard output.
     pub(crate) fn run(self) -> Result<String, Error> {
         match self.command {
+            Command::Add(command) => command.run(),
             Command::Demo(command) => command.run(),
+            Command::Export(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Simulate(command) => command.run(),
         }
@@ -52,6 +62,17 @@ pub(crate) enum Error {
     Write(#[from] WriteError),
     #[error(transparent)]
     Diverged(#[from] Diverged),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// `add --urdf` with a model file that exists.
+    #[error("{}: the model has its robot already", .0.display())]
+    RobotIsSet(PathBuf),
 }
 
 /// One JSON object and a line end.

@@ -1,6 +1,6 @@
 //! What is taken to be true of a robot: its bodies, its effects, how sure that is, and where it comes from.
 //!
-//! A [`Model`] is a [`Robot`] plus what identification found. It lives in one TOML file ([`file`](self) below) that is
+//! A [`Model`] is a [`Robot`] plus what identification found. It lives in one TOML file that is
 //! read, reviewed and compared as text, and [`export`] writes it into the files that simulators read.
 //!
 //! # The file
