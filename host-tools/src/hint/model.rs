@@ -14,7 +14,7 @@ pub(super) fn of_name(unknown: &UnknownName) -> Option<String> {
 }
 
 pub(super) fn of_model(error: &ModelError) -> Option<String> {
-    Some(match &error.problem {
+    Some(match &*error.problem {
         ModelProblem::Read(cause) if cause.kind() == ErrorKind::NotFound => {
             "check the path; `proprio add EFFECT -m MODEL` makes a model file".to_owned()
         }
@@ -51,7 +51,11 @@ fn of_impossible(fault: &Impossible) -> String {
 }
 
 pub(super) fn of_robot(error: &RobotError) -> Option<String> {
-    Some(match &error.problem {
+    of_robot_problem(&error.problem)
+}
+
+fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
+    Some(match problem {
         RobotProblem::Read(cause) => return of_reading(cause),
         RobotProblem::Syntax(_) => {
             "`check_urdf FILE` tells more; expand a .xacro first: `xacro FILE > robot.urdf`".to_owned()
@@ -93,12 +97,12 @@ fn of_unphysical(fault: &Unphysical) -> String {
 }
 
 pub(super) fn of_export(error: &ExportError) -> Option<String> {
-    Some(match &error.problem {
+    Some(match &*error.problem {
         ExportProblem::Read(cause) => return of_reading(cause),
         ExportProblem::Syntax(_) => {
             "name the file that holds the robot itself: URDF for --urdf, MJCF for --mjcf".to_owned()
         }
-        ExportProblem::Robot(error) => return of_robot(error),
+        ExportProblem::Robot(problem) => return of_robot_problem(problem),
         ExportProblem::Missing(unknown) => {
             let nearest = unknown.nearest().map(|name| format!("is it called `{name}`? "));
             format!(

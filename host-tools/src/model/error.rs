@@ -13,7 +13,7 @@ pub struct ModelError {
     /// The line, from 1.
     pub line: Option<usize>,
     /// What is wrong.
-    pub problem: ModelProblem,
+    pub problem: Box<ModelProblem>,
 }
 
 /// What is wrong with a model file.

@@ -195,7 +195,7 @@ pub(super) fn load(path: &Path) -> Result<Model, ModelError> {
     let error = |line, problem| ModelError {
         path: path.to_owned(),
         line,
-        problem,
+        problem: Box::new(problem),
     };
     let text = std::fs::read_to_string(path).map_err(|e| error(None, ModelProblem::Read(e)))?;
     let folder = path.parent().unwrap_or(Path::new(""));

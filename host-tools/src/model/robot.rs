@@ -109,7 +109,7 @@ pub struct RobotError {
     /// The line of the element at fault.
     pub line: Option<u32>,
     /// What is wrong.
-    pub problem: RobotProblem,
+    pub problem: Box<RobotProblem>,
 }
 
 /// What is wrong with a robot's description.

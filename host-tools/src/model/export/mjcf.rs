@@ -35,12 +35,12 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
     let document = Document::parse(&text).map_err(|e| ExportError {
         path: path.to_owned(),
         line: Some(e.pos().row),
-        problem: ExportProblem::Syntax(e.to_string()),
+        problem: Box::new(ExportProblem::Syntax(e.to_string())),
     })?;
     let at = |(node, problem): (Node, ExportProblem)| ExportError {
         path: path.to_owned(),
         line: Some(document.text_pos_at(node.range().start).row),
-        problem,
+        problem: Box::new(problem),
     };
     let input = Input::new(&document).map_err(at)?;
     let bodies = identified(model);

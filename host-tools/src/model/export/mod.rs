@@ -18,7 +18,7 @@ use proprio_core::effect::Description;
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::{Model, RobotError, UnknownName, Unphysical, about_com, significant};
+use super::{Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
 pub use mjcf::mjcf;
 pub use urdf::urdf;
 
@@ -50,7 +50,7 @@ pub struct ExportError {
     /// The line of the element at fault.
     pub line: Option<u32>,
     /// What is wrong.
-    pub problem: ExportProblem,
+    pub problem: Box<ExportProblem>,
 }
 
 /// Why a file cannot be written into.
@@ -64,7 +64,7 @@ pub enum ExportProblem {
     Syntax(String),
     /// Its robot is bad.
     #[error(transparent)]
-    Robot(RobotError),
+    Robot(RobotProblem),
     /// It has no such joint.
     #[error(transparent)]
     Missing(UnknownName),
@@ -262,6 +262,6 @@ fn error(path: &Path, problem: ExportProblem) -> ExportError {
     ExportError {
         path: path.to_owned(),
         line: None,
-        problem,
+        problem: Box::new(problem),
     }
 }

@@ -34,12 +34,13 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
             notes,
         });
     };
-    let file = Description::read(path).map_err(|e| {
-        let problem = match e.problem {
+    let file = Description::read(path).map_err(|e| ExportError {
+        path: e.path,
+        line: e.line,
+        problem: Box::new(match *e.problem {
             RobotProblem::Read(cause) => ExportProblem::Read(cause),
-            _ => ExportProblem::Robot(e),
-        };
-        error(path, problem)
+            problem => ExportProblem::Robot(problem),
+        }),
     })?;
     let document = Document::parse(&file.text)
         .map_err(|e| error(path, ExportProblem::Syntax(e.to_string())))?;
@@ -169,7 +170,7 @@ impl Target<'_> {
         ExportError {
             path: self.path.to_owned(),
             line,
-            problem,
+            problem: Box::new(problem),
         }
     }
 }
