@@ -345,6 +345,14 @@ fn each_bad_urdf_is_refused_with_its_place_and_the_fix() {
         ),
         ("cut short", ARM[..900].to_owned()),
         ("no number", changed("value=\"5\"", "value=\"five\"")),
+        (
+            "a vector of words",
+            changed("<origin xyz=\"0 0 0.5\"/>", "<origin xyz=\"0 0 up 0.5\"/>"),
+        ),
+        (
+            "a limit of words",
+            changed("upper=\"0.5\"", "upper=\"wide\""),
+        ),
         ("not a URDF", "<mujoco/>".to_owned()),
         ("empty", String::new()),
     ];

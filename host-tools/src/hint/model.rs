@@ -74,6 +74,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         }
         RobotProblem::TwoBases { .. } => "connect them by a fixed joint, or delete one".to_owned(),
         RobotProblem::Duplicate { .. } => "rename one of them".to_owned(),
+        RobotProblem::Numbers { .. } => "write decimals with a point, numbers apart by spaces".to_owned(),
         RobotProblem::Axis { .. } => "write a unit vector, such as `0 1 0`".to_owned(),
         RobotProblem::NoMass { .. } => {
             "give it an <inertial> with the mass from the CAD, or make the joint `fixed`".to_owned()

@@ -53,6 +53,7 @@ pub mod export;
 mod file;
 mod name;
 mod physical;
+mod possible;
 mod provenance;
 mod robot;
 mod urdf;
@@ -66,13 +67,14 @@ use proprio_core::inertia::{INERTIAL, InertialParameters, NAMES, UNITS};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 
-pub use error::{ModelError, ModelProblem};
+pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use name::UnknownName;
 pub use physical::{Unphysical, about_com};
+use possible::{deviation, in_bounds, positive, possible, rounded, significant};
+
+pub use possible::Impossible;
 pub use provenance::{LogRecord, Provenance, sha256};
-pub use robot::{
-    Body, JointKind, Limb, MAX_BODIES, Motor, Robot, RobotError, RobotProblem, Source,
-};
+pub use robot::{Body, JointKind, Limb, MAX_BODIES, Motor, Robot, Source};
 
 use crate::output::{self, WriteError};
 use crate::parameter;
@@ -150,29 +152,6 @@ pub struct ModelParameter {
     pub value: f64,
     /// Its standard deviation, once identified.
     pub std: Option<f64>,
-}
-
-/// A value that no body, no friction and no prior can have.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Impossible {
-    /// A parameter is outside its bounds or not finite.
-    #[error("{symbol} = {value} is not between {lower} and {upper}")]
-    Bounds {
-        /// The parameter's symbol.
-        symbol: &'static str,
-        /// The value.
-        value: f64,
-        /// Least physical value.
-        lower: f64,
-        /// Greatest physical value.
-        upper: f64,
-    },
-    /// A standard deviation of a prior is not positive, or not finite.
-    #[error("a standard deviation of {0} is not positive")]
-    Deviation(f64),
-    /// A body that cannot exist.
-    #[error(transparent)]
-    Body(#[from] Unphysical),
 }
 
 impl Default for Model {
@@ -482,52 +461,4 @@ impl Model {
         let index = self.effects.iter().position(found).unwrap_or_default();
         &mut self.effects[index]
     }
-}
-
-/// `value` to nine significant digits.
-fn rounded(value: f64) -> f64 {
-    significant(value, 9)
-}
-
-/// `value` to so many significant digits.
-fn significant(value: f64, digits: usize) -> f64 {
-    let text = format!("{value:.*e}", digits.saturating_sub(1));
-    text.parse().unwrap_or(value)
-}
-
-fn in_bounds(effect: EffectKind, value: f64) -> Result<f64, Impossible> {
-    let parameter = &effect.description().parameters[0];
-    if value.is_finite() && (parameter.lower..=parameter.upper).contains(&value) {
-        return Ok(value);
-    }
-    Err(Impossible::Bounds {
-        symbol: parameter.symbol,
-        value,
-        lower: parameter.lower,
-        upper: parameter.upper,
-    })
-}
-
-/// A standard deviation of an estimate, which may be zero.
-fn deviation(std: f64) -> Result<f64, Impossible> {
-    if std.is_finite() && std >= 0.0 {
-        Ok(std)
-    } else {
-        Err(Impossible::Deviation(std))
-    }
-}
-
-/// A standard deviation of a prior, which may not.
-fn positive(std: f64) -> Result<f64, Impossible> {
-    if std.is_finite() && std > 0.0 {
-        Ok(std)
-    } else {
-        Err(Impossible::Deviation(std))
-    }
-}
-
-fn possible(effect: EffectKind, prior: Prior) -> Result<Prior, Impossible> {
-    in_bounds(effect, prior.mean)?;
-    positive(prior.std)?;
-    Ok(prior)
 }

@@ -5,6 +5,8 @@ use std::fmt;
 use nalgebra::Matrix3;
 use proprio_core::inertia::InertialParameters;
 
+use super::significant;
+
 /// Why no body of positive density has these inertial parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unphysical {
@@ -43,7 +45,9 @@ impl fmt::Display for Unphysical {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::NotFinite => f.write_str("a parameter is not a finite number"),
-            Self::Mass(mass) => write!(f, "the mass is {mass} kg, not positive"),
+            Self::Mass(mass) => {
+                write!(f, "the mass is {} kg, not positive", significant(mass, 6))
+            }
             Self::Moments([a, b, c]) if a < 0.0 => write!(
                 f,
                 "the principal moments of inertia about the centre of mass are {a:.3e}, {b:.3e}, {c:.3e} kg m^2: the \
