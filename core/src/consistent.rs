@@ -16,7 +16,8 @@
 //! where the data alone ask for the impossible they run to infinity.
 
 use crate::estimator::{
-    CAD_UNCERTAINTY, EFFECTS, LegFactors, LegPrior, LegVector, Solution, Solver, effect_index,
+    EFFECTS, EffectPrior, JointFactors, LEG, LEG_PARAMETERS, LegVector, LimbPrior, Solver,
+    solver_len,
 };
 use crate::factor::FactorError;
 use crate::go2::JOINTS_PER_LEG;
@@ -32,21 +33,47 @@ const MAX_HALVINGS: u32 = 30;
 /// A Newton step that moves no parameter by more than this many standard deviations is the last.
 const CONVERGED: f64 = 1e-4;
 
-/// Which effects of which joints are held at their bound.
-pub type Held = [[bool; EFFECTS.len()]; JOINTS_PER_LEG];
+/// Effects, by their place in θ behind the inertial ones, that are held at a bound.
+///
+/// A limb may have up to 128.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Held(u128);
 
-/// The consistent solution of a leg, in steps of bounded cost.
+impl Held {
+    /// Whether effect parameter n is held.
+    pub fn contains(self, n: usize) -> bool {
+        n < 128 && self.0 >> n & 1 == 1
+    }
+
+    fn set(&mut self, n: usize, held: bool) {
+        let bit = 1_u128.checked_shl(n as u32).unwrap_or(0);
+        self.0 = if held { self.0 | bit } else { self.0 & !bit };
+    }
+}
+
+/// The consistent solution of a limb, in steps of bounded cost.
+///
+/// `D` and `S` store what [`Solver`] needs, `V` stores θ, `E` the effects' priors.
 #[derive(Clone, Debug)]
-pub struct ConsistentSolver<T: Real> {
-    prior: LegPrior<T>,
-    data: LegFactors<T>,
-    solver: Solver<T>,
-    theta: LegVector<T>,
+pub struct ConsistentSolver<T: Real, D, S, V, E, const B: usize> {
+    prior: LimbPrior<T, E, B>,
+    solver: Solver<T, D, S, B>,
+    theta: V,
+    trial: V,
     held: Held,
     iterations: usize,
     stage: Stage,
-    solution: Solution<T>,
 }
+
+/// The consistent solution of a Go2's leg.
+pub type LegConsistentSolver<T> = ConsistentSolver<
+    T,
+    [T; LEG.packed_len()],
+    [T; solver_len(LEG_PARAMETERS)],
+    LegVector<T>,
+    [EffectPrior; EFFECTS.len() * JOINTS_PER_LEG],
+    JOINTS_PER_LEG,
+>;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
@@ -61,86 +88,89 @@ enum Stage {
     Done,
 }
 
-impl<T: Real> ConsistentSolver<T> {
-    /// A solver for a leg with this prior, without data.
-    pub fn new(prior: &LegPrior<T>) -> Self {
-        let zero = [T::zero(); crate::estimator::LEG_PARAMETERS];
-        let solver = Solver::default();
-        let solution = *solver.solution();
-        let data = LegFactors::default();
-        let held = [[false; EFFECTS.len()]; JOINTS_PER_LEG];
-        let (iterations, stage) = (0, Stage::Done);
+impl<T, D, S, V, E, const B: usize> ConsistentSolver<T, D, S, V, E, B>
+where
+    T: Real,
+    D: AsRef<[T]> + AsMut<[T]> + Clone,
+    S: AsRef<[T]> + AsMut<[T]>,
+    V: AsRef<[T]> + AsMut<[T]> + Clone,
+    E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]> + Clone,
+{
+    /// A solver for a limb with this prior; `theta` holds as many numbers as the limb has parameters.
+    pub fn new(prior: &LimbPrior<T, E, B>, solver: Solver<T, D, S, B>, theta: V) -> Self {
+        let (prior, trial) = (prior.clone(), theta.clone());
+        let (held, iterations, stage) = (Held::default(), 0, Stage::Done);
         Self {
-            prior: *prior,
-            data,
+            prior,
             solver,
-            theta: zero,
+            theta,
+            trial,
             held,
             iterations,
             stage,
-            solution,
         }
     }
 
-    /// Begins the solution for the data in `factors` (copied) at the CAD's bodies.
-    pub fn start(&mut self, factors: &LegFactors<T>) {
-        self.start_at(factors, &self.prior.cad.clone());
+    /// Begins the solution for `data` (copied) at the CAD's bodies.
+    pub fn start(&mut self, data: &JointFactors<T, D, B>) {
+        self.start_at(data, &self.prior.cad().clone());
     }
 
     /// Begins at any physical bodies; where one is not physical, at the CAD's.
-    pub fn start_at(
-        &mut self,
-        factors: &LegFactors<T>,
-        bodies: &[InertialParameters<T>; JOINTS_PER_LEG],
-    ) {
-        self.data = *factors;
-        self.held = [[false; EFFECTS.len()]; JOINTS_PER_LEG];
+    pub fn start_at(&mut self, data: &JointFactors<T, D, B>, bodies: &[InertialParameters<T>; B]) {
+        let layout = *self.layout();
+        self.held = Held::default();
         self.iterations = 0;
-        for (b, (body, cad)) in bodies.iter().zip(&self.prior.cad).enumerate() {
+        let theta = self.theta.as_mut();
+        let cad = bodies.iter().zip(self.prior.cad()).take(layout.bodies());
+        for (to, (body, cad)) in theta.chunks_exact_mut(INERTIAL).zip(cad) {
             let body = if body.is_physical() { body } else { cad };
-            self.theta[INERTIAL * b..INERTIAL * (b + 1)].copy_from_slice(body.0.as_slice());
+            to.copy_from_slice(body.0.as_slice());
         }
-        for joint in 0..JOINTS_PER_LEG {
-            for e in 0..EFFECTS.len() {
-                self.theta[effect_index(joint, e)] = real(self.prior.effects[joint][e].mean);
-            }
+        let effects = theta.get_mut(layout.inertial()..).unwrap_or(&mut []);
+        for (to, effect) in effects.iter_mut().zip(self.prior.effects()) {
+            *to = real(effect.prior.mean);
         }
-        self.begin_step(true);
+        self.begin_step(data, true);
     }
 
-    /// Does the next bounded piece of work; true when [`solution`](Self::solution) is new, and from then on.
+    /// Does the next bounded piece of work; true when the solution is new, and from then on.
     ///
     /// # Errors
-    /// [`FactorError`] as of [`Solver::advance`]; the solution stays the last one.
+    /// [`FactorError`] as of [`Solver::advance`].
     pub fn advance(&mut self) -> Result<bool, FactorError> {
         match self.stage {
             Stage::Step if self.solver.advance()? => self.stage = Stage::Search { halvings: 0 },
             Stage::Search { halvings } => self.search(halvings),
-            Stage::Deviations if self.solver.advance()? => {
-                self.solution = Solution {
-                    values: self.theta,
-                    ..*self.solver.solution()
-                };
-                self.stage = Stage::Done;
-            }
+            Stage::Deviations if self.solver.advance()? => self.stage = Stage::Done,
             Stage::Step | Stage::Deviations | Stage::Done => {}
         }
         Ok(self.stage == Stage::Done)
     }
 
-    /// The solution at once.
+    /// Starts and goes on to the end.
     ///
     /// # Errors
     /// As [`advance`](Self::advance).
-    pub fn solve(&mut self, factors: &LegFactors<T>) -> Result<&Solution<T>, FactorError> {
-        self.start(factors);
+    pub fn solve(&mut self, data: &JointFactors<T, D, B>) -> Result<(), FactorError> {
+        self.start(data);
         while !self.advance()? {}
-        Ok(&self.solution)
+        Ok(())
     }
 
-    /// The last finished solution; zeros before the first.
-    pub fn solution(&self) -> &Solution<T> {
-        &self.solution
+    /// θ: of the last finished solution when [`advance`](Self::advance) has said so, else of the step reached.
+    pub fn values(&self) -> &[T] {
+        self.theta.as_ref()
+    }
+
+    /// Standard deviations of the last finished solution, from the cost's curvature, bounds left aside.
+    pub fn std(&self) -> &[T] {
+        self.solver.std()
+    }
+
+    /// Each joint's noise, as [`Solver::noise`].
+    pub fn noise(&self) -> &[T; B] {
+        self.solver.noise()
     }
 
     /// Newton steps that the solution took.
@@ -149,123 +179,152 @@ impl<T: Real> ConsistentSolver<T> {
     }
 
     /// Effects that the data would have beyond their bound.
-    pub fn held(&self) -> &Held {
-        &self.held
+    pub fn held(&self) -> Held {
+        self.held
     }
 
-    /// The solution's cost (see the module); `None` where a body is not physical.
-    pub fn cost(&self, theta: &LegVector<T>) -> Option<T> {
+    /// The cost of any θ (see the module); `None` where a body is not physical.
+    pub fn cost(&self, theta: &[T]) -> Option<T> {
+        let (layout, data) = (self.layout(), self.solver.data());
         let mut cost = T::zero();
-        for (joint, effects) in self.prior.effects.iter().enumerate() {
-            let noise = self.data.noise(joint);
-            cost += self.data.sum_of_squares(joint, theta) / (noise * noise);
-            for (e, prior) in effects.iter().enumerate() {
-                let off = (theta[effect_index(joint, e)] - real(prior.mean)) / real(prior.std);
-                cost += off * off;
-            }
+        for joint in 0..layout.bodies() {
+            let noise = data.noise(joint);
+            cost += data.sum_of_squares(joint, theta) / (noise * noise);
+            cost += self.prior.body_cost(joint, &body(theta, joint))?;
         }
-        for (b, cad) in self.prior.cad.iter().enumerate() {
-            let weight = real::<T>(2.0 / (CAD_UNCERTAINTY * CAD_UNCERTAINTY));
-            cost += body(theta, b).divergence(cad)? * weight;
+        let effects = theta.get(layout.inertial()..)?;
+        for (value, EffectPrior { prior, .. }) in effects.iter().zip(self.prior.effects()) {
+            let off = (*value - real(prior.mean)) / real(prior.std);
+            cost += off * off;
         }
         Some(cost)
     }
 
-    /// Expands the priors about the present point and starts the inner solver.
-    fn begin_step(&mut self, hold: bool) {
-        let mut near = self.prior;
-        for (b, cad) in self.prior.cad.iter().enumerate() {
-            if let Some(expanded) = body(&self.theta, b).divergence_near(cad, real(CAD_UNCERTAINTY))
-            {
-                near.bodies[b] = expanded;
+    fn layout(&self) -> &crate::estimator::Layout<B> {
+        self.solver.layout()
+    }
+
+    /// Expands the priors about the present point and starts the inner solver, held effects pinned if `hold`.
+    fn begin_step(&mut self, data: &JointFactors<T, D, B>, hold: bool) {
+        let mut near = self.prior.clone();
+        let inertial = self.layout().inertial();
+        for b in 0..self.layout().bodies() {
+            near.expand(b, &body(self.theta.as_ref(), b));
+        }
+        for (n, effect) in near.effects_mut().iter_mut().enumerate() {
+            if hold && self.held.contains(n) {
+                let at = self
+                    .theta
+                    .as_ref()
+                    .get(inertial + n)
+                    .copied()
+                    .unwrap_or(T::zero());
+                effect.prior.mean = if at > real(effect.lower) {
+                    effect.upper
+                } else {
+                    effect.lower
+                };
+                effect.prior.std *= 1e-4;
             }
         }
-        for (joint, held) in self.held.iter().enumerate() {
-            for (e, held) in held.iter().enumerate() {
-                if *held && hold {
-                    let prior = &mut near.effects[joint][e];
-                    prior.mean = lower(e);
-                    prior.std *= 1e-4;
-                }
-            }
-        }
-        self.solver.start(&near, &self.data);
+        self.solver.start(&near, data);
         self.stage = if hold { Stage::Step } else { Stage::Deviations };
     }
 
     /// Tries the Newton step, halved `halvings` times.
     fn search(&mut self, halvings: u32) {
-        let scale = real::<T>(0.5).powi(halvings as i32);
-        let target = self.solver.solution();
-        let mut trial: LegVector<T> =
-            core::array::from_fn(|k| self.theta[k] + (target.values[k] - self.theta[k]) * scale);
-        let mut held = self.held;
-        for (joint, held) in held.iter_mut().enumerate() {
-            for (e, held) in held.iter_mut().enumerate() {
-                let value = &mut trial[effect_index(joint, e)];
-                if *held || *value < real(lower(e)) {
-                    *held = true;
-                    *value = real(lower(e));
-                }
-            }
-        }
-        let falls = match (self.cost(&trial), self.cost(&self.theta)) {
+        let held = self.try_step(real::<T>(0.5).powi(halvings as i32));
+        let falls = match (
+            self.cost(self.trial.as_ref()),
+            self.cost(self.theta.as_ref()),
+        ) {
             // A rise within rounding is the minimum.
             (Some(there), Some(here)) => {
                 there <= here + here.abs() * T::default_epsilon() * real(64.0)
             }
             _ => false,
         };
-        // A bound that was just reached may lie against the slope of a partial step: take the step without it.
         if !falls && halvings < MAX_HALVINGS {
             self.stage = Stage::Search {
                 halvings: halvings + 1,
             };
             return;
         }
-        let moved = (0..trial.len()).fold(T::zero(), |most, k| {
-            most.max(((trial[k] - self.theta[k]) / target.std[k]).abs())
+        let pairs = self
+            .trial
+            .as_ref()
+            .iter()
+            .zip(self.theta.as_ref())
+            .zip(self.solver.std());
+        let moved = pairs.fold(T::zero(), |most, ((to, from), std)| {
+            most.max(((*to - *from) / *std).abs())
         });
+        let mut changed = false;
         if falls {
-            self.theta = trial;
+            changed = held != self.held;
+            self.held = held;
+            core::mem::swap(&mut self.theta, &mut self.trial);
+            changed |= self.release();
         }
-        let changed = self.release(held) || held != self.held && falls;
         self.iterations += 1;
         let converged = (moved < real(CONVERGED) || !falls) && !changed;
-        self.begin_step(!(converged || self.iterations >= MAX_ITERATIONS));
+        let data = self.solver.data().clone();
+        self.begin_step(&data, !(converged || self.iterations >= MAX_ITERATIONS));
     }
 
-    /// Takes over `held`, without the effects whose cost falls away from the bound; true if any was let go.
-    fn release(&mut self, held: Held) -> bool {
-        let mut released = false;
-        self.held = held;
-        for joint in 0..JOINTS_PER_LEG {
-            for e in 0..EFFECTS.len() {
-                if !self.held[joint][e] {
+    /// Writes the trial point, effects kept within their bounds; returns which of them are at one.
+    fn try_step(&mut self, scale: T) -> Held {
+        let inertial = self.layout().inertial();
+        let from = self.theta.as_ref().iter().zip(self.solver.values());
+        for (trial, (from, to)) in self.trial.as_mut().iter_mut().zip(from) {
+            *trial = *from + (*to - *from) * scale;
+        }
+        let mut held = self.held;
+        let trial = self.trial.as_mut().get_mut(inertial..).unwrap_or(&mut []);
+        let from = self.theta.as_ref().get(inertial..).unwrap_or(&[]);
+        for (n, (value, effect)) in trial.iter_mut().zip(self.prior.effects()).enumerate() {
+            let (lower, upper) = (real::<T>(effect.lower), real::<T>(effect.upper));
+            if self.held.contains(n) {
+                *value = from.get(n).copied().unwrap_or(lower);
+            } else if *value < lower || *value > upper {
+                held.set(n, true);
+                *value = value.max(lower).min(upper);
+            }
+        }
+        held
+    }
+
+    /// Lets go of the effects whose cost falls away from their bound; true if there was one.
+    fn release(&mut self) -> bool {
+        let (layout, before) = (*self.layout(), self.held);
+        for joint in 0..layout.bodies() {
+            for e in 0..layout.effects(joint) {
+                let k = layout.effect_index(joint, e);
+                let n = k - layout.inertial();
+                let (Some(EffectPrior { prior, lower, .. }), Some(value), true) = (
+                    self.prior.effects().get(n),
+                    self.theta.as_ref().get(k),
+                    self.held.contains(n),
+                ) else {
                     continue;
-                }
-                let (k, prior) = (effect_index(joint, e), self.prior.effects[joint][e]);
-                let noise = self.data.noise(joint);
-                let slope = self.data.slope(joint, e, &self.theta) / (noise * noise)
-                    + (self.theta[k] - real(prior.mean)) / real(prior.std * prior.std);
-                if slope < T::zero() {
-                    self.held[joint][e] = false;
-                    released = true;
+                };
+                let (data, noise) = (self.solver.data(), self.solver.data().noise(joint));
+                let slope = data.slope(joint, e, self.theta.as_ref()) / (noise * noise)
+                    + (*value - real(prior.mean)) / real(prior.std * prior.std);
+                let inwards = if *value > real(*lower) { -slope } else { slope };
+                if inwards < T::zero() {
+                    self.held.set(n, false);
                 }
             }
         }
-        released
+        self.held != before
     }
 }
 
-/// Least physical value of an effect.
-fn lower(effect: usize) -> f64 {
-    EFFECTS[effect].description().parameters[0].lower
-}
-
-/// Body b of a leg's θ.
-pub fn body<T: Real>(theta: &LegVector<T>, b: usize) -> InertialParameters<T> {
-    InertialParameters(core::array::from_fn(|n| theta[INERTIAL * b + n]).into())
+/// Body b of a limb's θ; no mass if θ ends before.
+pub fn body<T: Real>(theta: &[T], b: usize) -> InertialParameters<T> {
+    let at = |n: usize| theta.get(INERTIAL * b + n).copied().unwrap_or(T::zero());
+    InertialParameters(core::array::from_fn(at).into())
 }
 
 #[cfg(test)]

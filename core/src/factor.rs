@@ -16,6 +16,7 @@
 //! Every operation executes the same instructions whatever the numbers.
 
 use crate::Real;
+use crate::scalar::sqrt;
 
 /// How many numbers a factor of `columns` parameters keeps: (p + 1)(p + 2)/2, the right-hand side and ρ included.
 pub const fn packed_len(columns: usize) -> usize {
@@ -65,6 +66,17 @@ impl<T: Real, const N: usize> Factor<T, [T; N]> {
     }
 }
 
+impl<T: Real> Factor<T, &[T]> {
+    /// A factor of no parameters and no data, without storage.
+    pub(crate) fn nothing() -> Self {
+        Self {
+            columns: 0,
+            rows: T::zero(),
+            storage: &[],
+        }
+    }
+}
+
 impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
     /// A factor of no rows in `storage`, which holds [`packed_len`]`(columns)` zeros.
     ///
@@ -89,6 +101,22 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
     /// Number of rows folded in; forgotten ones count less.
     pub fn rows(&self) -> T {
         self.rows
+    }
+
+    /// A factor that a slice holds, as [`packed`](Self::packed) gave it out.
+    ///
+    /// # Errors
+    /// [`FactorError::Length`] if the slice has another length than [`packed_len`]`(columns)`.
+    pub fn from_packed(columns: usize, rows: T, packed: S) -> Result<Self, FactorError> {
+        Ok(Self {
+            rows,
+            ..Self::in_storage(columns, packed)?
+        })
+    }
+
+    /// The numbers of the triangle, row by row.
+    pub fn packed(&self) -> &[T] {
+        self.storage.as_ref()
     }
 
     /// The same factor, borrowed.
@@ -121,14 +149,6 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
         (0..self.columns).fold(self.residual(), |sum, k| {
             let misfit = self.misfit(k, theta);
             sum + misfit * misfit
-        })
-    }
-
-    /// Half the derivative of [`sum_of_squares`](Self::sum_of_squares) by parameter `column`.
-    pub fn slope(&self, column: usize, theta: &[T]) -> T {
-        (0..=column).fold(T::zero(), |sum, k| {
-            let r = self.row(k).get(column - k).copied().unwrap_or(T::zero());
-            sum + r * self.misfit(k, theta)
         })
     }
 
@@ -238,7 +258,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
 
     /// Weighs everything folded in so far down to `retention` (0 to 1): exponential forgetting.
     pub fn forget(&mut self, retention: T) {
-        let scale = retention.max(T::zero()).min(T::one()).sqrt();
+        let scale = sqrt(retention.max(T::zero()).min(T::one()));
         self.storage.as_mut().iter_mut().for_each(|x| *x *= scale);
         self.rows *= retention;
     }
@@ -293,26 +313,26 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         Ok(())
     }
 
-    /// Folds in all rows of `other`, each times `weight`; column j of `other` is column `columns[j]` here.
+    /// Folds in all rows of `other`, each times `weight`; column j of `other` is column `place(j)` here.
     ///
-    /// `columns` is strictly increasing. Entries of this factor outside `columns` in the rows of `columns` must be zero,
+    /// `place` is strictly increasing. Entries of this factor outside the places in the rows of the places must be zero,
     /// or the rows of `other` would have to reach them: true when both have the same columns, and when `other` covers a
-    /// column here together with all that column is linked to. `scratch` holds p + 1 numbers of `other`.
+    /// column here together with all that column is linked to. `scratch` holds p + 1 numbers of `other`, or more.
     ///
-    /// Merging two data sets is this with all columns and weight 1, in any order.
+    /// Merging two data sets is this with `|c| c` and weight 1, in any order.
     ///
     /// # Errors
     /// As [`update`](Self::update).
     pub fn merge<O: AsRef<[T]>>(
         &mut self,
         other: &Factor<T, O>,
-        columns: &[usize],
+        place: impl Fn(usize) -> usize,
         weight: T,
         scratch: &mut [T],
     ) -> Result<(), FactorError> {
         let rows = self.rows + other.rows;
         for k in 0..=other.columns {
-            self.merge_row(other, k, columns, weight, scratch)?;
+            self.merge_row(other, k, &place, weight, scratch)?;
         }
         self.rows = rows;
         Ok(())
@@ -326,13 +346,10 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         &mut self,
         other: &Factor<T, O>,
         k: usize,
-        columns: &[usize],
+        place: impl Fn(usize) -> usize,
         weight: T,
         scratch: &mut [T],
     ) -> Result<(), FactorError> {
-        if columns.len() != other.columns || columns.iter().any(|c| *c >= self.columns) {
-            return Err(FactorError::Length(columns.len()));
-        }
         let from = other.row(k);
         let row = scratch
             .get_mut(..from.len())
@@ -342,16 +359,29 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
             .for_each(|(to, from)| *to = *from * weight);
         self.check(row, from.len())?;
         let rhs = self.columns;
+        let place = |j| if j < other.columns { place(j) } else { rhs };
         for i in k..=other.columns {
-            let pivot = columns.get(i).copied().unwrap_or(rhs);
+            let pivot = place(i);
             let start = row_start(self.columns, pivot);
-            let Some(target) = self.storage.as_mut().get_mut(start..=start + rhs - pivot) else {
-                return Err(FactorError::Length(rhs));
+            let end = start + (rhs + 1).saturating_sub(pivot);
+            let Some(target) = self.storage.as_mut().get_mut(start..end) else {
+                return Err(FactorError::Length(pivot));
             };
-            let rotation = Rotation::new(target[0], row[i - k]);
-            for (j, x) in row.iter_mut().enumerate().skip(i - k) {
-                let column = columns.get(k + j).copied().unwrap_or(rhs);
-                if let Some(r) = target.get_mut(column.wrapping_sub(pivot)) {
+            let (Some(r), Some(x)) = (target.first(), row.get(i - k)) else {
+                return Err(FactorError::Length(pivot));
+            };
+            let rotation = Rotation::new(*r, *x);
+            let row = row.get_mut(i - k..).unwrap_or(&mut []);
+            if row.len() == target.len() {
+                // From here on the columns lie side by side.
+                target
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(r, x)| rotation.apply(r, x));
+                continue;
+            }
+            for (j, x) in row.iter_mut().enumerate() {
+                if let Some(r) = target.get_mut(place(i + j).wrapping_sub(pivot)) {
                     rotation.apply(r, x);
                 }
             }
@@ -437,14 +467,14 @@ struct Rotation<T> {
 
 impl<T: Real> Rotation<T> {
     fn new(r: T, x: T) -> Self {
-        let length = (r * r + x * x).sqrt();
+        let square = r * r + x * x;
         // Selections rather than branches: the cost must not tell the data. No length, no rotation.
-        let is_zero = if length > T::zero() {
+        let is_zero = if square > T::zero() {
             T::zero()
         } else {
             T::one()
         };
-        let inverse = T::one() / (length + is_zero);
+        let inverse = square.inverse_sqrt();
         Self {
             cos: r * inverse + is_zero,
             sin: x * inverse,

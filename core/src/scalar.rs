@@ -5,9 +5,41 @@ use nalgebra::RealField;
 /// A real number, `f32` or `f64`.
 ///
 /// The firmware picks one in a single alias; everything else is generic.
-pub trait Real: RealField + Copy {}
+pub trait Real: RealField + Copy {
+    /// 1/√x for a positive x, by the same instructions whatever the number; finite at zero.
+    ///
+    /// A library's square root is software on a microcontroller, four times the instructions, and ends early for some
+    /// numbers. Here Newton's iteration refines a first guess from the bits of the number (error below 3.5 %, squared and
+    /// halved in each step). Relative error below 4e-16 in `f64`; `f32` is computed in `f64` and rounded once.
+    fn inverse_sqrt(self) -> Self;
+}
 
-impl<T: RealField + Copy> Real for T {}
+impl Real for f64 {
+    fn inverse_sqrt(self) -> Self {
+        newton(self, 4)
+    }
+}
+
+impl Real for f32 {
+    fn inverse_sqrt(self) -> Self {
+        newton(Self::into(self), 3).min(Self::MAX.into()) as Self
+    }
+}
+
+/// 1/√x after so many steps of Newton's iteration.
+fn newton(x: f64, steps: usize) -> f64 {
+    // Halving the exponent and changing its sign halves and negates the logarithm; the constant centres the error.
+    let mut y = f64::from_bits(0x5FE6_EB50_C7B5_37A9_u64.wrapping_sub(x.to_bits() >> 1));
+    for _ in 0..steps {
+        y *= 1.5 - 0.5 * x * y * y;
+    }
+    y
+}
+
+/// √x for x ≥ 0, by the same instructions whatever the number.
+pub(crate) fn sqrt<T: Real>(x: T) -> T {
+    x * x.inverse_sqrt()
+}
 
 /// A literal as a [`Real`].
 pub(crate) fn real<T: Real>(value: f64) -> T {
@@ -66,7 +98,21 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn the_inverse_square_root_of_zero_is_finite() {
+        assert!(0.0f64.inverse_sqrt().is_finite() && 0.0f32.inverse_sqrt().is_finite());
+        assert_eq!((sqrt(0.0f64), sqrt(0.0f32)), (0.0, 0.0));
+    }
+
     proptest! {
+        #[test]
+        fn inverse_square_roots_are_right_to_rounding(exponent in -300.0..300.0f64) {
+            let x = 10f64.powf(exponent);
+            prop_assert!((x.inverse_sqrt() * x.sqrt() - 1.0).abs() < 4.5e-16);
+            let x = 10f64.powf(exponent / 8.0) as f32;
+            prop_assert!((f64::from(x.inverse_sqrt()) * f64::from(x).sqrt() - 1.0).abs() < 6.1e-8);
+        }
+
         #[test]
         fn sines_agree_with_the_library(angle in -100.0..100.0f64) {
             let (sin, cos) = sin_cos(angle);

@@ -4,6 +4,8 @@ mod model;
 
 use std::io::ErrorKind;
 
+use proprio::device::DeviceError;
+use proprio::device::replay::ReplayError;
 use proprio::identification::IdentificationError;
 use proprio::log::{LEAST_RATE, LogError, Problem};
 
@@ -12,7 +14,7 @@ use crate::command::Error;
 /// The hint for an error, if there is anything to do.
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
-        Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
+        Error::Log(error) | Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
         Error::Identification(IdentificationError::NoWindows { .. }) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
@@ -21,6 +23,14 @@ pub(crate) fn of(error: &Error) -> Option<String> {
                 .to_owned(),
         ),
         Error::Identification(IdentificationError::Solve { .. }) => None,
+        Error::Replay(ReplayError::Device(error)) => of_device(error),
+        Error::Replay(ReplayError::Encode { .. }) => {
+            Some("no motor reports such a value: check the units, or delete the line".to_owned())
+        }
+        Error::NoEstimate { samples: 0, .. } => {
+            Some("check that the adapter is wired to this leg's bus input of the board".to_owned())
+        }
+        Error::NoEstimate { .. } => Some("play a log of at least some seconds".to_owned()),
         Error::Write(error) => match error.source.kind() {
             ErrorKind::NotFound => Some("create the directory first".to_owned()),
             ErrorKind::IsADirectory => Some("name a file, not a directory".to_owned()),
@@ -37,6 +47,24 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
     }
+}
+
+fn of_device(error: &DeviceError) -> Option<String> {
+    let hint = match error {
+        DeviceError::NoSources => "or play into this process: --to desktop",
+        DeviceError::NoEmulator => "or play into this process: --to desktop",
+        DeviceError::Build(_) => "`tests/run` installs what the firmware's build needs",
+        DeviceError::Emulator(..) => "`tests/run` checks the emulator and the image",
+        DeviceError::Silent(_) => {
+            "check the port, that the board is powered, and that it runs proprio's firmware"
+        }
+        DeviceError::Wire(_) => "flash the firmware of this version of proprio",
+        DeviceError::Port { .. } => {
+            "check the port's name, and that you may use it: `ls -l /dev/tty*`, group dialout"
+        }
+        DeviceError::Link(_) => return None,
+    };
+    Some(hint.to_owned())
 }
 
 fn of_log(error: &LogError) -> String {

@@ -1,6 +1,7 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 
 pub mod device;
+pub mod estimate;
 pub mod identification;
 pub mod log;
 pub mod model;

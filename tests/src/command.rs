@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use serde_json::Value;
+
 /// The `proprio` binary of the profile under test; built on first use, since cargo builds a package's binaries only for
 /// that package's own tests.
 pub fn binary() -> &'static Path {
@@ -45,6 +47,7 @@ pub fn binary() -> &'static Path {
 /// Runs `proprio` with `arguments` in `folder`.
 pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(binary())
+        .env_remove("COLUMNS")
         .args(arguments)
         .current_dir(folder)
         .output()
@@ -59,6 +62,32 @@ pub fn stdout(output: &Output) -> String {
 /// What went to standard error.
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Standard output of a run that must succeed.
+pub fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = proprio(folder, arguments);
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{arguments:?}: {}",
+        stderr(&output)
+    );
+    stdout(&output)
+}
+
+/// A JSON text.
+pub fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+/// The entry of `parameters` in a result or truth file.
+pub fn parameter<'a>(file: &'a Value, name: &str) -> &'a Value {
+    let parameters = file["parameters"].as_array().unwrap();
+    parameters
+        .iter()
+        .find(|p| p["name"] == name)
+        .unwrap_or_else(|| panic!("no parameter {name}"))
 }
 
 /// The folder of recorded logs: `$PROPRIO_SHARED/data`, or `../shared/data` beside the workspace; none, and a line that

@@ -2,39 +2,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Stdio;
-use std::time::{Duration, Instant};
 
-use proprio_tests::command::{binary, proprio, recorded_logs, stderr, stdout};
-use serde_json::Value;
+use proprio_tests::command::{done, json, parameter, proprio, recorded_logs, stderr, stdout};
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
-}
-
-/// Standard output of a run that must succeed.
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = proprio(folder, arguments);
-    assert_eq!(
-        output.status.code(),
-        Some(0),
-        "{arguments:?}: {}",
-        stderr(&output)
-    );
-    stdout(&output)
-}
-
-fn json(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
-
-/// The entry of `parameters` in a result or truth file.
-fn parameter<'a>(file: &'a Value, name: &str) -> &'a Value {
-    let parameters = file["parameters"].as_array().unwrap();
-    parameters
-        .iter()
-        .find(|p| p["name"] == name)
-        .unwrap_or_else(|| panic!("no parameter {name}"))
 }
 
 #[test]
@@ -48,6 +20,7 @@ fn help_tells_each_command_with_an_example() {
         &["export", "--help"],
         &["identify", "--help"],
         &["simulate", "--help"],
+        &["replay", "--help"],
     ] {
         let text = done(folder.path(), command);
         if command.len() > 1 {
@@ -70,10 +43,12 @@ fn version_is_the_packages() {
 #[test]
 fn wrong_usage_has_status_2_and_says_what_would_be_right() {
     let folder = folder();
-    let wrong: [&[&str]; 9] = [
+    let wrong: [&[&str]; 11] = [
         &["frobnicate"],
         &["identify"],
         &["identify", "log.csv", "--jsno"],
+        &["replay", "log.csv"],
+        &["replay", "log.csv", "--to", "qemu", "--leg", "FR"],
         &["simulate", "--legs", "FX"],
         &["simulate", "--hide", "coulom=0.3"],
         &["simulate", "--hide", "coulomb:FR_knee=0.3"],
@@ -276,7 +251,7 @@ fn hearing_the_log_over_the_bus_changes_less_than_its_error() {
     let mut differ = false;
     for estimate in exact["parameters"].as_array().unwrap() {
         let name = estimate["name"].as_str().unwrap();
-        let value = |file: &Value| parameter(file, name)["value"].as_f64().unwrap();
+        let value = |file: &serde_json::Value| parameter(file, name)["value"].as_f64().unwrap();
         let difference = (value(&exact) - value(&heard)).abs();
         assert!(
             difference < estimate["std"].as_f64().unwrap(),
@@ -285,113 +260,6 @@ fn hearing_the_log_over_the_bus_changes_less_than_its_error() {
         differ |= difference > 0.0;
     }
     assert!(differ, "--bus has no effect");
-}
-
-#[test]
-fn output_files_hold_what_json_prints() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--legs",
-            "FR",
-            "--duration",
-            "3",
-            "-o",
-            "log.csv",
-        ],
-    );
-    let printed = done(
-        folder.path(),
-        &["identify", "log.csv", "--json", "-o", "robot.json"],
-    );
-    assert_eq!(
-        fs::read_to_string(folder.path().join("robot.json")).unwrap(),
-        printed
-    );
-
-    let output = proprio(
-        folder.path(),
-        &["identify", "log.csv", "-o", "no/such/folder.json"],
-    );
-    assert_eq!(output.status.code(), Some(1));
-    assert!(
-        stderr(&output).contains("hint: create the directory first"),
-        "{}",
-        stderr(&output)
-    );
-}
-
-#[test]
-fn a_seed_makes_the_same_files_twice() {
-    let folder = folder();
-    let file = |name: &str| fs::read(folder.path().join(name)).unwrap();
-    for log in ["a.csv", "b.csv"] {
-        let faults = ["--jitter", "0.3", "--repeats", "0.1", "--motion", "chirp"];
-        done(
-            folder.path(),
-            &[&["simulate", "--duration", "2", "-o", log], &faults[..]].concat(),
-        );
-    }
-    assert_eq!(file("a.csv"), file("b.csv"));
-    assert_eq!(file("a.truth.json"), file("b.truth.json"));
-}
-
-#[test]
-fn a_reader_that_stops_early_is_no_error() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--legs",
-            "FR",
-            "--duration",
-            "3",
-            "-o",
-            "log.csv",
-        ],
-    );
-    let mut child = std::process::Command::new(binary())
-        .args(["identify", "log.csv", "--json"])
-        .current_dir(folder.path())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    drop(child.stdout.take());
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(
-        (output.status.code(), stderr(&output).as_str()),
-        (Some(0), "")
-    );
-}
-
-#[cfg(unix)]
-#[test]
-fn ctrl_c_leaves_no_half_file() {
-    let folder = folder();
-    let mut child = std::process::Command::new(binary())
-        .args(["simulate", "--duration", "80000", "-o", "log.csv"])
-        .current_dir(folder.path())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let deadline = Instant::now() + Duration::from_secs(20);
-    while fs::read_dir(folder.path()).unwrap().next().is_none() {
-        assert!(
-            Instant::now() < deadline,
-            "the simulation does not begin its file"
-        );
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    let interrupt = std::process::Command::new("kill")
-        .args(["-INT", &child.id().to_string()])
-        .status();
-    assert!(interrupt.unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]

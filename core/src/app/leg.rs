@@ -3,7 +3,7 @@
 use super::assembly::Assembler;
 use crate::Real;
 use crate::bus::{Decoder, Reply};
-use crate::estimator::{EFFECTS, LegFactors, LegPrior, LegWindow, Solver, plausible};
+use crate::estimator::{EFFECTS, LegFactors, LegPrior, LegSolver, LegWindow, plausible};
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::scalar::real;
 use crate::spatial::Transform;
@@ -32,7 +32,7 @@ impl<T: Real> LegLine<T> {
             window: Window::new(leg(which), upright, EFFECTS, plausible(which), settings),
             closed: false,
             factors: LegFactors::default(),
-            prior: LegPrior::new(which),
+            prior: LegPrior::of(which),
             counters: LegCounters::default(),
         }
     }
@@ -57,10 +57,8 @@ impl<T: Real> LegLine<T> {
     /// Takes the bytes of one step. Of several samples in them the newest is used, so that a step's work is bounded.
     pub(super) fn listen(&mut self, now_us: u64, cycle_us: u64, bytes: &[u8]) {
         let mut newest = None;
-        for &byte in bytes {
-            let Some(frame) = self.decoder.push(byte) else {
-                continue;
-            };
+        let mut bytes = bytes;
+        while let Some(frame) = self.decoder.next(&mut bytes) {
             if let Some(replies) = self.assembler.push(&frame, now_us, cycle_us)
                 && newest.replace(replies).is_some()
             {
@@ -103,7 +101,7 @@ impl<T: Real> LegLine<T> {
             return false;
         }
         self.closed = false;
-        match self.factors.fold(self.window.rows()) {
+        match self.factors.fold_window(self.window.rows()) {
             Ok(()) => increment(&mut self.counters.windows),
             Err(_) => increment(&mut self.counters.unfolded),
         }
@@ -111,7 +109,7 @@ impl<T: Real> LegLine<T> {
     }
 
     /// Begins the solution for the windows folded so far.
-    pub(super) fn start(&self, solver: &mut Solver<T>) {
+    pub(super) fn start(&self, solver: &mut LegSolver<T>) {
         solver.start(&self.prior, &self.factors);
     }
 }

@@ -18,7 +18,7 @@ mod leg;
 mod tests;
 
 use crate::Real;
-use crate::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, Solver};
+use crate::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegSolver};
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::window::Settings;
 use crate::wire::{
@@ -52,7 +52,7 @@ pub struct Identity {
 pub struct App<T: Real> {
     identity: Identity,
     legs: [LegLine<T>; LEGS],
-    solver: Solver<T>,
+    solver: LegSolver<T>,
     /// The leg being solved and the time its data end.
     solving: Option<(Leg, u64)>,
     /// The leg to solve next, and when.
@@ -71,7 +71,7 @@ impl<T: Real> App<T> {
         Self {
             identity,
             legs: Leg::ALL.map(LegLine::new),
-            solver: Solver::default(),
+            solver: LegSolver::default(),
             solving: None,
             next: (Leg::FR, 0),
             solved: None,
@@ -201,14 +201,14 @@ impl<T: Real> App<T> {
 
     fn estimate(&self, which: Leg, time_us: u64) -> Estimate {
         const { assert!(LEG_PARAMETERS <= wire::MAX_PARAMETERS) }
-        let solution = self.solver.solution();
+        let solver = &self.solver;
         Estimate {
             leg: which.index() as u8,
             time_us,
-            windows: single(solution.windows) as u32,
-            values: solution.values.iter().copied().map(single).collect(),
-            std: solution.std.iter().copied().map(single).collect(),
-            noise: solution.noise.map(single),
+            windows: single(solver.windows()) as u32,
+            values: solver.values().iter().copied().map(single).collect(),
+            std: solver.std().iter().copied().map(single).collect(),
+            noise: solver.noise().map(single),
         }
     }
 }

@@ -96,6 +96,15 @@ impl SeedTracker {
             .map(|constant| seed_of(constant, self.covered))
     }
 
+    /// Whether a frame with this `body` and `received` CRC has the seed in use. Learns nothing from those that do not.
+    pub fn fits(&mut self, body: &[u8], received: u16) -> bool {
+        let fits = self.accepted == Some(received ^ SEED_ZERO.checksum(body));
+        if fits {
+            self.candidate = Candidate::default();
+        }
+        fits
+    }
+
     /// Whether a frame with this `body` and `received` CRC is good.
     pub fn accept(&mut self, body: &[u8], received: u16) -> bool {
         let constant = received ^ SEED_ZERO.checksum(body);

@@ -215,6 +215,32 @@ proptest! {
     }
 
     #[test]
+    fn slices_give_what_bytes_give(
+        parts in proptest::collection::vec((garbage(), any_frame(SEED_GO2), 0..3usize), 1..20),
+        cuts in proptest::collection::vec(1..60usize, 1..30),
+    ) {
+        let mut stream = Vec::new();
+        for (garbage, (_, bytes), keep) in &parts {
+            // A third of the frames undisturbed, a third after garbage, a third cut short.
+            stream.extend(garbage.iter().filter(|_| *keep == 1));
+            stream.extend(&bytes[..bytes.len() - usize::from(*keep == 2)]);
+        }
+        let (mut whole, mut single) = (Decoder::new(), Decoder::new());
+        let (mut frames, mut rest) = (Vec::new(), stream.as_slice());
+        for cut in cuts.iter().cycle() {
+            let (mut slice, after) = rest.split_at(rest.len().min(*cut));
+            frames.extend(core::iter::from_fn(|| whole.next(&mut slice)));
+            rest = after;
+            if rest.is_empty() {
+                break;
+            }
+        }
+        prop_assert_eq!(frames, decode(&mut single, &stream));
+        prop_assert_eq!(whole.counters(), single.counters());
+        prop_assert_eq!((whole.pending(), whole.reply_seed()), (single.pending(), single.reply_seed()));
+    }
+
+    #[test]
     fn no_bytes_panic_and_every_byte_is_accounted_for(
         bytes in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFE), Just(0xFD), Just(0xEE)], 0..400)
     ) {

@@ -1,5 +1,6 @@
 use super::*;
-use crate::estimator::LegEstimator;
+use crate::estimator::tests::LegEstimator;
+use crate::estimator::{EFFECTS, LegFactors, LegSolver};
 use crate::go2::Leg;
 use crate::inertia::tests::physical;
 use crate::window::tests::exact;
@@ -26,16 +27,29 @@ fn moved(seconds: u64, noise: f64) -> LegEstimator<f64> {
     estimator
 }
 
+fn solver(estimator: &LegEstimator<f64>) -> LegConsistentSolver<f64> {
+    ConsistentSolver::new(
+        estimator.prior(),
+        LegSolver::default(),
+        [0.0; LEG_PARAMETERS],
+    )
+}
+
+/// Least physical value of an effect.
+fn lower(effect: usize) -> f64 {
+    EFFECTS[effect].description().parameters[0].lower
+}
+
 #[test]
 fn where_the_free_solution_is_physical_the_cost_is_that_of_the_free_solution() {
     let estimator = moved(20, 0.5);
-    let free = estimator.solve().unwrap();
-    assert!((0..3).all(|b| body(&free.values, b).is_physical()));
-    let mut solver = ConsistentSolver::new(estimator.prior());
-    let solution = *solver.solve(estimator.factors()).unwrap();
+    let free = crate::estimator::tests::solved(&estimator);
+    assert!((0..3).all(|b| body(free.values(), b).is_physical()));
+    let mut solver = solver(&estimator);
+    solver.solve(estimator.factors()).unwrap();
     let (ours, theirs) = (
-        solver.cost(&solution.values).unwrap(),
-        solver.cost(&free.values).unwrap(),
+        solver.cost(solver.values()).unwrap(),
+        solver.cost(free.values()).unwrap(),
     );
     assert!(ours <= theirs * (1.0 + 1e-9), "{ours} {theirs}");
     assert!(ours > 0.99 * theirs, "{ours} {theirs}");
@@ -44,12 +58,13 @@ fn where_the_free_solution_is_physical_the_cost_is_that_of_the_free_solution() {
 #[test]
 fn every_start_ends_at_the_same_bodies() {
     let estimator = moved(10, 1.0);
-    let mut solver = ConsistentSolver::new(estimator.prior());
-    let expected = *solver.solve(estimator.factors()).unwrap();
+    let mut solver = solver(&estimator);
+    solver.solve(estimator.factors()).unwrap();
+    let expected = solver.clone();
     let mut runner = TestRunner::deterministic();
     for _ in 0..20 {
         // The CAD's bodies times a random positive definite matrix: masses and lengths several times too large or small.
-        let start = solver.prior.cad.map(|cad| {
+        let start = solver.prior.cad().map(|cad| {
             let random = physical()
                 .new_tree(&mut runner)
                 .unwrap()
@@ -65,8 +80,8 @@ fn every_start_ends_at_the_same_bodies() {
             "{}",
             solver.iterations()
         );
-        for k in 0..expected.values.len() {
-            let off = (solver.solution().values[k] - expected.values[k]).abs() / expected.std[k];
+        for k in 0..LEG_PARAMETERS {
+            let off = (solver.values()[k] - expected.values()[k]).abs() / expected.std()[k];
             assert!(off < 1e-3, "parameter {k} is {off} sigma off");
         }
     }
@@ -90,18 +105,19 @@ proptest! {
                     rows.torque[j] = (0..30).map(|c| rows.inertial[(j, c)] * wrong[c]).sum::<f64>()
                         + (0..4).map(|e| rows.effects[j][e] * effects[4 * j + e]).sum::<f64>();
                 }
-                lying.fold(&rows).unwrap();
+                lying.fold_window(&rows).unwrap();
             }
         }
-        let mut solver = ConsistentSolver::new(estimator.prior());
-        let values = solver.solve(&lying).unwrap().values;
+        let mut solver = solver(&estimator);
+        solver.solve(&lying).unwrap();
+        let values = solver.values();
         prop_assert!(solver.iterations() <= MAX_ITERATIONS);
         for b in 0..3 {
-            prop_assert!(body(&values, b).is_physical());
+            prop_assert!(body(values, b).is_physical());
         }
         for j in 0..3 {
             for e in 0..3 {
-                prop_assert!(values[effect_index(j, e)] >= 0.0);
+                prop_assert!(values[LEG.effect_index(j, e)] >= 0.0);
             }
         }
     }
@@ -110,13 +126,13 @@ proptest! {
 #[test]
 fn the_minimum_has_no_slope_but_at_bounds() {
     let estimator = moved(3, 2.0);
-    let mut solver = ConsistentSolver::new(estimator.prior());
-    let solution = *solver.solve(estimator.factors()).unwrap();
-    let least = solver.cost(&solution.values).unwrap();
-    for k in 0..solution.values.len() {
+    let mut solver = solver(&estimator);
+    solver.solve(estimator.factors()).unwrap();
+    let least = solver.cost(solver.values()).unwrap();
+    for k in 0..LEG_PARAMETERS {
         for side in [-0.01, 0.01] {
-            let mut near = solution.values;
-            near[k] += side * solution.std[k];
+            let mut near = solver.theta;
+            near[k] += side * solver.std()[k];
             let physical_bound = k >= 30 && near[k] < lower((k - 30) % 4);
             assert!(
                 physical_bound || solver.cost(&near).unwrap() > least,

@@ -1,5 +1,7 @@
 use super::*;
+use crate::spatial::Transform;
 use crate::window::tests::{TRUE_EFFECTS, exact};
+use crate::window::{Implausible, Push, Sample, Settings};
 use std::prelude::rust_2024::*;
 
 fn fed(which: Leg, seconds: std::ops::Range<u64>) -> LegEstimator<f64> {
@@ -10,14 +12,77 @@ fn fed(which: Leg, seconds: std::ops::Range<u64>) -> LegEstimator<f64> {
     estimator
 }
 
+/// One leg from samples to factors at once; the application does it bit by bit.
+#[derive(Clone, Debug)]
+pub(crate) struct LegEstimator<T: Real> {
+    window: LegWindow<T>,
+    factors: LegFactors<T>,
+    prior: LegPrior<T>,
+}
+
+impl<T: Real> LegEstimator<T> {
+    /// A leg of a robot that hangs or stands level by its base, without data.
+    pub(crate) fn new(which: Leg) -> Self {
+        let window = Window::new(
+            leg(which),
+            Transform::identity(),
+            EFFECTS,
+            plausible(which),
+            Settings::default(),
+        );
+        Self {
+            window,
+            factors: LegFactors::default(),
+            prior: LegPrior::of(which),
+        }
+    }
+
+    /// Takes the next sample; a window that it closes is folded in.
+    pub(crate) fn push(&mut self, sample: &Sample<T, JOINTS_PER_LEG>) -> Push {
+        let push = self.window.push(sample);
+        if push == Push::Closed && self.factors.fold_window(self.window.rows()).is_err() {
+            return Push::Rejected(Implausible::NotFinite);
+        }
+        push
+    }
+
+    /// The rows of the window closed last.
+    pub(crate) fn rows(&self) -> &LegRows<T> {
+        self.window.rows()
+    }
+
+    /// The data so far.
+    pub(crate) fn factors(&self) -> &LegFactors<T> {
+        &self.factors
+    }
+
+    /// The data so far, to forget or to merge.
+    pub(crate) fn factors_mut(&mut self) -> &mut LegFactors<T> {
+        &mut self.factors
+    }
+
+    /// What was taken to be true before.
+    pub(crate) fn prior(&self) -> &LegPrior<T> {
+        &self.prior
+    }
+}
+
+/// The solution at once; the microcontroller goes step by step.
+pub(crate) fn solved<T: Real>(estimator: &LegEstimator<T>) -> LegSolver<T> {
+    let mut solver = LegSolver::default();
+    solver.start(estimator.prior(), estimator.factors());
+    while !solver.advance().unwrap() {}
+    solver
+}
+
 #[test]
 fn exact_data_give_the_true_effects_and_a_small_residual() {
     for which in Leg::ALL {
         let estimator = fed(which, 0..20);
-        let solution = estimator.solve().unwrap();
+        let solution = solved(&estimator);
         for joint in 0..JOINTS_PER_LEG {
             for e in 0..EFFECTS.len() {
-                let value = solution.values[effect_index(joint, e)];
+                let value = solution.values()[LEG.effect_index(joint, e)];
                 let error = (value - TRUE_EFFECTS[joint][e]).abs();
                 assert!(
                     error < 5e-3,
@@ -28,7 +93,7 @@ fn exact_data_give_the_true_effects_and_a_small_residual() {
             }
             let windows = estimator.factors().windows();
             let rms =
-                (estimator.factors().sum_of_squares(joint, &solution.values) / windows).sqrt();
+                (estimator.factors().sum_of_squares(joint, solution.values()) / windows).sqrt();
             assert!(rms < 5e-3, "{rms}");
         }
     }
@@ -37,14 +102,14 @@ fn exact_data_give_the_true_effects_and_a_small_residual() {
 #[test]
 fn without_data_the_solution_is_the_prior() {
     let estimator = LegEstimator::<f64>::new(Leg::RL);
-    let solution = estimator.solve().unwrap();
+    let solution = solved(&estimator);
     let cad = leg::<f64>(Leg::RL).parameters::<LEG_INERTIAL>();
     for k in 0..LEG_INERTIAL {
-        assert!((solution.values[k] - cad[k]).abs() < 1e-9);
+        assert!((solution.values()[k] - cad[k]).abs() < 1e-9);
     }
-    let armature = solution.values[effect_index(2, 2)];
+    let armature = solution.values()[LEG.effect_index(2, 2)];
     assert!((armature - ACTUATORS[2].armature()).abs() < 1e-9);
-    let mass = solution.std[0] / cad[0];
+    let mass = solution.std()[0] / cad[0];
     assert!((mass - CAD_UNCERTAINTY).abs() < 1e-6, "{mass}");
 }
 
@@ -62,17 +127,18 @@ fn what_a_motion_does_not_show_keeps_the_prior() {
         };
         estimator.push(&sample);
     }
-    let solution = estimator.solve().unwrap();
-    let (mean, std) = estimator.prior().marginals().unwrap();
+    let solution = solved(&estimator);
+    let prior = solved(&LegEstimator::<f64>::new(Leg::FR));
+    let (mean, std) = (prior.values(), prior.std());
     for joint in 0..JOINTS_PER_LEG {
         for e in [0, 2] {
-            let k = effect_index(joint, e);
+            let k = LEG.effect_index(joint, e);
             assert!(
-                (solution.values[k] - mean[k]).abs() < 0.02 * std[k],
+                (solution.values()[k] - mean[k]).abs() < 0.02 * std[k],
                 "{}",
                 EFFECTS[e].name()
             );
-            assert!(solution.std[k] > 0.98 * std[k]);
+            assert!(solution.std()[k] > 0.98 * std[k]);
         }
     }
 }
@@ -90,23 +156,23 @@ fn halves_merge_to_the_whole() {
             } else {
                 &mut odd
             };
-            half.fold(window.rows()).unwrap();
+            half.fold_window(window.rows()).unwrap();
         }
     }
-    odd.merge(&even).unwrap();
+    odd.merge(&even, &mut [0.0; LEG.columns(0) + 1]).unwrap();
     let mut merged = LegEstimator::new(Leg::FL);
     *merged.factors_mut() = odd;
-    let (a, b) = (merged.solve().unwrap(), window.solve().unwrap());
+    let (a, b) = (solved(&merged), solved(&window));
     for k in 0..LEG_PARAMETERS {
-        assert!((a.values[k] - b.values[k]).abs() < 1e-9 * (1.0 + b.values[k].abs()));
-        assert!((a.std[k] - b.std[k]).abs() < 1e-9 * (1.0 + b.std[k]));
+        assert!((a.values()[k] - b.values()[k]).abs() < 1e-9 * (1.0 + b.values()[k].abs()));
+        assert!((a.std()[k] - b.std()[k]).abs() < 1e-9 * (1.0 + b.std()[k]));
     }
 }
 
 #[test]
 fn the_number_of_steps_does_not_depend_on_the_data() {
     let steps = |estimator: &LegEstimator<f64>| {
-        let mut solver = Solver::default();
+        let mut solver = LegSolver::default();
         solver.start(estimator.prior(), estimator.factors());
         (1..).find(|_| solver.advance().unwrap()).unwrap()
     };
@@ -134,9 +200,9 @@ fn f32_agrees_with_f64() {
     (0..10_000).for_each(|n| {
         double.push(&exact(Leg::FR, n * 2_000));
     });
-    let (a, b) = (single.solve().unwrap(), double.solve().unwrap());
+    let (a, b) = (solved(&single), solved(&double));
     for k in 0..LEG_PARAMETERS {
-        let sigmas = (f64::from(a.values[k]) - b.values[k]).abs() / b.std[k];
+        let sigmas = (f64::from(a.values()[k]) - b.values()[k]).abs() / b.std()[k];
         assert!(sigmas < 0.2, "parameter {k}: {sigmas} sigma");
     }
 }

@@ -75,9 +75,8 @@ proptest! {
             .map(|part| rows.iter().zip(&which).filter(|(_, w)| **w == part).map(|(r, _)| *r).collect())
             .collect();
         let mut merged = Six::new::<P>();
-        let columns: Vec<usize> = (0..P).collect();
         for part in parts.iter().rev() {
-            merged.merge(&folded(part), &columns, 1.0, &mut [0.0; P + 1]).unwrap();
+            merged.merge(&folded(part), |c| c, 1.0, &mut [0.0; P + 1]).unwrap();
         }
         let whole = folded(&rows);
         prop_assert!((solution(&merged) - solution(&whole)).norm() < 1e-9 * (1.0 + solution(&whole).norm()));
@@ -95,7 +94,7 @@ proptest! {
         few.iter().for_each(|row| small.update(&mut row.clone()).unwrap());
         // The last columns: all later ones are covered, as merging asks.
         let mut merged = folded(&rows);
-        merged.merge(&small, &[3, 4, 5], 2.0, &mut [0.0; P + 1]).unwrap();
+        merged.merge(&small, |c| 3 + c, 2.0, &mut [0.0; P + 1]).unwrap();
         let padded = few.iter().map(|r| [0.0, 0.0, 0.0, 2.0 * r[0], 2.0 * r[1], 2.0 * r[2], 2.0 * r[3]]);
         let all: Vec<_> = rows.iter().copied().chain(padded).collect();
         prop_assert!((solution(&merged) - solution(&folded(&all))).norm() < 1e-9 * (1.0 + solution(&merged).norm()));

@@ -102,13 +102,26 @@ impl Listener {
     /// Waits until each bus has brought its number of bytes.
     fn fill(&mut self, lengths: [u32; LEGS]) {
         let mut filled = [0; LEGS];
+        let mut idle = false;
         while filled != lengths {
+            let before = filled;
             for leg in 0..LEGS {
-                if filled[leg] < lengths[leg]
+                while filled[leg] < lengths[leg]
                     && let Some(byte) = self.board.buses[leg].read()
                 {
                     self.buffers[leg][filled[leg] as usize] = byte;
                     filled[leg] += 1;
+                }
+            }
+            match (filled == before, idle) {
+                (false, _) => idle = false,
+                (true, false) => {
+                    self.board.clear();
+                    idle = true;
+                }
+                (true, true) => {
+                    self.board.sleep();
+                    idle = false;
                 }
             }
         }

@@ -6,7 +6,7 @@
 //!
 //! Registers: Arm DDI 0479, CMSDK APB UART; addresses: Arm DAI 0500.
 
-use cortex_m::peripheral::{SYST, syst::SystClkSource};
+use cortex_m::peripheral::{NVIC, SYST, syst::SystClkSource};
 
 /// One of the board's CMSDK UARTs.
 pub struct Uart {
@@ -15,10 +15,18 @@ pub struct Uart {
 
 const STATE: usize = 1;
 const CONTROL: usize = 2;
+const INTERRUPT: usize = 3;
 const BAUD_DIVIDER: usize = 4;
 
-const TRANSMIT_FULL: u32 = 1;
-const RECEIVE_FULL: u32 = 2;
+const TRANSMIT_FULL: u32 = 1 << 0;
+const RECEIVE_FULL: u32 = 1 << 1;
+
+const TRANSMIT_ENABLE: u32 = 1 << 0;
+const RECEIVE_ENABLE: u32 = 1 << 1;
+const RECEIVE_INTERRUPT: u32 = 1 << 3;
+
+/// The receive interrupts of UART0 to UART4.
+const RECEIVE_IRQS: u32 = 1 << 0 | 1 << 2 | 1 << 4 | 1 << 18 | 1 << 20;
 
 impl Uart {
     const fn new(base: usize) -> Self {
@@ -40,12 +48,20 @@ impl Uart {
     fn enable(&mut self) {
         // The emulator does not pace by the divider but refuses one below 16.
         self.write_register(BAUD_DIVIDER, 16);
-        self.write_register(CONTROL, 0b11);
+        self.write_register(
+            CONTROL,
+            TRANSMIT_ENABLE | RECEIVE_ENABLE | RECEIVE_INTERRUPT,
+        );
     }
 
     /// The next byte, if one is there. Bytes are never lost: the emulator sends no byte before the last one was read.
     pub fn read(&mut self) -> Option<u8> {
         (self.read_register(STATE) & RECEIVE_FULL != 0).then(|| self.read_register(0) as u8)
+    }
+
+    /// Takes back the interrupt of bytes that have been read.
+    fn clear_interrupt(&mut self) {
+        self.write_register(INTERRUPT, RECEIVE_FULL);
     }
 
     /// Sends `bytes`, waiting for room.
@@ -90,6 +106,7 @@ pub struct Board {
     pub buses: [Uart; 4],
     /// SysTick.
     pub counter: InstructionCounter,
+    nvic: NVIC,
 }
 
 impl Board {
@@ -100,10 +117,30 @@ impl Board {
         let mut buses = [0x4000_5000, 0x4000_6000, 0x4000_7000, 0x4000_9000].map(Uart::new);
         host.enable();
         buses.iter_mut().for_each(Uart::enable);
+        // The interrupts wake the core from its sleep and are never taken.
+        cortex_m::interrupt::disable();
+        let nvic = core.NVIC;
+        // SAFETY: with interrupts disabled no handler runs.
+        unsafe { nvic.iser[0].write(RECEIVE_IRQS) };
+        let counter = InstructionCounter::new(core.SYST);
         Some(Self {
             host,
             buses,
-            counter: InstructionCounter::new(core.SYST),
+            counter,
+            nvic,
         })
+    }
+
+    /// Sleeps until a byte has come to any UART since the last [`Self::clear`].
+    pub fn sleep(&self) {
+        cortex_m::asm::wfi();
+    }
+
+    /// Forgets which bytes have come. Then read again before sleeping: a byte may have come just before.
+    pub fn clear(&mut self) {
+        self.host.clear_interrupt();
+        self.buses.iter_mut().for_each(Uart::clear_interrupt);
+        // SAFETY: clearing pending interrupts that no handler waits for.
+        unsafe { self.nvic.icpr[0].write(RECEIVE_IRQS) };
     }
 }

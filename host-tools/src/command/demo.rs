@@ -121,7 +121,8 @@ impl fmt::Display for Report {
             "A simulated leg has friction, rotor inertia and torque offsets that its URDF does not know."
         )?;
         writeln!(f, "From 20 s of its motor bus, noisy and quantised:\n")?;
-        let mut table = Table::new(["parameter", "unit", "true", "estimated", ""]);
+        let mut table = Table::default();
+        table.row(["parameter", "unit", "true", "estimated"].map(str::to_owned));
         for parameter in &self.parameters {
             let error = (parameter.value - parameter.truth) / parameter.std;
             let mark = if parameter.passed { "✓" } else { "✗" };

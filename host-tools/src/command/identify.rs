@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use proprio::estimate::Constraint;
 use proprio::identification::{Options, identify};
 use proprio::output;
 
@@ -16,6 +17,7 @@ use crate::progress::Progress;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio identify chirp.csv
+  proprio identify chirp.csv --physical
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json")]
 pub(crate) struct Identify {
     /// Logs: CSV, plain or gzip-compressed
@@ -27,6 +29,11 @@ pub(crate) struct Identify {
     /// Round samples to what the motor bus carries, as a device that hears the log does
     #[arg(long)]
     bus: bool,
+    /// Only values that are physical: bodies that could exist, friction and rotor inertia of at least zero
+    ///
+    /// Without it values are free, as the device streams them: an unphysical one tells that the model lacks something.
+    #[arg(long)]
+    physical: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -35,7 +42,15 @@ pub(crate) struct Identify {
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
         let mut progress = Progress::new("Identifying");
-        let options = Options { bus: self.bus };
+        let constraint = if self.physical {
+            Constraint::Physical
+        } else {
+            Constraint::Free
+        };
+        let options = Options {
+            bus: self.bus,
+            constraint,
+        };
         let result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
         drop(progress);
         for warning in &result.warnings {

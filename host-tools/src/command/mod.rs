@@ -4,12 +4,16 @@ mod add;
 mod demo;
 mod export;
 mod identify;
+mod replay;
 mod simulate;
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
+use proprio::device::replay::ReplayError;
 use proprio::identification::IdentificationError;
+use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
@@ -37,6 +41,7 @@ enum Command {
     Demo(demo::Demo),
     Export(export::Export),
     Identify(identify::Identify),
+    Replay(replay::Replay),
     Simulate(simulate::Simulate),
 }
 
@@ -48,6 +53,7 @@ impl Arguments {
             Command::Demo(command) => command.run(),
             Command::Export(command) => command.run(),
             Command::Identify(command) => command.run(),
+            Command::Replay(command) => command.run(),
             Command::Simulate(command) => command.run(),
         }
     }
@@ -58,6 +64,19 @@ impl Arguments {
 pub(crate) enum Error {
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    #[error(transparent)]
+    Log(#[from] LogError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    #[error(
+        "the device told no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
+    )]
+    NoEstimate {
+        leg: &'static str,
+        played: u32,
+        samples: u32,
+        windows: u32,
+    },
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
@@ -79,4 +98,14 @@ pub(crate) enum Error {
 fn json(value: &impl Serialize) -> String {
     // Our own types: string keys, and no writer that can fail.
     serde_json::to_string_pretty(value).expect("results are plain data") + "\n"
+}
+
+/// Ends the process as clap does on wrong usage of `command`.
+fn usage_error(command: &str, kind: ErrorKind, message: String) -> ! {
+    let mut arguments = Arguments::command();
+    arguments.build();
+    match arguments.find_subcommand_mut(command) {
+        Some(command) => command.error(kind, message).exit(),
+        None => arguments.error(kind, message).exit(),
+    }
 }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, ValueEnum};
+use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use proprio::log::{JointId, LogWriter, UnknownName, leg_named};
@@ -15,7 +15,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use serde::Serialize;
 
-use super::{Arguments, Error, json};
+use super::{Error, json};
 use crate::progress::Progress;
 
 /// Make a log of pinned legs whose parameters are known
@@ -161,9 +161,7 @@ impl Simulate {
             for joint in joints {
                 if !every.contains(&joint) {
                     let message = format!("--hide names {joint}, but --legs leaves its leg out");
-                    Arguments::command()
-                        .error(ErrorKind::ArgumentConflict, message)
-                        .exit();
+                    super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
                 }
                 effects.retain(|e| (e.effect, e.joint) != (hidden.effect, joint));
                 effects.push(JointEffect {

@@ -59,6 +59,8 @@ impl Qemu {
             "-nographic",
             "-monitor",
             "none",
+            "-echr",
+            "0x100",
             "-icount",
             "shift=6",
         ]);
@@ -68,9 +70,10 @@ impl Qemu {
             .arg(format!("file,id=log,path={}", log.display()));
         command.args(["-semihosting-config", "enable=on,target=native,chardev=log"]);
         for (n, socket) in sockets.iter().enumerate() {
-            command
-                .arg("-chardev")
-                .arg(format!("socket,id=uart{n},path={}", socket.display()));
+            command.arg("-chardev").arg(format!(
+                "socket,id=uart{n},mux=on,path={}",
+                socket.display()
+            ));
             command.arg("-serial").arg(format!("chardev:uart{n}"));
         }
         command.arg("-kernel").arg(image);

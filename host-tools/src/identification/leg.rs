@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use proprio_core::estimator::{
-    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegVector, LegWindow, Solution, Solver,
-    plausible,
+    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegWindow, plausible,
 };
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
@@ -13,6 +12,7 @@ use proprio_core::window::{Implausible, Push, Sample, Settings, Window};
 
 use super::IdentificationError;
 use super::result::Samples;
+use crate::estimate::{self, Constraint, ParameterEstimate};
 
 /// Windows of the estimator, here and on the device.
 pub(super) const SETTINGS: Settings = Settings {
@@ -31,8 +31,10 @@ const FOLDS: usize = 2;
 pub(super) struct LegIdentifier {
     leg: Leg,
     window: LegWindow<f64>,
-    /// The folds, then the guards' windows.
-    factors: [LegFactors<f64>; FOLDS + 1],
+    /// All windows, folded in as they come: then the result is the device's to the last bit, which that of a merge of the
+    /// folds is not.
+    all: LegFactors<f64>,
+    folds: [LegFactors<f64>; FOLDS],
     samples: Samples,
     /// The same of the log being read, and the first sample of it that was rejected.
     in_log: Samples,
@@ -43,9 +45,7 @@ pub(super) struct LegIdentifier {
 /// What is known of a leg in the end.
 pub(super) struct LegFit {
     pub(super) leg: Leg,
-    pub(super) solution: Solution<f64>,
-    /// Means and standard deviations before the data.
-    pub(super) prior: (LegVector<f64>, LegVector<f64>),
+    pub(super) parameters: Vec<ParameterEstimate>,
     pub(super) joints: [Misfit; JOINTS_PER_LEG],
     pub(super) samples: Samples,
     pub(super) windows: u64,
@@ -64,11 +64,11 @@ impl LegIdentifier {
     pub(super) fn new(leg: Leg) -> Self {
         let base = Transform::identity();
         let window = Window::new(go2::leg(leg), base, EFFECTS, plausible(leg), SETTINGS);
-        let factors = [LegFactors::default(); FOLDS + 1];
         Self {
             leg,
             window,
-            factors,
+            all: LegFactors::default(),
+            folds: [LegFactors::default(); FOLDS],
             samples: Samples::default(),
             in_log: Samples::default(),
             rejected: None,
@@ -125,9 +125,10 @@ impl LegIdentifier {
             Push::Used => {}
             Push::Closed => {
                 let rows = self.window.rows();
-                // Samples are checked to be finite, so the rows are.
-                if self.factors[fold(rows)].fold(rows).is_ok() {
-                    self.windows += 1;
+                // Samples are checked to be finite, so the rows are, and no fold refuses them.
+                self.windows += u64::from(self.all.fold_window(rows).is_ok());
+                if let Some(fold) = fold(rows) {
+                    let _ = self.folds[fold].fold_window(rows);
                 }
             }
             Push::Gap => samples.gaps += 1,
@@ -140,36 +141,33 @@ impl LegIdentifier {
         }
     }
 
-    pub(super) fn fit(&self) -> Result<LegFit, FactorError> {
-        let prior = LegPrior::new(self.leg);
-        let marginals = prior.marginals()?;
-        let mut all = LegFactors::default();
-        self.factors.iter().try_for_each(|part| all.merge(part))?;
-        let solution = solve(&prior, &all)?;
+    pub(super) fn fit(&self, constraint: Constraint) -> Result<LegFit, FactorError> {
+        let prior = LegPrior::of(self.leg);
+        let solution = estimate::solve(&prior, &self.all, constraint)?;
 
-        let mut urdf = marginals.0;
+        let mut urdf = estimate::solve(&prior, &LegFactors::default(), Constraint::Free)?.values;
         urdf[LEG_INERTIAL..].fill(0.0);
         let mut joints = [Misfit::default(); JOINTS_PER_LEG];
         for (joint, misfit) in joints.iter_mut().enumerate() {
-            misfit.fit = all.sum_of_squares(joint, &solution.values);
-            misfit.urdf = all.sum_of_squares(joint, &urdf);
+            misfit.fit = self.all.sum_of_squares(joint, &solution.values);
+            misfit.urdf = self.all.sum_of_squares(joint, &urdf);
         }
         for fold in 0..FOLDS {
-            let (train, test) = (&self.factors[1 - fold], &self.factors[fold]);
+            let (train, test) = (&self.folds[1 - fold], &self.folds[fold]);
             if train.windows() == 0.0 {
                 continue;
             }
-            let theta = solve(&prior, train)?.values;
+            let theta = estimate::solve(&prior, train, constraint)?.values;
             for (joint, misfit) in joints.iter_mut().enumerate() {
                 misfit.held_out += test.sum_of_squares(joint, &theta);
                 misfit.held_out_windows += test.windows();
             }
         }
+        let parameters = estimate::of_leg(self.leg, &solution)?;
         let (samples, windows) = (self.samples, self.windows);
         Ok(LegFit {
             leg: self.leg,
-            solution,
-            prior: marginals,
+            parameters,
             joints,
             samples,
             windows,
@@ -177,14 +175,10 @@ impl LegIdentifier {
     }
 }
 
-/// Which of the factors a window belongs to: its block's fold, or the guards.
-fn fold(rows: &LegRows<f64>) -> usize {
+/// Which fold a window belongs to; none near the start of a block.
+fn fold(rows: &LegRows<f64>) -> Option<usize> {
     let start = rows.span_us[0];
-    if start % BLOCK_US < GUARD_US {
-        FOLDS
-    } else {
-        (start / BLOCK_US) as usize % FOLDS
-    }
+    (start % BLOCK_US >= GUARD_US).then_some((start / BLOCK_US) as usize % FOLDS)
 }
 
 fn quantity(reason: Implausible) -> &'static str {
@@ -194,11 +188,4 @@ fn quantity(reason: Implausible) -> &'static str {
         Implausible::Speed => "velocity",
         Implausible::Torque => "torque",
     }
-}
-
-fn solve(prior: &LegPrior<f64>, data: &LegFactors<f64>) -> Result<Solution<f64>, FactorError> {
-    let mut solver = Solver::default();
-    solver.start(prior, data);
-    while !solver.advance()? {}
-    Ok(*solver.solution())
 }

@@ -13,9 +13,10 @@ use std::path::{Path, PathBuf};
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{LEGS, Leg};
 
+use crate::estimate::Constraint;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
-pub use result::{Identification, JointFit, ParameterEstimate, Samples, Status};
+pub use result::{Identification, JointFit, Samples};
 
 /// How to identify.
 #[derive(Debug, Clone, Copy, Default)]
@@ -23,6 +24,8 @@ pub struct Options {
     /// Round every sample to what the motor bus can carry, so that the result is that of a device which hears the log
     /// over its bus.
     pub bus: bool,
+    /// Whether values may be unphysical.
+    pub constraint: Constraint,
 }
 
 /// Why no parameters come out.
@@ -108,7 +111,7 @@ pub fn identify(
                 window_ms,
             });
         }
-        let fit = identifier.fit();
+        let fit = identifier.fit(options.constraint);
         fits.push(fit.map_err(|source| IdentificationError::Solve { leg, source })?);
     }
     Ok(Identification::new(logs, &fits, warnings))

@@ -4,14 +4,13 @@ use std::fmt;
 use std::path::PathBuf;
 
 use proprio_core::effect::EffectKind;
-use proprio_core::estimator::LEG_PARAMETERS;
 use proprio_core::go2::JOINTS_PER_LEG;
 use serde::Serialize;
 
 use super::leg::{LegFit, Misfit};
+use crate::estimate::{self, LEGEND, ParameterEstimate, Status};
 use crate::log::JointId;
 use crate::parameter;
-use crate::table::{Table, with_std};
 
 /// The robot's parameters with what is known of their errors.
 #[derive(Debug, Clone, Serialize)]
@@ -34,47 +33,6 @@ pub struct Identification {
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
     pub warnings: Vec<String>,
-}
-
-/// A parameter and what is known of it.
-#[derive(Debug, Clone, Serialize)]
-pub struct ParameterEstimate {
-    /// `m:FR_hip`, `coulomb:FR_hip`.
-    pub name: String,
-    /// SI unit.
-    pub unit: &'static str,
-    /// Estimate.
-    pub value: f64,
-    /// Standard deviation of the estimate under independent residuals.
-    pub std: f64,
-    /// Value taken to be true before the data.
-    pub prior: f64,
-    /// Standard deviation of that.
-    pub prior_std: f64,
-    /// Where the value comes from.
-    pub status: Status,
-}
-
-/// Where a parameter's value comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// The data: they leave at most half of the prior's standard deviation.
-    Identified,
-    /// The prior, more than the data.
-    Prior,
-    /// The prior alone: the motion does not show the parameter.
-    Unexcited,
-}
-
-impl Status {
-    fn of(std: f64, prior_std: f64) -> Self {
-        match std / prior_std {
-            ratio if ratio <= 0.5 => Self::Identified,
-            ratio if ratio <= 0.99 => Self::Prior,
-            _ => Self::Unexcited,
-        }
-    }
 }
 
 /// How well a joint's torque is explained; N m, mean torque over a window.
@@ -124,7 +82,7 @@ impl Identification {
         let windows = fits.iter().map(|fit| fit.windows).sum();
         let rows = (JOINTS_PER_LEG as u64 * windows) as f64;
         Self {
-            parameters: fits.iter().flat_map(parameters).collect(),
+            parameters: fits.iter().flat_map(|fit| fit.parameters.clone()).collect(),
             joints: fits.iter().flat_map(joints).collect(),
             rms: (total.fit / rows).sqrt(),
             urdf_rms: (total.urdf / rows).sqrt(),
@@ -140,9 +98,7 @@ impl Identification {
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        self.parameters
-            .iter()
-            .find(|parameter| parameter.name == name)
+        estimate::find(&self.parameters, name)
     }
 }
 
@@ -164,21 +120,6 @@ impl Samples {
     }
 }
 
-fn parameters(fit: &LegFit) -> Vec<ParameterEstimate> {
-    let named = parameter::names_of_leg(fit.leg);
-    let estimate = |(k, (name, unit)): (usize, (String, &'static str))| ParameterEstimate {
-        name,
-        unit,
-        value: fit.solution.values[k],
-        std: fit.solution.std[k],
-        prior: fit.prior.0[k],
-        prior_std: fit.prior.1[k],
-        status: Status::of(fit.solution.std[k], fit.prior.1[k]),
-    };
-    debug_assert_eq!(named.len(), LEG_PARAMETERS);
-    named.into_iter().enumerate().map(estimate).collect()
-}
-
 fn joints(fit: &LegFit) -> impl Iterator<Item = JointFit> {
     let windows = fit.windows as f64;
     JointId::of(fit.leg)
@@ -195,44 +136,18 @@ fn joints(fit: &LegFit) -> impl Iterator<Item = JointFit> {
 /// The effects of every joint with their errors, and how much of the torque they explain.
 impl fmt::Display for Identification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let columns = [
-            EffectKind::Coulomb,
-            EffectKind::Viscous,
-            EffectKind::Armature,
-            EffectKind::Bias,
-        ];
-        let mut table = Table::new([
-            "joint", "coulomb", "viscous", "armature", "bias", "rms", "held-out", "URDF's",
-        ]);
-        table.row(
-            [String::new()]
-                .into_iter()
-                .chain(columns.map(|effect| parameter::unit(effect).to_owned()))
-                .chain(["N m"; 3].map(str::to_owned)),
-        );
         let rms =
             |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
-        for joint in &self.joints {
-            let effects = columns.map(|effect| {
-                let name = parameter::name(effect.name(), joint.joint);
-                self.parameter(&name)
-                    .map_or_else(String::new, ParameterEstimate::cell)
-            });
-            let errors = [Some(joint.rms), joint.held_out_rms, Some(joint.urdf_rms)].map(rms);
-            table.row(
-                [joint.joint.to_string()]
-                    .into_iter()
-                    .chain(effects)
-                    .chain(errors),
-            );
-        }
+        let errors = |joint: &JointFit| {
+            let errors = [Some(joint.rms), joint.held_out_rms, Some(joint.urdf_rms)];
+            (joint.joint, errors.map(rms))
+        };
+        let headings = [["rms", "N m"], ["held-out", "N m"], ["URDF's", "N m"]];
+        let rows = self.joints.iter().map(errors);
+        let mut table = estimate::effect_table(&self.parameters, headings, rows);
         let errors = [Some(self.rms), self.held_out_rms, Some(self.urdf_rms)].map(rms);
-        table.row(
-            ["all".to_owned()]
-                .into_iter()
-                .chain([const { String::new() }; 4])
-                .chain(errors),
-        );
+        let blank = [const { String::new() }; 4];
+        table.row(["all".to_owned()].into_iter().chain(blank).chain(errors));
         write!(f, "{table}")?;
         self.legend(f)
     }
@@ -261,7 +176,7 @@ impl Identification {
         writeln!(
             f,
             "
-± one standard deviation if residuals are independent; (p) held by the prior, (u) unexcited: the prior alone.
+{LEGEND}
 rms of the mean torque over {windows} windows: of the fit, on blocks it has not seen, and of the URDF's rigid body.
 {identified} of {all} inertial parameters are identified beyond the CAD; --json lists them.
 Of {total} samples, one per leg and row, {repeated} repeat the one before, {late} are late, {rejected} impossible; \
@@ -295,24 +210,5 @@ Of {total} samples, one per leg and row, {repeated} repeat the one before, {late
             f,
             "Unphysical {name} of {joints}: the model lacks something that looks like it ({look_alikes})."
         )
-    }
-}
-
-impl ParameterEstimate {
-    fn is_inertial(&self) -> bool {
-        parameter::INERTIAL_NAMES.iter().any(|(what, _)| {
-            self.name
-                .strip_prefix(what)
-                .is_some_and(|rest| rest.starts_with(':'))
-        })
-    }
-
-    fn cell(&self) -> String {
-        let mark = match self.status {
-            Status::Identified => "   ",
-            Status::Prior => "(p)",
-            Status::Unexcited => "(u)",
-        };
-        format!("{} {mark}", with_std(self.value, self.std))
     }
 }

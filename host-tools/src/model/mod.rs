@@ -51,6 +51,7 @@
 mod error;
 pub mod export;
 mod file;
+mod limb;
 mod name;
 mod physical;
 mod possible;
@@ -62,12 +63,12 @@ use std::path::Path;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use proprio_core::effect::{EffectKind, Prior};
-use proprio_core::estimator::CAD_UNCERTAINTY;
-use proprio_core::inertia::{INERTIAL, InertialParameters, NAMES, UNITS};
+use proprio_core::estimator::{CAD_UNCERTAINTY, EffectPrior};
+use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
-use proprio_core::tree::Tree;
 
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
+pub use limb::ModelParameter;
 pub use name::UnknownName;
 pub use physical::{Unphysical, about_com};
 use possible::{deviation, in_bounds, positive, possible, rounded, significant};
@@ -77,7 +78,6 @@ pub use provenance::{LogRecord, Provenance, sha256};
 pub use robot::{Body, JointKind, Limb, MAX_BODIES, Motor, Robot, Source};
 
 use crate::output::{self, WriteError};
-use crate::parameter;
 
 /// A robot and what is known of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,30 +130,6 @@ struct ModelBody {
     cad_uncertainty: Option<f64>,
 }
 
-/// What an effect's parameter is taken to be before any data, and the values that are physical.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EffectPrior {
-    /// Mean and standard deviation.
-    pub prior: Prior,
-    /// Least physical value.
-    pub lower: f64,
-    /// Greatest physical value.
-    pub upper: f64,
-}
-
-/// One entry of a limb's θ.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ModelParameter {
-    /// `m:FR_hip`, `coulomb:FR_hip`.
-    pub name: String,
-    /// SI unit.
-    pub unit: &'static str,
-    /// The model's value; zero for an effect that the model does not have, or that has no value yet.
-    pub value: f64,
-    /// Its standard deviation, once identified.
-    pub std: Option<f64>,
-}
-
 impl Default for Model {
     /// The Go2's rigid body, pinned and level, and no effect.
     fn default() -> Self {
@@ -198,7 +174,7 @@ impl Model {
         &self.robot
     }
 
-    /// Placement of the base in the world, as [`Tree::kinematics`] takes it.
+    /// Placement of the base in the world, as [`Tree::kinematics`](proprio_core::tree::Tree::kinematics) takes it.
     pub fn base(&self) -> Transform<f64> {
         let rotation = match self.mounting {
             Mounting::Rpy([r, p, y]) => Rotation3::from_euler_angles(r, p, y),
@@ -421,38 +397,6 @@ impl Model {
     /// States where the values come from.
     pub fn set_provenance(&mut self, provenance: Provenance) {
         self.provenance = Some(provenance);
-    }
-
-    /// A limb as the core's tree, with the model's inertial parameters; `None` if the limb does not have `B` bodies.
-    pub fn limb_tree<const B: usize>(&self, limb: &Limb) -> Option<Tree<f64, B, B>> {
-        self.robot.limb_tree(limb, |b| *self.inertia(b))
-    }
-
-    /// A limb's parameters in the order of the core's θ: ten per body, then `effects` per joint.
-    pub fn parameters(&self, limb: &Limb, effects: &[EffectKind]) -> Vec<ModelParameter> {
-        let mut parameters = Vec::new();
-        for b in limb.bodies.clone() {
-            for k in 0..INERTIAL {
-                parameters.push(ModelParameter {
-                    name: format!("{}:{}", NAMES[k], self.robot.bodies()[b].name),
-                    unit: UNITS[k],
-                    value: self.inertia(b).0[k],
-                    std: self.inertia_std(b).map(|std| std[k]),
-                });
-            }
-        }
-        for joint in limb.bodies.clone() {
-            for &effect in effects {
-                let estimate = self.effect(effect, joint).and_then(|e| e.estimate);
-                parameters.push(ModelParameter {
-                    name: format!("{}:{}", effect.name(), self.robot.bodies()[joint].name),
-                    unit: parameter::unit(effect),
-                    value: estimate.map_or(0.0, |e| e.value),
-                    std: estimate.and_then(|e| e.std),
-                });
-            }
-        }
-        parameters
     }
 
     fn entry(&mut self, effect: EffectKind, joint: usize) -> &mut ModelEffect {

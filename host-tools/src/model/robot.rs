@@ -89,6 +89,16 @@ pub struct Limb {
     pub bodies: Range<usize>,
 }
 
+impl Limb {
+    /// The same `effects` at every joint, in the order of the core's θ.
+    pub fn with(&self, effects: &[EffectKind]) -> Vec<(usize, EffectKind)> {
+        let joints = self.bodies.clone();
+        joints
+            .flat_map(|joint| effects.iter().map(move |&effect| (joint, effect)))
+            .collect()
+    }
+}
+
 /// A robot on a fixed base.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {

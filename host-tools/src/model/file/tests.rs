@@ -299,18 +299,54 @@ fn the_priors_override_each_other() {
 }
 
 #[test]
-fn a_limbs_parameters_have_the_order_of_the_core() {
-    use proprio_core::estimator::{EFFECTS, LEG_PARAMETERS, effect_index};
+fn a_leg_of_the_go2_is_the_cores() {
+    use proprio_core::estimator::{EFFECTS, LEG, LEG_PARAMETERS, LegPrior};
+    use proprio_core::go2::Leg;
     let mut model = Model::default();
     model.set_effect(EFFECTS[1], 5, 0.7, None).unwrap();
     let limb = &model.robot().limbs()[1];
-    let parameters = model.parameters(limb, &EFFECTS);
+    let effects = limb.with(&EFFECTS);
+    assert_eq!(model.layout(limb, &effects), Some(LEG));
+    let (ours, core) = (
+        model.prior::<3>(limb, &effects).unwrap(),
+        LegPrior::<f64>::of(Leg::FL),
+    );
+    assert_eq!(ours.cad(), core.cad());
+    assert_eq!(ours.effects(), core.effects());
+
+    let parameters = model.parameters(limb, &effects);
     assert_eq!(parameters.len(), LEG_PARAMETERS);
-    assert_eq!(parameters[effect_index(2, 1)].name, "coulomb:FL_calf");
-    assert_eq!(parameters[effect_index(2, 1)].value, 0.7);
+    assert_eq!(parameters[LEG.effect_index(2, 1)].name, "coulomb:FL_calf");
+    assert_eq!(parameters[LEG.effect_index(2, 1)].value, 0.7);
     let tree = model.limb_tree::<3>(limb).unwrap();
     for (k, value) in tree.parameters::<30>().iter().enumerate() {
         assert_eq!(parameters[k].value, *value);
     }
     assert_eq!(parameters[10].name, "m:FL_thigh");
+}
+
+#[test]
+fn a_limb_has_the_effects_of_the_model() {
+    use proprio_core::estimator::Layout;
+    let mut model = Model::default();
+    model.add_effect(EffectKind::Armature, 5);
+    model.add_effect(EffectKind::Viscous, 5);
+    model.add_effect(EffectKind::Bias, 3);
+    model.add_effect(EffectKind::Bias, 0);
+    let limb = &model.robot().limbs()[1];
+    let effects = model.limb_effects(limb);
+    let expected = [
+        (3, EffectKind::Bias),
+        (5, EffectKind::Viscous),
+        (5, EffectKind::Armature),
+    ];
+    assert_eq!(effects, expected);
+    let layout = Layout::new(3, [3, 3, 3], [1, 0, 2]);
+    assert_eq!(model.layout::<3>(limb, &effects), layout);
+    assert_eq!(model.layout::<4>(limb, &effects), None);
+    assert_eq!(model.prior::<3>(limb, &effects).unwrap().effects().len(), 3);
+    assert_eq!(
+        model.parameters(limb, &effects)[32].name,
+        "armature:FL_calf"
+    );
 }

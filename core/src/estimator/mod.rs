@@ -1,0 +1,123 @@
+//! A limb's parameters from its windows: one factor per joint, a prior, and a solution in bounded steps.
+//!
+//! A joint's torque depends on the bodies it moves and on its own effects, so each joint has a factor of just those
+//! columns ([`JointFactors`]): 34 for a Go2's hip, 24 for the thigh, 14 for the calf, instead of three rows of 42. Each
+//! joint's noise then follows from its own ρ, and weighted least squares needs no second pass over the data: the
+//! triangles are stacked, each divided by its joint's noise, onto the prior's ([`Solver`]). [`Layout`] says which column is
+//! what. All of it is generic over the limb's size and where its numbers are stored; the names that start with `Leg` are
+//! the Go2's leg in arrays.
+
+mod joints;
+mod layout;
+mod prior;
+mod solver;
+
+pub use joints::{JointFactors, NOISE_GUESS};
+pub use layout::Layout;
+pub use prior::{EffectPrior, LimbPrior};
+pub use solver::{Solver, solver_len};
+
+use crate::effect::EffectKind;
+use crate::factor::FactorError;
+use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg, position_limits};
+use crate::inertia::INERTIAL;
+use crate::window::{Plausible, Rows, Window};
+use crate::{Real, scalar::real};
+
+/// The effects that are estimated at every joint, in column order.
+pub const EFFECTS: [EffectKind; 4] = [
+    EffectKind::Viscous,
+    EffectKind::Coulomb,
+    EffectKind::Armature,
+    EffectKind::Bias,
+];
+
+/// Inertial parameters of a leg.
+pub const LEG_INERTIAL: usize = INERTIAL * JOINTS_PER_LEG;
+
+/// All parameters of a leg.
+pub const LEG_PARAMETERS: usize = LEG_INERTIAL + EFFECTS.len() * JOINTS_PER_LEG;
+
+/// Relative standard deviation of the CAD's inertias; see [`crate::inertia::InertialParameters::prior`].
+pub const CAD_UNCERTAINTY: f64 = 0.1;
+
+/// The window of a leg.
+pub type LegWindow<T> = Window<T, JOINTS_PER_LEG, LEG_INERTIAL, { EFFECTS.len() }>;
+/// The rows of a leg's window.
+pub type LegRows<T> = Rows<T, JOINTS_PER_LEG, LEG_INERTIAL, { EFFECTS.len() }>;
+/// One number per parameter of a leg, in the order of θ.
+pub type LegVector<T> = [T; LEG_PARAMETERS];
+
+/// Which column of a leg is what.
+pub const LEG: Layout<JOINTS_PER_LEG> = Layout::chain(EFFECTS.len());
+
+/// The factors of a leg's joints.
+pub type LegFactors<T> = JointFactors<T, [T; LEG.packed_len()], JOINTS_PER_LEG>;
+/// The prior of a leg.
+pub type LegPrior<T> = LimbPrior<T, [EffectPrior; EFFECTS.len() * JOINTS_PER_LEG], JOINTS_PER_LEG>;
+/// The solver of a leg.
+pub type LegSolver<T> =
+    Solver<T, [T; LEG.packed_len()], [T; solver_len(LEG_PARAMETERS)], JOINTS_PER_LEG>;
+
+impl<T: Real> Default for LegFactors<T> {
+    /// No data.
+    fn default() -> Self {
+        Self::new(LEG, [T::zero(); LEG.packed_len()])
+    }
+}
+
+impl<T: Real> LegFactors<T> {
+    /// Folds in the rows of one window.
+    ///
+    /// # Errors
+    /// [`FactorError::NotFinite`], and then nothing of the joint that holds such a number is folded in.
+    pub fn fold_window(&mut self, rows: &LegRows<T>) -> Result<(), FactorError> {
+        let mut buffer = [T::zero(); LEG.columns(0) + 1];
+        for joint in 0..JOINTS_PER_LEG {
+            let row = buffer.get_mut(..=LEG.columns(joint)).unwrap_or(&mut []);
+            rows.write_row(joint, LEG.subtree(joint), row);
+            self.fold(joint, row)?;
+        }
+        Ok(())
+    }
+}
+
+impl<T: Real> LegPrior<T> {
+    /// The CAD's inertias within [`CAD_UNCERTAINTY`], each effect as its catalogue entry says.
+    pub fn of(which: Leg) -> Self {
+        let cad = leg::<T>(which).bodies().map(|body| body.inertia);
+        let effects = core::array::from_fn(|n| {
+            let effect = EFFECTS[n % EFFECTS.len()];
+            let parameter = effect.description().parameters[0];
+            EffectPrior {
+                prior: effect.prior(&ACTUATORS[n / EFFECTS.len()]),
+                lower: parameter.lower,
+                upper: parameter.upper,
+            }
+        });
+        Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], effects)
+    }
+}
+
+impl<T: Real> Default for LegSolver<T> {
+    /// A solver that has solved nothing yet.
+    fn default() -> Self {
+        Self::new(
+            LegFactors::default(),
+            [T::zero(); solver_len(LEG_PARAMETERS)],
+        )
+    }
+}
+
+/// Limits of a leg's readings with room for offsets: 1 rad beyond the joint's stops, twice the rated speed and torque.
+pub fn plausible<T: Real>(which: Leg) -> [Plausible<T>; JOINTS_PER_LEG] {
+    let limits = position_limits(which);
+    core::array::from_fn(|joint| Plausible {
+        position: [real(limits[joint][0] - 1.0), real(limits[joint][1] + 1.0)],
+        speed: real(2.0 * ACTUATORS[joint].velocity),
+        torque: real(2.0 * ACTUATORS[joint].effort),
+    })
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

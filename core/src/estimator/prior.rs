@@ -1,0 +1,88 @@
+//! What is taken to be true of a limb before any data.
+
+use crate::Real;
+use crate::effect::Prior;
+use crate::factor::{BodyFactor, Factor, packed_len};
+use crate::inertia::{INERTIAL, InertialParameters};
+use crate::scalar::real;
+
+/// An effect parameter's prior and bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectPrior {
+    /// Expected value and standard deviation.
+    pub prior: Prior,
+    /// Least physical value.
+    pub lower: f64,
+    /// Greatest physical value.
+    pub upper: f64,
+}
+
+/// A limb's bodies as the CAD has them within a relative uncertainty, and its effects' priors, `E` in the order of θ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimbPrior<T: Real, E, const B: usize> {
+    cad: [InertialParameters<T>; B],
+    uncertainty: [T; B],
+    bodies: [BodyFactor<T>; B],
+    effects: E,
+}
+
+impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> LimbPrior<T, E, B> {
+    /// The CAD's bodies, each within `uncertainty` (relative, see [`InertialParameters::prior`]).
+    ///
+    /// A body that is not physical has no distance to others: nothing is then known of it.
+    pub fn new(cad: [InertialParameters<T>; B], uncertainty: [T; B], effects: E) -> Self {
+        let bodies = core::array::from_fn(|b| {
+            cad[b]
+                .prior(uncertainty[b])
+                .unwrap_or(BodyFactor::new::<INERTIAL>())
+        });
+        Self {
+            cad,
+            uncertainty,
+            bodies,
+            effects,
+        }
+    }
+
+    /// The CAD's bodies.
+    pub fn cad(&self) -> &[InertialParameters<T>; B] {
+        &self.cad
+    }
+
+    /// The effects' priors, in the order of θ.
+    pub fn effects(&self) -> &[EffectPrior] {
+        self.effects.as_ref()
+    }
+
+    pub(crate) fn effects_mut(&mut self) -> &mut [EffectPrior] {
+        self.effects.as_mut()
+    }
+
+    /// The prior of body b as a triangle of ten rows.
+    pub(crate) fn body(&self, b: usize) -> Option<&BodyFactor<T>> {
+        self.bodies.get(b)
+    }
+
+    /// The prior of the n-th effect parameter as a triangle of one row.
+    pub(crate) fn effect(&self, n: usize) -> Factor<T, [T; packed_len(1)]> {
+        let mut row = Factor::<T, [T; packed_len(1)]>::new::<1>();
+        if let Some(EffectPrior { prior, .. }) = self.effects().get(n) {
+            // One finite number; a standard deviation of zero would be refused, and then nothing is known.
+            let _ = row.add_prior(0, real(prior.mean), real(prior.std), &mut [T::zero(); 2]);
+        }
+        row
+    }
+
+    /// The cost of a body: its divergence from the CAD's, weighted; `None` if it is not physical.
+    pub(crate) fn body_cost(&self, b: usize, body: &InertialParameters<T>) -> Option<T> {
+        let s = self.uncertainty[b];
+        Some(body.divergence(&self.cad[b])? * real(2.0) / (s * s))
+    }
+
+    /// The same prior with body b's expanded about `body`: see [`InertialParameters::divergence_near`].
+    pub(crate) fn expand(&mut self, b: usize, body: &InertialParameters<T>) {
+        if let Some(expanded) = body.divergence_near(&self.cad[b], self.uncertainty[b]) {
+            self.bodies[b] = expanded;
+        }
+    }
+}

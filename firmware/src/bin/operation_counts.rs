@@ -1,0 +1,174 @@
+//! Counts the instructions of the core's operations on the emulated board, over data as different as they can be, and says
+//! the fewest and the most of each: one line `name fewest most` on semihosting's standard output.
+#![no_std]
+#![no_main]
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, exit};
+use cortex_m_semihosting::hprintln;
+use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
+use proprio_core::estimator::{EFFECTS, LegFactors, LegPrior, LegSolver, LegWindow, plausible};
+use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
+use proprio_core::spatial::Transform;
+use proprio_core::window::{Push, Sample, Settings, Window};
+use proprio_firmware::Scalar;
+use proprio_firmware::board::mps2_an500::Board;
+
+/// Data sets: legs that rest, that swing at the limit of what is plausible, and others between.
+const SETS: usize = 12;
+/// Samples of each.
+const SAMPLES: u64 = 45;
+
+/// Fewest and most instructions of one operation.
+struct Count(&'static str, u32, u32);
+
+impl Count {
+    const fn new(name: &'static str) -> Self {
+        Self(name, u32::MAX, 0)
+    }
+
+    fn add(&mut self, instructions: u32) {
+        self.1 = self.1.min(instructions);
+        self.2 = self.2.max(instructions);
+    }
+
+    fn print(&self) {
+        hprintln!("{} {} {}", self.0, self.1, self.2);
+    }
+}
+
+/// A generator of numbers in −1 to 1; only variety matters.
+struct Noise(u32);
+
+impl Noise {
+    fn next(&mut self) -> Scalar {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (self.0 as i32 >> 8) as Scalar / (1 << 23) as Scalar
+    }
+}
+
+fn sample(set: usize, n: u64, noise: &mut Noise) -> Sample<Scalar, JOINTS_PER_LEG> {
+    // The first set is at rest but for what tells one sample from the next.
+    let scale = if set == 0 {
+        1e-9
+    } else {
+        set as Scalar / SETS as Scalar
+    };
+    let middle = [0.0, 0.8, -1.7];
+    let mut draw = |size: Scalar| scale * size * noise.next();
+    Sample {
+        time_us: 1 + n * 2000,
+        q: core::array::from_fn(|j| middle[j] + draw(1.0)),
+        dq: core::array::from_fn(|_| draw(25.0)),
+        tau: core::array::from_fn(|_| draw(40.0)),
+    }
+}
+
+#[entry]
+fn main() -> ! {
+    let Some(Board { mut counter, .. }) = Board::take() else {
+        panic!("the board is taken once")
+    };
+    let [mut decode, mut push, mut close] =
+        ["decode_cycle", "push", "push_closing"].map(Count::new);
+    let [mut fold, mut start, mut advance] =
+        ["fold", "solver_start", "solver_step"].map(Count::new);
+    let prior = LegPrior::<Scalar>::of(Leg::FR);
+    let mut noise = Noise(1);
+    for set in 0..SETS {
+        let upright = Transform::identity();
+        let mut window: LegWindow<Scalar> = Window::new(
+            leg(Leg::FR),
+            upright,
+            EFFECTS,
+            plausible(Leg::FR),
+            Settings::default(),
+        );
+        let mut factors = LegFactors::<Scalar>::default();
+        let mut decoder = Decoder::new();
+        for n in 0..SAMPLES {
+            let sample = sample(set, n, &mut noise);
+            let mut bytes = [0; 99];
+            for (j, bytes) in bytes.chunks_exact_mut(33).enumerate() {
+                let mode = Mode::foc(j as u8);
+                let counts = |x: Scalar| x as i16;
+                let (torque, speed) = (counts(sample.tau[j] * 20.0), counts(sample.dq[j] * 200.0));
+                let reply = Reply {
+                    mode,
+                    torque,
+                    speed,
+                    position: i32::from(speed) * 99,
+                    ..Reply::default()
+                };
+                bytes[..17].copy_from_slice(
+                    &Command {
+                        mode,
+                        ..Command::default()
+                    }
+                    .encode(SEED_GO2),
+                );
+                bytes[17..].copy_from_slice(&reply.encode(0));
+            }
+            let (_, cost) = counter.count(|| {
+                let mut bytes = bytes.as_slice();
+                core::iter::from_fn(|| decoder.next(&mut bytes)).count()
+            });
+            // The first frames also find the seed.
+            if n > 0 {
+                decode.add(cost);
+            }
+            if set == 3 && n == 3 {
+                let tree = leg::<Scalar>(Leg::FR);
+                let (k, cost) = counter
+                    .count(|| tree.kinematics(&upright, &sample.q.into(), &sample.dq.into()));
+                hprintln!("# kinematics {}", cost);
+                let (w, cost) = counter.count(|| tree.momentum_rate_regressor::<30>(&k));
+                hprintln!("# rate regressor {} {}", cost, w[(0, 0)] as f32);
+                let (w, cost) = counter.count(|| tree.momentum_regressor::<30>(&k));
+                hprintln!("# momentum regressor {} {}", cost, w[(0, 0)] as f32);
+            }
+            let (pushed, cost) = counter.count(|| window.push(&sample));
+            match pushed {
+                Push::Closed => {
+                    close.add(cost);
+                    let (folded, cost) = counter.count(|| factors.fold_window(window.rows()));
+                    fold.add(cost);
+                    if folded.is_err() {
+                        hprintln!("a fold failed");
+                        exit(EXIT_FAILURE);
+                    }
+                }
+                Push::Used if n > 0 => push.add(cost),
+                Push::Used => {}
+                other => {
+                    hprintln!("a sample was {:?}", other);
+                    exit(EXIT_FAILURE);
+                }
+            }
+        }
+        let mut solver = LegSolver::<Scalar>::default();
+        start.add(counter.count(|| solver.start(&prior, &factors)).1);
+        let mut steps = 0;
+        loop {
+            let (done, cost) = counter.count(|| solver.advance());
+            advance.add(cost);
+            steps += 1;
+            hprintln!("# step {} {}", steps, cost);
+            if done != Ok(false) {
+                break;
+            }
+        }
+    }
+    [decode, push, close, fold, start, advance]
+        .iter()
+        .for_each(Count::print);
+    exit(EXIT_SUCCESS);
+    loop {}
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    hprintln!("{}", info);
+    exit(EXIT_FAILURE);
+    loop {}
+}
