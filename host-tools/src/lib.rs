@@ -4,6 +4,7 @@ pub mod device;
 pub mod estimate;
 pub mod identification;
 pub mod log;
+pub mod model;
 pub mod output;
 pub mod parameter;
 pub mod simulator;
