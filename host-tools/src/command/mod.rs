@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use proprio::device::replay::ReplayError;
-use proprio::identification::IdentificationError;
+use proprio::identification::{IdentificationError, NotAModel};
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{ModelError, RobotError, UnknownName};
@@ -87,6 +87,10 @@ pub(crate) enum Error {
     Robot(#[from] RobotError),
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
+    #[error(transparent)]
+    NotAModel(#[from] NotAModel),
+    #[error("{0}: {1}")]
+    Unreadable(String, std::io::Error),
     #[error(transparent)]
     Export(#[from] ExportError),
     /// `add --urdf` with a model file that exists.
