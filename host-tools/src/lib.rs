@@ -5,6 +5,7 @@ pub mod estimate;
 pub mod identification;
 pub mod log;
 pub mod model;
+mod nearest;
 pub mod output;
 pub mod parameter;
 pub mod simulator;

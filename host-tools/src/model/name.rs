@@ -1,5 +1,7 @@
 //! Names that are looked up, and the nearest one that exists.
 
+use crate::nearest::nearest;
+
 /// A name that does not exist.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("there is no {what} `{name}`; there {} {}", if .known.len() == 1 { "is" } else { "are" }, .known.join(", "))]
@@ -27,25 +29,8 @@ impl UnknownName {
         }
     }
 
-    /// The existing name nearest in spelling, by Jaro-Winkler as for the columns of a log.
+    /// The existing name nearest in spelling.
     pub fn nearest(&self) -> Option<&str> {
-        // What other makers call the Go2's joints.
-        let synonyms = [
-            ("knee", "calf"),
-            ("shin", "calf"),
-            ("abduction", "hip"),
-            ("abad", "hip"),
-        ];
-        let wanted = synonyms
-            .iter()
-            .fold(self.name.to_lowercase(), |name, (theirs, ours)| {
-                name.replace(theirs, ours)
-            });
-        let likeness = |known: &&String| strsim::jaro_winkler(&wanted, &known.to_lowercase());
-        let nearest = self
-            .known
-            .iter()
-            .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
-        nearest.map(String::as_str)
+        nearest(&self.name, self.known.iter().map(String::as_str))
     }
 }
