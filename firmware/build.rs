@@ -1,14 +1,23 @@
-//! Gives the linker each board's memory and the scripts of cortex-m-rt and defmt.
+//! Gives the linker the board's memory and the scripts of cortex-m-rt and defmt.
 
-use std::{env, fs, path::PathBuf};
+use std::{env, path::PathBuf};
 
 fn main() {
-    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    let memory = "src/board/mps2_an500.x";
-    fs::copy(memory, out.join("memory.x")).expect("the board's memory file lies beside its code");
-    println!("cargo:rerun-if-changed={memory}");
-    println!("cargo:rustc-link-search={}", out.display());
-    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
-        println!("cargo:rustc-link-arg-bins={argument}");
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
+    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    let board = match (has("MPS2_AN500"), has("NUCLEO_H743ZI2")) {
+        (true, false) => "mps2_an500",
+        (false, true) => "nucleo_h743zi2",
+        _ => panic!("name one board: --no-default-features --features BOARD, or the default"),
+    };
+    let script = root.join(format!("src/board/{board}.x"));
+    let memory = root.join("../memory.x");
+    for file in [&script, &memory] {
+        println!("cargo:rerun-if-changed={}", file.display());
     }
+    println!("cargo:rustc-link-search={}", root.join("..").display());
+    for script in [&*script.to_string_lossy(), "link.x", "defmt.x"] {
+        println!("cargo:rustc-link-arg-bins=-T{script}");
+    }
+    println!("cargo:rustc-link-arg-bins=--nmagic");
 }

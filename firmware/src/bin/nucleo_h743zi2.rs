@@ -1,0 +1,190 @@
+//! The listener on the NUCLEO-H743ZI2: every 2 ms it takes what its buses have brought and does one step at the time that
+//! the board's clock shows.
+//!
+//! Flash with `probe-rs run --chip STM32H743ZITx`, which shows the log as well.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use embassy_executor::Spawner;
+use embassy_stm32::{mode::Async, usart::UartTx};
+use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
+use embassy_time::{Duration, Instant, Ticker};
+use panic_probe as _;
+use proprio_core::app::{App, Identity};
+use proprio_core::wire::{HostMessage, LEGS, MAX_FRAME, Receiver, Sender};
+use proprio_firmware::board::nucleo_h743zi2::{Board, CORE_HZ, CycleCounter, Listening, RING};
+use proprio_firmware::{Scalar, VERSION, stack::HighWater};
+use static_cell::ConstStaticCell;
+
+/// Time between two steps, µs.
+const TICK_US: u64 = 2000;
+
+const IDENTITY: Identity = Identity {
+    firmware: VERSION,
+    board: "nucleo-h743zi2",
+    load_unit: "cycles",
+    budget: (CORE_HZ as u64 * TICK_US / 1_000_000) as u32,
+    cycle_us: TICK_US,
+};
+
+/// Time between two looks at what was lost, for the log, µs.
+const LOG_US: u64 = 1_000_000;
+
+static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
+static BUS_BUFFERS: ConstStaticCell<[[u8; RING]; LEGS]> = ConstStaticCell::new([[0; RING]; LEGS]);
+static HOST_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
+
+/// Frames on their way to the host. The step never waits for it; a frame that finds no room is dropped and counted.
+static FRAMES: Pipe<CriticalSectionRawMutex, { 4 * MAX_FRAME }> = Pipe::new();
+/// What DMA sends from, so static.
+static SENDING: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
+
+/// What never reached the application or the host, since the start. Frames of a bus that are damaged by it are counted
+/// by the application as well.
+#[derive(Clone, Copy, Default, PartialEq, defmt::Format)]
+struct Losses {
+    /// Times that a bus's buffer was full.
+    bus_overruns: [u32; LEGS],
+    /// Reads that found a broken byte on a bus.
+    bus_line_errors: [u32; LEGS],
+    /// As for a bus.
+    host_overruns: u32,
+    /// As for a bus.
+    host_line_errors: u32,
+    /// Frames to the host that found no room.
+    frames_dropped: u32,
+}
+
+struct Listener {
+    buses: [Listening; LEGS],
+    from_host: Listening,
+    counter: CycleCounter,
+    app: &'static mut App<Scalar>,
+    bus_buffers: &'static mut [[u8; RING]; LEGS],
+    host_buffer: &'static mut [u8; RING],
+    receiver: Receiver<HostMessage>,
+    sender: Sender,
+    frame: [u8; MAX_FRAME],
+    stack: HighWater,
+    frames_dropped: u32,
+    logged: Losses,
+    log_at: u64,
+}
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    let Some(board) = Board::take() else {
+        panic!("the board is taken once")
+    };
+    defmt::info!("proprio {} on {}", IDENTITY.firmware, IDENTITY.board);
+    match tell(board.to_host) {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => panic!("the task is spawned once"),
+    }
+    let mut listener = Listener {
+        buses: board.buses,
+        from_host: board.from_host,
+        counter: board.counter,
+        app: APP.take(),
+        bus_buffers: BUS_BUFFERS.take(),
+        host_buffer: HOST_BUFFER.take(),
+        receiver: Receiver::default(),
+        sender: Sender::default(),
+        frame: [0; MAX_FRAME],
+        stack: HighWater::new(),
+        frames_dropped: 0,
+        logged: Losses::default(),
+        log_at: 0,
+    };
+    listener.app.reset();
+    let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
+    loop {
+        ticker.next().await;
+        let now_us = Instant::now().as_micros();
+        listener.obey();
+        listener.step(now_us);
+        listener.log(now_us);
+    }
+}
+
+/// Carries frames to the host, as fast as the line takes them.
+#[embassy_executor::task]
+async fn tell(mut to_host: UartTx<'static, Async>) {
+    let sending = SENDING.take();
+    loop {
+        let length = FRAMES.read(sending).await;
+        if to_host.write(&sending[..length]).await.is_err() {
+            defmt::warn!("the host link refused {} bytes", length);
+        }
+    }
+}
+
+impl Listener {
+    /// Takes what the host sent.
+    fn obey(&mut self) {
+        for &byte in self.from_host.read(self.host_buffer) {
+            match self.receiver.push(byte) {
+                None => {}
+                Some(Ok(message)) => self.app.handle(&message),
+                Some(Err(_)) => defmt::warn!("damaged frame from the host"),
+            }
+        }
+        self.app
+            .record_host_frames(self.receiver.bad(), self.receiver.missed());
+    }
+
+    /// One step of the application, its message made a frame; both are counted, the copying of the bytes is not.
+    fn step(&mut self, now_us: u64) {
+        let Self {
+            app, sender, frame, ..
+        } = self;
+        let mut buses = self.buses.iter_mut();
+        let bytes = self
+            .bus_buffers
+            .each_mut()
+            .map(|buffer| buses.next().map_or(&[] as &[u8], |bus| bus.read(buffer)));
+        let mut told = 0;
+        let ((), cycles) = self.counter.count(|| {
+            app.step(now_us, bytes, &mut |message| {
+                told = sender.encode(message, frame).len();
+            });
+        });
+        self.app.record_cost(cycles, self.stack.bytes());
+        self.queue(told);
+    }
+
+    /// Hands over the first bytes of the frame: all, or none, and the host sees the gap in the numbers of frames.
+    fn queue(&mut self, told: usize) {
+        let mut rest = &self.frame[..told];
+        if FRAMES.free_capacity() < rest.len() {
+            self.frames_dropped = self.frames_dropped.wrapping_add(1);
+            return;
+        }
+        // The pipe takes a part where it wraps around.
+        while !rest.is_empty()
+            && let Ok(taken) = FRAMES.try_write(rest)
+        {
+            rest = &rest[taken..];
+        }
+    }
+
+    /// Tells the log what was lost, when there is news, once a second at most.
+    fn log(&mut self, now_us: u64) {
+        if now_us < self.log_at {
+            return;
+        }
+        self.log_at = now_us + LOG_US;
+        let losses = Losses {
+            bus_overruns: self.buses.each_ref().map(Listening::overruns),
+            bus_line_errors: self.buses.each_ref().map(Listening::line_errors),
+            host_overruns: self.from_host.overruns(),
+            host_line_errors: self.from_host.line_errors(),
+            frames_dropped: self.frames_dropped,
+        };
+        if losses != self.logged {
+            defmt::warn!("since the start: {}", losses);
+            self.logged = losses;
+        }
+    }
+}
