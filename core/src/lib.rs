@@ -14,9 +14,10 @@
 //! 5. [`effect`]: the catalogue of what a rigid body lacks: friction, rotor inertia, bias.
 //! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration.
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
-//! 8. [`estimator`]: a leg's factors, its prior and its solution.
-//! 9. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 10. [`app`]: the whole line, one bounded step at a time, with time as an argument.
+//! 8. [`estimator`]: a limb's factors, its prior and its solution in bounded steps.
+//! 9. [`consistent`]: the solution in which every body could exist and no friction is negative.
+//! 10. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 11. [`app`]: the whole line, one bounded step at a time, with time as an argument.
 //!
 //! # The equation
 //!

@@ -93,7 +93,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
             subtree_end[b] = b + 1;
             match bodies[b].parent {
                 Some(parent) if parent >= b => return Err(TreeError::ParentAfterChild(b)),
-                Some(_) | None if b > 0 && bodies[b].joint == Joint::Free => {
+                _ if b > 0 && bodies[b].joint == Joint::Free => {
                     return Err(TreeError::FreeJointBelowRoot(b));
                 }
                 _ => {}

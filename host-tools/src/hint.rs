@@ -1,5 +1,7 @@
 //! What the user can do about each error.
 
+mod model;
+
 use std::io::ErrorKind;
 
 use proprio::device::DeviceError;
@@ -36,6 +38,13 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             ErrorKind::StorageFull => Some("free some space on the disk".to_owned()),
             _ => None,
         },
+        Error::Model(error) => model::of_model(error),
+        Error::Robot(error) => model::of_robot(error),
+        Error::UnknownName(unknown) => model::of_name(unknown),
+        Error::Export(error) => model::of_export(error),
+        Error::NotAModel(_) => Some("add --physical, or name a .json file".to_owned()),
+        Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
+        Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),
         Error::Diverged(_) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }

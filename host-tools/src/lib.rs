@@ -4,6 +4,8 @@ pub mod device;
 pub mod estimate;
 pub mod identification;
 pub mod log;
+pub mod model;
+mod nearest;
 pub mod output;
 pub mod parameter;
 pub mod simulator;

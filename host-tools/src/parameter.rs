@@ -36,6 +36,11 @@ pub struct JointEffect {
 
 /// A parameter's name: `m:FR_hip`, `coulomb:FR_hip`.
 pub fn name(what: &str, joint: JointId) -> String {
+    name_at(what, joint.name())
+}
+
+/// [`name`] for a joint that is known by its name.
+pub fn name_at(what: &str, joint: &str) -> String {
     format!("{what}:{joint}")
 }
 

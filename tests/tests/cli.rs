@@ -15,7 +15,9 @@ fn help_tells_each_command_with_an_example() {
     let mut texts = String::new();
     for command in [
         &["--help"][..],
+        &["add", "--help"],
         &["demo", "--help"],
+        &["export", "--help"],
         &["identify", "--help"],
         &["simulate", "--help"],
         &["replay", "--help"],

@@ -116,3 +116,36 @@ fn ctrl_c_leaves_no_half_file() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
+
+/// A rigid robot has no friction, so that half of the free estimates are negative: no model holds those.
+#[test]
+fn a_physical_fit_becomes_a_model_that_exports() {
+    let folder = folder();
+    done(
+        folder.path(),
+        &["simulate", "--duration", "4", "-o", "log.csv"],
+    );
+    let free = proprio(folder.path(), &["identify", "log.csv", "-o", "go2.toml"]);
+    assert_eq!(free.status.code(), Some(1));
+    assert!(stderr(&free).contains("--physical"), "{}", stderr(&free));
+    assert!(!folder.path().join("go2.toml").exists());
+
+    done(
+        folder.path(),
+        &["identify", "log.csv", "--physical", "-o", "go2.toml"],
+    );
+    let model = fs::read_to_string(folder.path().join("go2.toml")).unwrap();
+    assert!(
+        model.contains("log.csv") && model.contains("--physical"),
+        "{model}"
+    );
+    let xml = done(
+        folder.path(),
+        &["export", "-m", "go2.toml", "--mjcf", "-o", "go2.xml"],
+    );
+    let written = fs::read_to_string(folder.path().join("go2.xml")).unwrap();
+    assert!(
+        written.contains("frictionloss") && written.contains("armature"),
+        "{xml}"
+    );
+}

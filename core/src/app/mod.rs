@@ -3,7 +3,7 @@
 //! [`App::step`] is the same synchronous function on a board, in emulation and on the desktop; who calls it says what time
 //! it is and who it is. A step
 //!
-//! 1. decodes the bytes that each leg's bus brought and assembles at most one sample per leg ([`assembly`]);
+//! 1. decodes the bytes that each leg's bus brought and assembles at most one sample per leg (`assembly`);
 //! 2. puts the samples into the legs' windows; a window that closes is marked;
 //! 3. folds at most one marked window into its leg's factor, or does one part of a solution;
 //! 4. says at most one message.

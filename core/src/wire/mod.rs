@@ -1,7 +1,7 @@
 //! The link between a device and its host: which messages there are, and how they travel.
 //!
 //! A [`DeviceMessage`] or [`HostMessage`] is postcard; with a sequence number before it and a CRC-32 behind it, it is one
-//! COBS frame between zero bytes ([`frame`]). So the reader finds the next frame after any damage, knows a damaged frame
+//! COBS frame between zero bytes (`frame`). So the reader finds the next frame after any damage, knows a damaged frame
 //! from a good one, and knows from the numbers how many never came.
 //!
 //! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled; a device says it in its

@@ -1,10 +1,11 @@
 //! `proprio identify`: from logs to parameters.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use proprio::estimate::Constraint;
-use proprio::identification::{Options, identify};
+use proprio::identification::{Identification, Options, identify};
+use proprio::model::Provenance;
 use proprio::output;
 
 use super::{Error, json};
@@ -17,13 +18,13 @@ use crate::progress::Progress;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio identify chirp.csv
-  proprio identify chirp.csv --physical
+  proprio identify chirp.csv --physical -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json")]
 pub(crate) struct Identify {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// Also write the result as JSON to this file
+    /// Also write a model file that `export` takes (needs --physical); or, if the name ends in .json, what --json prints
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Round samples to what the motor bus carries, as a device that hears the log does
@@ -57,12 +58,24 @@ impl Identify {
             eprintln!("warning: {warning}");
         }
         if let Some(path) = &self.output {
-            output::write(path, &json(&result))?;
+            self.write(path, &result)?;
         }
         Ok(if self.json {
             json(&result)
         } else {
             result.to_string()
         })
+    }
+
+    fn write(&self, path: &Path, result: &Identification) -> Result<(), Error> {
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "json")
+        {
+            return Ok(output::write(path, &json(result))?);
+        }
+        let provenance =
+            Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
+        Ok(result.to_model(provenance)?.save(path)?)
     }
 }

@@ -1,15 +1,21 @@
 //! The subcommands, one file each.
 
+mod add;
 mod demo;
+mod export;
 mod identify;
 mod replay;
 mod simulate;
 
+use std::path::PathBuf;
+
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use proprio::device::replay::ReplayError;
-use proprio::identification::IdentificationError;
+use proprio::identification::{IdentificationError, NotAModel};
 use proprio::log::LogError;
+use proprio::model::export::ExportError;
+use proprio::model::{ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
 use proprio::simulator::Diverged;
 use serde::Serialize;
@@ -31,7 +37,9 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Add(add::Add),
     Demo(demo::Demo),
+    Export(export::Export),
     Identify(identify::Identify),
     Replay(replay::Replay),
     Simulate(simulate::Simulate),
@@ -41,7 +49,9 @@ impl Arguments {
     /// Does what is asked and returns what goes to standard output.
     pub(crate) fn run(self) -> Result<String, Error> {
         match self.command {
+            Command::Add(command) => command.run(),
             Command::Demo(command) => command.run(),
+            Command::Export(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Replay(command) => command.run(),
             Command::Simulate(command) => command.run(),
@@ -71,6 +81,21 @@ pub(crate) enum Error {
     Write(#[from] WriteError),
     #[error(transparent)]
     Diverged(#[from] Diverged),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    #[error(transparent)]
+    UnknownName(#[from] UnknownName),
+    #[error(transparent)]
+    NotAModel(#[from] NotAModel),
+    #[error("{0}: {1}")]
+    Unreadable(String, std::io::Error),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// `add --urdf` with a model file that exists.
+    #[error("{}: the model has its robot already", .0.display())]
+    RobotIsSet(PathBuf),
 }
 
 /// One JSON object and a line end.

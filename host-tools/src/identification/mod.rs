@@ -7,6 +7,7 @@
 mod bus;
 mod leg;
 mod result;
+mod to_model;
 
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,7 @@ use crate::estimate::Constraint;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
 pub use result::{Identification, JointFit, Samples};
+pub use to_model::NotAModel;
 
 /// How to identify.
 #[derive(Debug, Clone, Copy, Default)]

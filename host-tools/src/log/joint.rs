@@ -1,5 +1,6 @@
 //! The joints a log can name, in the order of the SDK and of the motor bus.
 
+use crate::nearest::nearest;
 use std::fmt;
 use std::str::FromStr;
 
@@ -84,26 +85,9 @@ impl UnknownName {
         }
     }
 
-    /// The known name nearest in spelling. Joint names share their leg, so the distance weighs a common start
-    /// (Jaro-Winkler): `FR_knee` is nearer to `FR_hip` than to `RL_thigh`, and `FR_knee` means the calf.
+    /// The known name nearest in spelling.
     pub fn nearest(&self) -> Option<&'static str> {
-        // What other makers call the Go2's joints.
-        let synonyms = [
-            ("knee", "calf"),
-            ("shin", "calf"),
-            ("abduction", "hip"),
-            ("abad", "hip"),
-        ];
-        let wanted = synonyms
-            .iter()
-            .fold(self.name.to_lowercase(), |name, (theirs, ours)| {
-                name.replace(theirs, ours)
-            });
-        let likeness = |known: &str| strsim::jaro_winkler(&wanted, &known.to_lowercase());
-        self.known
-            .iter()
-            .copied()
-            .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+        nearest(&self.name, self.known.iter().copied())
     }
 }
 

@@ -1,0 +1,58 @@
+//! What was identified, as a model file.
+
+use std::array;
+
+use proprio_core::effect::EffectKind;
+use proprio_core::inertia::InertialParameters;
+
+use super::Identification;
+use crate::model::{Impossible, Model, Provenance};
+use crate::parameter::{INERTIAL_NAMES, name_at};
+
+/// A value that was identified but that no model may hold.
+#[derive(Debug, thiserror::Error)]
+#[error("what was identified of {of} cannot be: {fault}")]
+pub struct NotAModel {
+    /// The joint, or the body that it moves.
+    pub of: String,
+    /// Why not.
+    pub fault: Impossible,
+}
+
+impl Identification {
+    /// The Go2 with the bodies and effects identified, their standard deviations, and `provenance`.
+    ///
+    /// # Errors
+    /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
+    pub fn to_model(&self, provenance: Provenance) -> Result<Model, NotAModel> {
+        let mut model = Model::default();
+        let joints: Vec<String> = model
+            .robot()
+            .bodies()
+            .iter()
+            .map(|body| body.name.clone())
+            .collect();
+        for (joint, of) in joints.into_iter().enumerate() {
+            self.set_joint(&mut model, joint, &of)
+                .map_err(|fault| NotAModel { of, fault })?;
+        }
+        model.set_provenance(provenance);
+        Ok(model)
+    }
+
+    fn set_joint(&self, model: &mut Model, joint: usize, of: &str) -> Result<(), Impossible> {
+        let found = |what: &str| self.parameter(&name_at(what, of));
+        let inertial = INERTIAL_NAMES.map(|(what, _)| found(what));
+        if inertial.iter().all(Option::is_some) {
+            let phi = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.value));
+            let std = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.std));
+            model.set_body(joint, &InertialParameters(phi.into()), Some(&std))?;
+        }
+        for &effect in EffectKind::ALL {
+            if let Some(parameter) = found(effect.name()) {
+                model.set_effect(effect, joint, parameter.value, Some(parameter.std))?;
+            }
+        }
+        Ok(())
+    }
+}

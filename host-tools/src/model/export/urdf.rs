@@ -1,0 +1,214 @@
+//! URDF: inertials of links, damping and friction of joints.
+
+use std::path::Path;
+
+use roxmltree::{Document, Node};
+
+use super::edit::Edits;
+use super::{
+    ExportError, ExportProblem, Exported, Inertial, JointAttribute, attributes, error, identified,
+    names, number, numbers, same_axis, same_place, whole, without,
+};
+use crate::model::urdf::Description;
+use crate::model::{Body, Model, RobotProblem, Source};
+
+/// Attributes of URDF's `<inertia>`, in the order of [`Inertial::six`].
+pub(super) const INERTIA: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
+
+/// A model as URDF: written into the file `input`, else into the URDF that the model is of, else a whole file.
+///
+/// # Errors
+/// [`ExportError`] if the file is not of this robot, or cannot hold the model.
+pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
+    let (effects, written, notes) = attributes(model, "URDF", |effect| effect.urdf);
+    let own = match model.robot().source() {
+        Source::Urdf(path) => Some(path.as_path()),
+        Source::Go2 => None,
+    };
+    let Some(path) = input.or(own) else {
+        let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
+        return Ok(Exported {
+            text: whole::urdf(model, &effects),
+            bodies: names(model, &bodies),
+            effects: written,
+            notes,
+        });
+    };
+    let file = Description::read(path).map_err(|e| ExportError {
+        path: e.path,
+        line: e.line,
+        problem: Box::new(match *e.problem {
+            RobotProblem::Read(cause) => ExportProblem::Read(cause),
+            problem => ExportProblem::Robot(problem),
+        }),
+    })?;
+    let document = Document::parse(&file.text)
+        .map_err(|e| error(path, ExportProblem::Syntax(e.to_string())))?;
+    let target = Target {
+        path,
+        file: &file,
+        document: &document,
+    };
+    let bodies = identified(model);
+    target.check(model)?;
+    let mut edits = Edits::new(&file.text);
+    for &b in &bodies {
+        target.write_inertial(&mut edits, model, b)?;
+    }
+    for joint in 0..model.robot().bodies().len() {
+        let of_joint: Vec<_> = effects.iter().filter(|e| e.joint == joint).collect();
+        if !of_joint.is_empty() {
+            let name = &target.body(model, joint)?.1.joint_name;
+            if let Some(element) = target.element("joint", name) {
+                write_dynamics(&mut edits, element, &of_joint);
+            }
+        }
+    }
+    Ok(Exported {
+        text: edits.apply(),
+        bodies: names(model, &bodies),
+        effects: written,
+        notes,
+    })
+}
+
+/// The file that is written into.
+struct Target<'a> {
+    path: &'a Path,
+    file: &'a Description,
+    document: &'a Document<'a>,
+}
+
+impl Target<'_> {
+    /// The file's body of a joint of the model, and its index.
+    fn body(&self, model: &Model, joint: usize) -> Result<(usize, &Body), ExportError> {
+        let name = &model.robot().bodies()[joint].name;
+        let theirs = &self.file.robot;
+        let index = theirs
+            .joint(name)
+            .map_err(|unknown| error(self.path, ExportProblem::Missing(unknown)))?;
+        Ok((index, &theirs.bodies()[index]))
+    }
+
+    /// Every joint that both have stands in the same place, so that φ is about the same frame.
+    fn check(&self, model: &Model) -> Result<(), ExportError> {
+        for ours in model.robot().bodies() {
+            let Ok(index) = self.file.robot.joint(&ours.name) else {
+                continue;
+            };
+            let theirs = &self.file.robot.bodies()[index];
+            same_place(&ours.name, &theirs.placement, &ours.placement)
+                .and_then(|()| same_axis(&ours.name, &theirs.axis, &ours.axis))
+                .map_err(|problem| self.error_at("joint", &theirs.joint_name, problem))?;
+        }
+        Ok(())
+    }
+
+    fn write_inertial(
+        &self,
+        edits: &mut Edits,
+        model: &Model,
+        b: usize,
+    ) -> Result<(), ExportError> {
+        let (index, body) = self.body(model, b)?;
+        let own = without(model.inertia(b), &self.file.carried[index]).map_err(|fault| {
+            let link = body.link_name.clone();
+            self.error_at(
+                "link",
+                &body.link_name,
+                ExportProblem::Carried { link, fault },
+            )
+        })?;
+        let inertial = Inertial::of(&own);
+        let Some(link) = self.element("link", &body.link_name) else {
+            return Ok(());
+        };
+        let child = |parent: Node<'_, '_>, tag| {
+            parent
+                .children()
+                .find(|n| n.has_tag_name(tag))
+                .map(|n| n.id())
+        };
+        let Some(element) = child(link, "inertial").and_then(|id| self.document.get_node(id))
+        else {
+            edits.prepend(link, &inertial_element(&inertial));
+            return Ok(());
+        };
+        let part = |tag| child(element, tag).and_then(|id| self.document.get_node(id));
+        match part("origin") {
+            Some(origin) => {
+                edits.set(origin, "xyz", &numbers(inertial.com.iter().copied()));
+                // The inertia is written in the axes of the link.
+                if origin.has_attribute("rpy") {
+                    edits.set(origin, "rpy", "0 0 0");
+                }
+                edits.remove(origin, "quat_xyzw");
+            }
+            None => edits.prepend(element, &origin_element(&inertial)),
+        }
+        if let Some(mass) = part("mass") {
+            edits.set(mass, "value", &number(inertial.mass));
+        }
+        if let Some(inertia) = part("inertia") {
+            for (name, value) in INERTIA.iter().zip(inertial.six()) {
+                edits.set(inertia, name, &number(value));
+            }
+        }
+        Ok(())
+    }
+
+    /// A link or joint by its name.
+    fn element(&self, tag: &str, name: &str) -> Option<Node<'_, '_>> {
+        let mut elements = self.document.root_element().children();
+        elements.find(|e| e.has_tag_name(tag) && e.attribute("name") == Some(name))
+    }
+
+    fn error_at(&self, tag: &str, name: &str, problem: ExportProblem) -> ExportError {
+        let line = self
+            .element(tag, name)
+            .map(|e| self.document.text_pos_at(e.range().start).row);
+        ExportError {
+            path: self.path.to_owned(),
+            line,
+            problem: Box::new(problem),
+        }
+    }
+}
+
+fn write_dynamics(edits: &mut Edits, joint: Node, effects: &[&JointAttribute]) {
+    if let Some(dynamics) = joint.children().find(|n| n.has_tag_name("dynamics")) {
+        for effect in effects {
+            edits.set(dynamics, effect.attribute, &number(effect.value));
+        }
+    } else {
+        edits.append(joint, &dynamics_element(effects));
+    }
+}
+
+pub(super) fn dynamics_element(effects: &[&JointAttribute]) -> String {
+    let attributes: String = effects
+        .iter()
+        .map(|e| format!(" {}=\"{}\"", e.attribute, number(e.value)))
+        .collect();
+    format!("<dynamics{attributes}/>")
+}
+
+fn origin_element(inertial: &Inertial) -> String {
+    format!(
+        "<origin xyz=\"{}\"/>",
+        numbers(inertial.com.iter().copied())
+    )
+}
+
+pub(super) fn inertial_element(inertial: &Inertial) -> String {
+    let inertia: String = INERTIA
+        .iter()
+        .zip(inertial.six())
+        .map(|(name, value)| format!(" {name}=\"{}\"", number(value)))
+        .collect();
+    format!(
+        "<inertial>{}<mass value=\"{}\"/><inertia{inertia}/></inertial>",
+        origin_element(inertial),
+        number(inertial.mass)
+    )
+}

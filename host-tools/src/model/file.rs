@@ -1,0 +1,284 @@
+//! The model file: TOML in, TOML out.
+//!
+//! It is written by hand so that keys stay where they are and a change of a value is a change of one line; numbers are the
+//! shortest that read back the same.
+
+mod tables;
+mod write;
+
+use std::path::Path;
+
+use nalgebra::SVector;
+use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::inertia::InertialParameters;
+use tables::{BaseTable, EffectTable, File, Mount, PriorEntry, PriorTable, RobotTable, Ten};
+use toml::Spanned;
+pub(super) use write::text;
+
+use super::{
+    Impossible, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting, Provenance, Robot,
+    UnknownName,
+};
+
+/// The newest format that this version reads, and the one it writes.
+const FORMAT: i64 = 1;
+
+/// How far a quaternion's length may be from 1: files round their numbers.
+const QUATERNION_ROUNDING: f64 = 1e-6;
+
+/// Byte offset in the file, if the fault has a place, and the fault.
+type Fault = (Option<usize>, ModelProblem);
+
+/// Reads a model file.
+pub(super) fn load(path: &Path) -> Result<Model, ModelError> {
+    let error = |line, problem| ModelError {
+        path: path.to_owned(),
+        line,
+        problem: Box::new(problem),
+    };
+    let text = std::fs::read_to_string(path).map_err(|e| error(None, ModelProblem::Read(e)))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(&text, folder).map_err(|(offset, problem)| {
+        let line = offset.map(|at| text.bytes().take(at).filter(|b| *b == b'\n').count() + 1);
+        error(line, problem)
+    })
+}
+
+/// The model of a file's text; paths in it are relative to `folder`.
+fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
+    let syntax = |e: &toml::de::Error| (e.span().map(|span| span.start), problem_of(e));
+    // First alone: a newer file need not make sense otherwise.
+    let table: toml::Table = text.parse().map_err(|e| syntax(&e))?;
+    match table.get("format").and_then(toml::Value::as_integer) {
+        None => return Err((None, ModelProblem::NoFormat)),
+        Some(found) if found > FORMAT => {
+            return Err((
+                None,
+                ModelProblem::Newer {
+                    found,
+                    newest: FORMAT,
+                },
+            ));
+        }
+        Some(_) => {}
+    }
+    let file: File = toml::from_str(text).map_err(|e| syntax(&e))?;
+    let mut model = Model::new(robot(&file.robot, folder)?);
+    if let Some(base) = &file.base {
+        model.mounting = mounting(base)?;
+    }
+    read_motors(&mut model, &file)?;
+    read_priors(&mut model, &file.prior)?;
+    read_bodies(&mut model, &file)?;
+    file.effect
+        .iter()
+        .try_for_each(|effect| read_effect(&mut model, effect))?;
+    model.provenance = file.provenance.map(|table| Provenance {
+        version: table.version,
+        command: table.command,
+        logs: table
+            .log
+            .into_iter()
+            .map(|log| LogRecord {
+                path: log.path,
+                sha256: log.sha256,
+            })
+            .collect(),
+    });
+    Ok(model)
+}
+
+/// An unknown key is told from other faults, and its siblings found, by serde's message: there is no other way to them.
+fn problem_of(error: &toml::de::Error) -> ModelProblem {
+    let message = error.message();
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    match (message.starts_with("unknown field"), quoted.next()) {
+        (true, Some(name)) => ModelProblem::UnknownKey(UnknownName::new("key", name, quoted)),
+        _ => ModelProblem::Syntax(message.to_owned()),
+    }
+}
+
+fn robot(table: &Spanned<RobotTable>, folder: &Path) -> Result<Robot, Fault> {
+    let at = Some(table.span().start);
+    match table.get_ref() {
+        RobotTable {
+            builtin: Some(name),
+            urdf: None,
+        } if name == "go2" => Ok(Robot::go2()),
+        RobotTable {
+            builtin: Some(name),
+            urdf: None,
+        } => Err((
+            at,
+            ModelProblem::UnknownName(UnknownName::new("built-in robot", name, ["go2"])),
+        )),
+        RobotTable {
+            builtin: None,
+            urdf: Some(path),
+        } => Robot::from_urdf(&folder.join(path)).map_err(|e| (at, ModelProblem::Robot(e))),
+        _ => Err((at, ModelProblem::WhichRobot)),
+    }
+}
+
+fn mounting(table: &Spanned<BaseTable>) -> Result<Mounting, Fault> {
+    let BaseTable {
+        mount: Mount::Pinned,
+        rpy,
+        quaternion,
+    } = table.get_ref();
+    let unit = |q: &[f64; 4]| {
+        let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (length - 1.0).abs() <= QUATERNION_ROUNDING
+    };
+    match (*rpy, *quaternion) {
+        (None, None) => Ok(Mounting::Rpy([0.0; 3])),
+        (Some(rpy), None) if rpy.iter().all(|x| x.is_finite()) => Ok(Mounting::Rpy(rpy)),
+        (None, Some(q)) if unit(&q) => Ok(Mounting::Quaternion(q)),
+        _ => Err((Some(table.span().start), ModelProblem::Orientation)),
+    }
+}
+
+/// The index of a joint, or the fault at the place of its name.
+fn joint(model: &Model, name: &str, at: usize) -> Result<usize, Fault> {
+    let unknown = |e| (Some(at), ModelProblem::UnknownName(e));
+    model.robot.joint(name).map_err(unknown)
+}
+
+fn effect_named(name: &str, at: usize) -> Result<EffectKind, Fault> {
+    EffectKind::from_name(name).ok_or_else(|| {
+        let known = EffectKind::ALL.iter().map(|effect| effect.name());
+        (
+            Some(at),
+            ModelProblem::UnknownName(UnknownName::new("effect", name, known)),
+        )
+    })
+}
+
+fn impossible(at: usize, what: impl Into<String>) -> impl FnOnce(Impossible) -> Fault {
+    move |fault| {
+        (
+            Some(at),
+            ModelProblem::Impossible {
+                what: what.into(),
+                fault,
+            },
+        )
+    }
+}
+
+fn read_motors(model: &mut Model, file: &File) -> Result<(), Fault> {
+    for (name, table) in &file.motor {
+        let at = name.span().start;
+        let joint = joint(model, name.get_ref(), at)?;
+        let what = format!("the motor of {}", name.get_ref());
+        let bad = |value: f64| !(value.is_finite() && value > 0.0);
+        let entries = [("gear", table.gear), ("rotor_inertia", table.rotor_inertia)];
+        if let Some(&(symbol, value)) = entries.iter().find(|(_, value)| bad(*value)) {
+            let fault = Impossible::Bounds {
+                symbol,
+                value,
+                lower: 0.0,
+                upper: f64::INFINITY,
+            };
+            return Err(impossible(at, what)(fault));
+        }
+        model.set_motor(
+            joint,
+            Motor {
+                gear: table.gear,
+                rotor_inertia: table.rotor_inertia,
+            },
+        );
+    }
+    Ok(())
+}
+
+fn read_priors(model: &mut Model, table: &PriorTable) -> Result<(), Fault> {
+    if let Some(relative) = &table.cad_uncertainty {
+        let what = "cad_uncertainty";
+        model
+            .set_cad_uncertainty(None, *relative.get_ref())
+            .map_err(impossible(relative.span().start, what))?;
+    }
+    for (name, relative) in &table.body {
+        let at = relative.span().start;
+        let body = joint(model, name.get_ref(), name.span().start)?;
+        let what = format!("the prior of body {}", name.get_ref());
+        model
+            .set_cad_uncertainty(Some(body), *relative.get_ref())
+            .map_err(impossible(at, what))?;
+    }
+    for (name, prior) in &table.effect {
+        let at = name.span().start;
+        let effect = effect_named(name.get_ref(), at)?;
+        let what = format!("the prior of {}", name.get_ref());
+        model
+            .set_general_prior(
+                effect,
+                Prior {
+                    mean: prior.mean,
+                    std: prior.std,
+                },
+            )
+            .map_err(impossible(at, what))?;
+    }
+    Ok(())
+}
+
+fn read_bodies(model: &mut Model, file: &File) -> Result<(), Fault> {
+    for (name, table) in &file.body {
+        let at = name.span().start;
+        let body = joint(model, name.get_ref(), at)?;
+        let phi = InertialParameters(SVector::from(table.array()));
+        let std = table.std.map(Ten::array);
+        let what = format!("body {}", name.get_ref());
+        model
+            .place_body(body, phi, std)
+            .map_err(impossible(at, what))?;
+    }
+    Ok(())
+}
+
+fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fault> {
+    let (at, table) = (entry.span().start, entry.get_ref());
+    let effect = effect_named(&table.name, at)?;
+    let joint = joint(model, &table.joint, at)?;
+    let (name, of) = (effect.name(), table.joint.clone());
+    if !model.add_effect(effect, joint) {
+        return Err((
+            Some(at),
+            ModelProblem::Twice {
+                effect: name,
+                joint: of,
+            },
+        ));
+    }
+    let what = format!("{name}:{of}");
+    match (table.value, table.std) {
+        (Some(value), std) => {
+            model
+                .place_effect(effect, joint, value, std)
+                .map_err(impossible(at, what))?;
+        }
+        (None, Some(_)) => {
+            return Err((
+                Some(at),
+                ModelProblem::StdAlone {
+                    effect: name,
+                    joint: of,
+                },
+            ));
+        }
+        (None, None) => {}
+    }
+    if let Some(PriorEntry { mean, std }) = table.prior {
+        let what = format!("the prior of {name}:{of}");
+        model
+            .set_effect_prior(effect, joint, Prior { mean, std })
+            .map_err(impossible(at, what))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,172 @@
+//! The tables of a model file as serde reads them; keys that are none of these are refused.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use proprio_core::inertia::INERTIAL;
+use serde::Deserialize;
+use toml::Spanned;
+
+/// The whole file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    #[serde(rename = "format")]
+    _format: i64,
+    pub(super) robot: Spanned<RobotTable>,
+    #[serde(default)]
+    pub(super) base: Option<Spanned<BaseTable>>,
+    #[serde(default)]
+    pub(super) prior: PriorTable,
+    #[serde(default)]
+    pub(super) motor: BTreeMap<Spanned<String>, MotorTable>,
+    #[serde(default)]
+    pub(super) effect: Vec<Spanned<EffectTable>>,
+    #[serde(default)]
+    pub(super) body: BTreeMap<Spanned<String>, BodyTable>,
+    #[serde(default)]
+    pub(super) provenance: Option<ProvenanceTable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RobotTable {
+    pub(super) builtin: Option<String>,
+    pub(super) urdf: Option<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BaseTable {
+    pub(super) mount: Mount,
+    pub(super) rpy: Option<[f64; 3]>,
+    pub(super) quaternion: Option<[f64; 4]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Mount {
+    Pinned,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PriorTable {
+    pub(super) cad_uncertainty: Option<Spanned<f64>>,
+    #[serde(default)]
+    pub(super) body: BTreeMap<Spanned<String>, Spanned<f64>>,
+    #[serde(default)]
+    pub(super) effect: BTreeMap<Spanned<String>, PriorEntry>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PriorEntry {
+    pub(super) mean: f64,
+    pub(super) std: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MotorTable {
+    pub(super) gear: f64,
+    pub(super) rotor_inertia: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct EffectTable {
+    pub(super) name: String,
+    pub(super) joint: String,
+    pub(super) value: Option<f64>,
+    pub(super) std: Option<f64>,
+    pub(super) prior: Option<PriorEntry>,
+}
+
+/// Ten numbers by the names of [`NAMES`].
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(non_snake_case)]
+pub(super) struct Ten {
+    pub(super) m: f64,
+    pub(super) hx: f64,
+    pub(super) hy: f64,
+    pub(super) hz: f64,
+    pub(super) Ixx: f64,
+    pub(super) Ixy: f64,
+    pub(super) Ixz: f64,
+    pub(super) Iyy: f64,
+    pub(super) Iyz: f64,
+    pub(super) Izz: f64,
+}
+
+impl Ten {
+    pub(super) fn array(self) -> [f64; INERTIAL] {
+        let Self {
+            m,
+            hx,
+            hy,
+            hz,
+            Ixx,
+            Ixy,
+            Ixz,
+            Iyy,
+            Iyz,
+            Izz,
+        } = self;
+        [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]
+    }
+}
+
+/// As [`Ten`], with standard deviations.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(non_snake_case)]
+pub(super) struct BodyTable {
+    pub(super) m: f64,
+    pub(super) hx: f64,
+    pub(super) hy: f64,
+    pub(super) hz: f64,
+    pub(super) Ixx: f64,
+    pub(super) Ixy: f64,
+    pub(super) Ixz: f64,
+    pub(super) Iyy: f64,
+    pub(super) Iyz: f64,
+    pub(super) Izz: f64,
+    pub(super) std: Option<Ten>,
+}
+
+impl BodyTable {
+    pub(super) fn array(&self) -> [f64; INERTIAL] {
+        let Self {
+            m,
+            hx,
+            hy,
+            hz,
+            Ixx,
+            Ixy,
+            Ixz,
+            Iyy,
+            Iyz,
+            Izz,
+            ..
+        } = *self;
+        [m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz]
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProvenanceTable {
+    pub(super) version: String,
+    pub(super) command: String,
+    #[serde(default)]
+    pub(super) log: Vec<LogTable>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LogTable {
+    pub(super) path: String,
+    pub(super) sha256: String,
+}

@@ -1,0 +1,173 @@
+//! A model as the text of its file.
+
+use std::fmt::Write;
+use std::path::{Component, Path, PathBuf};
+
+use proprio_core::effect::Prior;
+use proprio_core::inertia::{INERTIAL, NAMES};
+
+use super::FORMAT;
+use crate::model::{LogRecord, Model, Motor, Mounting, Provenance, Source};
+
+/// The file's text; `path` is where it goes, from which a URDF's path is told.
+pub(in crate::model) fn text(model: &Model, path: &Path) -> String {
+    let mut text = "# A robot as proprio knows it: SI units, joint side of the gear.\n".to_owned();
+    // Writing to a String cannot fail.
+    let _ = write(&mut text, model, path);
+    text
+}
+
+fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
+    writeln!(out, "format = {FORMAT}\n\n[robot]")?;
+    match model.robot.source() {
+        Source::Go2 => writeln!(out, "builtin = \"go2\"")?,
+        Source::Urdf(urdf) => {
+            writeln!(
+                out,
+                "urdf = {}",
+                string(&relative(urdf, path).display().to_string())
+            )?;
+        }
+    }
+    writeln!(out, "\n[base]\nmount = \"pinned\"")?;
+    match &model.mounting {
+        Mounting::Rpy(rpy) => writeln!(out, "rpy = {rpy:?}")?,
+        Mounting::Quaternion(q) => writeln!(out, "quaternion = {q:?}")?,
+    }
+    write_priors(out, model)?;
+    let named = || model.robot.bodies().iter().enumerate();
+    for (joint, body) in named() {
+        if let Some(Motor {
+            gear,
+            rotor_inertia,
+        }) = model.motors[joint]
+        {
+            writeln!(
+                out,
+                "\n[motor.{}]\ngear = {gear:?}\nrotor_inertia = {rotor_inertia:?}",
+                key(&body.name)
+            )?;
+        }
+    }
+    for e in &model.effects {
+        let joint = string(&model.robot.bodies()[e.joint].name);
+        writeln!(
+            out,
+            "\n[[effect]]\nname = \"{}\"\njoint = {joint}",
+            e.effect.name()
+        )?;
+        if let Some(estimate) = e.estimate {
+            writeln!(out, "value = {:?}", estimate.value)?;
+            if let Some(std) = estimate.std {
+                writeln!(out, "std = {std:?}")?;
+            }
+        }
+        if let Some(Prior { mean, std }) = e.prior {
+            writeln!(out, "prior = {{ mean = {mean:?}, std = {std:?} }}")?;
+        }
+    }
+    for (b, body) in named() {
+        if let Some((phi, std)) = &model.bodies[b].inertia {
+            writeln!(out, "\n[body.{}]", key(&body.name))?;
+            let entries = |x: &[f64; INERTIAL]| {
+                NAMES
+                    .iter()
+                    .zip(*x)
+                    .map(|(n, x)| format!("{n} = {x:?}"))
+                    .collect::<Vec<_>>()
+            };
+            writeln!(out, "{}", entries(&phi.0.into()).join("\n"))?;
+            if let Some(std) = std {
+                writeln!(out, "std = {{ {} }}", entries(std).join(", "))?;
+            }
+        }
+    }
+    if let Some(provenance) = &model.provenance {
+        let Provenance {
+            version,
+            command,
+            logs,
+        } = provenance;
+        writeln!(
+            out,
+            "\n[provenance]\nversion = {}\ncommand = {}",
+            string(version),
+            string(command)
+        )?;
+        for LogRecord { path, sha256 } in logs {
+            writeln!(
+                out,
+                "\n[[provenance.log]]\npath = {}\nsha256 = {}",
+                string(path),
+                string(sha256)
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn write_priors(out: &mut String, model: &Model) -> std::fmt::Result {
+    writeln!(
+        out,
+        "\n[prior]\ncad_uncertainty = {:?}",
+        model.cad_uncertainty
+    )?;
+    let bodies = model.robot.bodies().iter().zip(&model.bodies);
+    let own: Vec<String> = bodies
+        .filter_map(|(body, known)| {
+            Some(format!(
+                "{} = {:?}",
+                key(&body.name),
+                known.cad_uncertainty?
+            ))
+        })
+        .collect();
+    if !own.is_empty() {
+        writeln!(out, "body = {{ {} }}", own.join(", "))?;
+    }
+    for (effect, Prior { mean, std }) in &model.effect_priors {
+        writeln!(
+            out,
+            "\n[prior.effect.{}]\nmean = {mean:?}\nstd = {std:?}",
+            effect.name()
+        )?;
+    }
+    Ok(())
+}
+
+/// A TOML basic string: escaped as JSON's, but for the one control character that JSON leaves alone.
+fn string(text: &str) -> String {
+    serde_json::Value::from(text)
+        .to_string()
+        .replace('\u{7f}', "\\u007f")
+}
+
+/// A TOML key: bare where it can be.
+fn key(name: &str) -> String {
+    let bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !name.is_empty() && name.chars().all(bare) {
+        name.to_owned()
+    } else {
+        string(name)
+    }
+}
+
+/// The way to `file` from the folder of `from`; as it is if there is none.
+fn relative(file: &Path, from: &Path) -> PathBuf {
+    let folder = match from.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let (Ok(file), Ok(folder)) = (file.canonicalize(), folder.canonicalize()) else {
+        return file.to_owned();
+    };
+    let (file_parts, folder_parts): (Vec<Component>, Vec<Component>) =
+        (file.components().collect(), folder.components().collect());
+    let common = file_parts
+        .iter()
+        .zip(&folder_parts)
+        .take_while(|(a, b)| a == b)
+        .count();
+    let up = folder_parts[common..].iter().map(|_| Component::ParentDir);
+    up.chain(file_parts[common..].iter().copied()).collect()
+}

@@ -1,0 +1,408 @@
+//! What is taken to be true of a robot: its bodies, its effects, how sure that is, and where it comes from.
+//!
+//! A [`Model`] is a [`Robot`] plus what identification found. It lives in one TOML file that is
+//! read, reviewed and compared as text, and [`export`] writes it into the files that simulators read.
+//!
+//! # The file
+//!
+//! ```toml
+//! format = 1
+//!
+//! [robot]
+//! builtin = "go2"                 # or urdf = "robot.urdf", relative to this file
+//!
+//! [base]
+//! mount = "pinned"
+//! rpy = [0.0, 0.0, 0.0]           # or quaternion = [w, x, y, z]: the base in the world
+//!
+//! [prior]
+//! cad_uncertainty = 0.1           # relative standard deviation of the CAD's inertias
+//! body = { FR_calf = 0.3 }        # the same for one body
+//!
+//! [prior.effect.coulomb]          # at all joints
+//! mean = 0.3
+//! std = 1.0
+//!
+//! [motor.FR_hip]                  # what a URDF cannot state
+//! gear = 6.333
+//! rotor_inertia = 0.000111842
+//!
+//! [[effect]]
+//! name = "coulomb"
+//! joint = "FR_hip"
+//! value = 0.1461                  # absent until identified, and so is std
+//! std = 0.004
+//! prior = { mean = 0.15, std = 0.1 }
+//!
+//! [body.FR_hip]                   # about the joint frame's origin; a body not listed is the CAD's
+//! m = 0.767
+//! # … hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz
+//! std = { m = 0.01 }              # … all ten
+//!
+//! [provenance]
+//! version = "0.1.0"
+//! command = "proprio identify leg.csv"
+//!
+//! [[provenance.log]]
+//! path = "leg.csv"
+//! sha256 = "…"
+//! ```
+
+mod error;
+pub mod export;
+mod file;
+mod limb;
+mod name;
+mod physical;
+mod possible;
+mod provenance;
+mod robot;
+mod urdf;
+
+use std::path::Path;
+
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::estimator::{CAD_UNCERTAINTY, EffectPrior};
+use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::spatial::Transform;
+
+pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
+pub use limb::ModelParameter;
+pub use name::UnknownName;
+pub use physical::{Unphysical, about_com};
+use possible::{deviation, in_bounds, positive, possible, rounded, significant};
+
+pub use possible::Impossible;
+pub use provenance::{LogRecord, Provenance, sha256};
+pub use robot::{Body, JointKind, Limb, MAX_BODIES, Motor, Robot, Source};
+
+use crate::output::{self, WriteError};
+
+/// A robot and what is known of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    robot: Robot,
+    mounting: Mounting,
+    effects: Vec<ModelEffect>,
+    bodies: Vec<ModelBody>,
+    cad_uncertainty: f64,
+    effect_priors: Vec<(EffectKind, Prior)>,
+    motors: Vec<Option<Motor>>,
+    provenance: Option<Provenance>,
+}
+
+/// How the base frame is turned in the world, whose z axis points up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mounting {
+    /// Roll, pitch, yaw about the world's x, y, z axes, rad.
+    Rpy([f64; 3]),
+    /// Unit quaternion w, x, y, z.
+    Quaternion([f64; 4]),
+}
+
+/// A value with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Value.
+    pub value: f64,
+    /// Standard deviation, if known.
+    pub std: Option<f64>,
+}
+
+/// An effect that the model has at one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModelEffect {
+    /// Which effect.
+    pub effect: EffectKind,
+    /// Index of the joint.
+    pub joint: usize,
+    /// Its parameter, once identified.
+    pub estimate: Option<Estimate>,
+    /// What its parameter is taken to be before any data, if not what the catalogue says.
+    pub prior: Option<Prior>,
+}
+
+/// What the model knows of a body beyond the CAD.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct ModelBody {
+    inertia: Option<(InertialParameters<f64>, Option<[f64; INERTIAL]>)>,
+    cad_uncertainty: Option<f64>,
+}
+
+impl Default for Model {
+    /// The Go2's rigid body, pinned and level, and no effect.
+    fn default() -> Self {
+        Self::new(Robot::go2())
+    }
+}
+
+impl Model {
+    /// A robot's CAD, pinned and level, and no effect.
+    pub fn new(robot: Robot) -> Self {
+        let bodies = robot.bodies().len();
+        Self {
+            robot,
+            mounting: Mounting::Rpy([0.0; 3]),
+            effects: Vec::new(),
+            bodies: vec![ModelBody::default(); bodies],
+            cad_uncertainty: CAD_UNCERTAINTY,
+            effect_priors: Vec::new(),
+            motors: vec![None; bodies],
+            provenance: None,
+        }
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`ModelError`] with file, line and what is wrong, in this file or in the URDF it names.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        file::load(path)
+    }
+
+    /// Writes the model file, whole or not at all. The same model gives the same bytes.
+    ///
+    /// # Errors
+    /// If it cannot be written; then what was there stays.
+    pub fn save(&self, path: &Path) -> Result<(), WriteError> {
+        output::write(path, &file::text(self, path))
+    }
+
+    /// The robot as its CAD has it.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Placement of the base in the world, as [`Tree::kinematics`](proprio_core::tree::Tree::kinematics) takes it.
+    pub fn base(&self) -> Transform<f64> {
+        let rotation = match self.mounting {
+            Mounting::Rpy([r, p, y]) => Rotation3::from_euler_angles(r, p, y),
+            Mounting::Quaternion([w, x, y, z]) => {
+                UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
+            }
+        };
+        Transform {
+            rotation: *rotation.matrix(),
+            translation: Vector3::zeros(),
+        }
+    }
+
+    /// How the base is mounted.
+    pub fn mounting(&self) -> Mounting {
+        self.mounting
+    }
+
+    /// Mounts the base.
+    pub fn set_mounting(&mut self, mounting: Mounting) {
+        self.mounting = mounting;
+    }
+
+    /// All effects of the model: by joint, in the order of the catalogue.
+    pub fn effects(&self) -> &[ModelEffect] {
+        &self.effects
+    }
+
+    /// The effects at one joint, in the order of the catalogue.
+    pub fn effects_of(&self, joint: usize) -> Vec<&ModelEffect> {
+        self.effects.iter().filter(|e| e.joint == joint).collect()
+    }
+
+    /// The effect at a joint, if the model has it.
+    pub fn effect(&self, effect: EffectKind, joint: usize) -> Option<&ModelEffect> {
+        let found = |e: &&ModelEffect| e.effect == effect && e.joint == joint;
+        self.effects.iter().find(found)
+    }
+
+    /// Adds an effect without a value. False if the model has it already; then nothing changes.
+    pub fn add_effect(&mut self, effect: EffectKind, joint: usize) -> bool {
+        if self.effect(effect, joint).is_some() {
+            return false;
+        }
+        self.effects.push(ModelEffect {
+            effect,
+            joint,
+            estimate: None,
+            prior: None,
+        });
+        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        self.effects.sort_by_key(|e| (e.joint, place(e.effect)));
+        true
+    }
+
+    /// Sets an effect's identified value (rounded as [`set_body`](Self::set_body) does), adding the effect if necessary.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the value is out of the effect's bounds; then nothing changes.
+    pub fn set_effect(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        self.place_effect(effect, joint, rounded(value), std.map(rounded))
+    }
+
+    /// [`set_effect`](Self::set_effect) to the last digit.
+    fn place_effect(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        in_bounds(effect, value)?;
+        let std = std.map(deviation).transpose()?;
+        self.entry(effect, joint).estimate = Some(Estimate { value, std });
+        Ok(())
+    }
+
+    /// Sets what an effect at a joint is taken to be before any data, adding the effect if necessary.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the mean is out of the effect's bounds or the standard deviation is not positive.
+    pub fn set_effect_prior(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        prior: Prior,
+    ) -> Result<(), Impossible> {
+        let prior = possible(effect, prior)?;
+        self.entry(effect, joint).prior = Some(prior);
+        Ok(())
+    }
+
+    /// Sets what an effect is taken to be before any data at all joints that do not say otherwise.
+    ///
+    /// # Errors
+    /// As [`set_effect_prior`](Self::set_effect_prior).
+    pub fn set_general_prior(
+        &mut self,
+        effect: EffectKind,
+        prior: Prior,
+    ) -> Result<(), Impossible> {
+        let prior = possible(effect, prior)?;
+        self.effect_priors.retain(|(kind, _)| *kind != effect);
+        self.effect_priors.push((effect, prior));
+        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        self.effect_priors.sort_by_key(|(kind, _)| place(*kind));
+        Ok(())
+    }
+
+    /// What an effect is taken to be at a joint before any data: what the file says of this joint, of all joints, or the
+    /// catalogue for the joint's motor.
+    pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> EffectPrior {
+        let own = self.effect(effect, joint).and_then(|e| e.prior);
+        let general = self.effect_priors.iter().find(|(kind, _)| *kind == effect);
+        let prior = own
+            .or(general.map(|(_, prior)| *prior))
+            .unwrap_or_else(|| self.robot.effect_prior(effect, joint));
+        let parameter = &effect.description().parameters[0];
+        EffectPrior {
+            prior,
+            lower: parameter.lower,
+            upper: parameter.upper,
+        }
+    }
+
+    /// A body's inertial parameters about its joint frame's origin: identified, or else the CAD's.
+    pub fn inertia(&self, body: usize) -> &InertialParameters<f64> {
+        match &self.bodies[body].inertia {
+            Some((phi, _)) => phi,
+            None => &self.robot.bodies()[body].inertia,
+        }
+    }
+
+    /// Whether a body's inertial parameters are the model's own and not the CAD's.
+    pub fn is_identified(&self, body: usize) -> bool {
+        self.bodies[body].inertia.is_some()
+    }
+
+    /// Standard deviations of a body's inertial parameters, once identified.
+    pub fn inertia_std(&self, body: usize) -> Option<&[f64; INERTIAL]> {
+        self.bodies[body]
+            .inertia
+            .as_ref()
+            .and_then(|(_, std)| std.as_ref())
+    }
+
+    /// Sets a body's identified inertial parameters, rounded to nine significant digits: the file is for reading, and no
+    /// measurement means more.
+    ///
+    /// # Errors
+    /// [`Impossible`] if no body has them; then nothing changes.
+    pub fn set_body(
+        &mut self,
+        body: usize,
+        phi: &InertialParameters<f64>,
+        std: Option<&[f64; INERTIAL]>,
+    ) -> Result<(), Impossible> {
+        let phi = InertialParameters(phi.0.map(rounded));
+        self.place_body(body, phi, std.map(|std| std.map(rounded)))
+    }
+
+    /// [`set_body`](Self::set_body) to the last digit.
+    fn place_body(
+        &mut self,
+        body: usize,
+        phi: InertialParameters<f64>,
+        std: Option<[f64; INERTIAL]>,
+    ) -> Result<(), Impossible> {
+        if let Some(fault) = Unphysical::of(&phi) {
+            return Err(fault.into());
+        }
+        std.iter()
+            .flatten()
+            .try_for_each(|&x| deviation(x).map(drop))?;
+        self.bodies[body].inertia = Some((phi, std));
+        Ok(())
+    }
+
+    /// Relative standard deviation of a body's CAD inertia, as [`InertialParameters::prior`] takes it.
+    pub fn cad_uncertainty(&self, body: usize) -> f64 {
+        self.bodies[body]
+            .cad_uncertainty
+            .unwrap_or(self.cad_uncertainty)
+    }
+
+    /// Sets the relative standard deviation of one body's CAD inertia, or (`None`) of all bodies'.
+    ///
+    /// # Errors
+    /// [`Impossible`] if it is not positive.
+    pub fn set_cad_uncertainty(
+        &mut self,
+        body: Option<usize>,
+        relative: f64,
+    ) -> Result<(), Impossible> {
+        positive(relative)?;
+        match body {
+            Some(body) => self.bodies[body].cad_uncertainty = Some(relative),
+            None => self.cad_uncertainty = relative,
+        }
+        Ok(())
+    }
+
+    /// States a joint's motor, from which the prior of its armature follows.
+    pub fn set_motor(&mut self, joint: usize, motor: Motor) {
+        self.motors[joint] = Some(motor);
+        self.robot.set_motor(joint, motor);
+    }
+
+    /// Where the values come from, if they were identified.
+    pub fn provenance(&self) -> Option<&Provenance> {
+        self.provenance.as_ref()
+    }
+
+    /// States where the values come from.
+    pub fn set_provenance(&mut self, provenance: Provenance) {
+        self.provenance = Some(provenance);
+    }
+
+    fn entry(&mut self, effect: EffectKind, joint: usize) -> &mut ModelEffect {
+        self.add_effect(effect, joint);
+        let found = |e: &ModelEffect| e.effect == effect && e.joint == joint;
+        let index = self.effects.iter().position(found).unwrap_or_default();
+        &mut self.effects[index]
+    }
+}

@@ -1,0 +1,96 @@
+//! Where a model's values come from.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+/// Where a model's values come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Provenance {
+    /// Version of proprio.
+    pub version: String,
+    /// The command line.
+    pub command: String,
+    /// The logs.
+    pub logs: Vec<LogRecord>,
+}
+
+/// A log and what was in it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LogRecord {
+    /// Its path as given.
+    pub path: String,
+    /// SHA-256 of its bytes, in hexadecimal.
+    pub sha256: String,
+}
+
+impl Provenance {
+    /// This version, this process' command line, and these logs as they are now.
+    ///
+    /// # Errors
+    /// The path of a log that cannot be read, and why.
+    pub fn of(logs: &[impl AsRef<Path>]) -> Result<Self, (String, io::Error)> {
+        let record = |log: &Path| {
+            let path = log.display().to_string();
+            match sha256(log) {
+                Ok(sha256) => Ok(LogRecord { path, sha256 }),
+                Err(error) => Err((path, error)),
+            }
+        };
+        // The program's path differs between machines and says nothing.
+        let arguments = std::env::args_os().skip(1);
+        let words = arguments.map(|word| word.to_string_lossy().into_owned());
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: std::iter::once("proprio".to_owned())
+                .chain(words)
+                .collect::<Vec<_>>()
+                .join(" "),
+            logs: logs
+                .iter()
+                .map(|log| record(log.as_ref()))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// SHA-256 of a file's bytes, in hexadecimal.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn sha256(path: &Path) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    io::copy(&mut File::open(path)?, &mut HashWriter(&mut hash))?;
+    let digest = hash.finalize();
+    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Feeds what is written to a hash.
+struct HashWriter<'a>(&'a mut Sha256);
+
+impl io::Write for HashWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hash_is_the_standards() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "abc").unwrap();
+        // FIPS 180-4, example of one block.
+        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256(file.path()).unwrap(), known);
+    }
+}

@@ -1,0 +1,383 @@
+//! A robot that hangs by its base: a tree of named joints and the bodies they move.
+//!
+//! Links on fixed joints are lumped into the body that carries them, as Pinocchio does when it reads a URDF, so that every
+//! joint has one degree of freedom and one body of the same number. Joints are numbered depth first: a parent comes before
+//! its children and a subtree is a contiguous range. A pinned base falls apart into *limbs*, the subtrees that hang on it:
+//! no limb feels another, so that each is identified on its own.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::go2::{self, ACTUATORS, Actuator, JOINT_NAMES, JOINTS_PER_LEG, Leg};
+use proprio_core::inertia::InertialParameters;
+use proprio_core::spatial::Transform;
+use proprio_core::tree::{self, Joint, Tree};
+
+use super::error::RobotError;
+use super::name::UnknownName;
+use super::urdf;
+
+/// Most bodies a robot may have.
+pub const MAX_BODIES: usize = 32;
+
+/// Where a robot's description comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// The built-in Unitree Go2 ([`proprio_core::go2`]).
+    Go2,
+    /// A URDF file.
+    Urdf(PathBuf),
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointKind {
+    /// Rotation between stops.
+    Revolute,
+    /// Rotation without stops.
+    Continuous,
+    /// Translation.
+    Prismatic,
+}
+
+/// A motor's rotor and its gear, which a URDF cannot state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motor {
+    /// Motor turns per joint turn (for a prismatic joint rad per m).
+    pub gear: f64,
+    /// Inertia of the rotor about its own axis, kg m².
+    pub rotor_inertia: f64,
+}
+
+/// A moving body and the joint that moves it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Name of joint and body in logs, model files and reports: `FR_hip`.
+    pub name: String,
+    /// The joint's name in URDF and MJCF: `FR_hip_joint`.
+    pub joint_name: String,
+    /// The body's name in URDF and MJCF: `FR_hip`.
+    pub link_name: String,
+    /// The body that carries this one; `None` is the base.
+    pub parent: Option<usize>,
+    /// Placement of the joint frame in the parent body's joint frame (in the base's frame) at zero position.
+    pub placement: Transform<f64>,
+    /// How the joint moves.
+    pub kind: JointKind,
+    /// Unit vector, in the joint frame.
+    pub axis: Vector3<f64>,
+    /// Lower and upper stop, rad or m; infinite without stops.
+    pub limits: [f64; 2],
+    /// Largest torque, N m, or force, N; infinite if not stated.
+    pub effort: f64,
+    /// Largest speed, rad/s or m/s; infinite if not stated.
+    pub velocity: f64,
+    /// Inertial parameters about the joint frame's origin, as the CAD has them.
+    pub inertia: InertialParameters<f64>,
+    /// What is known of the motor.
+    pub motor: Option<Motor>,
+}
+
+/// A subtree that hangs on the base.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Limb {
+    /// What its joints' names have in common, `FR`; the first joint's name if nothing.
+    pub name: String,
+    /// Its joints and bodies.
+    pub bodies: Range<usize>,
+}
+
+impl Limb {
+    /// The same `effects` at every joint, in the order of the core's θ.
+    pub fn with(&self, effects: &[EffectKind]) -> Vec<(usize, EffectKind)> {
+        let joints = self.bodies.clone();
+        joints
+            .flat_map(|joint| effects.iter().map(move |&effect| (joint, effect)))
+            .collect()
+    }
+}
+
+/// A robot on a fixed base.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Robot {
+    name: String,
+    source: Source,
+    base_link: String,
+    base_inertia: InertialParameters<f64>,
+    bodies: Vec<Body>,
+    subtree_ends: Vec<usize>,
+}
+
+impl Robot {
+    /// The Unitree Go2, joints in SDK order.
+    pub fn go2() -> Self {
+        let body = |leg: Leg, place: usize| {
+            let tree = go2::leg::<f64>(leg);
+            let body = &tree.bodies()[place];
+            let name = leg.joint_names()[place];
+            let axis = match body.joint {
+                Joint::Revolute(axis) | Joint::Prismatic(axis) => axis,
+                Joint::Free => Vector3::zeros(),
+            };
+            Body {
+                name: name.to_owned(),
+                joint_name: format!("{name}_joint"),
+                link_name: name.to_owned(),
+                parent: (place > 0).then(|| JOINTS_PER_LEG * leg.index() + place - 1),
+                placement: body.placement,
+                kind: JointKind::Revolute,
+                axis,
+                limits: go2::position_limits(leg)[place],
+                effort: ACTUATORS[place].effort,
+                velocity: ACTUATORS[place].velocity,
+                inertia: body.inertia,
+                motor: Some(go2_motor(place)),
+            }
+        };
+        let legs = Leg::ALL.into_iter();
+        let bodies = legs
+            .flat_map(|leg| (0..JOINTS_PER_LEG).map(move |place| body(leg, place)))
+            .collect();
+        let base_inertia = go2::free::<f64>().bodies()[0].inertia;
+        Self::new("go2", Source::Go2, "base", base_inertia, bodies)
+    }
+
+    /// The robot of a URDF file, its root link fixed to the world.
+    ///
+    /// A joint's name is the URDF's, but `FR_hip_joint` and its eleven siblings are called what the Go2's logs call them:
+    /// `FR_hip`. A robot that has all twelve is taken for a Go2 and gets its motors.
+    ///
+    /// # Errors
+    /// [`RobotError`] with file, line and what is wrong.
+    pub fn from_urdf(path: &Path) -> Result<Self, RobotError> {
+        urdf::Description::read(path)?.checked()
+    }
+
+    /// A robot of bodies numbered depth first.
+    pub(super) fn new(
+        name: &str,
+        source: Source,
+        base_link: &str,
+        base_inertia: InertialParameters<f64>,
+        mut bodies: Vec<Body>,
+    ) -> Self {
+        let mut subtree_ends: Vec<usize> = (1..=bodies.len()).collect();
+        for b in (0..bodies.len()).rev() {
+            if let Some(parent) = bodies[b].parent {
+                subtree_ends[parent] = subtree_ends[parent].max(subtree_ends[b]);
+            }
+        }
+        if JOINT_NAMES
+            .iter()
+            .all(|name| bodies.iter().any(|b| b.name == *name))
+        {
+            for body in &mut bodies {
+                let place = JOINT_NAMES.iter().position(|name| *name == body.name);
+                body.motor = place.map(|n| go2_motor(n % JOINTS_PER_LEG));
+            }
+        }
+        Self {
+            name: name.to_owned(),
+            source,
+            base_link: base_link.to_owned(),
+            base_inertia,
+            bodies,
+            subtree_ends,
+        }
+    }
+
+    /// The robot's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Where the description comes from.
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// Name of the link that is fixed to the world.
+    pub fn base_link(&self) -> &str {
+        &self.base_link
+    }
+
+    /// Inertial parameters of the base in its own frame, with the links fixed to it; all zero if it has none.
+    pub fn base_inertia(&self) -> &InertialParameters<f64> {
+        &self.base_inertia
+    }
+
+    /// The moving bodies, each with its joint, depth first.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// The bodies that a joint moves: its own and all it carries.
+    pub fn subtree(&self, joint: usize) -> Range<usize> {
+        joint..self.subtree_ends[joint]
+    }
+
+    /// States a joint's motor.
+    pub(super) fn set_motor(&mut self, joint: usize, motor: Motor) {
+        self.bodies[joint].motor = Some(motor);
+    }
+
+    /// The index of a joint.
+    ///
+    /// # Errors
+    /// If no joint has this name.
+    pub fn joint(&self, name: &str) -> Result<usize, UnknownName> {
+        let found = self.bodies.iter().position(|body| body.name == name);
+        found.ok_or_else(|| {
+            UnknownName::new("joint", name, self.bodies.iter().map(|b| b.name.as_str()))
+        })
+    }
+
+    /// The subtrees that hang on the base.
+    pub fn limbs(&self) -> Vec<Limb> {
+        let roots = (0..self.bodies.len()).filter(|&b| self.bodies[b].parent.is_none());
+        roots
+            .map(|root| {
+                let bodies = self.subtree(root);
+                let name = common_name(&self.bodies[bodies.clone()]);
+                Limb { name, bodies }
+            })
+            .collect()
+    }
+
+    /// A limb as the core's tree, with the given inertial parameters of all the robot's bodies.
+    ///
+    /// `None` if the limb does not have `B` bodies.
+    pub(super) fn limb_tree<const B: usize>(
+        &self,
+        limb: &Limb,
+        inertia: impl Fn(usize) -> InertialParameters<f64>,
+    ) -> Option<Tree<f64, B, B>> {
+        let first = limb.bodies.start;
+        let bodies: Vec<tree::Body<f64>> = limb
+            .bodies
+            .clone()
+            .map(|b| {
+                let body = &self.bodies[b];
+                let joint = match body.kind {
+                    JointKind::Revolute | JointKind::Continuous => Joint::Revolute(body.axis),
+                    JointKind::Prismatic => Joint::Prismatic(body.axis),
+                };
+                tree::Body {
+                    parent: body.parent.map(|parent| parent - first),
+                    placement: body.placement,
+                    joint,
+                    inertia: inertia(b),
+                }
+            })
+            .collect();
+        Tree::new(bodies.try_into().ok()?).ok()
+    }
+
+    /// What the catalogue takes an effect at a joint to be before any data.
+    ///
+    /// Where the motor is not known, rotor inertia is taken to be zero within the inertia that the joint moves: a motor is
+    /// geared to match its load.
+    pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> Prior {
+        let body = &self.bodies[joint];
+        let motor = body.motor.unwrap_or(Motor {
+            gear: 0.0,
+            rotor_inertia: 0.0,
+        });
+        let prior = effect.prior(&Actuator {
+            gear: motor.gear,
+            rotor_inertia: motor.rotor_inertia,
+            effort: body.effort,
+            velocity: body.velocity,
+        });
+        match (effect, body.motor) {
+            (EffectKind::Armature, None) => Prior {
+                mean: 0.0,
+                std: self.moved_inertia(joint),
+            },
+            _ => prior,
+        }
+    }
+
+    /// Inertia (kg m² or kg) that a joint moves at zero position, by the CAD.
+    fn moved_inertia(&self, joint: usize) -> f64 {
+        let mut composite: Vec<_> = self.bodies.iter().map(|body| body.inertia).collect();
+        for b in self.subtree(joint).skip(1).rev() {
+            let body = &self.bodies[b];
+            let carried = composite[b].in_parent(&body.placement);
+            if let Some(parent) = body.parent {
+                composite[parent] = composite[parent] + carried;
+            }
+        }
+        let (phi, axis) = (&composite[joint], &self.bodies[joint].axis);
+        match self.bodies[joint].kind {
+            JointKind::Prismatic => phi.mass(),
+            _ => axis.dot(&(phi.rotational_inertia() * axis)),
+        }
+    }
+}
+
+fn go2_motor(place: usize) -> Motor {
+    let Actuator {
+        gear,
+        rotor_inertia,
+        ..
+    } = ACTUATORS[place];
+    Motor {
+        gear,
+        rotor_inertia,
+    }
+}
+
+/// The common start of all names without a separator at its end; the first name if there is none.
+fn common_name(bodies: &[Body]) -> String {
+    let mut names = bodies.iter().map(|body| body.name.as_str());
+    let first = names.next().unwrap_or_default();
+    let common = names.fold(first, |common, name| {
+        let same = common.char_indices().zip(name.chars());
+        let end = same.take_while(|((_, a), b)| a == b).last();
+        end.map_or("", |((at, c), _)| &common[..at + c.len_utf8()])
+    });
+    let common = common.trim_end_matches(['_', '-', '.', '/']);
+    if common.is_empty() { first } else { common }.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_go2_falls_apart_into_its_legs() {
+        let robot = Robot::go2();
+        let limbs = robot.limbs();
+        assert_eq!(limbs.len(), 4);
+        for (limb, leg) in limbs.iter().zip(Leg::ALL) {
+            assert_eq!(limb.name, leg.name());
+            let cad = |b: usize| robot.bodies()[b].inertia;
+            assert_eq!(robot.limb_tree::<3>(limb, cad), Some(go2::leg(leg)));
+            assert_eq!(robot.limb_tree::<4>(limb, cad), None);
+        }
+        assert_eq!(robot.subtree(4), 4..6);
+        assert_eq!(
+            robot.joint("FR_knee").unwrap_err().nearest(),
+            Some("FR_calf")
+        );
+    }
+
+    #[test]
+    fn the_go2_has_the_priors_of_the_core() {
+        let robot = Robot::go2();
+        for (joint, body) in robot.bodies().iter().enumerate() {
+            for &effect in EffectKind::ALL {
+                let actuator = &ACTUATORS[joint % JOINTS_PER_LEG];
+                assert_eq!(robot.effect_prior(effect, joint), effect.prior(actuator));
+            }
+            let motorless = Body {
+                motor: None,
+                ..body.clone()
+            };
+            assert!(robot.moved_inertia(joint) >= motorless.inertia.rotational_inertia().min());
+        }
+    }
+}

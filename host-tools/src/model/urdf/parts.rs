@@ -1,0 +1,152 @@
+//! The moving bodies of a URDF, what is fixed lumped into what carries it.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use proprio_core::go2::JOINT_NAMES;
+use proprio_core::inertia::InertialParameters;
+use proprio_core::spatial::Transform;
+use urdf_rs::{Inertial, JointType, Pose};
+
+use super::Fault;
+use super::links::{Links, duplicate};
+use crate::model::{Body, JointKind, RobotProblem};
+
+/// How far an axis' length may be from 1: files round their numbers.
+const AXIS_ROUNDING: f64 = 1e-3;
+
+/// What a robot consists of.
+pub(super) struct Parts {
+    pub(super) base_link: String,
+    pub(super) base_inertia: InertialParameters<f64>,
+    /// The moving bodies, depth first.
+    pub(super) bodies: Vec<Body>,
+    /// Per body, what the links fixed to the moving one contribute.
+    pub(super) carried: Vec<InertialParameters<f64>>,
+}
+
+impl Parts {
+    pub(super) fn of(links: &Links) -> Result<Self, Box<Fault>> {
+        let mut parts = Self {
+            base_link: links.robot.links[links.base].name.clone(),
+            base_inertia: InertialParameters::zero(),
+            bodies: Vec::new(),
+            carried: Vec::new(),
+        };
+        parts.visit(links, links.base, None, identity())?;
+        // A short name may be another joint's whole name.
+        let mut names: Vec<&str> = parts.bodies.iter().map(|body| body.name.as_str()).collect();
+        names.sort_unstable();
+        match names.windows(2).find(|pair| pair[0] == pair[1]) {
+            Some(pair) => Err(duplicate("joint", pair[0])),
+            None => Ok(parts),
+        }
+    }
+
+    /// Adds a link that is, or is fixed to, a body (`None`: the base) at `placement`, and all that hangs on it.
+    fn visit(
+        &mut self,
+        links: &Links,
+        link: usize,
+        body: Option<usize>,
+        placement: Transform<f64>,
+    ) -> Result<(), Box<Fault>> {
+        let phi = inertia(&links.robot.links[link].inertial).in_parent(&placement);
+        match body {
+            None => self.base_inertia = self.base_inertia + phi,
+            Some(b) => {
+                self.bodies[b].inertia = self.bodies[b].inertia + phi;
+                if self.bodies[b].link_name != links.robot.links[link].name {
+                    self.carried[b] = self.carried[b] + phi;
+                }
+            }
+        }
+        for (joint, child) in links.children(link) {
+            let there = placement.compose(&transform(&joint.origin));
+            if joint.joint_type == JointType::Fixed {
+                self.visit(links, child, body, there)?;
+            } else {
+                let moved = moved(joint, body, there)
+                    .map_err(|problem| Fault::boxed("joint", &joint.name, problem))?;
+                self.bodies.push(moved);
+                self.carried.push(InertialParameters::zero());
+                self.visit(links, child, Some(self.bodies.len() - 1), identity())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn identity() -> Transform<f64> {
+    Transform::from_translation(Vector3::zeros())
+}
+
+/// The body that a joint moves, without inertia.
+fn moved(
+    joint: &urdf_rs::Joint,
+    parent: Option<usize>,
+    placement: Transform<f64>,
+) -> Result<Body, RobotProblem> {
+    let unsupported = |kind| RobotProblem::UnsupportedType {
+        joint: joint.name.clone(),
+        kind,
+    };
+    let kind = match joint.joint_type {
+        _ if joint.mimic.is_some() => return Err(unsupported("a mimic of another")),
+        JointType::Revolute => JointKind::Revolute,
+        JointType::Continuous => JointKind::Continuous,
+        JointType::Prismatic => JointKind::Prismatic,
+        JointType::Floating => return Err(unsupported("floating")),
+        JointType::Planar => return Err(unsupported("planar")),
+        JointType::Spherical | JointType::Fixed => return Err(unsupported("spherical")),
+    };
+    let axis = Vector3::from(*joint.axis.xyz);
+    let length = axis.norm();
+    if length.is_nan() || (length - 1.0).abs() > AXIS_ROUNDING {
+        return Err(RobotProblem::Axis {
+            joint: joint.name.clone(),
+            length,
+        });
+    }
+    let stated = |value: f64| if value > 0.0 { value } else { f64::INFINITY };
+    let limits = [joint.limit.lower, joint.limit.upper];
+    let stops = kind != JointKind::Continuous && limits != [0.0, 0.0];
+    let short = joint
+        .name
+        .strip_suffix("_joint")
+        .filter(|name| JOINT_NAMES.contains(name));
+    Ok(Body {
+        name: short.unwrap_or(&joint.name).to_owned(),
+        joint_name: joint.name.clone(),
+        link_name: joint.child.link.clone(),
+        parent,
+        placement,
+        kind,
+        axis: if length == 1.0 { axis } else { axis / length },
+        limits: if stops {
+            limits
+        } else {
+            [f64::NEG_INFINITY, f64::INFINITY]
+        },
+        effort: stated(joint.limit.effort),
+        velocity: stated(joint.limit.velocity),
+        inertia: InertialParameters::zero(),
+        motor: None,
+    })
+}
+
+fn transform(pose: &Pose) -> Transform<f64> {
+    let [roll, pitch, yaw] = *pose.rpy;
+    Transform {
+        rotation: *Rotation3::from_euler_angles(roll, pitch, yaw).matrix(),
+        translation: Vector3::from(*pose.xyz),
+    }
+}
+
+/// φ of a link about its own frame.
+fn inertia(inertial: &Inertial) -> InertialParameters<f64> {
+    let i = &inertial.inertia;
+    let about_com = Matrix3::new(
+        i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
+    );
+    let at_com = InertialParameters::from_com(inertial.mass.value, Vector3::zeros(), about_com);
+    at_com.in_parent(&transform(&inertial.origin))
+}
