@@ -91,11 +91,7 @@ impl Qemu {
         // A UART takes one byte at a time; behind a multiplexer, which holds 32, a replay takes a third of the time. Its
         // escape character is none that a byte can be.
         command.args(["-echr", "0x100"]);
-        let log = image.with_added_extension("log");
-        command
-            .arg("-chardev")
-            .arg(format!("file,id=log,path={}", log.display()));
-        command.args(["-semihosting-config", "enable=on,target=native,chardev=log"]);
+        command.args(["-semihosting-config", "enable=on,target=native"]);
         for (n, socket) in sockets.iter().enumerate() {
             command.arg("-chardev").arg(format!(
                 "socket,id=uart{n},mux=on,path={}",
@@ -106,7 +102,7 @@ impl Qemu {
         command.arg("-kernel").arg(image);
         command
             .stdin(Stdio::null())
-            .stdout(Stdio::null())
+            .stdout(std::fs::File::create(image.with_added_extension("log"))?)
             .stderr(Stdio::piped());
         let child = command.spawn().map_err(missing)?;
         let mut child = Process(child);
