@@ -48,8 +48,8 @@ use crate::{Real, scalar::real};
 /// Most window columns of an effect of [`Form::Columns`].
 pub const MAX_COLUMNS: usize = 2;
 
-/// Most parameters of an effect; only a payload, which is a body, has more than three.
-pub const MAX_PARAMETERS: usize = crate::inertia::INERTIAL;
+/// Most parameters of an effect.
+pub const MAX_PARAMETERS: usize = 4;
 
 /// What is known of one joint at one instant; SI, joint side.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -325,10 +325,10 @@ mod tests {
                 EffectKind::QuadraticDrag => dq * dq.abs(),
                 EffectKind::ThermalViscous => 10.0 * dq,
                 EffectKind::Cogging => (SHAPE * q).cos(),
-                EffectKind::TorqueGain => -tau,
                 EffectKind::Delay => -3.0 * (3.0 * t).cos(),
                 EffectKind::Saturation => tau - tau.clamp(-SHAPE, SHAPE),
-                EffectKind::VelocityGain
+                EffectKind::TorqueGain
+                | EffectKind::VelocityGain
                 | EffectKind::EncoderOffset
                 | EffectKind::BaseTilt
                 | EffectKind::Payload

@@ -1,4 +1,5 @@
-//! A load on a body: ten inertial parameters more, about the body's joint frame.
+//! A load on a body: a point mass m at the body's centre of mass and, to first order, away from it: h is the first moment
+//! about that centre, in the axes of the joint frame.
 
 use super::{Description, Effect, Form, Parameter, Prior};
 use crate::go2::Actuator;
@@ -9,19 +10,13 @@ pub(super) struct Payload;
 impl Effect for Payload {
     const DESCRIPTION: Description = Description {
         name: "payload",
-        torque: "rigid-body torque of a load on the body",
+        torque: "rigid-body torque of a mass on the body",
         form: Form::Inertia,
         parameters: &[
             Parameter::new("m", "kg", 0.0, f64::INFINITY),
             Parameter::new("hx", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hy", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hz", "kg m", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Ixx", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Ixy", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Ixz", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Iyy", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Iyz", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("Izz", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
         ],
         words: "a mass on this body that the model does not have",
         look_alikes: &[
@@ -37,11 +32,7 @@ impl Effect for Payload {
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {
-        let std = match parameter {
-            0 => 0.5,
-            1..=3 => 0.1,
-            _ => 0.02,
-        };
+        let std = if parameter == 0 { 0.5 } else { 0.02 };
         Prior { mean: 0.0, std }
     }
 }

@@ -1,7 +1,10 @@
-//! A wrong torque constant: true torque = g × reported. With W θ = g ∫τ the column of g − 1 is −∫τ.
+//! A wrong torque constant: true torque = g × reported.
+//!
+//! The reported torque is 1/g times all that the model says of the joint; the column of 1/g is the model's own torque. (With
+//! W θ = g ∫τ instead, g = 0 and no body at all would fit best.)
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use super::{Description, Effect, Form, Parameter, Prior};
+use crate::go2::Actuator;
 
 /// See the module.
 pub(super) struct TorqueGain;
@@ -10,7 +13,7 @@ impl Effect for TorqueGain {
     const DESCRIPTION: Description = Description {
         name: "torque_gain",
         torque: "true torque = g × reported",
-        form: Form::Columns,
+        form: Form::Scale,
         parameters: &[Parameter::new("g", "1", 0.2, 5.0).neutral(1.0)],
         words: "the reported torque is a constant multiple of the true one (torque constant, gear efficiency)",
         look_alikes: &["payload", "armature", "load_friction", "encoder_offset"],
@@ -24,9 +27,5 @@ impl Effect for TorqueGain {
             mean: 1.0,
             std: 0.2,
         }
-    }
-
-    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
-        [Term::rate(-state.tau), Term::zero()]
     }
 }

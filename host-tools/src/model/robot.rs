@@ -291,29 +291,34 @@ impl Robot {
         Tree::new(bodies.try_into().ok()?).ok()
     }
 
-    /// What the catalogue takes an effect at a joint to be before any data.
+    /// What the catalogue takes an effect's first parameter at a joint to be before any data.
     ///
     /// Where the motor is not known, rotor inertia is taken to be zero within the inertia that the joint moves: a motor is
     /// geared to match its load.
     pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> Prior {
+        match (effect, self.bodies[joint].motor) {
+            (EffectKind::Armature, None) => Prior {
+                mean: 0.0,
+                std: self.moved_inertia(joint),
+            },
+            _ => self.parameter_prior(effect, joint, 0),
+        }
+    }
+
+    /// What the catalogue takes one of an effect's parameters at a joint to be before any data.
+    pub fn parameter_prior(&self, effect: EffectKind, joint: usize, parameter: usize) -> Prior {
         let body = &self.bodies[joint];
         let motor = body.motor.unwrap_or(Motor {
             gear: 0.0,
             rotor_inertia: 0.0,
         });
-        let prior = effect.prior(&Actuator {
+        let actuator = Actuator {
             gear: motor.gear,
             rotor_inertia: motor.rotor_inertia,
             effort: body.effort,
             velocity: body.velocity,
-        });
-        match (effect, body.motor) {
-            (EffectKind::Armature, None) => Prior {
-                mean: 0.0,
-                std: self.moved_inertia(joint),
-            },
-            _ => prior,
-        }
+        };
+        effect.prior_of(&actuator, parameter)
     }
 
     /// Inertia (kg m² or kg) that a joint moves at zero position, by the CAD.

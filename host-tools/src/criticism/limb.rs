@@ -1,0 +1,605 @@
+//! One limb under criticism: its data as factors, its model so far, and what each effect of the catalogue would add.
+
+use nalgebra::Vector3;
+use proprio_core::effect::{EffectKind, Form};
+use proprio_core::inertia::INERTIAL;
+use proprio_core::spatial::Transform;
+
+use super::blocks::{BlockFactors, HeapFactor};
+use super::column::{BASE, Columns, Entry, columns_of};
+use super::motion::{Corrections, Motion};
+use super::recording::LimbRecording;
+use super::rigid_body::{self, RigidBody};
+use super::rows::{self, Blocks};
+use super::triangle::{Prior, Triangle, misfit};
+use crate::model::{Limb, Model};
+
+/// Folds of the held-out error: block b belongs to fold b mod so many.
+pub(crate) const FOLDS: usize = 8;
+
+/// An effect at a joint of a limb; [`BASE`] for the base's.
+pub(crate) type Place = (EffectKind, usize);
+
+/// A limb's data and its model.
+pub(crate) struct LimbCriticism<'a> {
+    model: &'a Model,
+    pub(crate) limb: &'a Limb,
+    pub(crate) recording: &'a LimbRecording,
+    pub(crate) blocks: Blocks,
+    body: Box<dyn RigidBody>,
+    base: Transform<f64>,
+    prior: Prior,
+    /// The effects that the model has.
+    pub(crate) active: Vec<Place>,
+    pub(crate) corrections: Corrections,
+    /// Values of shape parameters that are not the catalogue's.
+    shapes: Vec<(Place, f64)>,
+    pub(crate) columns: Columns,
+    pub(crate) motion: Motion,
+    /// The CAD's centres of mass, m.
+    coms: Vec<Vector3<f64>>,
+    /// Each fold's own data, and the data of all others.
+    pub(crate) tests: Vec<Vec<HeapFactor>>,
+    trains: Vec<Vec<HeapFactor>>,
+    pub(crate) all: Vec<HeapFactor>,
+    pub(crate) fit: Fit,
+}
+
+/// The model fitted.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Fit {
+    /// θ by all data.
+    pub(crate) theta: Vec<f64>,
+    /// Standard deviations of the active entries, if residuals are independent; zero for the others.
+    pub(crate) std: Vec<f64>,
+    /// Noise of each joint: root mean square of its residuals, N m.
+    pub(crate) noise: Vec<f64>,
+    /// θ of each fold by the data of all others.
+    pub(crate) held_out: Vec<Vec<f64>>,
+    /// Sum of squared residuals \[fold\] \[joint\] of the fold's own data under that θ, (N m)².
+    pub(crate) rss: Vec<Vec<f64>>,
+}
+
+/// What an effect would add.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub(crate) place: Place,
+    /// Its parameters' entries.
+    pub(crate) entries: Vec<usize>,
+    /// How much the held-out sum of squares, in units of the joints' noise, falls in each fold.
+    pub(crate) gains: Vec<f64>,
+    /// Sum of squared residuals \[fold\] \[joint\] with it, (N m)².
+    pub(crate) rss: Vec<Vec<f64>>,
+    /// Its linear parameters (beyond neutral and correction) by all data.
+    pub(crate) value: Vec<f64>,
+    /// Their standard deviations: the larger of what independent residuals give and of the spread over folds.
+    pub(crate) std: Vec<f64>,
+    /// Size in units of its standard deviation, all parameters together.
+    pub(crate) z: f64,
+}
+
+impl Candidate {
+    /// The gain over all folds, and its error from their spread.
+    pub(crate) fn gain(&self) -> (f64, f64) {
+        let n = self.gains.len() as f64;
+        let sum: f64 = self.gains.iter().sum();
+        let spread: f64 = self.gains.iter().map(|g| (g - sum / n).powi(2)).sum();
+        (sum, (spread * n / (n - 1.0)).sqrt())
+    }
+}
+
+impl<'a> LimbCriticism<'a> {
+    /// A limb with the effects of `model`; `None` if the limb is too large or the recording too short for folds.
+    pub(crate) fn new(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+    ) -> Option<Self> {
+        let duration = recording.time_us.last()? - recording.time_us.first()?;
+        let blocks = Blocks::of(duration);
+        let mut criticism = Self {
+            model,
+            limb,
+            recording,
+            blocks,
+            body: rigid_body::of_limb(model, limb)?,
+            base: model.base(),
+            prior: cad_prior(model, limb)?,
+            active: Vec::new(),
+            corrections: Corrections::none(recording.joints),
+            shapes: Vec::new(),
+            columns: Columns::default(),
+            motion: Motion {
+                states: Vec::new(),
+                q: Vec::new(),
+                dq: Vec::new(),
+            },
+            coms: coms(model, limb),
+            tests: Vec::new(),
+            trains: Vec::new(),
+            all: Vec::new(),
+            fit: Fit::default(),
+        };
+        criticism.take_effects();
+        criticism.rebuild();
+        Some(criticism)
+    }
+
+    /// The model's effects at this limb, with the values that are not estimated from columns.
+    fn take_effects(&mut self) {
+        let first = self.limb.bodies.start;
+        for e in self.model.effects() {
+            let joint = match e.joint {
+                BASE => BASE,
+                joint if self.limb.bodies.contains(&joint) => joint - first,
+                _ => continue,
+            };
+            self.active.push((e.effect, joint));
+            let description = e.effect.description();
+            for (n, estimate) in e.estimates.iter().enumerate() {
+                let Some(estimate) = estimate else { continue };
+                if description.parameters[n].shape {
+                    self.set_shape((e.effect, joint), estimate.value);
+                } else if let Some(correction) = self.corrections.get_mut(e.effect, joint, n) {
+                    *correction = estimate.value;
+                }
+            }
+        }
+    }
+
+    /// The value of an effect's shape parameter at a joint; one where it has none.
+    pub(crate) fn shape(&self, place: Place) -> f64 {
+        if let Some((_, shape)) = self.shapes.iter().find(|(known, _)| *known == place) {
+            return *shape;
+        }
+        let parameters = place.0.description().parameters;
+        let shape = parameters.iter().position(|p| p.shape);
+        shape.map_or(1.0, |n| self.catalogue_prior(place, n).0)
+    }
+
+    pub(crate) fn set_shape(&mut self, place: Place, shape: f64) {
+        self.shapes.retain(|(known, _)| *known != place);
+        self.shapes.push((place, shape));
+    }
+
+    /// Mean and standard deviation of a parameter before any data.
+    fn catalogue_prior(&self, (effect, joint): Place, parameter: usize) -> (f64, f64) {
+        let body = if joint == BASE {
+            self.limb.bodies.start
+        } else {
+            self.limb.bodies.start + joint
+        };
+        let prior = match parameter {
+            0 => self.model.effect_prior(effect, body).prior,
+            n => self.model.robot().parameter_prior(effect, body, n),
+        };
+        (prior.mean, prior.std)
+    }
+
+    /// Whether the recording can tell an effect at all.
+    fn observable(&self, effect: EffectKind) -> bool {
+        match effect {
+            EffectKind::ThermalViscous => self.recording.temperature.iter().all(|t| t.is_finite()),
+            // Positions tell the velocity's gain: see `super::velocity`.
+            EffectKind::VelocityGain => false,
+            _ => effect.description().form != Form::Force,
+        }
+    }
+
+    /// Every effect that the model does not have, where it could be.
+    fn possible(&self) -> Vec<Place> {
+        let joints = self.recording.joints;
+        let all = EffectKind::ALL
+            .iter()
+            .filter(|e| self.observable(**e))
+            .flat_map(|&effect| {
+                let places = if effect.description().form == Form::Gravity {
+                    BASE..=BASE
+                } else {
+                    0..=joints - 1
+                };
+                places.map(move |joint| (effect, joint))
+            });
+        all.filter(|place| !self.active.contains(place)).collect()
+    }
+
+    fn entries_of(&self, place: Place, candidate: bool) -> Vec<Entry> {
+        let (effect, joint) = place;
+        let parameters = effect.description().parameters;
+        columns_of(effect, joint, self.shape(place))
+            .into_iter()
+            .map(|(parameter, column)| {
+                let (mean, std) = self.catalogue_prior(place, parameter);
+                let neutral = parameters[parameter].neutral;
+                let none = Corrections::none(self.recording.joints);
+                let correction = self.corrections.get(effect, joint, parameter)
+                    - none.get(effect, joint, parameter);
+                let (mean, std) = if candidate {
+                    (0.0, std.max((mean - neutral).abs()))
+                } else {
+                    (mean - neutral - correction, std)
+                };
+                Entry {
+                    effect: Some(effect),
+                    joint,
+                    parameter,
+                    mean,
+                    std,
+                    column,
+                }
+            })
+            .collect()
+    }
+
+    /// The present θ in the order of other columns; before there is one, the CAD.
+    fn carried(&self, columns: &Columns) -> Vec<f64> {
+        let same = |a: &Entry, b: &Entry| {
+            (a.effect, a.joint, a.parameter) == (b.effect, b.joint, b.parameter)
+        };
+        let value = |entry: &Entry| {
+            let known = self.columns.entries.iter().position(|old| same(old, entry));
+            match (known.and_then(|k| self.fit.theta.get(k)), entry.effect) {
+                (Some(value), _) => *value,
+                (None, None) => {
+                    self.model.inertia(self.limb.bodies.start + entry.joint).0[entry.parameter]
+                }
+                (None, Some(_)) => 0.0,
+            }
+        };
+        columns.entries.iter().map(value).collect()
+    }
+
+    /// Moves what the fit says of corrections into them.
+    fn absorb(&mut self) {
+        for k in 0..self.fit.theta.len() {
+            let entry = &self.columns.entries[k];
+            let Some(effect) = entry.effect else { continue };
+            if let Some(correction) = self
+                .corrections
+                .get_mut(effect, entry.joint, entry.parameter)
+            {
+                *correction += std::mem::take(&mut self.fit.theta[k]);
+            }
+        }
+    }
+
+    /// Goes over the data again: after a correction or a shape has changed.
+    pub(crate) fn rebuild(&mut self) {
+        self.absorb();
+        let model = self
+            .active
+            .iter()
+            .flat_map(|&place| self.entries_of(place, false));
+        let rest = self
+            .possible()
+            .into_iter()
+            .flat_map(|place| self.entries_of(place, true))
+            .collect::<Vec<_>>();
+        let ends = self
+            .limb
+            .bodies
+            .clone()
+            .map(|b| self.model.robot().subtree(b).end - self.limb.bodies.start);
+        let columns = Columns::new(ends.collect(), model.chain(rest).collect());
+        self.fit.theta = self.carried(&columns);
+        self.columns = columns;
+        self.motion = Motion::new(self.recording, &self.corrections);
+        self.body.set_inertia(&self.fit.theta);
+        let factors = BlockFactors::of(&self.rows());
+        let folds = FOLDS.min(self.blocks.count);
+        let fold = |b: usize| b % folds;
+        self.tests = (0..folds)
+            .map(|f| factors.sum(&self.columns, |b| fold(b) == f))
+            .collect();
+        let tests = BlockFactors {
+            blocks: std::mem::take(&mut self.tests),
+        };
+        self.trains = (0..folds)
+            .map(|f| tests.sum(&self.columns, |other| other != f))
+            .collect();
+        self.all = tests.sum(&self.columns, |_| true);
+        self.tests = tests.blocks;
+        self.refit();
+    }
+
+    /// The limb as rows are made of it.
+    pub(crate) fn rows(&self) -> rows::Limb<'_> {
+        let [roll, pitch] = self.corrections.tilt;
+        let base = rows::turned(&self.base, &nalgebra::Vector3::new(roll, 0.0, 0.0));
+        rows::Limb {
+            recording: self.recording,
+            motion: &self.motion,
+            body: &*self.body,
+            base: rows::turned(&base, &nalgebra::Vector3::new(0.0, pitch, 0.0)),
+            columns: &self.columns,
+            blocks: self.blocks,
+            coms: &self.coms,
+            model: self.columns.combined(&self.fit.theta),
+            torque_scale: &self.corrections.torque_scale,
+        }
+    }
+
+    /// The entries of the model: all inertial ones, then its effects'.
+    pub(crate) fn active_entries(&self) -> Vec<usize> {
+        self.entries_with(&self.active)
+    }
+
+    fn entries_with(&self, active: &[Place]) -> Vec<usize> {
+        let is_active = |e: &Entry| {
+            e.effect
+                .is_none_or(|effect| active.contains(&(effect, e.joint)))
+        };
+        (0..self.columns.entries.len())
+            .filter(|&k| is_active(&self.columns.entries[k]))
+            .collect()
+    }
+
+    /// Fits the model: to all data and to the data of all folds but one. Each joint's noise is its own residual's.
+    pub(crate) fn refit(&mut self) {
+        let active = self.active_entries();
+        let entries = self.columns.entries.len();
+        let mut noise: Vec<f64> = self.all.iter().map(own_noise).collect();
+        let mut fit = Fit::default();
+        for _ in 0..3 {
+            let triangle =
+                Triangle::new(&self.columns, &self.prior, &self.all, &noise, &active, &[]);
+            fit.theta = triangle.solve(entries, &[]);
+            fit.std = vec![0.0; entries];
+            active
+                .iter()
+                .zip(triangle.std())
+                .for_each(|(&k, std)| fit.std[k] = std);
+            for (joint, noise) in noise.iter_mut().enumerate() {
+                let factor = &self.all[joint];
+                let square = misfit(&self.columns, joint, factor, &fit.theta);
+                let freedom =
+                    (factor.rows() - (active.len() / self.recording.joints) as f64).max(1.0);
+                *noise = (square / freedom)
+                    .sqrt()
+                    .max(own_noise(factor) * 0.5)
+                    .max(1e-9);
+            }
+        }
+        fit.held_out = self.solve_folds(&active, &noise);
+        fit.rss = self.score(&fit.held_out);
+        fit.noise = noise;
+        self.fit = fit;
+    }
+
+    fn solve_folds(&self, active: &[usize], noise: &[f64]) -> Vec<Vec<f64>> {
+        let entries = self.columns.entries.len();
+        let solve = |train: &Vec<HeapFactor>| {
+            Triangle::new(&self.columns, &self.prior, train, noise, active, &[]).solve(entries, &[])
+        };
+        self.trains.iter().map(solve).collect()
+    }
+
+    /// Each fold's sum of squares, joint by joint, under its θ.
+    fn score(&self, theta: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let of = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| self.score_fold(test, theta);
+        self.tests.iter().zip(theta).map(of).collect()
+    }
+
+    fn score_fold(&self, test: &[HeapFactor], theta: &[f64]) -> Vec<f64> {
+        test.iter()
+            .enumerate()
+            .map(|(joint, factor)| misfit(&self.columns, joint, factor, theta))
+            .collect()
+    }
+
+    /// The model without one of its effects: how much the held-out sum of squares, in units of noise, rises in each fold.
+    pub(crate) fn without(&self, place: Place) -> Vec<f64> {
+        let rest: Vec<Place> = self
+            .active
+            .iter()
+            .copied()
+            .filter(|p| *p != place)
+            .collect();
+        let held_out = self.solve_folds(&self.entries_with(&rest), &self.fit.noise);
+        let rss = self.score(&held_out);
+        rss.iter()
+            .zip(&self.fit.rss)
+            .map(|(without, with)| self.weighted_fall(without, with))
+            .collect()
+    }
+
+    fn weighted_fall(&self, before: &[f64], after: &[f64]) -> f64 {
+        let falls = before.iter().zip(after).zip(&self.fit.noise);
+        falls
+            .map(|((before, after), noise)| (before - after) / (noise * noise))
+            .sum()
+    }
+
+    /// What every effect that the model does not have would add, best first; `with` is taken to be in the model already.
+    pub(crate) fn candidates(&self, with: Option<Place>) -> Vec<Candidate> {
+        let mut active_places = self.active.clone();
+        active_places.extend(with);
+        let active = self.entries_with(&active_places);
+        let places: Vec<Place> = self
+            .possible()
+            .into_iter()
+            .filter(|p| Some(*p) != with)
+            .collect();
+        let groups: Vec<Vec<usize>> = places
+            .iter()
+            .map(|&(effect, joint)| self.columns.of_effect(effect, joint))
+            .collect();
+        let rest: Vec<usize> = groups.iter().flatten().copied().collect();
+        let triangle = |data: &[HeapFactor]| {
+            Triangle::new(
+                &self.columns,
+                &self.prior,
+                data,
+                &self.fit.noise,
+                &active,
+                &rest,
+            )
+        };
+        let all = triangle(&self.all);
+        let trains: Vec<Triangle> = self.trains.iter().map(|train| triangle(train)).collect();
+        let base: Vec<Vec<f64>> = match with {
+            None => self.fit.rss.clone(),
+            Some(_) => {
+                let theta: Vec<_> = trains
+                    .iter()
+                    .map(|t| t.solve(self.columns.entries.len(), &[]))
+                    .collect();
+                self.score(&theta)
+            }
+        };
+        let mut candidates: Vec<Candidate> = places
+            .iter()
+            .zip(&groups)
+            .filter_map(|(&place, group)| self.candidate(place, group, &all, &trains, &base))
+            .collect();
+        candidates.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
+        candidates
+    }
+
+    fn candidate(
+        &self,
+        place: Place,
+        group: &[usize],
+        all: &Triangle,
+        trains: &[Triangle],
+        base: &[Vec<f64>],
+    ) -> Option<Candidate> {
+        let trial = all.trial(group)?;
+        let (mut gains, mut rss, mut values) = (Vec::new(), Vec::new(), Vec::new());
+        for (fold, train) in trains.iter().enumerate() {
+            let value = train.trial(group)?.value;
+            let pairs: Vec<(usize, f64)> =
+                group.iter().copied().zip(value.iter().copied()).collect();
+            let theta = train.solve(self.columns.entries.len(), &pairs);
+            let with = self.score_fold(&self.tests[fold], &theta);
+            gains.push(self.weighted_fall(&base[fold], &with));
+            rss.push(with);
+            values.push(value);
+        }
+        let (mut std, mut inflation) = (Vec::new(), 1.0f64);
+        for (n, (value, independent)) in trial.value.iter().zip(&trial.std).enumerate() {
+            let spread = jackknife(values.iter().map(|v| v[n]), *value);
+            inflation = inflation.max(spread / independent);
+            std.push(independent.max(spread));
+        }
+        let freedom = group.len() as f64;
+        let z = (trial.fall - (freedom - 1.0)).max(0.0).sqrt() / inflation;
+        Some(Candidate {
+            place,
+            entries: group.to_vec(),
+            gains,
+            rss,
+            value: trial.value,
+            std,
+            z,
+        })
+    }
+
+    /// The value of an effect's parameter, as the catalogue means it, where its entry has this value.
+    pub(crate) fn value(&self, entry: usize, value: f64) -> f64 {
+        let entry = &self.columns.entries[entry];
+        let Some(effect) = entry.effect else {
+            return value;
+        };
+        let neutral = effect.description().parameters[entry.parameter].neutral;
+        let correction = self.corrections.get(effect, entry.joint, entry.parameter);
+        match effect {
+            // Corrections that start at their own neutral value; the second stands for its inverse.
+            EffectKind::VelocityGain => correction + value,
+            EffectKind::TorqueGain => 1.0 / (correction + value),
+            _ => neutral + correction + value,
+        }
+    }
+
+    /// Whether parameters of these values respect their bounds within twice their errors.
+    pub(crate) fn in_bounds(&self, candidate: &Candidate) -> bool {
+        let numbers = candidate
+            .entries
+            .iter()
+            .zip(candidate.value.iter().zip(&candidate.std));
+        numbers.clone().all(|(&entry, (value, std))| {
+            let e = &self.columns.entries[entry];
+            let Some(effect) = e.effect else { return true };
+            let parameter = &effect.description().parameters[e.parameter];
+            let value = self.value(entry, *value);
+            value >= parameter.lower - 2.0 * std && value <= parameter.upper + 2.0 * std
+        })
+    }
+
+    /// Takes an effect into the model. Where it changes the motion, the torque's time or a shape, the data are gone over again.
+    pub(crate) fn add(&mut self, candidate: &Candidate) {
+        self.active.push(candidate.place);
+        let (effect, joint) = candidate.place;
+        let mut corrected = false;
+        for (&entry, value) in candidate.entries.iter().zip(&candidate.value) {
+            let parameter = self.columns.entries[entry].parameter;
+            if let Some(correction) = self.corrections.get_mut(effect, joint, parameter) {
+                *correction += value;
+                corrected = true;
+            }
+        }
+        if corrected {
+            self.rebuild();
+        } else {
+            self.refit();
+        }
+    }
+
+    /// Takes an effect out of the model.
+    pub(crate) fn remove(&mut self, place: Place) {
+        self.active.retain(|p| *p != place);
+        let none = Corrections::none(self.recording.joints);
+        let mut corrected = false;
+        for parameter in 0..place.0.description().parameters.len() {
+            let neutral = none.get(place.0, place.1, parameter);
+            if let Some(correction) = self.corrections.get_mut(place.0, place.1, parameter) {
+                *correction = neutral;
+                corrected = true;
+            }
+        }
+        if corrected {
+            self.rebuild();
+        } else {
+            self.refit();
+        }
+    }
+}
+
+/// Standard deviation of an estimate from its values without each fold in turn (Efron & Tibshirani 1993, ch. 11).
+fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
+    let n = values.len() as f64;
+    let squares: f64 = values.map(|value| (value - centre).powi(2)).sum();
+    (squares * (n - 1.0) / n).sqrt()
+}
+
+/// A joint's noise about its own best fit, N m.
+fn own_noise(factor: &HeapFactor) -> f64 {
+    let freedom = (factor.rows() - factor.columns() as f64).max(1.0);
+    (factor.residual() / freedom).sqrt().max(1e-9)
+}
+
+fn coms(model: &Model, limb: &Limb) -> Vec<Vector3<f64>> {
+    let of = |b: usize| {
+        let phi = &model.robot().bodies()[b].inertia;
+        phi.first_moment() / phi.mass()
+    };
+    limb.bodies.clone().map(of).collect()
+}
+
+/// The CAD's bodies within the model's uncertainty.
+fn cad_prior(model: &Model, limb: &Limb) -> Option<Prior> {
+    let body = |b: usize| {
+        let factor = model.robot().bodies()[b]
+            .inertia
+            .prior(model.cad_uncertainty(b))?;
+        let rows = (0..INERTIAL).map(|k| {
+            let mut row = [0.0; INERTIAL + 1];
+            row[k..].copy_from_slice(factor.row(k));
+            row
+        });
+        Some(rows.collect())
+    };
+    Some(Prior {
+        bodies: limb.bodies.clone().map(body).collect::<Option<_>>()?,
+    })
+}

@@ -1,0 +1,224 @@
+//! What the sensors said, put right as far as the model knows what is wrong with them.
+//!
+//! Velocity gains, encoder offsets and delays of the torque are taken out; where the model has elasticity or backlash, the
+//! link's motion is told from the motor's. Logs lie whole in memory, so later samples help: the velocity near standstill
+//! and the smooth torque are slopes and means of a local straight line (Savitzky & Golay 1964) over ± [`HALF_WIDTH`]
+//! samples at their own times.
+
+use proprio_core::effect::{EffectKind, JointState};
+
+use super::recording::LimbRecording;
+
+/// Samples on each side of the local line.
+const HALF_WIDTH: usize = 4;
+/// Speed below which the slope of the position may be noise, rad/s: ten times that of the Go2's position quantum.
+const SPEED_NOISE: f64 = 0.01;
+
+/// What is wrong with a limb's sensors and drives, joint by joint; the default is nothing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Corrections {
+    /// Reported velocity over true.
+    pub velocity_gain: Vec<f64>,
+    /// Reported position less true, rad.
+    pub encoder_offset: Vec<f64>,
+    /// How late torque is reported, s.
+    pub delay: Vec<f64>,
+    /// Link's lag per torque, rad/(N m).
+    pub compliance: Vec<f64>,
+    /// Play between motor and link, rad.
+    pub gap: Vec<f64>,
+    /// Reported torque over true: 1/g of `torque_gain`.
+    pub torque_scale: Vec<f64>,
+    /// Gravity's roll and pitch, rad.
+    pub tilt: [f64; 2],
+}
+
+impl Corrections {
+    /// Nothing is wrong with `joints` joints.
+    pub fn none(joints: usize) -> Self {
+        Self {
+            velocity_gain: vec![1.0; joints],
+            encoder_offset: vec![0.0; joints],
+            delay: vec![0.0; joints],
+            compliance: vec![0.0; joints],
+            gap: vec![0.0; joints],
+            torque_scale: vec![1.0; joints],
+            tilt: [0.0; 2],
+        }
+    }
+
+    /// The number that an effect's parameter stands for, if it is a correction and not a column.
+    pub fn get_mut(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        parameter: usize,
+    ) -> Option<&mut f64> {
+        match effect {
+            EffectKind::VelocityGain => self.velocity_gain.get_mut(joint),
+            EffectKind::EncoderOffset => self.encoder_offset.get_mut(joint),
+            EffectKind::Delay => self.delay.get_mut(joint),
+            EffectKind::Elasticity => self.compliance.get_mut(joint),
+            EffectKind::Backlash => self.gap.get_mut(joint),
+            EffectKind::TorqueGain => self.torque_scale.get_mut(joint),
+            EffectKind::BaseTilt => self.tilt.get_mut(parameter),
+            _ => None,
+        }
+    }
+
+    /// [`get_mut`](Self::get_mut), read; zero for what is no correction.
+    pub fn get(&self, effect: EffectKind, joint: usize, parameter: usize) -> f64 {
+        self.clone()
+            .get_mut(effect, joint, parameter)
+            .map_or(0.0, |value| *value)
+    }
+}
+
+/// A limb's motion, sample by sample, joint by joint.
+pub(crate) struct Motion {
+    /// What effects see of each joint; the motor's side.
+    pub(crate) states: Vec<JointState<f64>>,
+    /// The link's position, rad.
+    pub(crate) q: Vec<f64>,
+    /// The link's velocity, rad/s.
+    pub(crate) dq: Vec<f64>,
+}
+
+impl Motion {
+    pub(crate) fn new(recording: &LimbRecording, corrections: &Corrections) -> Self {
+        let (n, samples) = (recording.joints, recording.len());
+        let mut motion = Self {
+            states: vec![JointState::reported(0.0, 0.0, 0.0); n * samples],
+            q: vec![0.0; n * samples],
+            dq: vec![0.0; n * samples],
+        };
+        for stretch in recording.stretches() {
+            for joint in 0..n {
+                motion.fill(recording, corrections, stretch.clone(), joint);
+            }
+        }
+        motion
+    }
+
+    fn fill(
+        &mut self,
+        recording: &LimbRecording,
+        corrections: &Corrections,
+        stretch: std::ops::Range<usize>,
+        joint: usize,
+    ) {
+        let n = recording.joints;
+        let times: Vec<f64> = recording.time_us[stretch.clone()]
+            .iter()
+            .map(|&t| t as f64 * 1e-6)
+            .collect();
+        let channel =
+            |x: &[f64]| -> Vec<f64> { stretch.clone().map(|k| x[k * n + joint]).collect() };
+        let (q, dq) = (channel(&recording.q), channel(&recording.dq));
+        let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
+        let (compliance, gap) = (corrections.compliance[joint], corrections.gap[joint]);
+        for (k, sample) in stretch.clone().enumerate() {
+            let [_, speed] = local_line(&times, &q, k);
+            let [load, load_rate] = local_line(&times, &tau, k);
+            let at = sample * n + joint;
+            let state = JointState {
+                q: q[k] - corrections.encoder_offset[joint],
+                dq: dq[k] / corrections.velocity_gain[joint],
+                tau: tau[k],
+                speed,
+                speed_noise: SPEED_NOISE,
+                load,
+                load_rate,
+                temperature: recording.temperature[at],
+            };
+            let [mut q, mut dq] = [state.q, state.dq];
+            for (effect, value) in [
+                (EffectKind::Elasticity, compliance),
+                (EffectKind::Backlash, gap),
+            ] {
+                if value != 0.0 {
+                    let [by_q, by_dq] = effect.motion(&state);
+                    q += value * by_q;
+                    dq += value * by_dq;
+                }
+            }
+            (self.states[at], self.q[at], self.dq[at]) = (state, q, dq);
+        }
+    }
+}
+
+/// Value and slope at sample k of the straight line through the samples around it.
+fn local_line(t: &[f64], x: &[f64], k: usize) -> [f64; 2] {
+    // The same number on both sides: then a curvature does not tilt the line.
+    let half = HALF_WIDTH.min(k).min(t.len() - 1 - k);
+    if half == 0 {
+        let (a, b) = if k == 0 {
+            (0, 1.min(t.len() - 1))
+        } else {
+            (k - 1, k)
+        };
+        let step = t[b] - t[a];
+        return [
+            x[k],
+            if step > 0.0 {
+                (x[b] - x[a]) / step
+            } else {
+                0.0
+            },
+        ];
+    }
+    let (mut s_t, mut s_x, mut s_tt, mut s_tx) = (0.0, 0.0, 0.0, 0.0);
+    for i in k - half..=k + half {
+        let (dt, dx) = (t[i] - t[k], x[i] - x[k]);
+        s_t += dt;
+        s_x += dx;
+        s_tt += dt * dt;
+        s_tx += dt * dx;
+    }
+    let n = (2 * half + 1) as f64;
+    let slope = (s_tx - s_t * s_x / n) / (s_tt - s_t * s_t / n);
+    [x[k] + (s_x - slope * s_t) / n, slope]
+}
+
+/// `x` as it will be reported `delay` seconds later; straight between samples, constant beyond the ends.
+fn delayed(t: &[f64], x: &[f64], delay: f64) -> Vec<f64> {
+    if delay == 0.0 {
+        return x.to_vec();
+    }
+    let mut right = 0;
+    t.iter()
+        .map(|&now| {
+            let wanted = now + delay;
+            while right < t.len() && t[right] <= wanted {
+                right += 1;
+            }
+            match right {
+                0 => x[0],
+                r if r == t.len() => x[r - 1],
+                r => x[r - 1] + (x[r] - x[r - 1]) * (wanted - t[r - 1]) / (t[r] - t[r - 1]),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_has_its_value_and_slope_inside() {
+        let t: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
+        let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
+        let [_, slope] = local_line(&t, &x, 10);
+        assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_delay_moves_a_ramp() {
+        let t: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
+        let moved = delayed(&t, &t, 0.0031);
+        assert!((moved[5] - (t[5] + 0.0031)).abs() < 1e-12);
+        let moved = delayed(&t, &t, -0.0031);
+        assert!((moved[5] - (t[5] - 0.0031)).abs() < 1e-12);
+    }
+}

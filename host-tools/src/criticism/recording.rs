@@ -1,0 +1,190 @@
+//! Logs in memory, limb by limb: what the criticism goes over more than once.
+
+use std::path::PathBuf;
+
+use crate::log::{LogError, LogReader, Selection, Warning};
+use crate::model::{Limb, Model};
+
+/// Two samples further apart than this are not bridged, µs.
+pub const MAX_GAP_US: u64 = 10_000;
+
+/// What was recorded of one limb: samples of all its joints, repeats left out, logs one after the other.
+#[derive(Debug, Clone, Default)]
+pub struct LimbRecording {
+    /// Number of joints.
+    pub joints: usize,
+    /// When, µs; starts again with each log, later.
+    pub time_us: Vec<u64>,
+    /// First sample of each stretch without a gap, ascending; the first is 0.
+    pub starts: Vec<usize>,
+    /// Position, rad, sample by sample, joint by joint; and so the others.
+    pub q: Vec<f64>,
+    /// Velocity, rad/s.
+    pub dq: Vec<f64>,
+    /// Motor torque, N m.
+    pub tau: Vec<f64>,
+    /// Motor temperature, °C; not a number where not recorded.
+    pub temperature: Vec<f64>,
+    /// The foot's sensor, in its own unit, where recorded.
+    pub foot: Vec<f64>,
+    /// Samples that repeat the one before, left out.
+    pub repeated: u64,
+}
+
+impl LimbRecording {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time_us.len()
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.time_us.is_empty()
+    }
+
+    /// The stretches without a gap.
+    pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        let ends = self.starts.iter().skip(1).copied().chain([self.len()]);
+        self.starts
+            .iter()
+            .copied()
+            .zip(ends)
+            .map(|(start, end)| start..end)
+    }
+
+    /// Adds a sample; `new_log` where nothing is continuous with what came before.
+    fn push(&mut self, time_us: u64, sample: [&[f64]; 4], foot: f64, new_log: bool) {
+        let n = self.joints;
+        let [q, dq, tau, temperature] = sample;
+        if let Some(&last) = self.time_us.last() {
+            let same = |old: &[f64], new: &[f64]| old[old.len() - n..] == *new;
+            if time_us <= last {
+                return;
+            }
+            if !new_log && same(&self.q, q) && same(&self.dq, dq) && same(&self.tau, tau) {
+                self.repeated += 1;
+                return;
+            }
+            if new_log || time_us - last > MAX_GAP_US {
+                self.starts.push(self.time_us.len());
+            }
+        } else {
+            self.starts.push(0);
+        }
+        self.time_us.push(time_us);
+        self.q.extend_from_slice(q);
+        self.dq.extend_from_slice(dq);
+        self.tau.extend_from_slice(tau);
+        self.temperature.extend_from_slice(temperature);
+        self.foot.push(foot);
+    }
+}
+
+/// Logs of one robot.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// The limbs recorded, each with its place among the robot's bodies.
+    pub limbs: Vec<(Limb, LimbRecording)>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+    /// Length of all logs together, s.
+    pub duration: f64,
+}
+
+/// Silence put between two logs, µs: no stretch, block or guard reaches across it.
+const BETWEEN_LOGS_US: u64 = 1_000_000;
+
+impl Recording {
+    /// Reads `logs` of the robot of `model`. `progress` hears of bytes read and of how many in all.
+    ///
+    /// # Errors
+    /// The first log that is bad.
+    pub fn read(
+        logs: &[PathBuf],
+        model: &Model,
+        mut progress: impl FnMut(u64, u64),
+    ) -> Result<Self, LogError> {
+        let mut recording = Self {
+            logs: logs.to_vec(),
+            limbs: Vec::new(),
+            warnings: Vec::new(),
+            duration: 0.0,
+        };
+        let mut offset_us = 0;
+        for path in logs {
+            let mut reader = LogReader::open(path, Selection::Everything)?;
+            let limbs = recording.limbs_of(model, &reader);
+            let (mut first, mut last_us) = (None, 0);
+            let mut new_log = vec![true; limbs.len()];
+            let (mut buffer, mut rows) = ([const { Vec::new() }; 4], 0u64);
+            while let Some(row) = reader.next_row()? {
+                let start_us = *first.get_or_insert(row.time_us);
+                last_us = row.time_us.saturating_sub(start_us);
+                for (n, (place, joints)) in limbs.iter().enumerate() {
+                    let channels = [row.q(), row.dq(), row.tau(), row.temp()];
+                    for (to, from) in buffer.iter_mut().zip(channels) {
+                        to.clear();
+                        to.extend(joints.iter().map(|&j| from[j]));
+                    }
+                    let foot = row.foot()[joints[0] / proprio_core::go2::JOINTS_PER_LEG];
+                    let sample = buffer.each_ref().map(Vec::as_slice);
+                    if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {
+                        let limb = &mut recording.limbs[*place].1;
+                        limb.push(
+                            offset_us + last_us,
+                            sample,
+                            foot,
+                            std::mem::take(&mut new_log[n]),
+                        );
+                    }
+                }
+                rows += 1;
+                if rows.is_multiple_of(1024) {
+                    let (done, total) = reader.progress();
+                    progress(done, total);
+                }
+            }
+            let told: Vec<Warning> = reader.finish()?;
+            recording
+                .warnings
+                .extend(told.iter().map(|w| format!("{}: {w}", path.display())));
+            recording.duration += last_us as f64 * 1e-6;
+            offset_us += last_us + BETWEEN_LOGS_US;
+        }
+        Ok(recording)
+    }
+
+    /// The limbs that a log has: their place here, and the log's indices of their joints.
+    fn limbs_of(&mut self, model: &Model, reader: &LogReader) -> Vec<(usize, Vec<usize>)> {
+        let recorded: Vec<_> = reader.columns().joints().collect();
+        let mut found = Vec::new();
+        for limb in model.robot().limbs() {
+            let names = limb.bodies.clone().map(|b| &model.robot().bodies()[b].name);
+            let joints: Option<Vec<usize>> = names
+                .map(|name| {
+                    recorded
+                        .iter()
+                        .find(|joint| joint.name() == name)
+                        .map(|joint| joint.index())
+                })
+                .collect();
+            let Some(joints) = joints else { continue };
+            let place = self
+                .limbs
+                .iter()
+                .position(|(known, _)| *known == limb)
+                .unwrap_or_else(|| {
+                    let recording = LimbRecording {
+                        joints: joints.len(),
+                        ..LimbRecording::default()
+                    };
+                    self.limbs.push((limb, recording));
+                    self.limbs.len() - 1
+                });
+            found.push((place, joints));
+        }
+        found
+    }
+}

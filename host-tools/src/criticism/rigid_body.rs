@@ -1,0 +1,112 @@
+//! A limb's rigid body behind one interface, whatever its number of joints.
+
+use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::spatial::Transform;
+use proprio_core::tree::Tree;
+
+use nalgebra::SVector;
+
+use crate::model::{Limb, Model};
+
+/// The momentum equation's parts for a limb of n joints on a fixed base, at one instant.
+///
+/// Matrices are row-major, n × 10 n: joint by joint, the ten parameters of each body.
+pub(crate) trait RigidBody: Send + Sync {
+    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter.
+    fn regressors(
+        &self,
+        base: &Transform<f64>,
+        q: &[f64],
+        dq: &[f64],
+        momentum: Option<&mut [f64]>,
+        rate: &mut [f64],
+    );
+
+    /// H q̇ (N m s) and g − Cᵀ q̇ (N m) for the current inertias.
+    fn momentum_and_rate(
+        &self,
+        base: &Transform<f64>,
+        q: &[f64],
+        dq: &[f64],
+        momentum: &mut [f64],
+        rate: &mut [f64],
+    );
+
+    /// Takes inertial parameters, ten per body.
+    fn set_inertia(&mut self, theta: &[f64]);
+}
+
+struct Dynamics<const B: usize, const P: usize>(Tree<f64, B, B>);
+
+impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
+    fn regressors(
+        &self,
+        base: &Transform<f64>,
+        q: &[f64],
+        dq: &[f64],
+        momentum: Option<&mut [f64]>,
+        rate: &mut [f64],
+    ) {
+        let (q, dq) = (
+            SVector::from_column_slice(q),
+            SVector::from_column_slice(dq),
+        );
+        let k = self.0.kinematics(base, &q, &dq);
+        let copy = |to: &mut [f64], from: &nalgebra::SMatrix<f64, B, P>| {
+            for (j, row) in to.chunks_exact_mut(P).enumerate() {
+                row.iter_mut()
+                    .zip(from.row(j).iter())
+                    .for_each(|(to, from)| *to = *from);
+            }
+        };
+        copy(rate, &self.0.momentum_rate_regressor::<P>(&k));
+        if let Some(momentum) = momentum {
+            copy(momentum, &self.0.momentum_regressor::<P>(&k));
+        }
+    }
+
+    fn momentum_and_rate(
+        &self,
+        base: &Transform<f64>,
+        q: &[f64],
+        dq: &[f64],
+        momentum: &mut [f64],
+        rate: &mut [f64],
+    ) {
+        let (q, dq) = (
+            SVector::from_column_slice(q),
+            SVector::from_column_slice(dq),
+        );
+        let (p, r) = self.0.momentum_and_rate(&self.0.kinematics(base, &q, &dq));
+        momentum.copy_from_slice(p.as_slice());
+        rate.copy_from_slice(r.as_slice());
+    }
+
+    fn set_inertia(&mut self, theta: &[f64]) {
+        let body = |b: usize| {
+            InertialParameters(SVector::from_column_slice(
+                &theta[INERTIAL * b..INERTIAL * (b + 1)],
+            ))
+        };
+        self.0 = self.0.clone().with_inertia(&std::array::from_fn(body));
+    }
+}
+
+macro_rules! sizes {
+    ($model:ident, $limb:ident: $($n:literal)*) => {
+        match $limb.bodies.len() {
+            $($n => $model
+                .limb_tree::<$n>($limb)
+                .map(|tree| Box::new(Dynamics::<$n, { $n * INERTIAL }>(tree)) as Box<dyn RigidBody>),)*
+            _ => None,
+        }
+    };
+}
+
+/// A limb of `model` with the model's inertial parameters; `None` for more than [`MAX_JOINTS`] joints.
+pub(crate) fn of_limb(model: &Model, limb: &Limb) -> Option<Box<dyn RigidBody>> {
+    sizes!(model, limb: 1 2 3 4 5 6 7 8)
+}
+
+/// Most joints of a limb that the criticism takes.
+pub const MAX_JOINTS: usize = 8;
