@@ -1,12 +1,13 @@
 //! One limb under criticism: its data as factors, its model so far, and what each effect of the catalogue would add.
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{EffectKind, Form, Parameter};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
 use super::blocks::{BlockFactors, HeapFactor};
 use super::column::{BASE, Columns, Entry, columns_of};
+use super::diagnosis::ParameterReport;
 use super::motion::{Corrections, Motion};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
@@ -14,7 +15,7 @@ use super::rows::{self, Blocks};
 use super::triangle::{Prior, Triangle, misfit};
 use crate::model::{Limb, Model};
 
-/// Folds of the held-out error: block b belongs to fold b mod so many.
+/// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
 pub(crate) const FOLDS: usize = 8;
 
 /// An effect at a joint of a limb; [`BASE`] for the base's.
@@ -81,10 +82,7 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// The gain over all folds, and its error from their spread.
     pub(crate) fn gain(&self) -> (f64, f64) {
-        let n = self.gains.len() as f64;
-        let sum: f64 = self.gains.iter().sum();
-        let spread: f64 = self.gains.iter().map(|g| (g - sum / n).powi(2)).sum();
-        (sum, (spread * n / (n - 1.0)).sqrt())
+        sum_and_error(&self.gains)
     }
 }
 
@@ -287,7 +285,7 @@ impl<'a> LimbCriticism<'a> {
         self.body.set_inertia(&self.fit.theta);
         let factors = BlockFactors::of(&self.rows());
         let folds = FOLDS.min(self.blocks.count);
-        let fold = |b: usize| b % folds;
+        let fold = |b: usize| b * folds / self.blocks.count;
         self.tests = (0..folds)
             .map(|f| factors.sum(&self.columns, |b| fold(b) == f))
             .collect();
@@ -338,7 +336,10 @@ impl<'a> LimbCriticism<'a> {
     pub(crate) fn refit(&mut self) {
         let active = self.active_entries();
         let entries = self.columns.entries.len();
-        let mut noise: Vec<f64> = self.all.iter().map(own_noise).collect();
+        let mut noise: Vec<f64> = self.all.iter().map(torque_size).collect();
+        if self.fit.noise.len() == noise.len() {
+            noise.clone_from(&self.fit.noise);
+        }
         let mut fit = Fit::default();
         for _ in 0..3 {
             let triangle =
@@ -349,21 +350,37 @@ impl<'a> LimbCriticism<'a> {
                 .iter()
                 .zip(triangle.std())
                 .for_each(|(&k, std)| fit.std[k] = std);
-            for (joint, noise) in noise.iter_mut().enumerate() {
-                let factor = &self.all[joint];
-                let square = misfit(&self.columns, joint, factor, &fit.theta);
-                let freedom =
-                    (factor.rows() - (active.len() / self.recording.joints) as f64).max(1.0);
-                *noise = (square / freedom)
-                    .sqrt()
-                    .max(own_noise(factor) * 0.5)
-                    .max(1e-9);
-            }
+            noise = self.residuals(&fit.theta, active.len());
         }
         fit.held_out = self.solve_folds(&active, &noise);
         fit.rss = self.score(&fit.held_out);
         fit.noise = noise;
         self.fit = fit;
+    }
+
+    /// Root mean square of each joint's residuals under θ, of which so many entries were fitted, N m.
+    fn residuals(&self, theta: &[f64], fitted: usize) -> Vec<f64> {
+        let of = |(joint, factor): (usize, &HeapFactor)| {
+            let square = misfit(&self.columns, joint, factor, theta);
+            let freedom = (factor.rows() - fitted as f64 / self.recording.joints as f64).max(1.0);
+            (square / freedom).sqrt().max(1e-3 * torque_size(factor))
+        };
+        self.all.iter().enumerate().map(of).collect()
+    }
+
+    /// Each joint's noise floor: what even all effects of the catalogue together, each within its prior, leave of its
+    /// torque, N m.
+    pub(crate) fn floor(&self) -> Vec<f64> {
+        let all: Vec<usize> = (0..self.columns.entries.len()).collect();
+        let triangle = Triangle::new(
+            &self.columns,
+            &self.prior,
+            &self.all,
+            &self.fit.noise,
+            &all,
+            &[],
+        );
+        self.residuals(&triangle.solve(all.len(), &[]), all.len())
     }
 
     fn solve_folds(&self, active: &[usize], noise: &[f64]) -> Vec<Vec<f64>> {
@@ -387,8 +404,19 @@ impl<'a> LimbCriticism<'a> {
             .collect()
     }
 
-    /// The model without one of its effects: how much the held-out sum of squares, in units of noise, rises in each fold.
-    pub(crate) fn without(&self, place: Place) -> Vec<f64> {
+    /// Whether an effect of the model does nothing: the held-out error does not rise without it or, for one that is taken out
+    /// of the data before, its value is within twice its error of none.
+    pub(crate) fn is_superfluous(&self, place: Place) -> bool {
+        let entries = self.columns.of_effect(place.0, place.1);
+        let none = Corrections::none(self.recording.joints);
+        let is_correction = none.clone().get_mut(place.0, place.1, 0).is_some();
+        if is_correction {
+            return entries.iter().all(|&k| {
+                let parameter = self.columns.entries[k].parameter;
+                let now = self.corrections.get(place.0, place.1, parameter) + self.fit.theta[k];
+                (now - none.get(place.0, place.1, parameter)).abs() < 2.0 * self.fit.std[k]
+            });
+        }
         let rest: Vec<Place> = self
             .active
             .iter()
@@ -397,10 +425,11 @@ impl<'a> LimbCriticism<'a> {
             .collect();
         let held_out = self.solve_folds(&self.entries_with(&rest), &self.fit.noise);
         let rss = self.score(&held_out);
-        rss.iter()
-            .zip(&self.fit.rss)
+        let rises = rss.iter().zip(&self.fit.rss);
+        rises
             .map(|(without, with)| self.weighted_fall(without, with))
-            .collect()
+            .sum::<f64>()
+            <= 0.0
     }
 
     fn weighted_fall(&self, before: &[f64], after: &[f64]) -> f64 {
@@ -511,38 +540,120 @@ impl<'a> LimbCriticism<'a> {
         }
     }
 
-    /// Whether parameters of these values respect their bounds within twice their errors.
-    pub(crate) fn in_bounds(&self, candidate: &Candidate) -> bool {
-        let numbers = candidate
-            .entries
+    /// A candidate's parameters as the catalogue means them, shapes included.
+    pub(crate) fn parameters(&self, candidate: &Candidate) -> Vec<ParameterReport> {
+        let report = |(n, parameter): (usize, &'static Parameter)| {
+            let entry = candidate
+                .entries
+                .iter()
+                .position(|&k| self.columns.entries[k].parameter == n);
+            let (value, std) = match entry {
+                None => (self.shape(candidate.place), 0.0),
+                Some(k) => {
+                    let (entry, value) = (candidate.entries[k], candidate.value[k]);
+                    let span = self.value(entry, value + 1e-6) - self.value(entry, value - 1e-6);
+                    (
+                        self.value(entry, value),
+                        candidate.std[k] * (span / 2e-6).abs(),
+                    )
+                }
+            };
+            ParameterReport {
+                symbol: parameter.symbol,
+                unit: parameter.unit,
+                value,
+                std,
+            }
+        };
+        candidate
+            .place
+            .0
+            .description()
+            .parameters
             .iter()
-            .zip(candidate.value.iter().zip(&candidate.std));
-        numbers.clone().all(|(&entry, (value, std))| {
-            let e = &self.columns.entries[entry];
-            let Some(effect) = e.effect else { return true };
-            let parameter = &effect.description().parameters[e.parameter];
-            let value = self.value(entry, *value);
-            value >= parameter.lower - 2.0 * std && value <= parameter.upper + 2.0 * std
-        })
+            .enumerate()
+            .map(report)
+            .collect()
     }
 
-    /// Takes an effect into the model. Where it changes the motion, the torque's time or a shape, the data are gone over again.
-    pub(crate) fn add(&mut self, candidate: &Candidate) {
-        self.active.push(candidate.place);
-        let (effect, joint) = candidate.place;
-        let mut corrected = false;
-        for (&entry, value) in candidate.entries.iter().zip(&candidate.value) {
-            let parameter = self.columns.entries[entry].parameter;
-            if let Some(correction) = self.corrections.get_mut(effect, joint, parameter) {
-                *correction += value;
-                corrected = true;
-            }
+    /// 1 − the held-out sum of squares with a candidate over that without, of the joints that feel it, and its error from
+    /// the spread over folds.
+    pub(crate) fn held_out_gain(&self, candidate: &Candidate) -> (f64, f64) {
+        let feels = |joint: usize| self.columns.place(joint, candidate.entries[0]).is_some();
+        let weighted = |rss: &[f64]| -> f64 {
+            let felt = rss
+                .iter()
+                .zip(&self.fit.noise)
+                .enumerate()
+                .filter(|(joint, _)| feels(*joint));
+            felt.map(|(_, (square, noise))| square / (noise * noise))
+                .sum()
+        };
+        let without: f64 = self.fit.rss.iter().map(|rss| weighted(rss)).sum();
+        let falls: Vec<f64> = self
+            .fit
+            .rss
+            .iter()
+            .zip(&candidate.rss)
+            .map(|(a, b)| weighted(a) - weighted(b))
+            .collect();
+        let (fall, error) = sum_and_error(&falls);
+        (fall / without, error / without)
+    }
+
+    /// Whether a candidate's value is physical within twice its error.
+    pub(crate) fn in_bounds(&self, candidate: &Candidate) -> bool {
+        self.within(
+            candidate.place,
+            &candidate.entries,
+            &candidate.value,
+            &candidate.std,
+        )
+    }
+
+    fn within(&self, place: Place, entries: &[usize], value: &[f64], std: &[f64]) -> bool {
+        let parameters = place.0.description().parameters;
+        if place.0.description().form == Form::Inertia && value[0] < 2.0 * std[0] {
+            // A first moment without a mass is no load.
+            return false;
         }
-        if corrected {
-            self.rebuild();
-        } else {
-            self.refit();
-        }
+        entries
+            .iter()
+            .zip(value.iter().zip(std))
+            .all(|(&entry, (value, std))| {
+                let parameter = &parameters[self.columns.entries[entry].parameter];
+                let (lower, upper) = (
+                    self.value(entry, value - 2.0 * std),
+                    self.value(entry, value + 2.0 * std),
+                );
+                // One of them may be an inverse.
+                lower.max(upper) >= parameter.lower && lower.min(upper) <= parameter.upper
+            })
+    }
+
+    /// Takes an effect into the model.
+    pub(crate) fn add(&mut self, place: Place) {
+        self.active.push(place);
+        self.refit();
+    }
+
+    /// Whether the model has an effect whose column is only a derivative, so that [`rebuild`](Self::rebuild) makes it better.
+    pub(crate) fn is_linearised(&self) -> bool {
+        let none = Corrections::none(self.recording.joints);
+        self.active
+            .iter()
+            .any(|&(effect, joint)| none.clone().get_mut(effect, joint, 0).is_some())
+    }
+
+    /// Whether the fitted value of an effect of the model is physical within twice its error.
+    pub(crate) fn is_physical(&self, place: Place) -> bool {
+        let entries = self.columns.of_effect(place.0, place.1);
+        let value = entries
+            .iter()
+            .map(|&k| self.fit.theta[k])
+            .collect::<Vec<_>>();
+        let std = entries.iter().map(|&k| self.fit.std[k]).collect::<Vec<_>>();
+        self.within(place, &entries, &value, &std)
     }
 
     /// Takes an effect out of the model.
@@ -572,10 +683,19 @@ fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
     (squares * (n - 1.0) / n).sqrt()
 }
 
-/// A joint's noise about its own best fit, N m.
-fn own_noise(factor: &HeapFactor) -> f64 {
-    let freedom = (factor.rows() - factor.columns() as f64).max(1.0);
-    (factor.residual() / freedom).sqrt().max(1e-9)
+/// Root mean square of a joint's torque, N m.
+fn torque_size(factor: &HeapFactor) -> f64 {
+    (factor.sum_of_squares(&[]) / factor.rows().max(1.0))
+        .sqrt()
+        .max(1e-9)
+}
+
+/// A sum over folds, and its standard error from their spread.
+fn sum_and_error(folds: &[f64]) -> (f64, f64) {
+    let n = folds.len() as f64;
+    let sum: f64 = folds.iter().sum();
+    let spread: f64 = folds.iter().map(|x| (x - sum / n).powi(2)).sum();
+    (sum, (spread * n / (n - 1.0)).sqrt())
 }
 
 fn coms(model: &Model, limb: &Limb) -> Vec<Vector3<f64>> {

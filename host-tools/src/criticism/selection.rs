@@ -1,12 +1,13 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
-use proprio_core::effect::EffectKind;
-
+use super::diagnosis::ParameterReport;
 use super::limb::{Candidate, LimbCriticism, Place};
 
 /// An effect counts from this size on, in units of its standard deviation: with some two hundred candidates, chance reaches
 /// four once in a hundred complete models.
 const LEAST_Z: f64 = 4.5;
+/// What an effect adds in some stretches of time it may take back in others up to this share.
+const MOST_HARM: f64 = 0.2;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 24;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
@@ -27,6 +28,8 @@ pub(crate) struct Path {
     pub(crate) first: Vec<Judged>,
     /// Held-out sums of squares of the model as it was given, (N m)².
     pub(crate) start: Vec<f64>,
+    /// The same once velocities are put right.
+    pub(crate) after_velocity: Vec<f64>,
     pub(crate) steps: Vec<Step>,
 }
 
@@ -34,6 +37,10 @@ pub(crate) struct Path {
 #[derive(Debug, Clone)]
 pub(crate) struct Judged {
     pub(crate) candidate: Candidate,
+    /// 1 − RSS with / RSS without on held-out data, and its error.
+    pub(crate) held_out_gain: (f64, f64),
+    /// Its parameters, as the catalogue means them.
+    pub(crate) parameters: Vec<ParameterReport>,
     /// Whether it is there beyond chance.
     pub(crate) significant: bool,
     /// Whether its value is physical.
@@ -45,7 +52,11 @@ pub(crate) struct Judged {
 /// Whether a candidate is there beyond chance.
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
-    candidate.z >= LEAST_Z && gain > 0.0 && gain > error && limb.in_bounds(candidate)
+    let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
+    candidate.z >= LEAST_Z
+        && gain > error
+        && -harm < MOST_HARM * (gain - harm)
+        && limb.in_bounds(candidate)
 }
 
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
@@ -55,34 +66,61 @@ fn total(rss: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
+/// What each effect would add to the model as it is, and that model's held-out sums of squares.
+pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
+    (judge(limb, limb.candidates(None)), total(&limb.fit.rss))
+}
+
 /// Goes the whole way for one limb.
 pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
-    let start = total(&limb.fit.rss);
-    let candidates = limb.candidates(None);
-    let first = judge(limb, candidates);
+    let (first, start) = first(limb);
     let mut steps: Vec<Step> = Vec::new();
+    let mut refused: Vec<Place> = Vec::new();
     let mut best = first
         .iter()
         .find(|j| j.significant)
-        .map(|j| j.candidate.clone());
-    while let Some(candidate) = best {
-        limb.add(&candidate);
-        steps.push(Step {
-            place: candidate.place,
-            rss: total(&limb.fit.rss),
-            removed: false,
-        });
-        if steps.len() >= MOST_STEPS {
-            break;
+        .map(|j| j.candidate.place);
+    let mut polished = false;
+    loop {
+        match best {
+            Some(place) => {
+                limb.add(place);
+                if limb.is_physical(place) {
+                    steps.push(Step {
+                        place,
+                        rss: total(&limb.fit.rss),
+                        removed: false,
+                    });
+                    polished = false;
+                } else {
+                    limb.remove(place);
+                    refused.push(place);
+                }
+            }
+            None if limb.is_linearised() && !polished => {
+                limb.rebuild();
+                polished = true;
+                if let Some(step) = steps.last_mut() {
+                    step.rss = total(&limb.fit.rss);
+                }
+            }
+            None => break,
         }
-        best = limb
-            .candidates(None)
-            .into_iter()
-            .find(|c| is_significant(limb, c));
+        best = None;
+        if steps.len() < MOST_STEPS {
+            let significant =
+                |c: &Candidate| is_significant(limb, c) && !refused.contains(&c.place);
+            best = limb
+                .candidates(None)
+                .into_iter()
+                .find(|c| significant(c))
+                .map(|c| c.place);
+        }
     }
     prune(limb, &mut steps);
     Path {
         first,
+        after_velocity: start.clone(),
         start,
         steps,
     }
@@ -92,8 +130,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
 fn prune(limb: &mut LimbCriticism, steps: &mut Vec<Step>) {
     let added: Vec<Place> = steps.iter().map(|step| step.place).collect();
     for place in added {
-        let rise: f64 = limb.without(place).iter().sum();
-        if rise <= 0.0 {
+        if limb.is_superfluous(place) {
             limb.remove(place);
             steps.push(Step {
                 place,
@@ -112,6 +149,8 @@ fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
             significant: is_significant(limb, &candidate),
             in_bounds: limb.in_bounds(&candidate),
             alternatives: Vec::new(),
+            held_out_gain: limb.held_out_gain(&candidate),
+            parameters: limb.parameters(&candidate),
             candidate,
         })
         .collect();
@@ -140,9 +179,4 @@ fn explains(limb: &LimbCriticism, rival: Place, place: Place) -> bool {
     };
     let (gain, error) = left.gain();
     left.z < LEAST_Z || gain <= error
-}
-
-/// The name of a place for messages: `coulomb:1`.
-pub(crate) fn name(place: Place) -> (EffectKind, usize) {
-    place
 }
