@@ -1,5 +1,6 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 
+pub mod criticism;
 pub mod device;
 pub mod estimate;
 pub mod identification;
