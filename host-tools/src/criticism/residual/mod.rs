@@ -9,6 +9,7 @@ mod bins;
 mod cluster;
 mod correlation;
 mod episode;
+mod explain;
 mod noise;
 mod pattern;
 mod scores;
@@ -25,13 +26,14 @@ use serde::Serialize;
 pub use bins::Bin;
 pub use correlation::{Correlation, DECIMATION, Independence, Input, LEVEL, Whiteness};
 pub use episode::Episode;
+pub use explain::Pattern;
 pub use noise::{NoiseFloor, NoiseMethod};
 pub use pattern::{FALSE_DISCOVERY, Where};
 pub use scores::Scores;
 pub use series::Series;
 pub use shape::{Shape, Variable};
 
-use series::Runs;
+use series::{Held, Runs};
 use shape::Variables;
 
 /// What a joint's residual says of the model.
@@ -46,7 +48,9 @@ pub struct Criticism {
     /// Share of the mean square error above the noise floor, %.
     pub above_noise_percent: Option<f64>,
     /// Where the model fails: against each variable that the series has.
-    pub patterns: Vec<Where>,
+    pub everywhere: Vec<Where>,
+    /// What is real in it, told apart and in words, strongest first.
+    pub patterns: Vec<Pattern>,
     /// When it fails worst, worst first.
     pub episodes: Vec<Episode>,
     /// Whether what is left is white; none for too short a series.
@@ -56,20 +60,9 @@ pub struct Criticism {
 }
 
 impl Criticism {
-    /// One sentence for each real pattern that is not the echo of a stronger one, the strongest first.
-    pub fn sentences(&self) -> Vec<&str> {
-        let mut told: Vec<&Where> = self
-            .patterns
-            .iter()
-            .filter(|p| p.sentence.is_some())
-            .collect();
-        told.sort_by(|a, b| b.share.total_cmp(&a.share));
-        told.iter().filter_map(|p| p.sentence.as_deref()).collect()
-    }
-
     /// Whether tests find that something other than noise is left.
     pub fn structure_remains(&self) -> bool {
-        self.patterns.iter().any(|p| p.significant)
+        !self.patterns.is_empty()
             || self.whiteness.as_ref().is_some_and(|w| !w.white)
             || self.independence.iter().any(|i| !i.independent)
     }
@@ -80,29 +73,39 @@ impl Criticism {
 /// # Panics
 /// If the slices of a series differ in length.
 pub fn criticise(joints: &[Series]) -> Vec<Criticism> {
-    let prepared: Vec<(Runs, Variables)> = joints
+    let thinned: Vec<Held> = joints.iter().map(Held::thinned).collect();
+    let prepared = joints.iter().zip(&thinned).map(|(series, held)| {
+        series.check();
+        let series = held.series(series.joint);
+        let runs = Runs::of(series.t);
+        let variables = Variables::of(&series, &runs);
+        (series, runs, variables)
+    });
+    let prepared: Vec<(Series, Runs, Variables)> = prepared.collect();
+    let mut everywhere: Vec<Vec<Where>> = prepared
         .iter()
-        .map(|series| {
-            series.check();
-            let runs = Runs::of(series.t);
-            let variables = Variables::of(series, &runs);
-            (runs, variables)
+        .map(|(series, runs, variables)| pattern::everywhere(series.residual, runs, variables))
+        .collect();
+    pattern::control(&mut everywhere);
+    let judged = joints.iter().zip(prepared).zip(everywhere);
+    judged
+        .map(|((whole, (series, runs, variables)), mut everywhere)| {
+            let patterns = explain::explain(
+                series.joint,
+                series.residual,
+                &runs,
+                &variables,
+                &mut everywhere,
+            );
+            judge(whole, everywhere, patterns)
         })
-        .collect();
-    let mut criticisms: Vec<Criticism> = (joints.iter().zip(&prepared))
-        .map(|(series, (runs, variables))| judge(series, runs, variables))
-        .collect();
-    let mut patterns: Vec<_> = criticisms.iter_mut().map(|c| &mut c.patterns).collect();
-    pattern::control(&mut patterns);
-    for ((series, (runs, variables)), patterns) in joints.iter().zip(&prepared).zip(patterns) {
-        pattern::explain(patterns, series, runs, variables);
-    }
-    criticisms
+        .collect()
 }
 
-fn judge(series: &Series, runs: &Runs, variables: &Variables) -> Criticism {
+fn judge(series: &Series, everywhere: Vec<Where>, patterns: Vec<Pattern>) -> Criticism {
+    let runs = Runs::of(series.t);
     let scores = Scores::of(series);
-    let noise = noise::floor(series, runs);
+    let noise = noise::floor(series, &runs);
     let above = |noise: NoiseFloor| {
         let share = (noise.rms / scores.rms.max(f64::MIN_POSITIVE)).powi(2);
         100.0 * (1.0 - share).max(0.0)
@@ -112,10 +115,11 @@ fn judge(series: &Series, runs: &Runs, variables: &Variables) -> Criticism {
         scores,
         noise,
         above_noise_percent: noise.map(above),
-        patterns: pattern::patterns(series, runs, variables),
+        everywhere,
+        patterns,
         episodes: episode::worst(series),
-        whiteness: correlation::whiteness(series, runs),
-        independence: correlation::independence(series, runs),
+        whiteness: correlation::whiteness(series, &runs),
+        independence: correlation::independence(series, &runs),
     }
 }
 
@@ -135,8 +139,8 @@ impl fmt::Display for Criticism {
             write!(f, "; {noise}; {above:.0} % of the square error is above it")?;
         }
         writeln!(f)?;
-        for sentence in self.sentences() {
-            writeln!(f, "  {sentence}")?;
+        for pattern in &self.patterns {
+            writeln!(f, "  {}", pattern.sentence)?;
         }
         for episode in &self.episodes {
             writeln!(f, "  {episode}")?;

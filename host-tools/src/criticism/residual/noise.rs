@@ -7,11 +7,14 @@
 //!
 //!     E d(t) d(t) = 6 γ0 − 8 γ1,   lag 1: −4 γ0 + 7 γ1,   lag 2: γ0 − 4 γ1,   lag 3: γ1,
 //!
-//! from which γ0 and γ1 follow by least squares. Structure that changes within three windows counts as noise here: the
-//! value is then too large, never too small.
+//! and what a smooth structure leaves in d is alike at lags this short: a constant s. From the four sample autocovariances γ0,
+//! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
+//! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
+//! standard error is 4 % of the floor. Structure that changes within a few windows counts as noise here.
 
 use std::fmt;
 
+use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
 use super::series::{Runs, Series, centred, square};
@@ -147,37 +150,63 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     })
 }
 
-/// γ0 and γ1 of an MA(1) process from the autocovariances of its second difference: least squares over lags 0 to 3, with
-/// |γ1| ≤ γ0/2 as every MA(1) process has it.
+/// Lags of the second difference's autocovariance that are used.
+const DIFFERENCE_LAGS: usize = 4;
+
+/// Autocovariance of the second difference of white noise of variance 1.
+const OF_WHITE: [f64; 3] = [6.0, -4.0, 1.0];
+
+/// γ0 and γ1 of an MA(1) process from the autocovariances of its second difference, with |γ1| ≤ γ0/2 as every MA(1)
+/// process has it.
 fn moving_average(sums: &Sums) -> [f64; 2] {
-    const ROWS: [[f64; 2]; 4] = [[6.0, -8.0], [-4.0, 7.0], [1.0, -4.0], [0.0, 1.0]];
-    let [mut aa, mut ab, mut bb, mut ac, mut bc] = [0.0; 5];
-    for (lag, [a, b]) in ROWS.into_iter().enumerate() {
-        let c = sums.mean(lag);
-        aa += a * a;
-        ab += a * b;
-        bb += b * b;
-        ac += a * c;
-        bc += b * c;
-    }
-    let determinant = aa * bb - ab * ab;
-    let (g0, g1) = (
-        (ac * bb - bc * ab) / determinant,
-        (aa * bc - ab * ac) / determinant,
-    );
+    let y = SVector::<f64, DIFFERENCE_LAGS>::from_fn(|lag, _| sums.mean(lag));
+    // Columns γ0, γ1, s.
+    let columns = SMatrix::<f64, DIFFERENCE_LAGS, 3>::from_row_slice(&[
+        6.0, -8.0, 1.0, //
+        -4.0, 7.0, 1.0, //
+        1.0, -4.0, 1.0, //
+        0.0, 1.0, 1.0,
+    ]);
+    let [g0, g1, _]: [f64; 3] = weighted(columns, y).into();
     if g1.abs() <= 0.5 * g0 {
         return [g0, g1];
     }
-    // On the bound γ1 = ±γ0/2 one unknown is left.
+    // On the bound γ1 = ±γ0/2 two unknowns are left.
     let side = 0.5f64.copysign(g1);
-    let (mut cc, mut cy) = (0.0, 0.0);
-    for (lag, [a, b]) in ROWS.into_iter().enumerate() {
-        let c = a + side * b;
-        cc += c * c;
-        cy += c * sums.mean(lag);
-    }
-    let g0 = (cy / cc).max(0.0);
+    let bound = columns.fixed_columns::<2>(0) * SVector::from([1.0, side]);
+    let columns =
+        SMatrix::<f64, DIFFERENCE_LAGS, 2>::from_columns(&[bound, columns.column(2).into()]);
+    let [g0, _]: [f64; 2] = weighted(columns, y).into();
+    let g0 = f64::max(g0, 0.0);
     [g0, side * g0]
+}
+
+/// Least squares weighted by the covariance of sample autocovariances in white noise.
+fn weighted<const N: usize>(
+    columns: SMatrix<f64, DIFFERENCE_LAGS, N>,
+    y: SVector<f64, DIFFERENCE_LAGS>,
+) -> SVector<f64, N> {
+    let at = |lag: i32| {
+        OF_WHITE
+            .get(lag.unsigned_abs() as usize)
+            .copied()
+            .unwrap_or(0.0)
+    };
+    let covariance = SMatrix::<f64, DIFFERENCE_LAGS, DIFFERENCE_LAGS>::from_fn(|i, j| {
+        let (i, j) = (i as i32, j as i32);
+        let term = |m: i32| at(m) * at(m + j - i) + at(m + j) * at(m - i);
+        (-8..=8).map(term).sum()
+    });
+    let root = covariance
+        .cholesky()
+        .expect("a covariance of full rank")
+        .l();
+    let solve = "a triangle of full rank";
+    let x = root.solve_lower_triangular(&columns).expect(solve);
+    let y = root.solve_lower_triangular(&y).expect(solve);
+    let qr = x.transpose() * x;
+    qr.cholesky()
+        .map_or(SVector::zeros(), |qr| qr.solve(&(x.transpose() * y)))
 }
 
 /// What differs from one period to the next, over √2.

@@ -1,17 +1,15 @@
-//! Which patterns of the residual are real, and what they look like.
+//! Which patterns of the residual are real.
 //!
 //! For each variable the residual is fitted by each named [`Shape`] and by each bin on its own, with errors that survive
 //! autocorrelation; a variable's probability is the least of them times their number (Bonferroni). Over all variables and joints
-//! the false discovery rate is held at 1 % (Benjamini and Hochberg 1995). A real pattern that is gone once stronger ones are
-//! taken out only echoes them: variables of a moving joint go together.
+//! the false discovery rate is held at 1 % (Benjamini and Hochberg 1995).
 
 use serde::Serialize;
 
 use super::bins::{Bin, Binned, bin};
 use super::cluster::{self, Fit};
-use super::series::{Runs, Series, square};
+use super::series::{Runs, square};
 use super::shape::{Shape, Variable, Variables};
-use super::words;
 
 /// Expected share of patterns told that are not real.
 pub const FALSE_DISCOVERY: f64 = 0.01;
@@ -29,75 +27,73 @@ pub struct Where {
     pub significant: bool,
     /// The named shape that fits best; none if none fits, or if bins show much that it does not.
     pub shape: Option<Shape>,
-    /// Size of the best shape, N m per unit of it, and its standard error.
+    /// Size of that shape, N m per unit of it, and its standard error.
     pub size: Option<[f64; 2]>,
     /// Share of the residual's variance that the pattern explains.
     pub share: f64,
     /// Other named shapes in this variable that fit almost as well.
     pub alternatives: Vec<Shape>,
-    /// The stronger pattern that this one goes away with.
+    /// The variable of the told pattern that explains this one: variables of a moving joint go together.
     pub echo_of: Option<Variable>,
-    /// What the pattern looks like, in words; none unless it is real and no echo.
-    pub sentence: Option<String>,
 }
 
 /// A shape's share must be this much of the bins' own to describe the pattern.
 const DESCRIBES: f64 = 0.5;
 
 /// A shape with this share of the best one's fits almost as well.
-const ALMOST: f64 = 0.9;
+pub(super) const ALMOST: f64 = 0.9;
 
-/// All patterns of a joint, before the false discovery rate is controlled.
-pub(super) fn patterns(series: &Series, runs: &Runs, variables: &Variables) -> Vec<Where> {
-    let mut all = vec![constant(series, runs)];
-    let of = |&variable: &Variable| against(variable, series.residual, runs, variables);
-    all.extend(variables.known().iter().map(of));
-    all
+/// The residual against all variables, before the false discovery rate is controlled.
+pub(super) fn everywhere(residual: &[f64], runs: &Runs, variables: &Variables) -> Vec<Where> {
+    let known = variables.known().into_iter();
+    known
+        .map(|variable| against(variable, residual, runs, variables))
+        .collect()
 }
 
-fn constant(series: &Series, runs: &Runs) -> Where {
-    let fit = cluster::mean(series.residual, runs);
-    Where {
-        variable: Variable::Constant,
-        bins: Vec::new(),
-        p: fit.map_or(1.0, |fit| fit.p),
-        significant: false,
-        shape: Some(Shape::Offset),
-        size: fit.map(|fit| [fit.slope, fit.std]),
-        share: fit.map_or(0.0, |fit| fit.share),
-        alternatives: Vec::new(),
-        echo_of: None,
-        sentence: None,
+/// The residual against one variable.
+pub(super) fn against(
+    variable: Variable,
+    residual: &[f64],
+    runs: &Runs,
+    variables: &Variables,
+) -> Where {
+    if variable == Variable::Constant {
+        let fit = cluster::mean(residual, runs).map(|fit| (Shape::Offset, fit));
+        let p = fit.map_or(1.0, |(_, fit)| fit.p);
+        return judged(variable, Vec::new(), p, &Vec::from_iter(fit), 0.0);
     }
-}
-
-fn against(variable: Variable, residual: &[f64], runs: &Runs, variables: &Variables) -> Where {
-    let values = variables.values(variable);
-    let binned = bin(&values, residual, runs);
-    let shapes = variables.shapes(variable);
-    let mut fits: Vec<(Shape, Fit)> = shapes
-        .iter()
-        .filter_map(|&shape| {
-            Some((
-                shape,
-                cluster::fit(&variables.pattern(shape), residual, runs)?,
-            ))
-        })
-        .collect();
+    let binned = bin(&variables.values(variable), residual, runs);
+    let (mut fits, tests) = variables.fits(variable, residual, runs);
     let alone = each_bin(&binned, residual, runs);
-    let tests = (fits.len() + alone.len()) as f64;
+    let tests = (tests + alone.len()) as f64;
     let least = fits
         .iter()
         .map(|(_, fit)| fit.p)
         .chain(alone)
-        .fold(1.0, f64::min);
+        .fold(f64::NAN, f64::min);
+    let p = if least.is_nan() {
+        1.0
+    } else {
+        (least * tests).min(1.0)
+    };
     fits.retain(|(_, fit)| fit.p * tests < FALSE_DISCOVERY);
     fits.sort_by(|(_, a), (_, b)| b.share.total_cmp(&a.share));
     let in_bins = share_of_bins(&binned, residual);
+    judged(variable, binned.bins, p, &fits, in_bins)
+}
+
+/// The best of `fits`, the largest first, if it describes what the bins show.
+fn judged(
+    variable: Variable,
+    bins: Vec<Bin>,
+    p: f64,
+    fits: &[(Shape, Fit)],
+    in_bins: f64,
+) -> Where {
     let best = fits
         .first()
-        .filter(|(_, fit)| fit.share >= DESCRIBES * in_bins)
-        .copied();
+        .filter(|(_, fit)| fit.share >= DESCRIBES * in_bins);
     let almost = |share: f64| best.is_some_and(|(_, best)| share >= ALMOST * best.share);
     let others = fits
         .iter()
@@ -105,20 +101,19 @@ fn against(variable: Variable, residual: &[f64], runs: &Runs, variables: &Variab
         .filter(|(shape, fit)| almost(fit.share) && !shape.is_periodic());
     Where {
         variable,
-        p: (least * tests).min(1.0),
+        bins,
+        p,
         significant: false,
-        shape: best.map(|(shape, _)| shape),
+        shape: best.map(|(shape, _)| *shape),
         size: best.map(|(_, fit)| [fit.slope, fit.std]),
         share: best.map_or(in_bins, |(_, fit)| fit.share),
         alternatives: others.map(|(shape, _)| *shape).collect(),
         echo_of: None,
-        sentence: None,
-        bins: binned.bins,
     }
 }
 
 impl Shape {
-    fn is_periodic(self) -> bool {
+    pub(super) fn is_periodic(self) -> bool {
         matches!(self, Self::Periodic { .. })
     }
 }
@@ -166,7 +161,7 @@ fn share_of_bins(binned: &Binned, residual: &[f64]) -> f64 {
 }
 
 /// Marks what is real over all joints (Benjamini and Hochberg).
-pub(super) fn control(joints: &mut [&mut Vec<Where>]) {
+pub(super) fn control(joints: &mut [Vec<Where>]) {
     let mut ps: Vec<f64> = joints.iter().flat_map(|w| w.iter().map(|w| w.p)).collect();
     ps.sort_by(f64::total_cmp);
     let count = ps.len() as f64;
@@ -176,74 +171,5 @@ pub(super) fn control(joints: &mut [&mut Vec<Where>]) {
     let threshold = ps.iter().enumerate().filter_map(passes).next_back();
     for pattern in joints.iter_mut().flat_map(|patterns| patterns.iter_mut()) {
         pattern.significant = threshold.is_some_and(|threshold| pattern.p <= threshold);
-    }
-}
-
-/// Sorts out echoes among a joint's real patterns, and puts the others into words, strongest first.
-pub(super) fn explain(patterns: &mut [Where], series: &Series, runs: &Runs, variables: &Variables) {
-    let mut left = series.residual.to_vec();
-    let mut order: Vec<usize> = (0..patterns.len())
-        .filter(|&i| patterns[i].significant)
-        .collect();
-    order.sort_by(|&a, &b| patterns[b].share.total_cmp(&patterns[a].share));
-    let mut told: Vec<Variable> = Vec::new();
-    for i in order {
-        let pattern = &mut patterns[i];
-        let variable = pattern.variable;
-        if let Some(&strongest) = told.first() {
-            let rest = again(variable, &left, runs, variables);
-            // As many tests as there are variables.
-            if rest.p * variables.known().len() as f64 > FALSE_DISCOVERY {
-                pattern.echo_of = Some(strongest);
-                continue;
-            }
-            // What it looks like, and how large it is, with the stronger ones gone.
-            (pattern.shape, pattern.size) = (rest.shape, rest.size);
-            (pattern.alternatives, pattern.share) = (rest.alternatives.clone(), rest.share);
-            remove(&mut left, &rest, variables);
-            pattern.sentence = Some(words::sentence(series.joint, &rest, variables));
-        } else {
-            remove(&mut left, pattern, variables);
-            pattern.sentence = Some(words::sentence(series.joint, pattern, variables));
-        }
-        told.push(variable);
-    }
-}
-
-fn again(variable: Variable, left: &[f64], runs: &Runs, variables: &Variables) -> Where {
-    if variable == Variable::Constant {
-        let offset = cluster::mean(left, runs);
-        return Where {
-            variable,
-            bins: Vec::new(),
-            p: offset.map_or(1.0, |fit| fit.p),
-            significant: true,
-            shape: Some(Shape::Offset),
-            size: offset.map(|fit| [fit.slope, fit.std]),
-            share: offset.map_or(0.0, |fit| fit.share),
-            alternatives: Vec::new(),
-            echo_of: None,
-            sentence: None,
-        };
-    }
-    against(variable, left, runs, variables)
-}
-
-/// Takes a pattern out of the residual: its shape, or its bins' means.
-fn remove(left: &mut [f64], pattern: &Where, variables: &Variables) {
-    let values = variables.values(pattern.variable);
-    match (pattern.shape, pattern.size) {
-        (Some(shape), Some([size, _])) => {
-            let pattern = variables.pattern(shape);
-            for (e, x) in left.iter_mut().zip(pattern) {
-                *e -= if x.is_finite() { size * x } else { 0.0 };
-            }
-        }
-        _ => {
-            for (e, x) in left.iter_mut().zip(values) {
-                let bin = pattern.bins.iter().find(|bin| x <= bin.to);
-                *e -= bin.filter(|_| x.is_finite()).map_or(0.0, |bin| bin.mean);
-            }
-        }
     }
 }

@@ -65,6 +65,52 @@ impl Series<'_> {
     }
 }
 
+/// A joint's windows, held.
+#[derive(Debug)]
+pub(super) struct Held {
+    columns: [Vec<f64>; 5],
+    temperature: Option<Vec<f64>>,
+    contact: Option<Vec<f64>>,
+}
+
+/// Windows among which patterns are looked for at most, and how many side by side are kept of a longer series.
+const MOST: usize = 20_000;
+const SEGMENT: usize = 500;
+
+impl Held {
+    /// All windows of a short series; of a long one, segments spread evenly over it, so that cost does not grow.
+    pub(super) fn thinned(series: &Series) -> Self {
+        let stride = series.t.len().div_ceil(MOST).max(1);
+        let keep = |values: &[f64]| -> Vec<f64> {
+            values
+                .chunks(SEGMENT)
+                .step_by(stride)
+                .flatten()
+                .copied()
+                .collect()
+        };
+        Self {
+            columns: [series.t, series.q, series.dq, series.tau, series.residual].map(keep),
+            temperature: series.temperature.map(keep),
+            contact: series.contact.map(keep),
+        }
+    }
+
+    pub(super) fn series<'a>(&'a self, joint: &'a str) -> Series<'a> {
+        let [t, q, dq, tau, residual] = &self.columns;
+        Series {
+            joint,
+            t,
+            q,
+            dq,
+            tau,
+            residual,
+            temperature: self.temperature.as_deref(),
+            contact: self.contact.as_deref(),
+        }
+    }
+}
+
 /// Stretches without a gap.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Runs(pub(super) Vec<Range<usize>>);

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::series::{Runs, Series};
+use super::cluster::{Fit, fit};
+use super::series::{Runs, Series, centred, square};
 
 /// What the residual is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -75,6 +76,9 @@ const UNSURE: f64 = 0.03;
 /// Periods over the range of positions that are looked for.
 const PERIODS: std::ops::RangeInclusive<usize> = 2..=16;
 
+/// Ranges of position below this, rad, hold no period.
+const LEAST_RANGE: f64 = 0.01;
+
 /// A joint's variables, worked out once.
 #[derive(Debug)]
 pub(super) struct Variables<'a> {
@@ -100,9 +104,10 @@ impl<'a> Variables<'a> {
         }
     }
 
-    /// The variables that the series has, the mean apart.
+    /// The variables that the series has.
     pub(super) fn known(&self) -> Vec<Variable> {
         let mut known = vec![
+            Variable::Constant,
             Variable::Velocity,
             Variable::Speed,
             Variable::Acceleration,
@@ -131,32 +136,51 @@ impl<'a> Variables<'a> {
         }
     }
 
-    /// The named patterns in a variable.
-    pub(super) fn shapes(&self, variable: Variable) -> Vec<Shape> {
-        match variable {
+    /// The fit of each named pattern in a variable, and how many were tried.
+    pub(super) fn fits(
+        &self,
+        variable: Variable,
+        residual: &[f64],
+        runs: &Runs,
+    ) -> (Vec<(Shape, Fit)>, usize) {
+        let mut shapes = match variable {
             Variable::Constant => vec![Shape::Offset],
             Variable::Velocity => vec![Shape::Step, Shape::Viscous, Shape::Drag],
             Variable::Speed => vec![Shape::Even],
             Variable::Acceleration => vec![Shape::Inertial],
-            Variable::Position => self.position_shapes(),
+            Variable::Position => vec![Shape::Spring],
             Variable::Load => vec![Shape::Gain, Shape::Load, Shape::LoadFriction],
             Variable::Temperature => vec![Shape::Warmth, Shape::WarmFriction],
             Variable::Time => vec![Shape::Drift],
             Variable::Contact => vec![Shape::Contact],
+        };
+        let mut tried = shapes.len();
+        if variable == Variable::Position && self.range > LEAST_RANGE {
+            tried += 2 * PERIODS.count();
+            shapes.extend(self.best_period(residual));
         }
+        let fit = |&shape: &Shape| Some((shape, fit(&self.pattern(shape), residual, runs)?));
+        (shapes.iter().filter_map(fit).collect(), tried)
     }
 
-    fn position_shapes(&self) -> Vec<Shape> {
-        let periodic = PERIODS.flat_map(|periods| {
+    /// The wave in position that explains most; only this one is worth an error.
+    fn best_period(&self, residual: &[f64]) -> Option<Shape> {
+        let e = centred(residual);
+        let waves = PERIODS.flat_map(|periods| {
             [false, true].map(|quadrature| Shape::Periodic {
                 per_radian: periods as f64 / self.range,
                 quadrature,
             })
         });
-        let moves = self.range > 0.01;
-        let mut shapes = vec![Shape::Spring];
-        shapes.extend(periodic.filter(|_| moves));
-        shapes
+        let explained = |shape: &Shape| {
+            let x = centred(&self.pattern(*shape));
+            let product: f64 = x.iter().zip(&e).map(|(x, e)| x * e).sum();
+            product * product / square(&x).max(f64::MIN_POSITIVE)
+        };
+        let waves = waves.map(|shape| (explained(&shape), shape));
+        waves
+            .max_by(|(a, _), (b, _)| a.total_cmp(b))
+            .map(|(_, shape)| shape)
     }
 
     /// A pattern of size 1, one value per window.

@@ -112,85 +112,341 @@ const COLOURED: Noise = Noise {
     memory: 0.6,
 };
 
-/// Share of seeds for which something holds.
-fn rate(seeds: u64, noise: Noise, holds: impl Fn(&Joint, &Runs) -> bool) -> f64 {
-    let holds = |&seed: &u64| {
+const EDGE: Noise = Noise { edge: 1.0, ..WHITE };
+const HALF: Noise = Noise { edge: 0.5, ..WHITE };
+const SEEDS: u64 = 400;
+
+fn joints(seeds: u64, noise: Noise) -> impl Iterator<Item = (Joint, Runs)> {
+    (0..seeds).map(move |seed| {
         let joint = Joint::new(1000, seed, noise);
-        holds(&joint, &Runs::of(&joint.t))
-    };
-    (0..seeds).filter(holds).count() as f64 / seeds as f64
+        let runs = Runs::of(&joint.t);
+        (joint, runs)
+    })
+}
+
+/// At a level of 1 %, 400 trials give more than 3 % alarms once in ten thousand times.
+const ALARMS: std::ops::Range<f64> = 0.0..0.03;
+
+#[test]
+fn white_noise_and_noise_of_window_edges_pass_as_white() {
+    for noise in [WHITE, EDGE, HALF] {
+        let tests = joints(SEEDS, noise)
+            .map(|(joint, runs)| correlation::whiteness(&joint.series(), &runs).unwrap());
+        let tests: Vec<Whiteness> = tests.collect();
+        let alarms = tests.iter().filter(|w| !w.white).count() as f64 / SEEDS as f64;
+        assert!(ALARMS.contains(&alarms), "{noise:?}: {alarms}");
+        let outside = tests
+            .iter()
+            .flat_map(|w| &w.autocorrelation)
+            .map(|c| c.value.abs() > c.band);
+        let outside: Vec<bool> = outside.collect();
+        let share = outside.iter().filter(|o| **o).count() as f64 / outside.len() as f64;
+        assert!(
+            (0.005..0.02).contains(&share),
+            "{noise:?}: {share} of lags outside their bands"
+        );
+    }
 }
 
 #[test]
-fn print_rates() {
-    let noises = [
-        ("white", WHITE),
-        ("edge", Noise { edge: 1.0, ..WHITE }),
-        ("half", Noise { edge: 0.5, ..WHITE }),
-        ("coloured", COLOURED),
-        (
-            "red",
-            Noise {
-                memory: 0.8,
-                ..WHITE
-            },
-        ),
-    ];
-    for (name, noise) in noises {
-        let seeds = 1000;
-        let w = rate(seeds, noise, |j, r| {
-            !correlation::whiteness(&j.series(), r).unwrap().white
-        });
-        let mut out = [0.0; 4];
-        let mut ins = [0.0; 4];
-        let mut pats = std::collections::BTreeMap::<String, f64>::new();
-        let mut any = 0.0;
-        for seed in 0..seeds {
-            let joint = Joint::new(1000, seed, noise);
-            let runs = Runs::of(&joint.t);
-            for (i, ind) in correlation::independence(&joint.series(), &runs)
-                .iter()
-                .enumerate()
-            {
-                out[i] += f64::from(!ind.independent);
-                ins[i] += ind
-                    .correlation
-                    .iter()
-                    .filter(|c| c.value.abs() > c.band)
-                    .count() as f64
-                    / 21.0;
-            }
-            if seed < 300 {
-                let c = joint.criticise();
-                any += f64::from(c.patterns.iter().any(|p| p.significant));
-                for p in &c.patterns {
-                    *pats.entry(format!("{:?}", p.variable)).or_default() +=
-                        f64::from(p.p < 0.05) / 300.0;
-                }
-            }
-        }
-        let n = seeds as f64;
-        println!(
-            "{name}: whiteness alarms {w:.4}; independence {:?} bands {:?}",
-            out.map(|o| o / n),
-            ins.map(|o| o / n)
+fn noise_with_memory_is_not_white() {
+    let noise = Noise {
+        memory: 0.8,
+        ..WHITE
+    };
+    for (joint, runs) in joints(100, noise) {
+        assert!(
+            !correlation::whiteness(&joint.series(), &runs)
+                .unwrap()
+                .white
         );
-        println!("   any significant {:.4} p<0.05 {pats:?}", any / 300.0);
     }
-    for (name, noise) in noises {
-        let floors: Vec<NoiseFloor> = (0..500)
+}
+
+/// Whatever the memory of the noise: a chirp moves slowly at first, so that a band for white residuals would be far too narrow.
+#[test]
+fn noise_is_independent_of_the_motion() {
+    for noise in [WHITE, EDGE, COLOURED] {
+        let tests = joints(SEEDS, noise)
+            .map(|(joint, runs)| correlation::independence(&joint.series(), &runs));
+        let tests: Vec<Vec<Independence>> = tests.collect();
+        for input in 0..4 {
+            let of_input = || tests.iter().map(|t| &t[input]);
+            let alarms = of_input().filter(|i| !i.independent).count() as f64 / SEEDS as f64;
+            assert!(
+                ALARMS.contains(&alarms),
+                "{noise:?} {:?}: {alarms}",
+                tests[0][input].input
+            );
+            let values = || of_input().flat_map(|i| &i.correlation);
+            let outside = values().filter(|c| c.value.abs() > c.band).count() as f64;
+            let share = outside / values().count() as f64;
+            assert!(
+                (0.004..0.025).contains(&share),
+                "{noise:?} {:?}: {share} outside",
+                tests[0][input].input
+            );
+        }
+    }
+}
+
+/// Nine variables on each of twelve joints: at a false discovery rate of 1 % one robot in a hundred shows a false pattern.
+#[test]
+fn no_pattern_is_found_in_noise() {
+    for noise in [WHITE, HALF, COLOURED] {
+        let mut false_alarms = 0;
+        for robot in 0..15 {
+            let joints: Vec<Joint> = (0..12)
+                .map(|joint| Joint::new(1000, 100 * robot + joint, noise))
+                .collect();
+            let series: Vec<Series> = joints.iter().map(Joint::series).collect();
+            let found = criticise(&series);
+            false_alarms += usize::from(found.iter().any(|c| !c.patterns.is_empty()));
+        }
+        assert!(false_alarms <= 1, "{noise:?}: {false_alarms} of 15 robots");
+    }
+}
+
+/// The floor is right on average and within its error, whether the noise is white, of window edges, or under slow structure.
+#[test]
+fn the_noise_floor_is_found_to_five_per_cent() {
+    let slow = |joint: &Joint, k: usize| 0.5 * (6.0 * joint.t[k]).sin() + 0.05 * joint.t[k];
+    let cases: [(&str, Noise, bool); 4] = [
+        ("white", WHITE, false),
+        ("half", HALF, false),
+        ("edge", EDGE, false),
+        ("slow", WHITE, true),
+    ];
+    for (name, noise, structured) in cases {
+        let floors: Vec<NoiseFloor> = (0..200)
             .map(|seed| {
-                let j = Joint::new(1000, seed, noise);
-                noise::floor(&j.series(), &Runs::of(&j.t)).unwrap()
+                let joint = Joint::new(1000, seed, noise);
+                let joint = if structured { joint.with(slow) } else { joint };
+                noise::floor(&joint.series(), &Runs::of(&joint.t)).unwrap()
             })
             .collect();
-        let mean = floors.iter().map(|f| f.rms).sum::<f64>() / 500.0;
-        let std = (floors.iter().map(|f| (f.rms - mean).powi(2)).sum::<f64>() / 500.0).sqrt();
-        let said = floors.iter().map(|f| f.rms_std).sum::<f64>() / 500.0;
+        let per = 1.0 / floors.len() as f64;
+        let mean = floors.iter().map(|f| f.rms).sum::<f64>() * per / noise.std - 1.0;
+        let error = floors
+            .iter()
+            .map(|f| (f.rms / noise.std - 1.0).powi(2))
+            .sum::<f64>()
+            * per;
+        let said = floors.iter().map(|f| f.rms_std).sum::<f64>() * per / noise.std;
         println!(
-            "{name}: floor {mean:.4} ± {std:.4} said {said:.4} g1 {} {:?}",
-            noise.neighbours(),
-            floors[0].method
+            "{name}: mean {mean:+.4}, error {:.4}, said {said:.4}",
+            error.sqrt()
         );
+        assert!(mean.abs() < 0.02, "{name}: {mean}");
+        assert!(error.sqrt() < 0.05, "{name}: {}", error.sqrt());
+        assert!(
+            (0.7..1.4).contains(&(said / error.sqrt())),
+            "{name}: {said} for {}",
+            error.sqrt()
+        );
+        let neighbours = floors.iter().map(|f| match f.method {
+            NoiseMethod::HighFrequency { neighbours } => neighbours,
+            NoiseMethod::RepeatedPeriods { .. } => panic!("a chirp has no period"),
+        });
+        let neighbours = neighbours.sum::<f64>() * per;
+        assert!(
+            (neighbours - noise.neighbours()).abs() < 0.1,
+            "{name}: {neighbours}"
+        );
+    }
+}
+
+/// Structure faster than windows can tell from noise, but the same in each period.
+#[test]
+fn a_periodic_motion_tells_noise_from_fast_structure() {
+    for seed in 0..20 {
+        let mut joint = Joint::new(1000, seed, HALF);
+        let wave = |t: f64| (std::f64::consts::TAU * t / 1.4).sin();
+        joint.q = joint.t.iter().map(|&t| 0.3 * wave(t)).collect();
+        let joint =
+            joint.with(|joint, k| 0.4 * wave(joint.t[k]).signum() + 0.2 * wave(13.0 * joint.t[k]));
+        let floor = noise::floor(&joint.series(), &Runs::of(&joint.t)).unwrap();
+        let NoiseMethod::RepeatedPeriods { period } = floor.method else {
+            panic!("{floor:?}");
+        };
+        assert!(
+            (period / 1.4).fract().min(1.0 - (period / 1.4).fract()) < 0.01,
+            "{floor:?}"
+        );
+        assert!(
+            (floor.rms / HALF.std - 1.0).abs() < 4.0 * floor.rms_std / HALF.std,
+            "{floor:?}"
+        );
+    }
+}
+
+/// What goes wrong in each case, and the variable and shape that tell it.
+type Case = (&'static str, fn(&Joint, usize) -> f64, Variable, Shape, f64);
+
+const CASES: [Case; 9] = [
+    ("offset", |_, _| 0.1, Variable::Constant, Shape::Offset, 0.1),
+    (
+        "friction",
+        |j, k| 0.2 * j.dq[k].signum(),
+        Variable::Velocity,
+        Shape::Step,
+        0.2,
+    ),
+    (
+        "viscous",
+        |j, k| 0.1 * j.dq[k],
+        Variable::Velocity,
+        Shape::Viscous,
+        0.1,
+    ),
+    (
+        "even",
+        |j, k| 0.1 * j.dq[k].abs(),
+        Variable::Speed,
+        Shape::Even,
+        0.1,
+    ),
+    (
+        "spring",
+        |j, k| 0.5 * j.q[k],
+        Variable::Position,
+        Shape::Spring,
+        0.5,
+    ),
+    (
+        "drift",
+        |j, k| 0.02 * j.t[k],
+        Variable::Time,
+        Shape::Drift,
+        0.02,
+    ),
+    (
+        "load friction",
+        |j, k| 0.2 * (j.tau[k] - j.residual[k]).abs() * j.dq[k].signum(),
+        Variable::Load,
+        Shape::LoadFriction,
+        0.2,
+    ),
+    (
+        "warmth",
+        |j, k| 0.03 * (j.temperature[k] - 37.5),
+        Variable::Temperature,
+        Shape::Warmth,
+        0.03,
+    ),
+    (
+        "too much friction",
+        |j, k| -0.2 * j.dq[k].signum(),
+        Variable::Velocity,
+        Shape::Step,
+        -0.2,
+    ),
+];
+
+#[test]
+fn each_pattern_is_recognised() {
+    for (name, error, variable, shape, size) in CASES {
+        for noise in [HALF, COLOURED] {
+            let criticism = Joint::new(1000, 3, noise).with(error).criticise();
+            let strongest = criticism.patterns.first();
+            let Some(found) = strongest else {
+                panic!("{name}: nothing found\n{criticism}");
+            };
+            println!("{name}\n{criticism}");
+            assert_eq!(
+                (found.variable, found.shape),
+                (variable, Some(shape)),
+                "{name}\n{criticism}"
+            );
+            let [value, std] = found.size.unwrap();
+            assert!(
+                (value - size).abs() < 5.0 * std + 0.05 * size.abs(),
+                "{name}: {value} ± {std}"
+            );
+        }
+    }
+}
+
+#[test]
+fn cogging_is_recognised_with_its_frequency() {
+    let cog = |joint: &Joint, k: usize| 0.2 * (std::f64::consts::TAU * 12.0 * joint.q[k]).sin();
+    // Slow enough for windows not to average it away.
+    let mut joint = Joint::new(2000, 5, WHITE);
+    joint.q = joint.t.iter().map(|t| 0.3 * (1.1 * t).sin()).collect();
+    joint.dq = joint.t.iter().map(|t| 0.33 * (1.1 * t).cos()).collect();
+    let criticism = joint.with(cog).criticise();
+    let found = criticism
+        .patterns
+        .iter()
+        .find(|p| p.variable == Variable::Position)
+        .unwrap();
+    let Some(Shape::Periodic { per_radian, .. }) = found.shape else {
+        panic!("{criticism}");
+    };
+    assert!((per_radian - 12.0).abs() < 1.0, "{criticism}");
+}
+
+/// Both of two errors are told, each with its size.
+#[test]
+fn two_patterns_are_told_apart() {
+    let error = |joint: &Joint, k: usize| 0.3 * joint.dq[k].signum() + 0.03 * joint.t[k];
+    let criticism = Joint::new(1000, 4, HALF).with(error).criticise();
+    let size = |shape: Shape| {
+        let found = criticism.patterns.iter().find(|p| p.shape == Some(shape));
+        found
+            .unwrap_or_else(|| panic!("no {shape:?}\n{criticism}"))
+            .size
+            .unwrap()[0]
+    };
+    assert!((size(Shape::Step) - 0.3).abs() < 0.05, "{criticism}");
+    assert!((size(Shape::Drift) - 0.03).abs() < 0.005, "{criticism}");
+    assert_eq!(criticism.patterns.len(), 2, "{criticism}");
+    assert!(criticism.structure_remains());
+}
+
+/// Gravity goes with position: a spring and a torque scale are told as look-alikes.
+#[test]
+fn look_alikes_are_told() {
+    let criticism = Joint::new(1000, 4, HALF)
+        .with(|joint, k| 0.8 * joint.q[k])
+        .criticise();
+    let found = &criticism.patterns[0];
+    assert_eq!(
+        (found.shape, found.alternatives.as_slice()),
+        (Some(Shape::Spring), &[Shape::Gain][..]),
+        "{criticism}"
+    );
+    let echo = criticism
+        .everywhere
+        .iter()
+        .find(|w| w.variable == Variable::Load)
+        .unwrap();
+    assert_eq!(echo.echo_of, Some(Variable::Position), "{criticism}");
+}
+
+/// Nothing panics and nothing is found where there is nothing: no windows, few windows, a joint at rest, a perfect model.
+#[test]
+fn empty_and_silent_series_are_no_trouble() {
+    for n in [0, 1, 2, 10, 200] {
+        for residual in [0.0, 0.1] {
+            let zero = vec![0.0; n];
+            let t: Vec<f64> = (0..n).map(|k| 0.02 * k as f64).collect();
+            let series = Series {
+                joint: "FR_hip",
+                t: &t,
+                q: &zero,
+                dq: &zero,
+                tau: &zero,
+                residual: &vec![residual; n],
+                temperature: None,
+                contact: Some(&zero),
+            };
+            let found = criticise(&[series]).remove(0);
+            let told = found.patterns.len();
+            assert!(
+                told <= 1 && (residual > 0.0 || told == 0),
+                "{n} {residual}: {found}"
+            );
+        }
     }
 }
