@@ -1,24 +1,33 @@
-//! Where a model is wrong, and which physical effect it lacks.
+//! Where a model is wrong, and which physical effect it lacks (`design.md` §6).
+//!
+//! 1. [`recording`]: logs in memory, limb by limb; [`gate`] says what is wrong with the data before a model is blamed.
+//! 2. `motion`, `column`, `rows`: the momentum equation over windows, with a column for every effect of the catalogue.
+//! 3. `blocks`: one square-root factor per block of time; from here on the data are not needed.
+//! 4. `triangle`, `limb`: the weighted least squares of a limb, its held-out error, and what each effect would add.
+//! 5. `selection`, [`diagnosis`]: forward-backward selection, look-alikes, verdict.
+//! 6. [`residual`], [`comparison`]: where and when a model fails, against baselines.
 
 mod blocks;
 mod column;
-mod diagnosis;
+pub mod comparison;
+pub mod diagnosis;
+pub mod gate;
 mod limb;
 mod motion;
-mod recording;
+pub mod recording;
+pub mod residual;
 mod rigid_body;
 mod rows;
+mod selection;
+mod series;
 mod triangle;
 mod velocity;
 
-pub use diagnosis::{
-    Alternative, CandidateReport, Diagnosis, JointError, ParameterReport, PathStep, Verdict,
-    diagnose,
-};
+pub use comparison::{Comparison, compare};
+pub use diagnosis::{Diagnosis, diagnose};
 pub use recording::Recording;
 
 use crate::log::LogError;
-mod selection;
 
 /// Why a model cannot be criticised.
 #[derive(Debug, thiserror::Error)]

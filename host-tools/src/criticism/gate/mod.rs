@@ -1,0 +1,264 @@
+//! Can this log be trusted? What is wrong with the samples themselves, before any model is blamed.
+//!
+//! [`DataGates`] takes raw samples one by one, as they were recorded, repeats included, and says in the end how they were
+//! sampled ([`SamplingReport`]), what each joint's readings are worth ([`JointReport`]) and, in words, what is wrong and
+//! what to do about it ([`Finding`]). Memory does not grow with the log.
+
+mod blocks;
+mod quantum;
+mod sampling;
+mod saturation;
+mod velocity;
+mod words;
+
+use serde::Serialize;
+
+pub use sampling::SamplingReport;
+pub use saturation::{Plateau, Saturation};
+pub use velocity::{FALSE_ALARM, TOLERATED_GAIN, VelocityGain};
+pub use words::{Finding, Gate};
+
+use quantum::Differences;
+use sampling::{Arrival, Sampling};
+use saturation::Torques;
+use velocity::{AROUND, Parabola, STEP, Trail, VelocityCheck};
+
+/// A joint whose readings are to be judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// What to call it.
+    pub name: String,
+    /// The actuator's effort limit, joint side, N m.
+    pub effort: f64,
+}
+
+/// What a sample holds of a joint; SI, joint side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// Position, rad.
+    pub q: f64,
+    /// Velocity, rad/s.
+    pub dq: f64,
+    /// Torque, N m.
+    pub tau: f64,
+    /// Motor temperature, degrees Celsius.
+    pub temperature: Option<f64>,
+}
+
+/// What a joint's readings are worth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct JointReport {
+    /// Which joint.
+    pub joint: String,
+    /// Share of time in which it moves faster than 0.1 rad/s (rms over 50 ms), %.
+    pub moving_percent: f64,
+    /// Least and greatest position, rad.
+    pub range: [f64; 2],
+    /// Least and greatest motor temperature, degrees Celsius.
+    pub temperature: Option<[f64; 2]>,
+    /// Steps in which position (rad), velocity (rad/s) and torque (N m) are reported; none where there is no step.
+    pub quantum: [Option<f64>; 3],
+    /// Greatest |τ|, N m.
+    pub largest_torque: f64,
+    /// Torque at its limit.
+    pub saturation: Saturation,
+    /// The reported velocity against the reported position; none where the joint hardly moves.
+    pub velocity: Option<VelocityGain>,
+}
+
+/// What is wrong with a log.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GateReport {
+    /// How it was sampled.
+    pub sampling: SamplingReport,
+    /// Each joint's readings.
+    pub joints: Vec<JointReport>,
+    /// What is wrong, in words; empty for good data.
+    pub findings: Vec<Finding>,
+}
+
+/// Judges samples as they come.
+#[derive(Debug, Clone)]
+pub struct DataGates {
+    sampling: Sampling,
+    /// Times of the last samples, s since the first, and how many there are since the last gap.
+    times: [f64; AROUND],
+    held: usize,
+    /// When the next stretch of the velocity check ends, s.
+    next_end: f64,
+    joints: Vec<JointGate>,
+}
+
+#[derive(Debug, Clone)]
+struct JointGate {
+    joint: Joint,
+    last: Option<Reading>,
+    trail: Trail,
+    velocity: VelocityCheck,
+    differences: [Differences; 3],
+    torques: Torques,
+    motion: Motion,
+    range: [f64; 2],
+    largest_torque: f64,
+    temperature: Option<[f64; 2]>,
+}
+
+/// Mean square velocity between the ends of stretches.
+#[derive(Debug, Clone, Copy, Default)]
+struct Motion {
+    square: f64,
+    samples: f64,
+    moving: u64,
+    all: u64,
+}
+
+/// A joint slower than this, rad/s, rests: three times the noise of a Go2's velocity.
+const AT_REST: f64 = 0.1;
+
+impl DataGates {
+    /// For these joints, in the order in which samples name them.
+    pub fn new(joints: impl IntoIterator<Item = Joint>) -> Self {
+        Self {
+            sampling: Sampling::new(),
+            times: [0.0; AROUND],
+            held: 0,
+            next_end: 0.0,
+            joints: joints.into_iter().map(JointGate::new).collect(),
+        }
+    }
+
+    /// Takes a sample: its time, µs since any moment, and the readings of every joint.
+    ///
+    /// # Panics
+    /// If there are not as many readings as joints.
+    pub fn push(&mut self, time_us: u64, readings: &[Reading]) {
+        assert_eq!(readings.len(), self.joints.len(), "one reading per joint");
+        let mut pairs = self.joints.iter().zip(readings);
+        let repeated = pairs.all(|(joint, reading)| joint.repeats(reading));
+        let since = match self.sampling.push(time_us, repeated) {
+            Arrival::Skip => return,
+            Arrival::Anew => {
+                self.held = 0;
+                0.0
+            }
+            Arrival::After(since) => since,
+        };
+        self.times.rotate_left(1);
+        self.times[AROUND - 1] = self.sampling.now();
+        self.held = (self.held + 1).min(AROUND);
+        for (joint, reading) in self.joints.iter_mut().zip(readings) {
+            joint.push(since, reading);
+        }
+        self.end_stretch();
+    }
+
+    /// Ends a stretch of the velocity check when it is time to.
+    fn end_stretch(&mut self) {
+        if self.held == 1 {
+            for joint in &mut self.joints {
+                joint.interrupt();
+            }
+            self.next_end = 0.0;
+        }
+        let middle = self.times[AROUND / 2];
+        if self.held < AROUND || middle < self.next_end {
+            return;
+        }
+        self.next_end = middle + STEP;
+        let Some(parabola) = Parabola::at(&self.times) else {
+            return;
+        };
+        for joint in &mut self.joints {
+            joint.end_stretch(&self.times, &parabola);
+        }
+    }
+
+    /// What there is to say so far.
+    pub fn report(&self) -> GateReport {
+        let sampling = self.sampling.report();
+        let joints: Vec<_> = self.joints.iter().map(JointGate::report).collect();
+        let findings = words::findings(&sampling, &joints);
+        GateReport {
+            sampling,
+            joints,
+            findings,
+        }
+    }
+}
+
+impl JointGate {
+    fn new(joint: Joint) -> Self {
+        Self {
+            torques: Torques::new(joint.effort),
+            joint,
+            last: None,
+            trail: Trail::default(),
+            velocity: VelocityCheck::new(),
+            differences: std::array::from_fn(|_| Differences::new()),
+            motion: Motion::default(),
+            range: [f64::INFINITY, f64::NEG_INFINITY],
+            largest_torque: 0.0,
+            temperature: None,
+        }
+    }
+
+    /// Whether all readings equal the last one's. The temperature changes too rarely to tell.
+    fn repeats(&self, reading: &Reading) -> bool {
+        self.last
+            .is_some_and(|last| (last.q, last.dq, last.tau) == (reading.q, reading.dq, reading.tau))
+    }
+
+    fn push(&mut self, since: f64, reading: &Reading) {
+        self.trail.push(since, reading.q, reading.dq);
+        if let Some(last) = self.last {
+            self.differences[0].push(reading.q - last.q);
+            self.differences[1].push(reading.dq - last.dq);
+            self.differences[2].push(reading.tau - last.tau);
+        }
+        self.last = Some(*reading);
+        self.torques.push(reading.tau, reading.dq);
+        self.motion.square += reading.dq * reading.dq;
+        self.motion.samples += 1.0;
+        widen(&mut self.range, reading.q);
+        self.largest_torque = self.largest_torque.max(reading.tau.abs());
+        if let Some(temperature) = reading.temperature {
+            widen(
+                self.temperature.get_or_insert([temperature; 2]),
+                temperature,
+            );
+        }
+    }
+
+    fn interrupt(&mut self) {
+        self.velocity.interrupt();
+        (self.motion.square, self.motion.samples) = (0.0, 0.0);
+    }
+
+    fn end_stretch(&mut self, times: &[f64; AROUND], parabola: &Parabola) {
+        self.velocity.push(self.trail.middle(times, parabola));
+        let Motion {
+            square, samples, ..
+        } = self.motion;
+        self.motion.all += 1;
+        self.motion.moving += u64::from(square > samples * AT_REST * AT_REST);
+        (self.motion.square, self.motion.samples) = (0.0, 0.0);
+    }
+
+    fn report(&self) -> JointReport {
+        let quantum = [0, 1, 2].map(|channel| self.differences[channel].quantum());
+        JointReport {
+            joint: self.joint.name.clone(),
+            moving_percent: 100.0 * self.motion.moving as f64 / self.motion.all.max(1) as f64,
+            range: self.range,
+            temperature: self.temperature,
+            quantum,
+            largest_torque: self.largest_torque,
+            saturation: self.torques.report(),
+            velocity: self.velocity.result(quantum[0].unwrap_or(0.0)),
+        }
+    }
+}
+
+fn widen(range: &mut [f64; 2], value: f64) {
+    *range = [range[0].min(value), range[1].max(value)];
+}

@@ -1,0 +1,165 @@
+//! What a residual says of the model: where it fails, when, whether anything but noise is left, and how far it is
+//! from the noise.
+//!
+//! All of it works on one joint's mean torque over windows ([`Series`]), and none of it takes neighbouring windows for
+//! independent: on real logs they are not, and tests that believe so find patterns everywhere. [`criticise`] judges all
+//! joints of a model at once, since the number of patterns looked for counts.
+
+mod bins;
+mod cluster;
+mod correlation;
+mod episode;
+mod explain;
+mod noise;
+mod pattern;
+mod scores;
+mod series;
+mod shape;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use std::fmt;
+
+use serde::Serialize;
+
+pub use bins::Bin;
+pub use correlation::{Correlation, DECIMATION, Independence, Input, LEVEL, Whiteness};
+pub use episode::Episode;
+pub use explain::Pattern;
+pub use noise::{NoiseFloor, NoiseMethod};
+pub use pattern::{FALSE_DISCOVERY, Where};
+pub use scores::Scores;
+pub use series::Series;
+pub use shape::{Shape, Variable};
+
+use series::{Held, Runs};
+use shape::Variables;
+
+/// What a joint's residual says of the model.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Criticism {
+    /// Which joint.
+    pub joint: String,
+    /// How well its torque is predicted.
+    pub scores: Scores,
+    /// The error that no model can take away; none for fewer than 100 windows.
+    pub noise: Option<NoiseFloor>,
+    /// Share of the mean square error above the noise floor, %.
+    pub above_noise_percent: Option<f64>,
+    /// Where the model fails: against each variable that the series has.
+    pub everywhere: Vec<Where>,
+    /// What is real in it, told apart and in words, strongest first.
+    pub patterns: Vec<Pattern>,
+    /// When it fails worst, worst first.
+    pub episodes: Vec<Episode>,
+    /// Whether what is left is white; none for too short a series.
+    pub whiteness: Option<Whiteness>,
+    /// Whether what is left is independent of what drives the joint.
+    pub independence: Vec<Independence>,
+}
+
+impl Criticism {
+    /// Whether tests find that something other than noise is left.
+    pub fn structure_remains(&self) -> bool {
+        !self.patterns.is_empty()
+            || self.whiteness.as_ref().is_some_and(|w| !w.white)
+            || self.independence.iter().any(|i| !i.independent)
+    }
+}
+
+/// Judges the residuals of all joints of a model.
+///
+/// # Panics
+/// If the slices of a series differ in length.
+pub fn criticise(joints: &[Series]) -> Vec<Criticism> {
+    let thinned: Vec<Held> = joints.iter().map(Held::thinned).collect();
+    let prepared = joints.iter().zip(&thinned).map(|(series, held)| {
+        series.check();
+        let series = held.series(series.joint);
+        let runs = Runs::of(series.t);
+        let variables = Variables::of(&series, &runs);
+        (series, runs, variables)
+    });
+    let prepared: Vec<(Series, Runs, Variables)> = prepared.collect();
+    let mut everywhere: Vec<Vec<Where>> = prepared
+        .iter()
+        .map(|(series, runs, variables)| pattern::everywhere(series.residual, runs, variables))
+        .collect();
+    pattern::control(&mut everywhere);
+    let judged = joints.iter().zip(prepared).zip(everywhere);
+    judged
+        .map(|((whole, (series, runs, variables)), mut everywhere)| {
+            let patterns = explain::explain(
+                series.joint,
+                series.residual,
+                &runs,
+                &variables,
+                &mut everywhere,
+            );
+            judge(whole, everywhere, patterns)
+        })
+        .collect()
+}
+
+fn judge(series: &Series, everywhere: Vec<Where>, patterns: Vec<Pattern>) -> Criticism {
+    let runs = Runs::of(series.t);
+    let scores = Scores::of(series);
+    let noise = noise::floor(series, &runs);
+    let above = |noise: NoiseFloor| {
+        let share = (noise.rms / scores.rms.max(f64::MIN_POSITIVE)).powi(2);
+        100.0 * (1.0 - share).max(0.0)
+    };
+    Criticism {
+        joint: series.joint.to_owned(),
+        scores,
+        noise,
+        above_noise_percent: noise.map(above),
+        everywhere,
+        patterns,
+        episodes: episode::worst(series),
+        whiteness: correlation::whiteness(series, &runs),
+        independence: correlation::independence(series, &runs),
+    }
+}
+
+/// Scores, noise floor, sentences, worst episodes and tests; the joint's name first.
+impl fmt::Display for Criticism {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Scores { rms, bias, max, .. } = self.scores;
+        write!(
+            f,
+            "{}: rms {rms:.4} N m, bias {bias:+.4}, max {max:.3}",
+            self.joint
+        )?;
+        if let Some(fit) = self.scores.fit_percent {
+            write!(f, ", fit {fit:.1} %")?;
+        }
+        if let (Some(noise), Some(above)) = (self.noise, self.above_noise_percent) {
+            write!(f, "; {noise}; {above:.0} % of the square error is above it")?;
+        }
+        writeln!(f)?;
+        for pattern in &self.patterns {
+            writeln!(f, "  {}", pattern.sentence)?;
+        }
+        for episode in &self.episodes {
+            writeln!(f, "  {episode}")?;
+        }
+        let dependent: Vec<String> = self
+            .independence
+            .iter()
+            .filter(|i| !i.independent)
+            .map(|i| format!("{:?}", i.input).to_lowercase())
+            .collect();
+        match &self.whiteness {
+            Some(whiteness) if whiteness.white => write!(f, "  What is left is white")?,
+            Some(_) => write!(f, "  What is left is not white")?,
+            None => write!(f, "  Too short to tell whether what is left is white")?,
+        }
+        if dependent.is_empty() {
+            writeln!(f, ", and independent of the motion.")
+        } else {
+            writeln!(f, ", and depends on {}.", dependent.join(", "))
+        }
+    }
+}
