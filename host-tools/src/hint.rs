@@ -4,6 +4,7 @@ mod model;
 
 use std::io::ErrorKind;
 
+use proprio::criticism::CriticismError;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::identification::IdentificationError;
@@ -15,6 +16,10 @@ use crate::command::Error;
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
         Error::Log(error) | Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
+        Error::Criticism(CriticismError::Log(error)) => Some(of_log(error)),
+        Error::Criticism(CriticismError::TooShort { .. }) => {
+            Some("record at least 4 s of motion, better 20 s".to_owned())
+        }
         Error::Identification(IdentificationError::NoWindows { .. }) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }

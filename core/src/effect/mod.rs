@@ -293,10 +293,6 @@ mod tests {
                     let prior = effect.prior_of(actuator, n);
                     assert!(prior.std > 0.0);
                     assert!((parameter.lower..=parameter.upper).contains(&prior.mean));
-                    assert!(
-                        (parameter.lower..=parameter.upper).contains(&parameter.neutral)
-                            || parameter.shape
-                    );
                 }
             }
         }

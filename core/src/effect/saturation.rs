@@ -14,7 +14,7 @@ impl Effect for Saturation {
         form: Form::Columns,
         parameters: &[
             Parameter::new("limit", "N m", 0.0, f64::INFINITY).shape(),
-            Parameter::new("share", "1", 0.0, 1.5),
+            Parameter::new("share", "1", 0.5, 1.5),
         ],
         words: "the motor gives less than it reports beyond a limit (current limit, voltage)",
         look_alikes: &["torque_gain", "load_friction"],
@@ -30,8 +30,8 @@ impl Effect for Saturation {
                 std: 20.0,
             },
             _ => Prior {
-                mean: 0.0,
-                std: 1.0,
+                mean: 1.0,
+                std: 0.3,
             },
         }
     }

@@ -1,21 +1,24 @@
 //! The subcommands, one file each.
 
 mod add;
+mod compare;
 mod demo;
+mod diagnose;
 mod export;
 mod identify;
 mod replay;
 mod simulate;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
+use proprio::criticism::CriticismError;
 use proprio::device::replay::ReplayError;
 use proprio::identification::{IdentificationError, NotAModel};
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
-use proprio::model::{ModelError, RobotError, UnknownName};
+use proprio::model::{Model, ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
 use proprio::simulator::Diverged;
 use serde::Serialize;
@@ -38,7 +41,9 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Add(add::Add),
+    Compare(compare::Compare),
     Demo(demo::Demo),
+    Diagnose(diagnose::Diagnose),
     Export(export::Export),
     Identify(identify::Identify),
     Replay(replay::Replay),
@@ -50,7 +55,9 @@ impl Arguments {
     pub(crate) fn run(self) -> Result<String, Error> {
         match self.command {
             Command::Add(command) => command.run(),
+            Command::Compare(command) => command.run(),
             Command::Demo(command) => command.run(),
+            Command::Diagnose(command) => command.run(),
             Command::Export(command) => command.run(),
             Command::Identify(command) => command.run(),
             Command::Replay(command) => command.run(),
@@ -64,6 +71,8 @@ impl Arguments {
 pub(crate) enum Error {
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    #[error(transparent)]
+    Criticism(#[from] CriticismError),
     #[error(transparent)]
     Log(#[from] LogError),
     #[error(transparent)]
@@ -96,6 +105,14 @@ pub(crate) enum Error {
     /// `add --urdf` with a model file that exists.
     #[error("{}: the model has its robot already", .0.display())]
     RobotIsSet(PathBuf),
+}
+
+/// The model of a file, or the default one: also where the file does not exist and `make` says that it is to be made.
+fn model_or_default(path: Option<&Path>, make: bool) -> Result<Model, Error> {
+    match path {
+        Some(path) if path.exists() || !make => Ok(Model::load(path)?),
+        _ => Ok(Model::default()),
+    }
 }
 
 /// One JSON object and a line end.

@@ -4,24 +4,24 @@ use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 
 /// Stands for a limb's joint where an effect is the base's.
-pub const BASE: usize = crate::model::BASE;
+pub(crate) const BASE: usize = crate::model::BASE;
 
 /// One parameter of a limb: an entry of θ.
 ///
 /// Its value is what is added to the neutral value or, for what [`Corrections`](super::motion::Corrections) takes out of
 /// the data before, to the correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// The effect; `None` for an inertial parameter of a body.
-    pub effect: Option<EffectKind>,
+    pub(crate) effect: Option<EffectKind>,
     /// The joint in the limb whose effect or body it is; [`BASE`] for an effect of the base.
-    pub joint: usize,
+    pub(crate) joint: usize,
     /// Which parameter of the effect, as the catalogue counts, or of the body.
-    pub parameter: usize,
+    pub(crate) parameter: usize,
     /// Expected value before any data.
-    pub mean: f64,
+    pub(crate) mean: f64,
     /// Its standard deviation.
-    pub std: f64,
+    pub(crate) std: f64,
     /// Its column.
     pub(crate) column: Column,
 }

@@ -1,5 +1,7 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
+mod words;
+
 use std::path::PathBuf;
 
 use proprio_core::effect::EffectKind;
@@ -168,7 +170,7 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Criti
 
 fn walk<'a>(recording: &'a Recording, model: &'a Model, limb: &'a Limb) -> Option<Walked<'a>> {
     let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
-    let mut criticism = LimbCriticism::new(model, limb, data)?;
+    let mut criticism = LimbCriticism::new(model, limb, data, true)?;
     if criticism.blocks.count < FOLDS {
         return None;
     }

@@ -13,6 +13,7 @@ use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
 use super::rows::{self, Blocks};
 use super::triangle::{Prior, Triangle, misfit};
+use super::velocity::VelocityGain;
 use crate::model::{Limb, Model};
 
 /// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
@@ -24,6 +25,7 @@ pub(crate) type Place = (EffectKind, usize);
 /// A limb's data and its model.
 pub(crate) struct LimbCriticism<'a> {
     model: &'a Model,
+    pub(crate) with_candidates: bool,
     pub(crate) limb: &'a Limb,
     pub(crate) recording: &'a LimbRecording,
     pub(crate) blocks: Blocks,
@@ -39,6 +41,8 @@ pub(crate) struct LimbCriticism<'a> {
     pub(crate) motion: Motion,
     /// The CAD's centres of mass, m.
     coms: Vec<Vector3<f64>>,
+    /// How many neighbouring windows of each joint say the same thing.
+    pub(crate) memory: Vec<f64>,
     /// Each fold's own data, and the data of all others.
     pub(crate) tests: Vec<Vec<HeapFactor>>,
     trains: Vec<Vec<HeapFactor>>,
@@ -88,15 +92,18 @@ impl Candidate {
 
 impl<'a> LimbCriticism<'a> {
     /// A limb with the effects of `model`; `None` if the limb is too large or the recording too short for folds.
+    /// `with_candidates` also makes the columns of all that the model might lack.
     pub(crate) fn new(
         model: &'a Model,
         limb: &'a Limb,
         recording: &'a LimbRecording,
+        with_candidates: bool,
     ) -> Option<Self> {
         let duration = recording.time_us.last()? - recording.time_us.first()?;
         let blocks = Blocks::of(duration);
         let mut criticism = Self {
             model,
+            with_candidates,
             limb,
             recording,
             blocks,
@@ -113,6 +120,7 @@ impl<'a> LimbCriticism<'a> {
                 dq: Vec::new(),
             },
             coms: coms(model, limb),
+            memory: vec![1.0; recording.joints],
             tests: Vec::new(),
             trains: Vec::new(),
             all: Vec::new(),
@@ -120,6 +128,9 @@ impl<'a> LimbCriticism<'a> {
         };
         criticism.take_effects();
         criticism.rebuild();
+        if criticism.scan_shapes() {
+            criticism.rebuild();
+        }
         Some(criticism)
     }
 
@@ -134,12 +145,22 @@ impl<'a> LimbCriticism<'a> {
             };
             self.active.push((e.effect, joint));
             let description = e.effect.description();
+            if e.effect == EffectKind::VelocityGain
+                && let Some(gain) = VelocityGain::of(self.recording, joint, self.blocks)
+            {
+                self.corrections.velocity_gain[joint] = gain.value;
+            }
             for (n, estimate) in e.estimates.iter().enumerate() {
                 let Some(estimate) = estimate else { continue };
                 if description.parameters[n].shape {
                     self.set_shape((e.effect, joint), estimate.value);
                 } else if let Some(correction) = self.corrections.get_mut(e.effect, joint, n) {
-                    *correction = estimate.value;
+                    let is_gain = e.effect == EffectKind::TorqueGain;
+                    *correction = if is_gain {
+                        1.0 / estimate.value
+                    } else {
+                        estimate.value
+                    };
                 }
             }
         }
@@ -153,6 +174,21 @@ impl<'a> LimbCriticism<'a> {
         let parameters = place.0.description().parameters;
         let shape = parameters.iter().position(|p| p.shape);
         shape.map_or(1.0, |n| self.catalogue_prior(place, n).0)
+    }
+
+    /// Whether the model file gives the shape.
+    pub(crate) fn is_shape_given(&self, (effect, joint): Place) -> bool {
+        let Some(n) = effect.description().parameters.iter().position(|p| p.shape) else {
+            return true;
+        };
+        let model = self.model.effect(effect, self.limb.bodies.start + joint);
+        model.is_some_and(|e| e.estimates[n].is_some())
+    }
+
+    /// A joint's gear ratio; one where the motor is not known.
+    pub(crate) fn gear(&self, joint: usize) -> f64 {
+        let body = &self.model.robot().bodies()[self.limb.bodies.start + joint];
+        body.motor.map_or(1.0, |motor| motor.gear)
     }
 
     pub(crate) fn set_shape(&mut self, place: Place, shape: f64) {
@@ -186,6 +222,9 @@ impl<'a> LimbCriticism<'a> {
 
     /// Every effect that the model does not have, where it could be.
     fn possible(&self) -> Vec<Place> {
+        if !self.with_candidates {
+            return Vec::new();
+        }
         let joints = self.recording.joints;
         let all = EffectKind::ALL
             .iter()
@@ -203,6 +242,10 @@ impl<'a> LimbCriticism<'a> {
 
     fn entries_of(&self, place: Place, candidate: bool) -> Vec<Entry> {
         let (effect, joint) = place;
+        if effect == EffectKind::VelocityGain {
+            // Known from positions and taken out of the data.
+            return Vec::new();
+        }
         let parameters = effect.description().parameters;
         columns_of(effect, joint, self.shape(place))
             .into_iter()
@@ -285,7 +328,7 @@ impl<'a> LimbCriticism<'a> {
         self.body.set_inertia(&self.fit.theta);
         let factors = BlockFactors::of(&self.rows());
         let folds = FOLDS.min(self.blocks.count);
-        let fold = |b: usize| b * folds / self.blocks.count;
+        let fold = |b: usize| self.fold(b);
         self.tests = (0..folds)
             .map(|f| factors.sum(&self.columns, |b| fold(b) == f))
             .collect();
@@ -300,15 +343,52 @@ impl<'a> LimbCriticism<'a> {
         self.refit();
     }
 
+    /// The fold that a block of time belongs to.
+    pub(crate) fn fold(&self, block: usize) -> usize {
+        block * FOLDS.min(self.blocks.count) / self.blocks.count
+    }
+
+    /// θ as the model file gives it: the CAD where it gives no body, zero where an effect has no value.
+    pub(crate) fn given(&self) -> Vec<f64> {
+        let first = self.limb.bodies.start;
+        let value = |entry: &Entry| {
+            let Some(effect) = entry.effect else {
+                return self.model.inertia(first + entry.joint).0[entry.parameter];
+            };
+            let joint = if entry.joint == BASE {
+                BASE
+            } else {
+                first + entry.joint
+            };
+            let estimate = self
+                .model
+                .effect(effect, joint)
+                .and_then(|e| e.estimates[entry.parameter]);
+            let is_column = self
+                .corrections
+                .clone()
+                .get_mut(effect, entry.joint, entry.parameter)
+                .is_none();
+            match estimate {
+                Some(estimate) if is_column => {
+                    estimate.value - effect.description().parameters[entry.parameter].neutral
+                }
+                // A correction has been taken out of the data.
+                _ => 0.0,
+            }
+        };
+        self.columns.entries.iter().map(value).collect()
+    }
+
     /// The limb as rows are made of it.
     pub(crate) fn rows(&self) -> rows::Limb<'_> {
         let [roll, pitch] = self.corrections.tilt;
-        let base = rows::turned(&self.base, &nalgebra::Vector3::new(roll, 0.0, 0.0));
+        let base = rows::turned(&self.base, &Vector3::new(roll, 0.0, 0.0));
         rows::Limb {
             recording: self.recording,
             motion: &self.motion,
             body: &*self.body,
-            base: rows::turned(&base, &nalgebra::Vector3::new(0.0, pitch, 0.0)),
+            base: rows::turned(&base, &Vector3::new(0.0, pitch, 0.0)),
             columns: &self.columns,
             blocks: self.blocks,
             coms: &self.coms,
@@ -505,14 +585,21 @@ impl<'a> LimbCriticism<'a> {
             rss.push(with);
             values.push(value);
         }
+        let felt = (0..self.recording.joints)
+            .filter(|&joint| self.columns.place(joint, group[0]).is_some());
+        let memory = match place.1 {
+            BASE => felt.map(|joint| self.memory[joint]).fold(1.0, f64::max),
+            joint => self.memory[joint],
+        };
         let (mut std, mut inflation) = (Vec::new(), 1.0f64);
         for (n, (value, independent)) in trial.value.iter().zip(&trial.std).enumerate() {
             let spread = jackknife(values.iter().map(|v| v[n]), *value);
+            let independent = independent * memory.sqrt();
             inflation = inflation.max(spread / independent);
             std.push(independent.max(spread));
         }
         let freedom = group.len() as f64;
-        let z = (trial.fall - (freedom - 1.0)).max(0.0).sqrt() / inflation;
+        let z = (trial.fall / memory - (freedom - 1.0)).max(0.0).sqrt() / inflation;
         Some(Candidate {
             place,
             entries: group.to_vec(),
@@ -639,10 +726,13 @@ impl<'a> LimbCriticism<'a> {
 
     /// Whether the model has an effect whose column is only a derivative, so that [`rebuild`](Self::rebuild) makes it better.
     pub(crate) fn is_linearised(&self) -> bool {
-        let none = Corrections::none(self.recording.joints);
-        self.active
-            .iter()
-            .any(|&(effect, joint)| none.clone().get_mut(effect, joint, 0).is_some())
+        self.active.iter().any(|&place| self.is_correction(place))
+    }
+
+    /// Whether an effect is taken out of the data before, and only its derivative is a column.
+    pub(crate) fn is_correction(&self, (effect, joint): Place) -> bool {
+        let mut none = Corrections::none(self.recording.joints);
+        effect != EffectKind::VelocityGain && none.get_mut(effect, joint, 0).is_some()
     }
 
     /// Whether the fitted value of an effect of the model is physical within twice its error.
@@ -691,7 +781,7 @@ fn torque_size(factor: &HeapFactor) -> f64 {
 }
 
 /// A sum over folds, and its standard error from their spread.
-fn sum_and_error(folds: &[f64]) -> (f64, f64) {
+pub(crate) fn sum_and_error(folds: &[f64]) -> (f64, f64) {
     let n = folds.len() as f64;
     let sum: f64 = folds.iter().sum();
     let spread: f64 = folds.iter().map(|x| (x - sum / n).powi(2)).sum();

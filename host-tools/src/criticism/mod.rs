@@ -18,6 +18,7 @@ pub mod recording;
 pub mod residual;
 mod rigid_body;
 mod rows;
+mod scan;
 mod selection;
 mod series;
 mod triangle;

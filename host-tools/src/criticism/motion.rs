@@ -16,26 +16,26 @@ const SPEED_NOISE: f64 = 0.01;
 
 /// What is wrong with a limb's sensors and drives, joint by joint; the default is nothing.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Corrections {
+pub(crate) struct Corrections {
     /// Reported velocity over true.
-    pub velocity_gain: Vec<f64>,
+    pub(crate) velocity_gain: Vec<f64>,
     /// Reported position less true, rad.
-    pub encoder_offset: Vec<f64>,
+    pub(crate) encoder_offset: Vec<f64>,
     /// How late torque is reported, s.
-    pub delay: Vec<f64>,
+    pub(crate) delay: Vec<f64>,
     /// Link's lag per torque, rad/(N m).
-    pub compliance: Vec<f64>,
+    pub(crate) compliance: Vec<f64>,
     /// Play between motor and link, rad.
-    pub gap: Vec<f64>,
+    pub(crate) gap: Vec<f64>,
     /// Reported torque over true: 1/g of `torque_gain`.
-    pub torque_scale: Vec<f64>,
+    pub(crate) torque_scale: Vec<f64>,
     /// Gravity's roll and pitch, rad.
-    pub tilt: [f64; 2],
+    pub(crate) tilt: [f64; 2],
 }
 
 impl Corrections {
     /// Nothing is wrong with `joints` joints.
-    pub fn none(joints: usize) -> Self {
+    pub(crate) fn none(joints: usize) -> Self {
         Self {
             velocity_gain: vec![1.0; joints],
             encoder_offset: vec![0.0; joints],
@@ -48,7 +48,7 @@ impl Corrections {
     }
 
     /// The number that an effect's parameter stands for, if it is a correction and not a column.
-    pub fn get_mut(
+    pub(crate) fn get_mut(
         &mut self,
         effect: EffectKind,
         joint: usize,
@@ -67,7 +67,7 @@ impl Corrections {
     }
 
     /// [`get_mut`](Self::get_mut), read; zero for what is no correction.
-    pub fn get(&self, effect: EffectKind, joint: usize, parameter: usize) -> f64 {
+    pub(crate) fn get(&self, effect: EffectKind, joint: usize, parameter: usize) -> f64 {
         self.clone()
             .get_mut(effect, joint, parameter)
             .map_or(0.0, |value| *value)

@@ -103,10 +103,7 @@ macro_rules! sizes {
     };
 }
 
-/// A limb of `model` with the model's inertial parameters; `None` for more than [`MAX_JOINTS`] joints.
+/// A limb of `model` with the model's inertial parameters; `None` for more than eight joints.
 pub(crate) fn of_limb(model: &Model, limb: &Limb) -> Option<Box<dyn RigidBody>> {
     sizes!(model, limb: 1 2 3 4 5 6 7 8)
 }
-
-/// Most joints of a limb that the criticism takes.
-pub const MAX_JOINTS: usize = 8;

@@ -20,7 +20,7 @@ use super::recording::LimbRecording;
 use super::rigid_body::RigidBody;
 
 /// Length of a window, µs.
-pub const WINDOW_US: u64 = 20_000;
+pub(crate) const WINDOW_US: u64 = 20_000;
 /// Windows this soon after a block's start belong to none, µs: residuals remember that long.
 const GUARD_US: u64 = 40_000;
 /// Slower than this a joint may be held by friction, whose torque is then anything up to its limit, rad/s.
@@ -30,11 +30,11 @@ const STEP: f64 = 1e-4;
 
 /// How time is cut into blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     /// How many.
-    pub count: usize,
+    pub(crate) count: usize,
     /// Length of one, µs.
-    pub length_us: u64,
+    pub(crate) length_us: u64,
 }
 
 impl Blocks {
@@ -44,7 +44,7 @@ impl Blocks {
     const SHORTEST_US: u64 = 500_000;
 
     /// Cuts `duration_us` into blocks.
-    pub fn of(duration_us: u64) -> Self {
+    pub(crate) fn of(duration_us: u64) -> Self {
         let count = (duration_us / Self::SHORTEST_US).clamp(1, Self::MOST as u64);
         Self {
             count: count as usize,

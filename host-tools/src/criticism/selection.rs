@@ -1,15 +1,19 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
 use super::diagnosis::ParameterReport;
-use super::limb::{Candidate, LimbCriticism, Place};
+use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
 
 /// An effect counts from this size on, in units of its standard deviation: with some two hundred candidates, chance reaches
 /// four once in a hundred complete models.
 const LEAST_Z: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
+/// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
+const LEAST_GAIN: f64 = 0.01;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 24;
+/// Going over the data again may make the held-out error larger by this factor.
+const MOST_RISE: f64 = 1.01;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -49,14 +53,36 @@ pub(crate) struct Judged {
     pub(crate) alternatives: Vec<Place>,
 }
 
-/// Whether a candidate is there beyond chance.
+/// Whether a candidate is there beyond chance, and large enough to be worth a place.
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
     candidate.z >= LEAST_Z
         && gain > error
         && -harm < MOST_HARM * (gain - harm)
+        && limb.held_out_gain(candidate).0 > LEAST_GAIN
         && limb.in_bounds(candidate)
+}
+
+/// The place of the best of significant candidates, best first; of two that differ by less than the error of their
+/// difference, the one with fewer parameters.
+fn best(candidates: &[&Candidate]) -> Option<Place> {
+    let first = candidates.first()?;
+    let as_good = |c: &&&Candidate| {
+        let differences: Vec<f64> = first
+            .gains
+            .iter()
+            .zip(&c.gains)
+            .map(|(a, b)| a - b)
+            .collect();
+        let (difference, error) = sum_and_error(&differences);
+        difference < error
+    };
+    let simplest = candidates
+        .iter()
+        .filter(as_good)
+        .min_by_key(|c| c.entries.len());
+    Some(simplest.unwrap_or(first).place)
 }
 
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
@@ -76,13 +102,15 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let (first, start) = first(limb);
     let mut steps: Vec<Step> = Vec::new();
     let mut refused: Vec<Place> = Vec::new();
-    let mut best = first
+    let significant: Vec<&Candidate> = first
         .iter()
-        .find(|j| j.significant)
-        .map(|j| j.candidate.place);
+        .filter(|j| j.significant)
+        .map(|j| &j.candidate)
+        .collect();
+    let mut next = best(&significant);
     let mut polished = false;
     loop {
-        match best {
+        match next {
             Some(place) => {
                 limb.add(place);
                 if limb.is_physical(place) {
@@ -97,24 +125,19 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                     refused.push(place);
                 }
             }
-            None if limb.is_linearised() && !polished => {
-                limb.rebuild();
+            None if !polished => {
                 polished = true;
-                if let Some(step) = steps.last_mut() {
-                    step.rss = total(&limb.fit.rss);
+                if !polish(limb, &mut steps, &mut refused) {
+                    break;
                 }
             }
             None => break,
         }
-        best = None;
+        next = None;
         if steps.len() < MOST_STEPS {
-            let significant =
-                |c: &Candidate| is_significant(limb, c) && !refused.contains(&c.place);
-            best = limb
-                .candidates(None)
-                .into_iter()
-                .find(|c| significant(c))
-                .map(|c| c.place);
+            let candidates = limb.candidates(None);
+            let is_good = |c: &&Candidate| !refused.contains(&c.place) && is_significant(limb, c);
+            next = best(&candidates.iter().filter(is_good).collect::<Vec<_>>());
         }
     }
     prune(limb, &mut steps);
@@ -124,6 +147,39 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         start,
         steps,
     }
+}
+
+/// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where they
+/// are used. False if there is no reason to. An effect whose derivative misled is taken out again.
+fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Place>) -> bool {
+    if !limb.scan_shapes() && !limb.is_linearised() {
+        return false;
+    }
+    let weighted = |rss: &[Vec<f64>], noise: &[f64]| -> f64 {
+        total(rss)
+            .iter()
+            .zip(noise)
+            .map(|(square, noise)| square / (noise * noise))
+            .sum()
+    };
+    let (noise, corrections) = (limb.fit.noise.clone(), limb.corrections.clone());
+    let before = weighted(&limb.fit.rss, &noise);
+    limb.rebuild();
+    if weighted(&limb.fit.rss, &noise) > MOST_RISE * before {
+        let misled = steps
+            .iter()
+            .rposition(|step| limb.is_correction(step.place));
+        if let Some(misled) = misled {
+            let place = steps.remove(misled).place;
+            limb.corrections = corrections;
+            limb.remove(place);
+            refused.push(place);
+        }
+    }
+    if let Some(step) = steps.last_mut() {
+        step.rss = total(&limb.fit.rss);
+    }
+    true
 }
 
 /// Takes out again what has become superfluous.

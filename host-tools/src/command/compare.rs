@@ -1,0 +1,60 @@
+//! `proprio compare`: model against measurement.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use proprio::criticism::{Recording, compare, comparison::Values};
+
+use super::{Error, json};
+use crate::progress::Progress;
+
+/// Compare model and measurement: how well, where and when it fails
+///
+/// What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
+/// fitted within their priors to every stretch of time but the one that is predicted.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio compare chirp.csv
+  proprio compare chirp.csv --model go2.toml
+  proprio compare chirp.csv --model go2.toml --json")]
+pub(crate) struct Compare {
+    /// Logs: CSV, plain or gzip-compressed
+    #[arg(value_name = "LOG", required = true)]
+    logs: Vec<PathBuf>,
+    /// The model [default: the Go2's rigid body and no effect]
+    #[arg(short, long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Fit the parameters to these logs, whatever the model file gives
+    #[arg(long, conflicts_with = "given")]
+    fit: bool,
+    /// Take the model file as it is: what has no value does nothing
+    #[arg(long)]
+    given: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Compare {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut progress = Progress::new("Reading");
+        let recording =
+            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+        drop(progress);
+        let values = match (self.fit, self.given) {
+            (true, _) => Values::Fitted,
+            (false, true) => Values::Given,
+            (false, false) => Values::Auto,
+        };
+        let comparison = compare(&recording, &model, values)?;
+        for warning in &comparison.warnings {
+            eprintln!("warning: {warning}");
+        }
+        Ok(if self.json {
+            json(&comparison)
+        } else {
+            comparison.to_string()
+        })
+    }
+}

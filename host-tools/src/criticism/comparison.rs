@@ -1,0 +1,212 @@
+//! Model against measurement: how well, where and when, beside baselines, on data that no fit has seen.
+//!
+//! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
+//! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
+
+mod words;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::limb::LimbCriticism;
+use super::recording::Recording;
+use super::residual::{self, Criticism};
+use super::series::{JointSeries, Predict};
+use super::{CriticismError, residual::Scores};
+use crate::model::{Limb, Model};
+
+/// What `proprio compare` says.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// Each joint.
+    pub joints: Vec<JointComparison>,
+    /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
+    pub rms: f64,
+    /// The same of predicting zero.
+    pub zero_rms: f64,
+    /// The same of the CAD's rigid body without any effect.
+    pub cad_rms: f64,
+    /// The same of the model without the effects that have no value yet, if it has such.
+    pub before_rms: Option<f64>,
+    /// The effects that have no value yet, `coulomb:FR_calf`.
+    pub added: Vec<String>,
+    /// Whether values were fitted to the other stretches of time rather than taken from the model file.
+    pub fitted: bool,
+    /// Where and when each joint's error is, and whether it is noise.
+    pub criticism: Vec<Criticism>,
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+    /// Measured and predicted torque; for plots.
+    #[serde(skip)]
+    pub series: Vec<JointSeries>,
+}
+
+/// One joint.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointComparison {
+    /// Which.
+    pub joint: String,
+    /// Windows.
+    pub n: usize,
+    /// Root mean square of measured − predicted, N m.
+    pub rms: f64,
+    /// 100 (1 − ‖measured − predicted‖ / ‖measured − its mean‖), as MATLAB's `compare`.
+    pub fit_percent: Option<f64>,
+    /// Variance accounted for, %.
+    pub vaf_percent: Option<f64>,
+    /// Mean of measured − predicted, N m.
+    pub bias: f64,
+    /// Largest |measured − predicted|, N m.
+    pub max: f64,
+    /// The rms of predicting zero.
+    pub zero_rms: f64,
+    /// The rms of the CAD's rigid body without any effect.
+    pub cad_rms: f64,
+    /// The rms of the model without the effects that have no value yet, if it has such.
+    pub before_rms: Option<f64>,
+}
+
+/// Whether values are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Values {
+    /// Fitted if an effect has no value yet, or nothing of the model was identified; else as given.
+    #[default]
+    Auto,
+    /// Fitted, whatever the model file gives.
+    Fitted,
+    /// As given: an effect without a value does nothing.
+    Given,
+}
+
+/// Compares `model` with a recording.
+///
+/// # Errors
+/// [`CriticismError`] if no limb can be judged.
+pub fn compare(
+    recording: &Recording,
+    model: &Model,
+    values: Values,
+) -> Result<Comparison, CriticismError> {
+    let unvalued: Vec<_> = model
+        .effects()
+        .iter()
+        .filter(|e| e.estimate().is_none())
+        .copied()
+        .collect();
+    let identified = model.effects().iter().any(|e| e.estimate().is_some())
+        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b));
+    let fitted = match values {
+        Values::Auto => !unvalued.is_empty() || !identified,
+        Values::Fitted => true,
+        Values::Given => false,
+    };
+    let predict = if fitted {
+        Predict::HeldOut
+    } else {
+        Predict::Given
+    };
+    let series = all_series(recording, model, predict)?;
+    let cad = all_series(
+        recording,
+        &Model::new(model.robot().clone()),
+        Predict::Given,
+    )?;
+    let before = if fitted && !unvalued.is_empty() {
+        let mut without = model.clone();
+        for e in &unvalued {
+            without.remove_effect(e.effect, e.joint);
+        }
+        Some(all_series(recording, &without, predict)?)
+    } else {
+        None
+    };
+    let joints = series.iter().enumerate().map(|(k, own)| {
+        let scores = Scores::of(&own.view());
+        let zero: f64 = own.tau.iter().map(|tau| tau * tau).sum();
+        JointComparison {
+            joint: own.joint.clone(),
+            n: scores.n,
+            rms: scores.rms,
+            fit_percent: scores.fit_percent,
+            vaf_percent: scores.vaf_percent,
+            bias: scores.bias,
+            max: scores.max,
+            zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
+            cad_rms: cad[k].rms(),
+            before_rms: before.as_ref().map(|before| before[k].rms()),
+        }
+    });
+    let joints: Vec<JointComparison> = joints.collect();
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| {
+        let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
+            (sum + rms(j).powi(2) * j.n as f64, n + j.n)
+        });
+        (sum / n.max(1) as f64).sqrt()
+    };
+    let name = |e: &crate::model::ModelEffect| {
+        format!("{}:{}", e.effect.name(), model.joint_name(e.joint))
+    };
+    Ok(Comparison {
+        rms: over_all(&|j| j.rms),
+        zero_rms: over_all(&|j| j.zero_rms),
+        cad_rms: over_all(&|j| j.cad_rms),
+        before_rms: before
+            .is_some()
+            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
+        added: unvalued.iter().map(name).collect(),
+        fitted,
+        criticism: residual::criticise(&views),
+        logs: recording.logs.clone(),
+        warnings: recording.warnings.clone(),
+        joints,
+        series,
+    })
+}
+
+/// The series of all joints of all limbs.
+fn all_series(
+    recording: &Recording,
+    model: &Model,
+    predict: Predict,
+) -> Result<Vec<JointSeries>, CriticismError> {
+    let of = |limb: &Limb| {
+        let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
+        let mut criticism = LimbCriticism::new(model, limb, data, false)?;
+        if predict == Predict::HeldOut && criticism.is_linearised() {
+            criticism.rebuild();
+        }
+        let names: Vec<String> = limb
+            .bodies
+            .clone()
+            .map(|b| model.joint_name(b).to_owned())
+            .collect();
+        Some(criticism.series(predict, &names))
+    };
+    let mut series = Vec::new();
+    std::thread::scope(|scope| {
+        let of = &of;
+        let work: Vec<_> = recording
+            .limbs
+            .iter()
+            .map(|(limb, _)| scope.spawn(move || of(limb)))
+            .collect();
+        for limb in work {
+            // A panic goes on.
+            series.push(
+                limb.join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            );
+        }
+    });
+    let series: Vec<JointSeries> = series.into_iter().flatten().flatten().collect();
+    if series.is_empty() {
+        return Err(CriticismError::TooShort {
+            duration: recording.duration,
+        });
+    }
+    Ok(series)
+}

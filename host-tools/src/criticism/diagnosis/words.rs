@@ -1,0 +1,137 @@
+//! A diagnosis for humans.
+
+use std::fmt;
+
+use super::{CandidateReport, Diagnosis, PathStep, Verdict};
+use crate::table::{Table, with_std};
+
+/// Candidates shown.
+const SHOWN: usize = 8;
+
+impl Diagnosis {
+    /// The way to a model that lacks nothing, one line per step with the error after it.
+    pub fn ladder(&self) -> String {
+        let mut table = Table::default();
+        let heads = ["step", "held-out rms N m", "change"];
+        table.row(heads.map(str::to_owned));
+        table.row([
+            "the model as given".to_owned(),
+            format!("{:.4}", self.held_out_rms),
+            String::new(),
+        ]);
+        let mut before = self.held_out_rms;
+        for step in &self.path {
+            let change = 100.0 * (step.held_out_rms / before - 1.0);
+            table.row([
+                step.to_string(),
+                format!("{:.4}", step.held_out_rms),
+                format!("{change:+.1} %"),
+            ]);
+            before = step.held_out_rms;
+        }
+        table.row([
+            "noise floor".to_owned(),
+            format!("{:.4}", self.noise_floor_rms),
+            String::new(),
+        ]);
+        format!("{table}\n{}", self.verdict_words())
+    }
+
+    fn verdict_words(&self) -> String {
+        let verdict = match self.verdict {
+            Verdict::Missing => "MISSING",
+            Verdict::Complete => "COMPLETE",
+            Verdict::Insufficient => "INSUFFICIENT",
+        };
+        let mut text = format!("{verdict}: {}\nNext: {}\n", self.reason, self.next);
+        for sentence in &self.outside_catalogue {
+            text += sentence;
+            text.push('\n');
+        }
+        text
+    }
+}
+
+impl fmt::Display for PathStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.removed { '-' } else { '+' };
+        write!(f, "{sign} {} {}", self.effect, self.joints.join(" "))
+    }
+}
+
+impl fmt::Display for Diagnosis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        let heads = ["effect", "held-out gain %", "z", "value", "unit", ""];
+        table.row(heads.map(str::to_owned));
+        for candidate in self.candidates.iter().take(SHOWN) {
+            table.row(candidate.cells());
+        }
+        write!(f, "{table}")?;
+        if let Some(best) = self
+            .candidates
+            .iter()
+            .find(|c| c.significant && !c.alternatives.is_empty())
+        {
+            let names: Vec<String> = best
+                .alternatives
+                .iter()
+                .map(|a| format!("{}:{}", a.effect, a.joints.join(",")))
+                .collect();
+            writeln!(
+                f,
+                "\n{} cannot be told apart on these data from: {}",
+                best.name(),
+                names.join(", ")
+            )?;
+        }
+        let rms = self
+            .path
+            .last()
+            .map_or(self.held_out_rms, |step| step.held_out_rms);
+        writeln!(
+            f,
+            "\nHeld-out error {:.4} N m; {:.4} with {} added; noise floor {:.4}.",
+            self.held_out_rms,
+            rms,
+            counted(self.path.len()),
+            self.noise_floor_rms,
+        )?;
+        write!(f, "{}", self.verdict_words())
+    }
+}
+
+fn counted(steps: usize) -> String {
+    match steps {
+        0 => "nothing".to_owned(),
+        1 => "one effect".to_owned(),
+        n => format!("{n} steps of effects (--apply shows them)"),
+    }
+}
+
+impl CandidateReport {
+    /// `coulomb:FR_calf`.
+    pub fn name(&self) -> String {
+        format!("{}:{}", self.effect, self.joints.join(","))
+    }
+
+    fn cells(&self) -> [String; 6] {
+        let note = match (self.in_bounds, self.significant) {
+            (false, _) => "not physical",
+            (true, true) => "significant",
+            (true, false) => "",
+        };
+        [
+            self.name(),
+            format!(
+                "{:.1} ±{:.1}",
+                100.0 * self.held_out_gain,
+                100.0 * self.held_out_gain_error
+            ),
+            format!("{:.1}", self.z),
+            with_std(self.value, self.std),
+            self.parameters[0].unit.to_owned(),
+            note.to_owned(),
+        ]
+    }
+}

@@ -1,0 +1,236 @@
+//! Shape parameters, in which a torque is not linear: Stribeck's speed, cogging's frequency, saturation's limit.
+//!
+//! The residuals of the present fit are regressed on the effect's columns for a grid of shapes, beside what friction and a
+//! constant torque explain; the best shape is then refined between its neighbours.
+
+use proprio_core::effect::EffectKind;
+
+use super::limb::{LimbCriticism, Place};
+
+/// Windows that a scan looks at, spread over the recording.
+const MOST_WINDOWS: usize = 3000;
+/// Multiples of the gear ratio that cogging is looked for at.
+const MULTIPLES: usize = 48;
+/// Rounds of refinement, each a third as wide as the last.
+const ROUNDS: usize = 3;
+
+/// What friction and a constant torque explain anyhow.
+const BASIS: [EffectKind; 3] = [EffectKind::Viscous, EffectKind::Coulomb, EffectKind::Bias];
+
+/// The windows looked at: of each joint the samples \[first, last\] and the residual.
+struct Looked {
+    windows: Vec<Vec<([usize; 2], f64)>>,
+}
+
+impl LimbCriticism<'_> {
+    /// Measures how long each joint's residuals remember, on the present fit, and sets the shape of every effect that has one, in the model or not, to the best on the present residuals. True if one
+    /// has changed so that the data have to be gone over again.
+    pub(crate) fn scan_shapes(&mut self) -> bool {
+        let looked = self.look();
+        self.memory = looked
+            .windows
+            .iter()
+            .map(|windows| memory(windows))
+            .collect();
+        let mut changed = false;
+        for joint in 0..self.recording.joints {
+            for effect in [
+                EffectKind::Stribeck,
+                EffectKind::Cogging,
+                EffectKind::Saturation,
+            ] {
+                let place = (effect, joint);
+                if self.is_shape_given(place)
+                    || (!self.with_candidates && !self.active.contains(&place))
+                {
+                    continue;
+                }
+                let Some(best) = self.best_shape(&looked.windows[joint], place) else {
+                    continue;
+                };
+                let before = self.shape(place);
+                if (best - before).abs() > 1e-3 * before.abs() {
+                    self.set_shape(place, best);
+                    changed = true;
+                }
+            }
+        }
+        changed
+    }
+
+    fn look(&self) -> Looked {
+        let stride = (self
+            .all
+            .iter()
+            .map(|f| f.rows() as usize)
+            .max()
+            .unwrap_or(0)
+            / MOST_WINDOWS)
+            .max(1);
+        let theta = self.columns.combined(&self.fit.theta);
+        let mut windows = vec![Vec::new(); self.recording.joints];
+        let mut count = 0;
+        self.rows().for_each_window(|window| {
+            count += 1;
+            if window.block.is_none() || count % stride != 0 {
+                return;
+            }
+            for (joint, list) in windows
+                .iter_mut()
+                .enumerate()
+                .filter(|(j, _)| window.moves[*j])
+            {
+                let Some((torque, columns)) = window.rows[joint].split_last() else {
+                    continue;
+                };
+                let predicted: f64 = columns
+                    .iter()
+                    .zip(&theta[joint])
+                    .map(|(x, theta)| x * theta)
+                    .sum();
+                list.push((window.samples, torque - predicted));
+            }
+        });
+        Looked { windows }
+    }
+
+    fn best_shape(&self, windows: &[([usize; 2], f64)], place: Place) -> Option<f64> {
+        if windows.len() < 50 {
+            return None;
+        }
+        let residual: Vec<f64> = windows.iter().map(|w| w.1).collect();
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for effect in BASIS {
+            let column = self.column(windows, (effect, place.1), 1.0, 0);
+            basis.extend(orthonormal(column, &basis));
+        }
+        let fall = |shape: f64| {
+            let mut all = basis.clone();
+            let mut fall = 0.0;
+            for n in 0..place.0.columns() {
+                if let Some(direction) = orthonormal(self.column(windows, place, shape, n), &all) {
+                    fall += dot(&direction, &residual).powi(2);
+                    all.push(direction);
+                }
+            }
+            fall
+        };
+        let grid = self.grid(windows, place);
+        let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
+        let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]))?;
+        let (mut shape, mut most) = (grid[best], falls[best]);
+        let neighbour = if best + 1 < grid.len() {
+            grid[best + 1]
+        } else {
+            grid[best.saturating_sub(1)]
+        };
+        let mut step = 0.5 * (neighbour - shape).abs();
+        for _ in 0..ROUNDS {
+            for other in [shape - step, shape + step] {
+                let fall = fall(other);
+                if other > 0.0 && fall > most {
+                    (shape, most) = (other, fall);
+                }
+            }
+            step /= 3.0;
+        }
+        Some(shape)
+    }
+
+    /// The shapes to try.
+    fn grid(&self, windows: &[([usize; 2], f64)], (effect, joint): Place) -> Vec<f64> {
+        match effect {
+            EffectKind::Cogging => (1..=MULTIPLES)
+                .map(|k| k as f64 * self.gear(joint))
+                .collect(),
+            EffectKind::Saturation => {
+                let n = self.recording.joints;
+                let mut torques: Vec<f64> = windows
+                    .iter()
+                    .map(|(samples, _)| self.motion.states[samples[0] * n + joint].tau.abs())
+                    .collect();
+                torques.sort_by(f64::total_cmp);
+                // A motor that gives less than this of what it reports would show in everything it does.
+                let most = torques.last().copied().unwrap_or(0.0);
+                (1..20)
+                    .map(|k| most * (0.5 + 0.025 * f64::from(k)))
+                    .collect()
+            }
+            _ => (0..12).map(|k| 0.01 * 1.45f64.powi(k)).collect(),
+        }
+    }
+
+    /// Column n of an effect over windows, without the division by their length, which all have in common.
+    fn column(
+        &self,
+        windows: &[([usize; 2], f64)],
+        (effect, joint): Place,
+        shape: f64,
+        n: usize,
+    ) -> Vec<f64> {
+        let joints = self.recording.joints;
+        let term = |k: usize| effect.terms(&self.motion.states[k * joints + joint], shape)[n];
+        let over = |first: usize, last: usize| {
+            let (start, end) = (term(first), term(last));
+            let mut sum = end.boundary - start.boundary;
+            let (mut before, mut time) = (start.rate, self.recording.time_us[first]);
+            for k in first + 1..=last {
+                let (rate, now) = (term(k).rate, self.recording.time_us[k]);
+                sum += 0.5e-6 * (now - time) as f64 * (before + rate);
+                (before, time) = (rate, now);
+            }
+            sum
+        };
+        windows
+            .iter()
+            .map(|([first, last], _)| over(*first, *last))
+            .collect()
+    }
+}
+
+/// The integrated autocorrelation time of residuals in windows, at least one: so many neighbours say the same thing
+/// (Geyer 1992, initial positive sequence).
+fn memory(windows: &[([usize; 2], f64)]) -> f64 {
+    const MOST_LAG: usize = 100;
+    let n = windows.len();
+    let mean = windows.iter().map(|w| w.1).sum::<f64>() / n.max(1) as f64;
+    let at_lag = |lag: usize| -> f64 {
+        let pairs = windows.iter().zip(windows.iter().skip(lag));
+        pairs.map(|(a, b)| (a.1 - mean) * (b.1 - mean)).sum()
+    };
+    let variance = at_lag(0);
+    if n < 2 * MOST_LAG || variance <= 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    for pair in 0..MOST_LAG / 2 {
+        let (odd, even) = (
+            at_lag(2 * pair + 1) / variance,
+            at_lag(2 * pair + 2) / variance,
+        );
+        if odd + even <= 0.0 {
+            break;
+        }
+        time += 2.0 * (odd + even);
+    }
+    time.max(1.0)
+}
+
+/// What of `x` is not in the span of `basis`, to unit length; `None` if nothing is.
+fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let size = dot(&x, &x).sqrt();
+    for b in basis {
+        let share = dot(b, &x);
+        x.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+    }
+    let length = dot(&x, &x).sqrt();
+    if length.is_nan() || length <= 1e-6 * size {
+        return None;
+    }
+    x.iter_mut().for_each(|x| *x /= length);
+    Some(x)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
