@@ -179,6 +179,17 @@ pub(super) fn centred(values: &[f64]) -> Vec<f64> {
     values.iter().map(less).collect()
 }
 
+/// Takes the projection on orthonormal directions off; what is not a number stays so and counts as 0.
+pub(super) fn project_out(values: &mut [f64], directions: &[Vec<f64>]) {
+    for direction in directions {
+        let known = values.iter().zip(direction).filter(|(v, _)| v.is_finite());
+        let product: f64 = known.map(|(v, d)| v * d).sum();
+        for (v, d) in values.iter_mut().zip(direction) {
+            *v -= product * d;
+        }
+    }
+}
+
 /// Sum of squares.
 pub(super) fn square(values: &[f64]) -> f64 {
     values.iter().map(|v| v * v).sum()

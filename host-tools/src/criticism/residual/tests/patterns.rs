@@ -126,6 +126,28 @@ fn two_patterns_are_told_apart() {
     assert!(criticism.structure_remains());
 }
 
+/// Friction with and without speed are of one variable, and neither hides the other.
+#[test]
+fn two_shapes_of_one_variable_are_told() {
+    let error = |joint: &Joint, k: usize| 0.3 * joint.dq[k].signum() + 0.1 * joint.dq[k];
+    let criticism = Joint::new(1000, 4, HALF).with(error).criticise();
+    let told = criticism
+        .patterns
+        .iter()
+        .map(|p| (p.shape, p.size.unwrap()));
+    let mut told: Vec<_> = told.collect();
+    told.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    assert_eq!(told.len(), 2, "{criticism}");
+    let expected = [(Shape::Viscous, 0.1), (Shape::Step, 0.3)];
+    for ((shape, [size, std]), (expected, truth)) in told.into_iter().zip(expected) {
+        assert_eq!(shape, Some(expected), "{criticism}");
+        assert!(
+            (size - truth).abs() < 5.0 * std + 0.05 * truth,
+            "{criticism}"
+        );
+    }
+}
+
 /// Gravity goes with position: a spring and a torque scale are told as look-alikes.
 #[test]
 fn look_alikes_are_told() {

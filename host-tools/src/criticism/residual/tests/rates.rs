@@ -132,6 +132,11 @@ fn the_noise_floor_is_found_to_five_per_cent() {
             "{name}: {said} for {}",
             error.sqrt()
         );
+        let bounds = floors.iter().filter(|f| f.upper_bound).count();
+        assert!(
+            bounds <= 4,
+            "{name}: {bounds} of 200 are called upper bounds"
+        );
         let neighbours = floors.iter().map(|f| match f.method {
             NoiseMethod::HighFrequency { neighbours } => neighbours,
             NoiseMethod::RepeatedPeriods { .. } => panic!("a chirp has no period"),
@@ -165,5 +170,15 @@ fn a_periodic_motion_tells_noise_from_fast_structure() {
             (floor.rms / HALF.std - 1.0).abs() < 4.0 * floor.rms_std / HALF.std,
             "{floor:?}"
         );
+    }
+}
+
+/// Friction at 5 Hz is too fast to tell from noise: the floor says that it is an upper bound.
+#[test]
+fn a_floor_under_fast_structure_is_an_upper_bound() {
+    for (joint, runs) in joints(20, WHITE) {
+        let joint = joint.with(|joint, k| 0.5 * joint.dq[k].signum());
+        let floor = noise::floor(&joint.series(), &runs).unwrap();
+        assert!(floor.upper_bound && floor.rms > WHITE.std, "{floor:?}");
     }
 }
