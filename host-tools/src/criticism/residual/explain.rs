@@ -236,6 +236,8 @@ fn drop_idle(terms: &mut Vec<Term>, residual: &[f64], runs: &Runs, tests: usize)
         if idle {
             terms.remove(i);
             fit_together(terms, residual);
+            // Without it, others may be idle too.
+            i = 0;
         } else {
             i += 1;
         }

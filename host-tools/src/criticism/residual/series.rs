@@ -74,7 +74,7 @@ pub(super) struct Held {
 }
 
 /// Windows among which patterns are looked for at most, and how many side by side are kept of a longer series.
-const MOST: usize = 20_000;
+const MOST: usize = 10_000;
 const SEGMENT: usize = 500;
 
 impl Held {
