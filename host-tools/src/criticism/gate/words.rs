@@ -226,14 +226,14 @@ fn of_saturation(joint: &JointReport) -> Vec<Finding> {
         );
         found.push(finding(Gate::Saturation, Some(joint), what, remedy));
     }
-    if let (Some(step), largest) = (joint.quantum[2], joint.largest_torque) {
-        if largest > 0.0 && step > COARSE * largest {
-            let what = format!(
-                "its torque is reported in steps of {step:.3} N m and never exceeds {largest:.2} N m"
-            );
-            let remedy = "move harder, or expect errors of a third of a step per sample";
-            found.push(finding(Gate::Quantum, Some(joint), what, remedy));
-        }
+    let largest = joint.largest_torque;
+    let coarse = |step: &f64| largest > 0.0 && *step > COARSE * largest;
+    if let Some(step) = joint.quantum[2].filter(coarse) {
+        let what = format!(
+            "its torque is reported in steps of {step:.3} N m and never exceeds {largest:.2} N m"
+        );
+        let remedy = "move harder, or expect errors of a third of a step per sample";
+        found.push(finding(Gate::Quantum, Some(joint), what, remedy));
     }
     found
 }

@@ -1,14 +1,14 @@
 //! Real patterns, told apart and put into words.
 //!
-//! The strongest pattern is taken out of the residual, then the strongest of what is left, and so on; all those taken are
-//! fitted together each time. Of the real patterns, those that are never taken are echoes of the ones that are. Nothing here
+//! The strongest pattern is taken out of the residual, then the strongest of what is left, and so on. A candidate is judged
+//! by what it adds to those taken (less its projection on them), and all those taken are fitted together each time. Of the real patterns, those that are never taken are echoes of the ones that are. Nothing here
 //! names an effect: a shape and what it looks like, with the other shapes that would do almost as well.
 
 use serde::Serialize;
 
 use super::cluster;
 use super::pattern::{ALMOST, FALSE_DISCOVERY, Where, against};
-use super::series::{Runs, centred, square};
+use super::series::{Runs, centred, project_out, square};
 use super::shape::{Shape, Variable, Variables};
 use super::words;
 
@@ -36,11 +36,14 @@ struct Term {
     size: f64,
 }
 
+/// A pattern that explains less of the residual's mean square may be real but is not worth a sentence.
+const LEAST_SHARE: f64 = 0.01;
+
 /// Patterns told at most.
 const MOST: usize = 6;
 
-/// Rounds in which the sizes of all terms are fitted one after the other.
-const ROUNDS: usize = 20;
+/// Rounds, at most, in which the sizes of all terms are fitted one after the other.
+const ROUNDS: usize = 200;
 
 /// The real patterns of a joint, strongest first; marks the echoes among `everywhere`.
 pub(super) fn explain(
@@ -55,13 +58,14 @@ pub(super) fn explain(
     let mut terms: Vec<Term> = Vec::new();
     while terms.len() < MOST {
         let left = less(residual, &terms);
-        let Some(found) = strongest(&real, &left, residual, runs, variables) else {
+        let Some(found) = strongest(&real, &left, &terms, runs, variables) else {
             break;
         };
-        if terms
-            .iter()
-            .any(|t| (t.found.variable, t.found.shape) == (found.variable, found.shape))
-        {
+        let found = Where {
+            share: found.share * square(&left) / square(residual),
+            ..found
+        };
+        if found.share < LEAST_SHARE {
             break;
         }
         terms.push(Term::new(found, variables));
@@ -69,8 +73,9 @@ pub(super) fn explain(
     }
     drop_idle(&mut terms, residual, runs, everywhere.len());
     mark_echoes(everywhere, &terms, variables);
-    let tell = |term: &Term| term.told(joint, &less(residual, &terms), runs, variables);
-    terms.iter().map(tell).collect()
+    let left = less(residual, &terms);
+    let tell = |i: usize| terms[i].told(joint, fit_beside(&terms, i, &left, runs), variables);
+    (0..terms.len()).map(tell).collect()
 }
 
 impl Term {
@@ -88,17 +93,20 @@ impl Term {
             .collect()
     }
 
-    fn fit(&self, left: &[f64], runs: &Runs) -> Option<cluster::Fit> {
+    /// The fit beside the other terms.
+    fn fit(&self, left: &[f64], others: &[Vec<f64>], runs: &Runs) -> Option<cluster::Fit> {
         let alone = self.alone(left);
         if self.found.variable == Variable::Constant {
-            cluster::mean(&alone, runs)
-        } else {
-            cluster::fit(&self.x, &alone, runs)
+            return cluster::mean(&alone, runs);
         }
+        let mut x = self.x.clone();
+        project_out(&mut x, others);
+        cluster::fit(&x, &alone, runs)
     }
 
-    fn told(&self, joint: &str, left: &[f64], runs: &Runs, variables: &Variables) -> Pattern {
-        let size = self.fit(left, runs).map(|fit| [fit.slope, fit.std]);
+    /// The pattern as told; `fit` is the fit beside the other terms.
+    fn told(&self, joint: &str, fit: Option<cluster::Fit>, variables: &Variables) -> Pattern {
+        let size = fit.map(|fit| [fit.slope, fit.std]);
         let found = Where {
             size: size.filter(|_| self.found.shape.is_some()),
             ..self.found.clone()
@@ -149,14 +157,19 @@ fn less(residual: &[f64], terms: &[Term]) -> Vec<f64> {
 fn strongest(
     real: &[Variable],
     left: &[f64],
-    residual: &[f64],
+    terms: &[Term],
     runs: &Runs,
     variables: &Variables,
 ) -> Option<Where> {
+    let taken = orthonormal(terms.iter());
     let found = real
         .iter()
-        .map(|&variable| against(variable, left, runs, variables));
-    let beyond = |w: &Where| w.p * real.len() as f64 <= FALSE_DISCOVERY;
+        .map(|&variable| against(variable, left, &taken, runs, variables));
+    let told = |w: &Where| terms.iter().any(|term| term.found.variable == w.variable);
+    let beyond = |w: &Where| {
+        // What else is in a variable that has been told matters only if it has a name.
+        w.p * real.len() as f64 <= FALSE_DISCOVERY && (w.shape.is_some() || !told(w))
+    };
     let mut found: Vec<Where> = found.filter(beyond).collect();
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
     let (best, others) = found.split_first()?;
@@ -168,15 +181,30 @@ fn strongest(
         .filter(|shape| !shape.is_periodic());
     Some(Where {
         alternatives: best.alternatives.iter().copied().chain(rivals).collect(),
-        share: best.share * square(left) / square(residual),
         ..best.clone()
     })
 }
 
-/// Least squares of all terms' sizes together, by going round.
+/// Directions that span the terms' values (Gram-Schmidt).
+fn orthonormal<'a>(terms: impl Iterator<Item = &'a Term>) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for term in terms {
+        let mut x = term.x.clone();
+        project_out(&mut x, &basis);
+        let norm = square(&x).sqrt();
+        if norm > 1e-6 * square(&term.x).sqrt() {
+            x.iter_mut().for_each(|x| *x /= norm);
+            basis.push(x);
+        }
+    }
+    basis
+}
+
+/// Least squares of all terms' sizes together, by going round until nothing changes.
 fn fit_together(terms: &mut [Term], residual: &[f64]) {
     let mut left = less(residual, terms);
     for _ in 0..ROUNDS {
+        let mut largest: f64 = 0.0;
         for term in terms.iter_mut() {
             let product: f64 = left.iter().zip(&term.x).map(|(e, x)| e * x).sum();
             let change = product / square(&term.x).max(f64::MIN_POSITIVE);
@@ -184,8 +212,18 @@ fn fit_together(terms: &mut [Term], residual: &[f64]) {
                 *e -= change * x;
             }
             term.size += change;
+            largest = largest.max((change / term.size).abs());
+        }
+        if largest < 1e-5 {
+            break;
         }
     }
+}
+
+/// The fit of one term beside the others.
+fn fit_beside(terms: &[Term], i: usize, left: &[f64], runs: &Runs) -> Option<cluster::Fit> {
+    let others = terms.iter().enumerate().filter(|(other, _)| *other != i);
+    terms[i].fit(left, &orthonormal(others.map(|(_, term)| term)), runs)
 }
 
 /// Drops terms that later ones have made idle.
@@ -193,12 +231,13 @@ fn drop_idle(terms: &mut Vec<Term>, residual: &[f64], runs: &Runs, tests: usize)
     let mut i = 0;
     while i < terms.len() && terms.len() > 1 {
         let left = less(residual, terms);
-        let idle = terms[i]
-            .fit(&left, runs)
+        let idle = fit_beside(terms, i, &left, runs)
             .is_none_or(|fit| fit.p * tests as f64 > FALSE_DISCOVERY);
         if idle {
             terms.remove(i);
             fit_together(terms, residual);
+            // Without it, others may be idle too.
+            i = 0;
         } else {
             i += 1;
         }

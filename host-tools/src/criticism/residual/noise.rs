@@ -10,12 +10,15 @@
 //! and what a smooth structure leaves in d is alike at lags this short: a constant s. From the four sample autocovariances γ0,
 //! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
 //! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
-//! standard error is 4 % of the floor. Structure that changes within a few windows counts as noise here.
+//! standard error is 4 % of the floor. Structure that changes within a few windows counts as noise here
+//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. Judge the floor
+//! on the residual of the best model there is.
 
 use std::fmt;
 
 use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::series::{Runs, Series, centred, square};
 
@@ -42,6 +45,8 @@ pub struct NoiseFloor {
     pub rms: f64,
     /// Its standard error, from the spread over stretches of time, N m.
     pub rms_std: f64,
+    /// Whether it comes and goes more than steady noise does, so that the true floor may be lower.
+    pub upper_bound: bool,
     /// How it was found.
     #[serde(flatten)]
     pub method: NoiseMethod,
@@ -49,7 +54,12 @@ pub struct NoiseFloor {
 
 impl fmt::Display for NoiseFloor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "noise floor {:.4} ±{:.4} N m, ", self.rms, self.rms_std)?;
+        let at_most = if self.upper_bound { "at most " } else { "" };
+        write!(
+            f,
+            "noise floor {at_most}{:.4} ±{:.4} N m, ",
+            self.rms, self.rms_std
+        )?;
         match self.method {
             NoiseMethod::RepeatedPeriods { period } => {
                 write!(f, "from what differs between periods of {period:.2} s")
@@ -146,8 +156,34 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     Some(NoiseFloor {
         rms,
         rms_std,
+        upper_bound: !steady(&stretches, rms),
         method,
     })
+}
+
+/// The relative standard error of a floor of steady noise is this over the root of the number of windows.
+const STEADY: f64 = 1.2;
+
+/// Chance that steady noise is taken for something that comes and goes.
+const UNSTEADY: f64 = 0.001;
+
+/// Whether the noise of up to eight parts of the series is the same but for chance (chi-square test).
+fn steady(stretches: &[Sums], rms: f64) -> bool {
+    let parts = (stretches.len() / 2).clamp(2, 8);
+    let groups = stretches.chunks(stretches.len().div_ceil(parts));
+    let sums = groups.map(|group| {
+        group
+            .iter()
+            .fold(Sums::default(), |all, s| all.plus(s, 1.0))
+    });
+    let (mut statistic, mut count) = (0.0, 0.0);
+    for part in sums.filter(|part| part.count[3] >= STRETCH as f64) {
+        let off = moving_average(&part)[0].max(0.0).sqrt() / rms.max(f64::MIN_POSITIVE) - 1.0;
+        statistic += off * off * part.count[0] / (STEADY * STEADY);
+        count += 1.0;
+    }
+    let chi_square = ChiSquared::new(f64::max(count - 1.0, 1.0));
+    chi_square.is_ok_and(|chi_square| chi_square.sf(statistic) >= UNSTEADY)
 }
 
 /// Lags of the second difference's autocovariance that are used.
@@ -227,6 +263,7 @@ fn repeated(series: &Series, runs: &Runs, period: usize) -> Option<NoiseFloor> {
     Some(NoiseFloor {
         rms,
         rms_std,
+        upper_bound: false,
         method,
     })
 }

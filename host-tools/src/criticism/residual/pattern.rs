@@ -47,14 +47,15 @@ pub(super) const ALMOST: f64 = 0.9;
 pub(super) fn everywhere(residual: &[f64], runs: &Runs, variables: &Variables) -> Vec<Where> {
     let known = variables.known().into_iter();
     known
-        .map(|variable| against(variable, residual, runs, variables))
+        .map(|variable| against(variable, residual, &[], runs, variables))
         .collect()
 }
 
-/// The residual against one variable.
+/// The residual against one variable, beside patterns already `taken` out of it (orthonormal).
 pub(super) fn against(
     variable: Variable,
     residual: &[f64],
+    taken: &[Vec<f64>],
     runs: &Runs,
     variables: &Variables,
 ) -> Where {
@@ -64,7 +65,7 @@ pub(super) fn against(
         return judged(variable, Vec::new(), p, &Vec::from_iter(fit), 0.0);
     }
     let binned = bin(&variables.values(variable), residual, runs);
-    let (mut fits, tests) = variables.fits(variable, residual, runs);
+    let (mut fits, tests) = variables.fits(variable, residual, taken, runs);
     let alone = each_bin(&binned, residual, runs);
     let tests = (tests + alone.len()) as f64;
     let least = fits

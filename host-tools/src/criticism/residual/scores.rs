@@ -28,7 +28,7 @@ impl Scores {
         let per = 1.0 / n.max(1) as f64;
         let error = square(series.residual);
         let torque = square(&centred(series.tau));
-        let share = |part: f64| (torque > 0.0).then(|| 100.0 * (1.0 - part));
+        let share = |part: f64| (torque > 0.0).then_some(100.0 * (1.0 - part));
         Self {
             n,
             rms: (error * per).sqrt(),

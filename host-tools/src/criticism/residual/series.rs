@@ -74,7 +74,7 @@ pub(super) struct Held {
 }
 
 /// Windows among which patterns are looked for at most, and how many side by side are kept of a longer series.
-const MOST: usize = 20_000;
+const MOST: usize = 10_000;
 const SEGMENT: usize = 500;
 
 impl Held {
@@ -177,6 +177,17 @@ pub(super) fn centred(values: &[f64]) -> Vec<f64> {
     let mean = known().sum::<f64>() / known().count().max(1) as f64;
     let less = |v: &f64| if v.is_finite() { v - mean } else { 0.0 };
     values.iter().map(less).collect()
+}
+
+/// Takes the projection on orthonormal directions off; what is not a number stays so and counts as 0.
+pub(super) fn project_out(values: &mut [f64], directions: &[Vec<f64>]) {
+    for direction in directions {
+        let known = values.iter().zip(direction).filter(|(v, _)| v.is_finite());
+        let product: f64 = known.map(|(v, d)| v * d).sum();
+        for (v, d) in values.iter_mut().zip(direction) {
+            *v -= product * d;
+        }
+    }
 }
 
 /// Sum of squares.

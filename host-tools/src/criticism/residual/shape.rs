@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::cluster::{Fit, fit};
-use super::series::{Runs, Series, centred, square};
+use super::series::{Runs, Series, centred, project_out, square};
 
 /// What the residual is held against.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -76,6 +76,9 @@ const UNSURE: f64 = 0.03;
 /// Periods over the range of positions that are looked for.
 const PERIODS: std::ops::RangeInclusive<usize> = 2..=16;
 
+/// Share of a pattern's own square that must be left beside those taken.
+const ADDS: f64 = 1e-3;
+
 /// Ranges of position below this, rad, hold no period.
 const LEAST_RANGE: f64 = 0.01;
 
@@ -136,11 +139,12 @@ impl<'a> Variables<'a> {
         }
     }
 
-    /// The fit of each named pattern in a variable, and how many were tried.
+    /// What each named pattern in a variable adds to those `taken` (orthonormal), and how many were tried.
     pub(super) fn fits(
         &self,
         variable: Variable,
         residual: &[f64],
+        taken: &[Vec<f64>],
         runs: &Runs,
     ) -> (Vec<(Shape, Fit)>, usize) {
         let mut shapes = match variable {
@@ -159,7 +163,17 @@ impl<'a> Variables<'a> {
             tried += 2 * PERIODS.count();
             shapes.extend(self.best_period(residual));
         }
-        let fit = |&shape: &Shape| Some((shape, fit(&self.pattern(shape), residual, runs)?));
+        let fit = |&shape: &Shape| {
+            let mut x = self.pattern(shape);
+            if !taken.is_empty() {
+                let all = square(&centred(&x));
+                x = centred(&x);
+                project_out(&mut x, taken);
+                // A pattern that is as good as taken adds nothing but rounding.
+                (square(&x) > ADDS * all).then_some(())?;
+            }
+            Some((shape, fit(&x, residual, runs)?))
+        };
         (shapes.iter().filter_map(fit).collect(), tried)
     }
 

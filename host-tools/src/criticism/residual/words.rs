@@ -57,41 +57,54 @@ fn name(shape: Shape) -> &'static str {
     }
 }
 
+/// A pattern in words; those of velocity here.
 fn described(shape: Shape, [size, std]: [f64; 2], variables: &Variables) -> String {
     let too = side(size);
     let other = side(-size);
     let per = |unit| amount(size, std, unit);
     let up_to = reach(shape, size, variables);
-    let friction = |more: &str| {
-        if size > 0.0 {
-            format!("looks like {more} friction against the motion than the model has")
-                .replace("more more", "more")
-        } else {
-            "looks like less friction than the model has".to_owned()
-        }
+    let friction = if size > 0.0 {
+        "looks like more friction against the motion than the model has"
+    } else {
+        "looks like less friction than the model has"
     };
     match shape {
-        Shape::Offset => format!("is {} {too} throughout", per("N m")),
         Shape::Step => format!(
             "is {} {too} while it moves in the positive direction and as much {other} in the negative: {}",
             per("N m"),
-            friction("more")
+            friction
         ),
         Shape::Viscous => format!(
             "is {too} in proportion to velocity, by {} ({up_to}): {}",
             per("N m per rad/s"),
-            friction("more")
+            friction
         ),
         Shape::Drag => format!(
-            "is {too} as the square of the velocity, with its sign, by {} ({up_to}): {}",
+            "is {too} as the square of the velocity, with its sign, by {} ({up_to}): looks like {}",
             per("N m per (rad/s)²"),
-            friction("more")
+            if size > 0.0 {
+                "drag that the model lacks"
+            } else {
+                "friction that levels off at speed"
+            }
         ),
         Shape::Even => format!(
             "is {too} by {} of speed, the same in both directions ({up_to}): no friction does that; perhaps friction that differs \
              between directions, or a velocity-dependent load",
             per("N m per rad/s")
         ),
+        _ => described_otherwise(shape, [size, std], variables),
+    }
+}
+
+/// A pattern that is not one of velocity.
+fn described_otherwise(shape: Shape, [size, std]: [f64; 2], variables: &Variables) -> String {
+    let too = side(size);
+    let other = side(-size);
+    let per = |unit| amount(size, std, unit);
+    let up_to = reach(shape, size, variables);
+    match shape {
+        Shape::Offset => format!("is {} {too} throughout", per("N m")),
         Shape::Inertial => format!(
             "is {too} in proportion to acceleration, by {} ({up_to}): looks like {} inertia than the model has",
             per("N m per rad/s²"),
@@ -106,8 +119,8 @@ fn described(shape: Shape, [size, std]: [f64; 2], variables: &Variables) -> Stri
             per("N m")
         ),
         Shape::Gain => format!(
-            "is {too} by {}% of itself ({up_to}): looks like a torque scale or a mass that the model has wrong",
-            amount(100.0 * size, 100.0 * std, "")
+            "is {too} by {} of itself ({up_to}): looks like a torque scale or a mass that the model has wrong",
+            amount(100.0 * size, 100.0 * std, "%")
         ),
         Shape::Load => format!(
             "is {too} the larger the torque, by {} ({up_to})",
@@ -135,6 +148,9 @@ fn described(shape: Shape, [size, std]: [f64; 2], variables: &Variables) -> Stri
             "is {} {too} with the foot on the ground, against in the air: looks like a contact force the model does not know",
             per("N m")
         ),
+        Shape::Step | Shape::Viscous | Shape::Drag | Shape::Even => {
+            described(shape, [size, std], variables)
+        }
     }
 }
 
