@@ -362,11 +362,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
 
 /// What an effect sees of joint b.
 fn joint_state<T: Real, const B: usize>(sample: &Sample<T, B>, b: usize) -> JointState<T> {
-    JointState {
-        q: sample.q[b],
-        dq: sample.dq[b],
-        tau: sample.tau[b],
-    }
+    JointState::reported(sample.q[b], sample.dq[b], sample.tau[b])
 }
 
 /// Whole microseconds as seconds.

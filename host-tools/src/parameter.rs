@@ -71,7 +71,7 @@ pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
     inertial.chain(effects).collect()
 }
 
-/// One leg's parameters as simulated: its bodies', then every effect of the catalogue, zero where there is none.
+/// One leg's parameters as simulated: its bodies', then the effects that are estimated by default, zero where there is none.
 pub fn truth_of_leg(leg: Leg, effects: &[JointEffect]) -> Vec<Parameter> {
     let tree = go2::leg::<f64>(leg);
     let joints = JointId::of(leg);
@@ -84,7 +84,7 @@ pub fn truth_of_leg(leg: Leg, effects: &[JointEffect]) -> Vec<Parameter> {
         })
     });
     let added = joints.iter().flat_map(|&joint| {
-        EffectKind::ALL.iter().map(move |&effect| {
+        EFFECTS.iter().map(move |&effect| {
             let of = |e: &&JointEffect| e.effect == effect && e.joint == joint;
             let value = effects.iter().filter(of).map(|e| e.value).sum();
             Parameter {

@@ -101,7 +101,7 @@ fn pinocchio_and_mujoco_give_our_torques() {
             let effects = SVector::<f64, 3>::from_fn(|n, _| {
                 let value = |effect| {
                     let of_joint = model.effect(effect, first + n).unwrap();
-                    of_joint.estimate.unwrap().value
+                    of_joint.estimate().unwrap().value
                 };
                 value(EffectKind::Viscous) * v[n]
                     + value(EffectKind::Coulomb) * v[n].signum()

@@ -1,6 +1,6 @@
 //! Armature, τ = Ia q̈: the rotor's inertia times the gear ratio squared; its impulse is Ia Δq̇.
 
-use super::{Description, Effect, JointState, Parameter, Prior, Term};
+use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, go2::Actuator};
 
 /// See the module.
@@ -10,30 +10,23 @@ impl Effect for Armature {
     const DESCRIPTION: Description = Description {
         name: "armature",
         torque: "Ia q̈",
-        parameters: &[Parameter {
-            symbol: "Ia",
-            unit: "kg m^2",
-            lower: 0.0,
-            upper: f64::INFINITY,
-        }],
+        form: Form::Columns,
+        parameters: &[Parameter::new("Ia", "kg m^2", 0.0, f64::INFINITY)],
         words: "inertia of the motor's rotor, felt at the joint times the gear ratio squared",
-        look_alikes: &["Ixx", "Iyy", "delay"],
+        look_alikes: &["payload", "delay", "elasticity", "torque_gain"],
         separated_by: "fast motion of this joint while the joints below it are held at different angles",
         urdf: None,
         mjcf: Some("armature"),
     };
 
-    fn prior(actuator: &Actuator) -> Prior {
+    fn prior(actuator: &Actuator, _: usize) -> Prior {
         Prior {
             mean: actuator.armature(),
             std: 0.5 * actuator.armature(),
         }
     }
 
-    fn term<T: Real>(state: &JointState<T>) -> Term<T> {
-        Term {
-            boundary: state.dq,
-            rate: T::zero(),
-        }
+    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
+        [Term::boundary(state.dq), Term::zero()]
     }
 }

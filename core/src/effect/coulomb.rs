@@ -1,13 +1,9 @@
 //! Coulomb friction, τ = Fc sign(q̇).
 //!
-//! The sign is a straight line through zero within ±`SPEED`: a joint at rest reports noise of that size, whose sign means
-//! nothing, and the line gives it no weight on average.
+//! A joint near rest reports noise, whose sign means nothing: see [`JointState::sign`].
 
-use super::{Description, Effect, JointState, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::real};
-
-/// Speed, rad/s, above which the sign of the velocity is trusted: the noise of a standing Go2's velocity (go2.md).
-const SPEED: f64 = 0.035;
+use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use crate::{Real, go2::Actuator};
 
 /// See the module.
 pub(super) struct Coulomb;
@@ -16,31 +12,23 @@ impl Effect for Coulomb {
     const DESCRIPTION: Description = Description {
         name: "coulomb",
         torque: "Fc sign(q̇)",
-        parameters: &[Parameter {
-            symbol: "Fc",
-            unit: "N m",
-            lower: 0.0,
-            upper: f64::INFINITY,
-        }],
+        form: Form::Columns,
+        parameters: &[Parameter::new("Fc", "N m", 0.0, f64::INFINITY)],
         words: "friction of constant size against the motion (seals, bearings, gear preload)",
-        look_alikes: &["viscous", "load_friction", "stribeck"],
+        look_alikes: &["viscous", "load_friction", "stribeck", "asymmetric_coulomb"],
         separated_by: "motion at several speeds in both directions: constant-speed sweeps, slow and fast",
         urdf: Some("friction"),
         mjcf: Some("frictionloss"),
     };
 
-    fn prior(_: &Actuator) -> Prior {
+    fn prior(_: &Actuator, _: usize) -> Prior {
         Prior {
             mean: 0.3,
             std: 1.0,
         }
     }
 
-    fn term<T: Real>(state: &JointState<T>) -> Term<T> {
-        let sign = (state.dq / real(SPEED)).max(-T::one()).min(T::one());
-        Term {
-            boundary: T::zero(),
-            rate: sign,
-        }
+    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
+        [Term::rate(state.sign()), Term::zero()]
     }
 }

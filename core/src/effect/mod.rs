@@ -1,6 +1,6 @@
 //! The catalogue of physical effects beyond the rigid body: one type, one place to add a new one.
 //!
-//! An effect's torque is linear in its parameters. Integrated over a window, a parameter's column is
+//! Most effects are a torque that is linear in their parameters. Integrated over a window, a parameter's column is
 //!
 //! ```text
 //! [boundary] from t1 to t2 + ∫ rate dt
@@ -9,28 +9,92 @@
 //! and many effects need no integral of a noisy signal at all: viscous friction Fv q̇ gives Δq, armature Ia q̈ gives Δq̇.
 //! An effect states the two parts as a [`Term`] per parameter; the window does the rest.
 //!
+//! What is no torque of its own has another [`Form`]: it changes the motion that the rigid body makes of what the sensors
+//! say, the direction of gravity, or the inertia. A shape parameter, in which the torque is not linear, is scanned.
+//!
 //! # Adding an effect
 //!
 //! One file beside this one implements [`Effect`] on a unit type; one line of `catalogue!` below lists it. Names are
 //! snake_case and are the same in code, command line, JSON and reports.
 
 mod armature;
+mod asymmetric_coulomb;
+mod backlash;
+mod base_tilt;
 mod bias;
+mod cogging;
+mod contact;
 mod coulomb;
+mod delay;
+mod description;
+mod elasticity;
+mod encoder_offset;
+mod load_friction;
+mod payload;
+mod quadratic_drag;
+mod saturation;
+mod spring;
+mod stribeck;
+mod thermal_viscous;
+mod torque_gain;
+mod velocity_gain;
 mod viscous;
 
-use crate::Real;
+pub use description::{Description, Form, Parameter, Prior};
+
 use crate::go2::Actuator;
+use crate::{Real, scalar::real};
+
+/// Most window columns of an effect of [`Form::Columns`].
+pub const MAX_COLUMNS: usize = 2;
+
+/// Most parameters of an effect; only a payload, which is a body, has more than three.
+pub const MAX_PARAMETERS: usize = crate::inertia::INERTIAL;
 
 /// What is known of one joint at one instant; SI, joint side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState<T> {
     /// Position, rad.
     pub q: T,
-    /// Velocity, rad/s.
+    /// Velocity as reported, rad/s.
     pub dq: T,
     /// Motor torque, N m.
     pub tau: T,
+    /// The best known velocity near standstill, rad/s: on the desktop the slope of the position, whose quantum is fine.
+    pub speed: T,
+    /// Speed below which [`speed`](Self::speed) may be noise, rad/s.
+    pub speed_noise: T,
+    /// The torque that the gear transmits, N m: the motor's, smoothed where later samples are known.
+    pub load: T,
+    /// Its rate, N m/s.
+    pub load_rate: T,
+    /// The motor's temperature, °C; not finite where it is not known.
+    pub temperature: T,
+}
+
+/// Noise of a standing Go2's velocity, rad/s (go2.md).
+const STANDING_NOISE: f64 = 0.035;
+
+impl<T: Real> JointState<T> {
+    /// What a listener on the bus knows at once: no later sample, no temperature.
+    pub fn reported(q: T, dq: T, tau: T) -> Self {
+        Self {
+            q,
+            dq,
+            tau,
+            speed: dq,
+            speed_noise: real(STANDING_NOISE),
+            load: tau,
+            load_rate: T::zero(),
+            temperature: real(f64::NAN),
+        }
+    }
+
+    /// The sign of the velocity: a straight line through zero where the speed may be noise, so that noise has no weight on
+    /// average.
+    pub fn sign(&self) -> T {
+        (self.speed / self.speed_noise).max(-T::one()).min(T::one())
+    }
 }
 
 /// A parameter's share of the torque before integration: its window column is \[boundary\] + ∫ rate dt.
@@ -42,47 +106,30 @@ pub struct Term<T> {
     pub rate: T,
 }
 
-/// One parameter of an effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameter {
-    /// The field's symbol, such as `Fv`.
-    pub symbol: &'static str,
-    /// SI unit.
-    pub unit: &'static str,
-    /// Least value that is physical.
-    pub lower: f64,
-    /// Greatest value that is physical.
-    pub upper: f64,
-}
+impl<T: Real> Term<T> {
+    /// No torque.
+    pub fn zero() -> Self {
+        Self {
+            boundary: T::zero(),
+            rate: T::zero(),
+        }
+    }
 
-/// What a parameter is taken to be before any data: mean and standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
-    /// Expected value.
-    pub mean: f64,
-    /// Standard deviation.
-    pub std: f64,
-}
+    /// A torque that is a derivative by time.
+    fn boundary(boundary: T) -> Self {
+        Self {
+            boundary,
+            ..Self::zero()
+        }
+    }
 
-/// What an effect is, in words and bounds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Description {
-    /// The effect's name everywhere.
-    pub name: &'static str,
-    /// Its torque as a formula.
-    pub torque: &'static str,
-    /// Its parameters, in column order.
-    pub parameters: &'static [Parameter],
-    /// What it is, in a sentence for the user.
-    pub words: &'static str,
-    /// Names of effects, or inertial parameters, that look alike on poor data.
-    pub look_alikes: &'static [&'static str],
-    /// The motion that tells it from them.
-    pub separated_by: &'static str,
-    /// Attribute of URDF's `<dynamics>`, if it has one.
-    pub urdf: Option<&'static str>,
-    /// Attribute of MJCF's `<joint>`, if it has one.
-    pub mjcf: Option<&'static str>,
+    /// A torque.
+    fn rate(rate: T) -> Self {
+        Self {
+            rate,
+            ..Self::zero()
+        }
+    }
 }
 
 /// A physical effect at one joint.
@@ -90,17 +137,25 @@ pub trait Effect {
     /// Name, bounds, words.
     const DESCRIPTION: Description;
 
-    /// Prior of the effect's parameter at a joint driven by `actuator`.
-    fn prior(actuator: &Actuator) -> Prior;
+    /// Prior of a parameter (by its place in the description) at a joint driven by `actuator`.
+    fn prior(actuator: &Actuator, parameter: usize) -> Prior;
 
-    /// The parameter's window term at one instant.
-    fn term<T: Real>(state: &JointState<T>) -> Term<T>;
+    /// The window terms of the columns of [`Form::Columns`] at one instant; `shape` is the value of the shape parameter.
+    fn terms<T: Real>(_state: &JointState<T>, _shape: T) -> [Term<T>; MAX_COLUMNS] {
+        [Term::zero(); MAX_COLUMNS]
+    }
+
+    /// For [`Form::Motion`]: what has to be added to the reported position (rad) and velocity (rad/s) of this joint, per unit
+    /// of the parameter beyond its neutral value, to get those of the link.
+    fn motion<T: Real>(_state: &JointState<T>) -> [T; 2] {
+        [T::zero(); 2]
+    }
 }
 
 macro_rules! catalogue {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {
         /// The effects of the catalogue, by name.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum EffectKind { $($(#[$doc])* $name),* }
 
         impl EffectKind {
@@ -112,14 +167,21 @@ macro_rules! catalogue {
                 match self { $(Self::$name => &<$module::$name as Effect>::DESCRIPTION),* }
             }
 
-            /// Prior of the effect at a joint driven by `actuator`.
-            pub fn prior(self, actuator: &Actuator) -> Prior {
-                match self { $(Self::$name => $module::$name::prior(actuator)),* }
+            /// Prior of a parameter (by its place in the description) at a joint driven by `actuator`.
+            pub fn prior_of(self, actuator: &Actuator, parameter: usize) -> Prior {
+                match self { $(Self::$name => $module::$name::prior(actuator, parameter)),* }
             }
 
-            /// The effect's window term at one instant.
-            pub fn term<T: Real>(self, state: &JointState<T>) -> Term<T> {
-                match self { $(Self::$name => $module::$name::term(state)),* }
+            /// The window terms of the effect's columns at one instant; the first [`columns`](Self::columns) of them count.
+            /// `shape` is the value of the shape parameter, if the effect has one.
+            pub fn terms<T: Real>(self, state: &JointState<T>, shape: T) -> [Term<T>; MAX_COLUMNS] {
+                match self { $(Self::$name => $module::$name::terms(state, shape)),* }
+            }
+
+            /// What has to be added to the reported position (rad) and velocity (rad/s) per unit of the parameter beyond its
+            /// neutral value to get those of the link; of [`Form::Motion`] only.
+            pub fn motion<T: Real>(self, state: &JointState<T>) -> [T; 2] {
+                match self { $(Self::$name => $module::$name::motion(state)),* }
             }
         }
     };
@@ -134,6 +196,40 @@ catalogue! {
     Armature = armature,
     /// A constant torque.
     Bias = bias,
+    /// Coulomb friction that differs with the direction.
+    AsymmetricCoulomb = asymmetric_coulomb,
+    /// Friction that is larger near standstill.
+    Stribeck = stribeck,
+    /// Friction that grows with the load.
+    LoadFriction = load_friction,
+    /// Drag that grows with the square of the speed.
+    QuadraticDrag = quadratic_drag,
+    /// Viscous friction that changes with temperature.
+    ThermalViscous = thermal_viscous,
+    /// A spring across the joint.
+    Spring = spring,
+    /// A torque that repeats with the rotor's turning.
+    Cogging = cogging,
+    /// A wrong torque constant.
+    TorqueGain = torque_gain,
+    /// A wrong velocity.
+    VelocityGain = velocity_gain,
+    /// A zero position that is off.
+    EncoderOffset = encoder_offset,
+    /// Torque reported late.
+    Delay = delay,
+    /// Gravity not where the model thinks.
+    BaseTilt = base_tilt,
+    /// A load on a body.
+    Payload = payload,
+    /// A force at a foot.
+    Contact = contact,
+    /// A spring between motor and link.
+    Elasticity = elasticity,
+    /// Play between motor and link.
+    Backlash = backlash,
+    /// Less torque than reported.
+    Saturation = saturation,
 }
 
 impl EffectKind {
@@ -148,6 +244,26 @@ impl EffectKind {
             .iter()
             .copied()
             .find(|effect| effect.name() == name)
+    }
+
+    /// How many window columns of its own joint the effect has: its parameters that are no shape, if its form is columns.
+    pub fn columns(self) -> usize {
+        let description = self.description();
+        match description.form {
+            Form::Columns => description.parameters.iter().filter(|p| !p.shape).count(),
+            _ => 0,
+        }
+    }
+
+    /// Prior of the first parameter at a joint driven by `actuator`.
+    pub fn prior(self, actuator: &Actuator) -> Prior {
+        self.prior_of(actuator, 0)
+    }
+
+    /// The first column's window term at one instant, for effects without a shape.
+    pub fn term<T: Real>(self, state: &JointState<T>) -> Term<T> {
+        let [first, _] = self.terms(state, T::one());
+        first
     }
 }
 
@@ -173,33 +289,61 @@ mod tests {
     fn priors_lie_within_bounds() {
         for effect in EffectKind::ALL {
             for actuator in &ACTUATORS {
-                let prior = effect.prior(actuator);
-                let parameter = effect.description().parameters[0];
-                assert!(prior.std > 0.0);
-                assert!((parameter.lower..=parameter.upper).contains(&prior.mean));
+                for (n, parameter) in effect.description().parameters.iter().enumerate() {
+                    let prior = effect.prior_of(actuator, n);
+                    assert!(prior.std > 0.0);
+                    assert!((parameter.lower..=parameter.upper).contains(&prior.mean));
+                    assert!(
+                        (parameter.lower..=parameter.upper).contains(&parameter.neutral)
+                            || parameter.shape
+                    );
+                }
             }
         }
     }
 
-    /// A term integrates to the impulse of the torque it stands for: checked on q = sin t against the closed form.
+    /// Terms integrate to the impulse of the torque they stand for: checked on q = sin t against the closed form.
     #[test]
     fn terms_integrate_to_the_impulse_of_the_torque() {
-        let torque = |effect, t: f64| match effect {
-            EffectKind::Viscous => t.cos(),
-            EffectKind::Coulomb => t.cos().signum(),
-            EffectKind::Armature => -t.sin(),
-            EffectKind::Bias => 1.0,
+        const SHAPE: f64 = 0.7;
+        let state = |t: f64| JointState {
+            temperature: 50.0,
+            ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
         };
-        let (start, end, steps) = (0.2, 1.2, 10_000);
+        // The last column of each, which is the only one of most.
+        let torque = |effect: EffectKind, t: f64| {
+            let (q, dq, tau) = (t.sin(), t.cos(), (3.0 * t).sin());
+            let sign = (dq / 0.035).clamp(-1.0, 1.0);
+            match effect {
+                EffectKind::Viscous => dq,
+                EffectKind::Coulomb => sign,
+                EffectKind::Armature => -q,
+                EffectKind::Bias | EffectKind::Spring => 1.0,
+                EffectKind::AsymmetricCoulomb => sign.min(0.0),
+                EffectKind::Stribeck => sign * (-(dq / SHAPE).powi(2)).exp(),
+                EffectKind::LoadFriction => sign * tau.abs(),
+                EffectKind::QuadraticDrag => dq * dq.abs(),
+                EffectKind::ThermalViscous => 10.0 * dq,
+                EffectKind::Cogging => (SHAPE * q).cos(),
+                EffectKind::TorqueGain => -tau,
+                EffectKind::Delay => -3.0 * (3.0 * t).cos(),
+                EffectKind::Saturation => tau - tau.clamp(-SHAPE, SHAPE),
+                EffectKind::VelocityGain
+                | EffectKind::EncoderOffset
+                | EffectKind::BaseTilt
+                | EffectKind::Payload
+                | EffectKind::Contact
+                | EffectKind::Elasticity
+                | EffectKind::Backlash => unreachable!("no columns of their own"),
+            }
+        };
+        let (start, end, steps) = (0.2, 2.2, 100_000);
         let dt = (end - start) / f64::from(steps);
         for &effect in EffectKind::ALL {
-            let term = |t: f64| {
-                effect.term(&JointState {
-                    q: t.sin(),
-                    dq: t.cos(),
-                    tau: 0.0,
-                })
+            let Some(last) = effect.columns().checked_sub(1) else {
+                continue;
             };
+            let term = |t: f64| effect.terms(&state(t), SHAPE)[last];
             let mut column = term(end).boundary - term(start).boundary;
             let mut impulse = 0.0;
             for n in 0..steps {
@@ -211,6 +355,32 @@ mod tests {
                 (column - impulse).abs() < 1e-8,
                 "{}: {column} {impulse}",
                 effect.name()
+            );
+        }
+    }
+
+    #[test]
+    fn look_alikes_are_effects_and_never_the_effect_itself() {
+        for effect in EffectKind::ALL {
+            for other in effect.description().look_alikes {
+                assert_ne!(*other, effect.name());
+                assert!(EffectKind::from_name(other).is_some(), "{other}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_motion_or_a_column_or_neither() {
+        let state = JointState {
+            load_rate: 1.0,
+            ..JointState::reported(0.3, 0.7, 0.1)
+        };
+        for effect in EffectKind::ALL {
+            let moves = effect.motion(&state) != [0.0; 2];
+            assert_eq!(moves, effect.description().form == Form::Motion);
+            assert_eq!(
+                effect.columns() > 0,
+                effect.description().form == Form::Columns
             );
         }
     }

@@ -1,6 +1,6 @@
 //! Viscous friction, τ = Fv q̇: its impulse over a window is Fv Δq, exact however noisy the velocity.
 
-use super::{Description, Effect, JointState, Parameter, Prior, Term};
+use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, go2::Actuator};
 
 /// See the module.
@@ -10,30 +10,23 @@ impl Effect for Viscous {
     const DESCRIPTION: Description = Description {
         name: "viscous",
         torque: "Fv q̇",
-        parameters: &[Parameter {
-            symbol: "Fv",
-            unit: "N m s/rad",
-            lower: 0.0,
-            upper: f64::INFINITY,
-        }],
+        form: Form::Columns,
+        parameters: &[Parameter::new("Fv", "N m s/rad", 0.0, f64::INFINITY)],
         words: "friction that grows in proportion to speed (grease, back-EMF not accounted for)",
-        look_alikes: &["coulomb", "delay"],
+        look_alikes: &["coulomb", "quadratic_drag", "delay", "velocity_gain"],
         separated_by: "motion at several speeds in both directions: constant-speed sweeps, slow and fast",
         urdf: Some("damping"),
         mjcf: Some("damping"),
     };
 
-    fn prior(_: &Actuator) -> Prior {
+    fn prior(_: &Actuator, _: usize) -> Prior {
         Prior {
             mean: 0.1,
             std: 0.5,
         }
     }
 
-    fn term<T: Real>(state: &JointState<T>) -> Term<T> {
-        Term {
-            boundary: state.q,
-            rate: T::zero(),
-        }
+    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
+        [Term::boundary(state.q), Term::zero()]
     }
 }

@@ -19,7 +19,7 @@ use super::{Error, json};
   proprio add armature:FR_calf bias:FR_hip -m go2.toml --json
   proprio add coulomb -m arm.toml --urdf arm.urdf")]
 pub(crate) struct Add {
-    /// Effects: viscous, coulomb, armature, bias
+    /// Effects of the catalogue (`proprio add --help` lists them)
     #[arg(value_name = "EFFECT[:JOINT]", required = true)]
     effects: Vec<String>,
     /// The model file
@@ -58,7 +58,7 @@ impl Add {
         for text in &self.effects {
             let (effect, joints) = parse(text, model.robot())?;
             for joint in joints {
-                let name = format!("{}:{}", effect.name(), model.robot().bodies()[joint].name);
+                let name = format!("{}:{}", effect.name(), model.joint_name(joint));
                 if model.add_effect(effect, joint) {
                     added.push(name);
                 } else if !added.contains(&name) && !present.contains(&name) {
@@ -92,11 +92,7 @@ fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>), UnknownN
     let effect = EffectKind::from_name(effect).ok_or_else(|| {
         UnknownName::new("effect", effect, EffectKind::ALL.iter().map(|e| e.name()))
     })?;
-    let joints = match joint {
-        Some(name) => vec![robot.joint(name)?],
-        None => (0..robot.bodies().len()).collect(),
-    };
-    Ok((effect, joints))
+    Ok((effect, robot.place(effect, joint)?))
 }
 
 impl std::fmt::Display for Report {

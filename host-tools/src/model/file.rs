@@ -239,10 +239,39 @@ fn read_bodies(model: &mut Model, file: &File) -> Result<(), Fault> {
     Ok(())
 }
 
+/// The place of an effect: a joint, or the base.
+fn effect_joint(model: &Model, effect: EffectKind, name: &str, at: usize) -> Result<usize, Fault> {
+    match model.robot.place(effect, Some(name)) {
+        Ok(places) => Ok(places[0]),
+        Err(e) => Err((Some(at), ModelProblem::UnknownName(e))),
+    }
+}
+
+/// All parameters but the first.
+fn read_more_parameters(
+    model: &mut Model,
+    (effect, joint): (EffectKind, usize),
+    table: &EffectTable,
+    at: usize,
+) -> Result<(), Fault> {
+    let known = || effect.description().parameters.iter().map(|p| p.symbol);
+    for (symbol, entry) in &table.parameters {
+        let Some(parameter) = known().skip(1).position(|known| known == symbol) else {
+            let unknown = UnknownName::new("parameter", symbol, known().skip(1));
+            return Err((Some(at), ModelProblem::UnknownName(unknown)));
+        };
+        let what = format!("{symbol} of {}:{}", effect.name(), table.joint);
+        model
+            .place_parameter(effect, joint, parameter + 1, entry.value, entry.std)
+            .map_err(impossible(at, what))?;
+    }
+    Ok(())
+}
+
 fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fault> {
     let (at, table) = (entry.span().start, entry.get_ref());
     let effect = effect_named(&table.name, at)?;
-    let joint = joint(model, &table.joint, at)?;
+    let joint = effect_joint(model, effect, &table.joint, at)?;
     let (name, of) = (effect.name(), table.joint.clone());
     if !model.add_effect(effect, joint) {
         return Err((
@@ -257,8 +286,9 @@ fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fa
     match (table.value, table.std) {
         (Some(value), std) => {
             model
-                .place_effect(effect, joint, value, std)
+                .place_parameter(effect, joint, 0, value, std)
                 .map_err(impossible(at, what))?;
+            read_more_parameters(model, (effect, joint), table, at)?;
         }
         (None, Some(_)) => {
             return Err((

@@ -83,7 +83,7 @@ impl Model {
             })
         });
         let added = effects.iter().map(|&(joint, effect)| {
-            let estimate = self.effect(effect, joint).and_then(|e| e.estimate);
+            let estimate = self.effect(effect, joint).and_then(|e| e.estimate());
             ModelParameter {
                 name: format!("{}:{}", effect.name(), self.robot.bodies()[joint].name),
                 unit: parameter::unit(effect),

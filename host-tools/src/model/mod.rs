@@ -62,7 +62,7 @@ mod urdf;
 use std::path::Path;
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
-use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::effect::{EffectKind, MAX_PARAMETERS, Prior};
 use proprio_core::estimator::{CAD_UNCERTAINTY, EffectPrior};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
@@ -115,13 +115,23 @@ pub struct Estimate {
 pub struct ModelEffect {
     /// Which effect.
     pub effect: EffectKind,
-    /// Index of the joint.
+    /// Index of the joint; [`BASE`] for an effect of the base.
     pub joint: usize,
-    /// Its parameter, once identified.
-    pub estimate: Option<Estimate>,
-    /// What its parameter is taken to be before any data, if not what the catalogue says.
+    /// Its parameters in the order of the catalogue, once identified.
+    pub estimates: [Option<Estimate>; MAX_PARAMETERS],
+    /// What its first parameter is taken to be before any data, if not what the catalogue says.
     pub prior: Option<Prior>,
 }
+
+impl ModelEffect {
+    /// The first parameter, once identified.
+    pub fn estimate(&self) -> Option<Estimate> {
+        self.estimates[0]
+    }
+}
+
+/// Stands for a joint where an effect is the base's: `base` in files.
+pub const BASE: usize = usize::MAX;
 
 /// What the model knows of a body beyond the CAD.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -222,7 +232,7 @@ impl Model {
         self.effects.push(ModelEffect {
             effect,
             joint,
-            estimate: None,
+            estimates: [None; MAX_PARAMETERS],
             prior: None,
         });
         let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
@@ -241,20 +251,38 @@ impl Model {
         value: f64,
         std: Option<f64>,
     ) -> Result<(), Impossible> {
-        self.place_effect(effect, joint, rounded(value), std.map(rounded))
+        self.set_parameter(effect, joint, 0, value, std)
     }
 
-    /// [`set_effect`](Self::set_effect) to the last digit.
-    fn place_effect(
+    /// Sets one parameter of an effect, by its place in the catalogue's description, as [`set_effect`](Self::set_effect)
+    /// does the first.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the value is out of the parameter's bounds; then nothing changes.
+    pub fn set_parameter(
         &mut self,
         effect: EffectKind,
         joint: usize,
+        parameter: usize,
         value: f64,
         std: Option<f64>,
     ) -> Result<(), Impossible> {
-        in_bounds(effect, value)?;
+        let (value, std) = (rounded(value), std.map(rounded));
+        self.place_parameter(effect, joint, parameter, value, std)
+    }
+
+    /// [`set_parameter`](Self::set_parameter) to the last digit.
+    fn place_parameter(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        parameter: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        in_bounds(effect, parameter, value)?;
         let std = std.map(deviation).transpose()?;
-        self.entry(effect, joint).estimate = Some(Estimate { value, std });
+        self.entry(effect, joint).estimates[parameter] = Some(Estimate { value, std });
         Ok(())
     }
 
@@ -288,6 +316,22 @@ impl Model {
         let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
         self.effect_priors.sort_by_key(|(kind, _)| place(*kind));
         Ok(())
+    }
+
+    /// Takes an effect away; false if the model does not have it.
+    pub fn remove_effect(&mut self, effect: EffectKind, joint: usize) -> bool {
+        let before = self.effects.len();
+        self.effects
+            .retain(|e| (e.effect, e.joint) != (effect, joint));
+        self.effects.len() < before
+    }
+
+    /// Name of a joint; `base` for [`BASE`].
+    pub fn joint_name(&self, joint: usize) -> &str {
+        self.robot
+            .bodies()
+            .get(joint)
+            .map_or("base", |body| &body.name)
     }
 
     /// What an effect is taken to be at a joint before any data: what the file says of this joint, of all joints, or the

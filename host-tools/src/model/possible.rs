@@ -38,8 +38,12 @@ pub(super) fn significant(value: f64, digits: usize) -> f64 {
     text.parse().unwrap_or(value)
 }
 
-pub(super) fn in_bounds(effect: EffectKind, value: f64) -> Result<f64, Impossible> {
-    let parameter = &effect.description().parameters[0];
+pub(super) fn in_bounds(
+    effect: EffectKind,
+    parameter: usize,
+    value: f64,
+) -> Result<f64, Impossible> {
+    let parameter = &effect.description().parameters[parameter];
     if value.is_finite() && (parameter.lower..=parameter.upper).contains(&value) {
         return Ok(value);
     }
@@ -70,7 +74,7 @@ pub(super) fn positive(std: f64) -> Result<f64, Impossible> {
 }
 
 pub(super) fn possible(effect: EffectKind, prior: Prior) -> Result<Prior, Impossible> {
-    in_bounds(effect, prior.mean)?;
+    in_bounds(effect, 0, prior.mean)?;
     positive(prior.std)?;
     Ok(prior)
 }

@@ -9,12 +9,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::effect::{EffectKind, Form, Prior};
 use proprio_core::go2::{self, ACTUATORS, Actuator, JOINT_NAMES, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 use proprio_core::tree::{self, Joint, Tree};
 
+use super::BASE;
 use super::error::RobotError;
 use super::name::UnknownName;
 use super::urdf;
@@ -232,6 +233,21 @@ impl Robot {
         found.ok_or_else(|| {
             UnknownName::new("joint", name, self.bodies.iter().map(|b| b.name.as_str()))
         })
+    }
+
+    /// Where an effect can be: the joint called `name`, or all where no name is given; the base for an effect of gravity.
+    ///
+    /// # Errors
+    /// If no joint has this name, or the effect is the base's and the name is not `base`.
+    pub fn place(&self, effect: EffectKind, name: Option<&str>) -> Result<Vec<usize>, UnknownName> {
+        let of_base = effect.description().form == Form::Gravity;
+        match name {
+            None if of_base => Ok(vec![BASE]),
+            Some("base") if of_base => Ok(vec![BASE]),
+            Some(name) if of_base => Err(UnknownName::new("joint", name, ["base"])),
+            Some(name) => Ok(vec![self.joint(name)?]),
+            None => Ok((0..self.bodies.len()).collect()),
+        }
     }
 
     /// The subtrees that hang on the base.

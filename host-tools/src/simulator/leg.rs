@@ -125,14 +125,8 @@ impl SimulatedLeg {
         let mut torque = Vector3::zeros();
         let mut inertia = Vector3::zeros();
         for &(effect, j, value) in &self.effects {
-            let boundary = |q, dq| effect.term(&JointState { q, dq, tau: tau[j] }).boundary;
-            let rate = effect
-                .term(&JointState {
-                    q: q[j],
-                    dq: dq[j],
-                    tau: tau[j],
-                })
-                .rate;
+            let boundary = |q, dq| effect.term(&JointState::reported(q, dq, tau[j])).boundary;
+            let rate = effect.term(&JointState::reported(q[j], dq[j], tau[j])).rate;
             let by_q = slope(|d| boundary(q[j] + d, dq[j]));
             let by_dq = slope(|d| boundary(q[j], dq[j] + d));
             torque[j] += value * (rate + by_q * dq[j]);

@@ -169,12 +169,8 @@ fn attributes(
 ) -> (Vec<JointAttribute>, Vec<String>, Vec<String>) {
     let (mut attributes, mut written, mut notes) = (Vec::new(), Vec::new(), Vec::new());
     for e in model.effects() {
-        let name = format!(
-            "{}:{}",
-            e.effect.name(),
-            model.robot().bodies()[e.joint].name
-        );
-        match (e.estimate, spelling(e.effect.description())) {
+        let name = format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+        match (e.estimate(), spelling(e.effect.description())) {
             (None, _) => notes.push(format!("{name} has no value yet: identify the model first")),
             (_, None) => notes.push(format!("{name} is left out: {format} has no word for it")),
             (Some(estimate), Some(attribute)) => {

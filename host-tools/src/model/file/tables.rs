@@ -80,7 +80,17 @@ pub(super) struct EffectTable {
     pub(super) joint: String,
     pub(super) value: Option<f64>,
     pub(super) std: Option<f64>,
+    /// All but the first, by their symbols.
+    #[serde(default)]
+    pub(super) parameters: BTreeMap<String, ParameterEntry>,
     pub(super) prior: Option<PriorEntry>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ParameterEntry {
+    pub(super) value: f64,
+    pub(super) std: Option<f64>,
 }
 
 /// Ten numbers by the names of [`NAMES`].

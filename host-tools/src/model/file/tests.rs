@@ -70,7 +70,7 @@ fn model() -> impl Strategy<Value = Model> {
                 model.add_effect(effect, joint);
                 if valued {
                     model
-                        .place_effect(effect, joint, value.abs(), Some(value.abs() / 10.0))
+                        .place_parameter(effect, joint, 0, value.abs(), Some(value.abs() / 10.0))
                         .unwrap();
                 }
                 if prior {

@@ -7,7 +7,7 @@ use proprio_core::effect::Prior;
 use proprio_core::inertia::{INERTIAL, NAMES};
 
 use super::FORMAT;
-use crate::model::{LogRecord, Model, Motor, Mounting, Provenance, Source};
+use crate::model::{Estimate, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance, Source};
 
 /// The file's text; `path` is where it goes, from which a URDF's path is told.
 pub(in crate::model) fn text(model: &Model, path: &Path) -> String {
@@ -50,18 +50,19 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
         }
     }
     for e in &model.effects {
-        let joint = string(&model.robot.bodies()[e.joint].name);
+        let joint = string(model.joint_name(e.joint));
         writeln!(
             out,
             "\n[[effect]]\nname = \"{}\"\njoint = {joint}",
             e.effect.name()
         )?;
-        if let Some(estimate) = e.estimate {
+        if let Some(estimate) = e.estimate() {
             writeln!(out, "value = {:?}", estimate.value)?;
             if let Some(std) = estimate.std {
                 writeln!(out, "std = {std:?}")?;
             }
         }
+        write_more_parameters(out, e)?;
         if let Some(Prior { mean, std }) = e.prior {
             writeln!(out, "prior = {{ mean = {mean:?}, std = {std:?} }}")?;
         }
@@ -104,6 +105,24 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
         }
     }
     Ok(())
+}
+
+/// All parameters but the first.
+fn write_more_parameters(out: &mut String, e: &ModelEffect) -> std::fmt::Result {
+    let symbols = e.effect.description().parameters.iter();
+    let more = symbols.zip(&e.estimates).skip(1);
+    let entries: Vec<String> = more
+        .filter_map(|(parameter, estimate)| {
+            let Estimate { value, std } = (*estimate)?;
+            let std = std.map_or(String::new(), |std| format!(", std = {std:?}"));
+            let symbol = key(parameter.symbol);
+            Some(format!("{symbol} = {{ value = {value:?}{std} }}"))
+        })
+        .collect();
+    if entries.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "parameters = {{ {} }}", entries.join(", "))
 }
 
 fn write_priors(out: &mut String, model: &Model) -> std::fmt::Result {

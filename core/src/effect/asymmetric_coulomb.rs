@@ -1,0 +1,44 @@
+//! Coulomb friction that differs with the direction: τ = F+ where q̇ > 0, −F− where q̇ < 0.
+//!
+//! The mean of the two is ordinary Coulomb friction; half their difference acts like a constant torque except at rest.
+
+use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use crate::{Real, go2::Actuator};
+
+/// See the module.
+pub(super) struct AsymmetricCoulomb;
+
+impl Effect for AsymmetricCoulomb {
+    const DESCRIPTION: Description = Description {
+        name: "asymmetric_coulomb",
+        torque: "F+ for q̇ > 0, −F− for q̇ < 0",
+        form: Form::Columns,
+        parameters: &[
+            Parameter::new("F_plus", "N m", 0.0, f64::INFINITY),
+            Parameter::new("F_minus", "N m", 0.0, f64::INFINITY),
+        ],
+        words: "friction of constant size against the motion, larger in one direction (a worn or preloaded gear)",
+        look_alikes: &["bias", "coulomb", "load_friction"],
+        separated_by: "rests between slow moves: at rest a bias acts and friction does not",
+        urdf: None,
+        mjcf: None,
+    };
+
+    fn prior(_: &Actuator, parameter: usize) -> Prior {
+        match parameter {
+            0 => Prior {
+                mean: 0.3,
+                std: 1.0,
+            },
+            _ => Prior {
+                mean: 0.3,
+                std: 1.0,
+            },
+        }
+    }
+
+    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
+        let (sign, zero) = (state.sign(), T::zero());
+        [Term::rate(sign.max(zero)), Term::rate(sign.min(zero))]
+    }
+}

@@ -1,0 +1,34 @@
+//! A spring between motor and link: the link lags the motor by the transmitted torque times the compliance 1/k.
+//!
+//! The measured position is the motor's; the rigid body moves as the link does, q_link = q − τ/k.
+
+use super::{Description, Effect, Form, JointState, Parameter, Prior};
+use crate::{Real, go2::Actuator};
+
+/// See the module.
+pub(super) struct Elasticity;
+
+impl Effect for Elasticity {
+    const DESCRIPTION: Description = Description {
+        name: "elasticity",
+        torque: "link position = motor position − torque/k",
+        form: Form::Motion,
+        parameters: &[Parameter::new("1/k", "rad/(N m)", 0.0, f64::INFINITY)],
+        words: "the link gives way against the motor in proportion to the torque (gear, belt, shaft)",
+        look_alikes: &["delay", "armature", "backlash"],
+        separated_by: "fast motion near the resonance and slow motion under load",
+        urdf: None,
+        mjcf: None,
+    };
+
+    fn prior(_: &Actuator, _: usize) -> Prior {
+        Prior {
+            mean: 0.0,
+            std: 0.01,
+        }
+    }
+
+    fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
+        [-state.load, -state.load_rate]
+    }
+}

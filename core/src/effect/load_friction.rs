@@ -1,0 +1,34 @@
+//! Friction in proportion to the load, τ = μ |τ| sign(q̇) with the transmitted torque τ: gears, whose teeth rub under load.
+//!
+//! The transmitted torque is taken to be the measured one, which differs by the friction itself.
+
+use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use crate::{Real, go2::Actuator};
+
+/// See the module.
+pub(super) struct LoadFriction;
+
+impl Effect for LoadFriction {
+    const DESCRIPTION: Description = Description {
+        name: "load_friction",
+        torque: "μ |transmitted torque| sign(q̇)",
+        form: Form::Columns,
+        parameters: &[Parameter::new("μ", "1", 0.0, 0.9)],
+        words: "friction that grows with the transmitted torque: the gear's efficiency",
+        look_alikes: &["coulomb", "torque_gain", "asymmetric_coulomb"],
+        separated_by: "the same motion with and without a load, or in poses of small and of large gravity torque",
+        urdf: None,
+        mjcf: None,
+    };
+
+    fn prior(_: &Actuator, _: usize) -> Prior {
+        Prior {
+            mean: 0.05,
+            std: 0.2,
+        }
+    }
+
+    fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
+        [Term::rate(state.load.abs() * state.sign()), Term::zero()]
+    }
+}

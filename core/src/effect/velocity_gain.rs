@@ -1,0 +1,32 @@
+//! A wrong velocity: reported = g × true. Positions tell it best: ∫ q̇ dt against Δq.
+
+use super::{Description, Effect, Form, JointState, Parameter, Prior};
+use crate::{Real, go2::Actuator};
+
+/// See the module.
+pub(super) struct VelocityGain;
+
+impl Effect for VelocityGain {
+    const DESCRIPTION: Description = Description {
+        name: "velocity_gain",
+        torque: "reported velocity = g × true",
+        form: Form::Motion,
+        parameters: &[Parameter::new("g", "1", 0.2, 5.0).neutral(1.0)],
+        words: "the reported velocity is a constant multiple of the true one (position is right)",
+        look_alikes: &["viscous", "armature", "torque_gain"],
+        separated_by: "any motion: positions alone tell it",
+        urdf: None,
+        mjcf: None,
+    };
+
+    fn prior(_: &Actuator, _: usize) -> Prior {
+        Prior {
+            mean: 1.0,
+            std: 0.1,
+        }
+    }
+
+    fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
+        [T::zero(), -state.dq]
+    }
+}
