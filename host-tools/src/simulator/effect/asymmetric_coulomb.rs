@@ -7,8 +7,8 @@ pub(super) const DESCRIPTION: Description = Description {
     words: "friction that differs with direction",
     scope: Scope::Joint,
     parameters: &[
-        Parameter::positive("plus", "N m", 0.0),
-        Parameter::positive("minus", "N m", 0.0),
+        Parameter::positive("F_plus", "N m", 0.0),
+        Parameter::positive("F_minus", "N m", 0.0),
     ],
     in_catalogue: true,
 };

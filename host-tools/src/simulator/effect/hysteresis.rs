@@ -36,4 +36,8 @@ impl Effect for Hysteresis {
     fn remember(&self, z: f64, dq: f64, h: f64) -> f64 {
         (z + h * (dq - 0.5 * (dq.abs() * z + dq * z.abs())) / self.width).clamp(-1.0, 1.0)
     }
+
+    fn has_memory(&self) -> bool {
+        true
+    }
 }

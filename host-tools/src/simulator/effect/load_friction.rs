@@ -27,4 +27,8 @@ impl Effect for LoadFriction {
     fn dry_friction(&self, state: &JointState) -> [f64; 2] {
         [self.coefficient * state.transmitted.abs(); 2]
     }
+
+    fn depends_on_load(&self) -> bool {
+        true
+    }
 }

@@ -36,4 +36,8 @@ impl Effect for Lugre {
     fn remember(&self, z: f64, dq: f64, h: f64) -> f64 {
         (z + h * dq) / (1.0 + h * dq.abs() / self.reach)
     }
+
+    fn has_memory(&self) -> bool {
+        true
+    }
 }

@@ -74,6 +74,16 @@ pub(crate) trait Effect: Send {
         [0.0; 2]
     }
 
+    /// Whether [`dry_friction`](Self::dry_friction) depends on the transmitted torque.
+    fn depends_on_load(&self) -> bool {
+        false
+    }
+
+    /// Whether the effect has a memory.
+    fn has_memory(&self) -> bool {
+        false
+    }
+
     /// The memory after `h` seconds at velocity `dq`.
     fn remember(&self, memory: f64, _dq: f64, _h: f64) -> f64 {
         memory

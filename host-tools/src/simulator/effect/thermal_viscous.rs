@@ -8,7 +8,7 @@ pub(super) const DESCRIPTION: Description = Description {
     scope: Scope::Joint,
     parameters: &[
         Parameter::new("kT", "N m s/(rad K)", 0.0),
-        Parameter::new("T0", "degC", 25.0),
+        Parameter::new("T0", "degC", 40.0),
     ],
     in_catalogue: true,
 };
