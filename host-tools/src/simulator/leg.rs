@@ -181,6 +181,27 @@ impl SimulatedLeg {
     }
 }
 
+#[cfg(test)]
+impl SimulatedLeg {
+    pub(super) fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The motors' true torques now, N m.
+    pub(super) fn given(&self) -> Vector3<f64> {
+        self.given
+    }
+
+    pub(super) fn accelerations(&self) -> super::plant::Accelerations {
+        self.plant.accelerations(&self.state, &self.given).unwrap()
+    }
+
+    /// A step without motors.
+    pub(super) fn step_passively(&mut self, h: f64) {
+        assert!(self.plant.step(&mut self.state, &Vector3::zeros(), h));
+    }
+}
+
 /// A frame turned about its parent's origin.
 fn turned(rotation: Rotation3<f64>) -> Transform<f64> {
     Transform {
