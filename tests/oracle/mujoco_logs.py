@@ -66,7 +66,7 @@ def leg(effects):
         full = [inertia[k] for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         text = lambda numbers: " ".join(repr(float(x)) for x in numbers)
         bodies += f"""<body name="{joint}" pos="{text(origin)}">
-          <inertial pos="{text(com)}" mass="{m!r}" fullinertia="{text(full)}"/>
+          <inertial pos="{text(com)}" mass="{float(m)!r}" fullinertia="{text(full)}"/>
           <joint name="{joint}" axis="{text(axis)}" damping="{value('viscous', joint)}"
             frictionloss="{value('coulomb', joint)}" armature="{value('armature', joint)}"
             stiffness="{value('spring', joint)}" springref="{value('q0:spring', joint)}"/>"""
@@ -113,7 +113,7 @@ def simulate(effects, random):
 
 
 def written(rows, random):
-    """The log as text: noise, quanta, seven decimals."""
+    """The log as text: noise, quanta, decimals that are finer than these."""
     heads = ["t"] + [f"{channel}/{joint}" for channel in ("q", "dq", "tau") for joint in JOINTS]
     out = io.StringIO()
     out.write(",".join(heads) + "\n")
@@ -121,7 +121,8 @@ def written(rows, random):
         channels[1] = channels[1] + NOISE[0] * random.normal(size=3)
         channels[2] = channels[2] + NOISE[1] * random.normal(size=3)
         values = [np.round(c / quantum) * quantum for c, quantum in zip(channels, QUANTA)]
-        out.write(f"{t:.3f}," + ",".join(f"{x:.6f}" for x in np.concatenate(values)) + "\n")
+        cells = [f"{x:.{places}f}" for places, three in zip((5, 4, 3), values) for x in three]
+        out.write(f"{t:.3f}," + ",".join(cells) + "\n")
     return out.getvalue()
 
 

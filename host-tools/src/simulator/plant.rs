@@ -25,7 +25,7 @@ const SETTLED: (f64, f64) = (2e-4, 1e-4);
 const FOOT: Vector3<f64> = Vector3::new(0.0, 0.0, -0.213);
 /// Heating by the motor's torque squared, K/s per (N m)², at a gear of 6.333, its time constant of cooling, s, and the
 /// temperature it cools to, °C.
-const HEATING: (f64, f64) = (0.15, 6.333);
+const HEATING: (f64, f64) = (0.5, 6.333);
 const COOLING: f64 = 60.0;
 const AMBIENT: f64 = 25.0;
 

@@ -316,7 +316,13 @@ fn a_late_torque_is_the_torque_of_before() {
             sample.t
         );
     }
-    assert_eq!(reported[500].q, truth[10_000].q);
+    let motion = samples(&[], 500.0);
+    assert!(
+        motion
+            .iter()
+            .zip(&reported)
+            .all(|(a, b)| a.q == b.q && a.dq == b.dq)
+    );
 }
 
 /// At rest the motors hold gravity as the tilt, the payload and the foot's force make it.
