@@ -11,7 +11,9 @@ use proprio::log::{LogWriter, UnknownName, leg_named};
 use proprio::output::{self, AtomicFile, WriteError};
 use proprio::parameter;
 use proprio::simulator::hidden::typical;
-use proprio::simulator::{HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation};
+use proprio::simulator::{
+    Description, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
+};
 use proprio_core::go2::Leg;
 use serde::Serialize;
 
@@ -23,7 +25,7 @@ use crate::progress::Progress;
 /// The legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference. What --hide
 /// adds, and what --inertia-error changes, is what the model does not know. The truth goes to a file beside the log.
 #[derive(Debug, Args)]
-#[command(after_help = after_help())]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Simulate {
     /// Where the log goes; compressed if the name ends in .gz
     #[arg(short, long, value_name = "LOG", default_value = "simulated.csv")]
@@ -247,47 +249,47 @@ fn truth_of(simulation: &Simulation) -> Truth {
     }
 }
 
-/// Examples, then every effect with its parameters.
-fn after_help() -> String {
-    let mut text = String::from(
-        "Examples:
+const EXAMPLES: &str = "Examples:
   proprio simulate --typical -o leg.csv
   proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz
-  proprio simulate --typical --inertia-error 0.06 --motion moves --hide stribeck:FR_thigh=0.4,vs=0.05
-  proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02
+  proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
+  proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02";
 
-Effects to hide (SI, joint side; a name in brackets has this value unless stated):
-",
+/// Examples, then every effect with its parameters.
+fn long_help() -> String {
+    let mut text = format!(
+        "{EXAMPLES}\n\nEffects to hide (SI, joint side; one in brackets has this value unless stated):\n"
     );
-    for (title, known) in [("", true), ("Outside proprio's catalogue:\n", false)] {
-        text += title;
+    for known in [true, false] {
+        if !known {
+            text += "Effects outside proprio's catalogue:\n";
+        }
         let listed = HiddenKind::ALL.iter().map(|kind| kind.description());
         for effect in listed.filter(|effect| effect.in_catalogue == known) {
-            let place = match effect.scope {
-                Scope::Joint => ":JOINT",
-                Scope::Foot => ":CALF",
-                Scope::Base => "",
-            };
-            let first = effect.parameters[0];
-            let others = effect.parameters[1..].iter();
-            let others: String = others
-                .map(|p| format!("[,{}={}]", p.name, p.default))
-                .collect();
-            let unit = if first.unit == "1" { "" } else { first.unit };
-            let call = format!(
-                "{}{place}={}{others}",
-                effect.name,
-                first.name.to_uppercase()
-            );
-            let unit = if unit.is_empty() {
-                String::new()
-            } else {
-                format!(" ({unit})")
-            };
-            text += &format!("  {call}\n      {}{unit}\n", effect.words);
+            text += &usage(effect);
         }
     }
     text.trim_end().to_owned()
+}
+
+/// `stribeck:JOINT=Fs[,vs=0.05]` and what it is.
+fn usage(effect: &Description) -> String {
+    let place = match effect.scope {
+        Scope::Joint => ":JOINT",
+        Scope::Foot => ":CALF",
+        Scope::Base => "",
+    };
+    let first = effect.parameters[0];
+    let unit = match first.unit {
+        "1" => String::new(),
+        unit => format!(" ({unit})"),
+    };
+    let others = effect.parameters[1..].iter();
+    let others: String = others
+        .map(|p| format!("[,{}={}]", p.name, p.default))
+        .collect();
+    let (name, words, value) = (effect.name, effect.words, first.name);
+    format!("  {name}{place}={value}{others}\n      {words}{unit}\n")
 }
 
 fn parse_legs(text: &str) -> Result<Legs, String> {

@@ -194,10 +194,8 @@ impl Hide {
         };
         let at = |joint| {
             let effect = HiddenEffect::new(self.kind, joint, self.value)?;
-            let others = self.others.iter();
-            others.fold(Ok(effect), |effect, (name, value)| {
-                effect?.with(name, *value)
-            })
+            let mut others = self.others.iter();
+            others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
         };
         places.into_iter().map(at).collect()
     }
@@ -271,10 +269,8 @@ impl Sizes {
             Scope::Base => None,
         };
         let effect = HiddenEffect::new(self.kind, place, values[n.min(2)])?;
-        let others = self.others.iter();
-        others.fold(Ok(effect), |effect, (name, value)| {
-            effect?.with(name, *value)
-        })
+        let mut others = self.others.iter();
+        others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
     }
 }
 
@@ -316,7 +312,7 @@ pub const SIZES: &[Sizes] = {
             K::Stribeck,
             [0.1, 0.3, 0.6],
             [0.2, 0.5, 1.0],
-            &[("vs", 0.1)],
+            &[("vs", 0.15)],
         ),
         sizes(K::LoadFriction, [0.05, 0.1, 0.25], [0.05, 0.1, 0.25]),
         sizes(K::QuadraticDrag, [0.01, 0.03, 0.1], [0.01, 0.03, 0.1]),

@@ -1,4 +1,5 @@
-//! A base that is not mounted as the model thinks: turned further by roll about its x axis, then pitch about y.
+//! A base that is not mounted as the model thinks: turned further by roll about the known mount's x axis, then by pitch
+//! about its y axis.
 
 use super::{Description, Effect, Parameter, Scope, Site};
 
