@@ -1,8 +1,8 @@
 //! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make.
 //!
 //! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
-//! them are effects in continuous time ([`effect`], one file each), which share nothing with the identification's columns,
-//! and forward dynamics moves them ([`plant`]). A controller of 4 kHz gives PD on the reference and the CAD's inverse
+//! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
+//! and forward dynamics moves them (`plant`). A controller of 4 kHz gives PD on the reference and the CAD's inverse
 //! dynamics; the sensors add noise, the quanta of the motor bus, jitter and repeated messages. A seed gives the same log
 //! everywhere, and the same reference, bodies and noise whatever is hidden.
 
