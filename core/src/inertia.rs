@@ -3,7 +3,10 @@
 //! φ = (m, hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz): mass (kg), first moment h = m c (kg m) and the inertia (kg m²)
 //! **about the joint frame's origin**, not about the centre of mass: only then is everything linear in φ
 //! (Atkeson, An & Hollerbach 1986). The same numbers as a 4 × 4 matrix, the *pseudo-inertia* (Wensing, Kim & Slotine 2018),
-//! are positive definite exactly when a body of positive density could have them.
+//! are positive definite exactly when a body of positive density could have them; [`log_cholesky`] are coordinates in which
+//! every body is one.
+
+pub mod log_cholesky;
 
 use crate::factor::BodyFactor;
 use crate::spatial::{Force, Motion, Transform};

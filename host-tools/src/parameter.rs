@@ -2,7 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::EFFECTS;
-use proprio_core::go2::{self, Leg};
+use proprio_core::go2::Leg;
 use serde::Serialize;
 
 use crate::log::JointId;
@@ -69,32 +69,6 @@ pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
             .map(move |&effect| (name(effect.name(), joint), unit(effect)))
     });
     inertial.chain(effects).collect()
-}
-
-/// One leg's parameters as simulated: its bodies', then the effects that are estimated by default, zero where there is none.
-pub fn truth_of_leg(leg: Leg, effects: &[JointEffect]) -> Vec<Parameter> {
-    let tree = go2::leg::<f64>(leg);
-    let joints = JointId::of(leg);
-    let inertial = joints.iter().zip(tree.bodies()).flat_map(|(&joint, body)| {
-        let named = INERTIAL_NAMES.iter().zip(body.inertia.0.iter());
-        named.map(move |(&(what, unit), &value)| Parameter {
-            name: name(what, joint),
-            unit,
-            value,
-        })
-    });
-    let added = joints.iter().flat_map(|&joint| {
-        EFFECTS.iter().map(move |&effect| {
-            let of = |e: &&JointEffect| e.effect == effect && e.joint == joint;
-            let value = effects.iter().filter(of).map(|e| e.value).sum();
-            Parameter {
-                name: name(effect.name(), joint),
-                unit: unit(effect),
-                value,
-            }
-        })
-    });
-    inertial.chain(added).collect()
 }
 
 /// Unit of an effect's parameter.

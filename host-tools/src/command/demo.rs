@@ -5,8 +5,9 @@ use std::fmt;
 use clap::Args;
 use proprio::identification::{Identification, Options, identify};
 use proprio::output::WriteError;
-use proprio::parameter::{Parameter, truth_of_leg, typical_effects};
+use proprio::parameter::Parameter;
 use proprio::simulator::Simulation;
+use proprio::simulator::hidden::typical;
 use proprio::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
@@ -57,9 +58,8 @@ struct Comparison {
 impl Demo {
     pub(crate) fn run(self) -> Result<String, Error> {
         let leg = Leg::FR;
-        let effects = typical_effects(&[leg]);
         let simulation = Simulation {
-            effects: effects.clone(),
+            effects: typical(&[leg]),
             seed: self.seed,
             ..Simulation::new(&[leg])
         };
@@ -74,7 +74,7 @@ impl Demo {
         record(&simulation, &log)?;
         let result = identify(&[log], Options::default(), |_, _| ())?;
 
-        let report = Report::new(&truth_of_leg(leg, &effects), &result);
+        let report = Report::new(&simulation.truth(), &result);
         Ok(if self.json {
             json(&report)
         } else {

@@ -7,11 +7,13 @@ use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use proprio::log::{JointId, LogWriter, UnknownName, leg_named};
+use proprio::log::{LogWriter, UnknownName, leg_named};
 use proprio::output::{self, AtomicFile, WriteError};
-use proprio::parameter::{self, JointEffect, typical_effects};
-use proprio::simulator::{Motion, Sensors, Simulation};
-use proprio_core::effect::EffectKind;
+use proprio::parameter;
+use proprio::simulator::hidden::typical;
+use proprio::simulator::{
+    Description, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
+};
 use proprio_core::go2::Leg;
 use serde::Serialize;
 
@@ -21,11 +23,9 @@ use crate::progress::Progress;
 /// Make a log of pinned legs whose parameters are known
 ///
 /// The legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference. What --hide
-/// adds is what the model does not know. The truth goes to a file beside the log.
+/// adds, and what --inertia-error changes, is what the model does not know. The truth goes to a file beside the log.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  proprio simulate --typical -o leg.csv
-  proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz")]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Simulate {
     /// Where the log goes; compressed if the name ends in .gz
     #[arg(short, long, value_name = "LOG", default_value = "simulated.csv")]
@@ -36,9 +36,15 @@ pub(crate) struct Simulate {
     /// Which legs, such as FR,RL; or all
     #[arg(long, value_name = "LEGS", default_value = "all", value_parser = parse_legs)]
     legs: Legs,
-    /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier value
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE", value_parser = parse_hidden)]
-    hide: Vec<Hidden>,
+    /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
+    hide: Vec<Hide>,
+    /// How far the bodies are off the CAD: relative standard deviation of a mass
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 1.0))]
+    inertia_error: f64,
+    /// Log motor temperatures; they are always logged if an effect depends on them
+    #[arg(long)]
+    temperature: bool,
     /// Begin with a Go2's typical friction, rotor inertia and torque offsets instead of a rigid body
     #[arg(long)]
     typical: bool,
@@ -51,7 +57,7 @@ pub(crate) struct Simulate {
     /// Samples per second, Hz
     #[arg(long, value_name = "HZ", default_value_t = 500.0, value_parser = within(10.0, 5000.0))]
     rate: f64,
-    /// Velocity noise, as a multiple of a standing Go2's
+    /// Noise of velocity and torque, as a multiple of a standing Go2's
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = within(0.0, 100.0))]
     noise: f64,
     /// Do not round values to the steps of the motor bus
@@ -77,18 +83,12 @@ enum MotionName {
     Multisine,
     /// A sweep from 0.1 to 9 Hz, all joints in phase
     Chirp,
+    /// Moves at constant speeds, slow and fast, with rests between
+    Moves,
 }
 
 #[derive(Debug, Clone)]
 struct Legs(Vec<Leg>);
-
-/// `EFFECT[:JOINT]=VALUE`.
-#[derive(Debug, Clone, Copy)]
-struct Hidden {
-    effect: EffectKind,
-    joint: Option<JointId>,
-    value: f64,
-}
 
 /// What `simulate` reports.
 #[derive(Debug, Serialize)]
@@ -105,6 +105,7 @@ struct Report {
 #[derive(Debug, Serialize)]
 struct Truth {
     seed: u64,
+    inertia_error: f64,
     parameters: Vec<parameter::Parameter>,
 }
 
@@ -114,10 +115,13 @@ impl Simulate {
             motion: match self.motion {
                 MotionName::Multisine => Motion::Multisine,
                 MotionName::Chirp => Motion::Chirp,
+                MotionName::Moves => Motion::Moves,
             },
             duration: self.duration,
             rate: self.rate,
             effects: self.effects(),
+            inertia_error: self.inertia_error,
+            temperature: self.temperature,
             sensors: Sensors {
                 noise: self.noise,
                 quantised: !self.unquantised,
@@ -145,30 +149,26 @@ impl Simulate {
         })
     }
 
-    /// The effects to simulate; a later --hide replaces an earlier value.
-    fn effects(&self) -> Vec<JointEffect> {
+    /// The effects to simulate; a later --hide replaces an earlier one.
+    fn effects(&self) -> Vec<HiddenEffect> {
         let legs = &self.legs.0;
         let mut effects = if self.typical {
-            typical_effects(legs)
+            typical(legs)
         } else {
             Vec::new()
         };
-        let every: Vec<JointId> = legs.iter().flat_map(|&leg| JointId::of(leg)).collect();
-        for hidden in &self.hide {
-            let joints = hidden
-                .joint
-                .map_or_else(|| every.clone(), |joint| vec![joint]);
-            for joint in joints {
-                if !every.contains(&joint) {
-                    let message = format!("--hide names {joint}, but --legs leaves its leg out");
-                    super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
-                }
-                effects.retain(|e| (e.effect, e.joint) != (hidden.effect, joint));
-                effects.push(JointEffect {
-                    effect: hidden.effect,
-                    joint,
-                    value: hidden.value,
-                });
+        for hide in &self.hide {
+            if let Some(joint) = hide.joint().filter(|joint| !legs.contains(&joint.leg())) {
+                let message = format!("--hide names {joint}, but --legs leaves its leg out");
+                super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
+            }
+            let hidden = hide.on(legs).unwrap_or_else(|error| {
+                super::usage_error("simulate", ErrorKind::ValueValidation, error.to_string())
+            });
+            for effect in hidden {
+                let place = |e: &HiddenEffect| (e.kind(), e.joint());
+                effects.retain(|e| place(e) != place(&effect));
+                effects.push(effect);
             }
         }
         effects
@@ -200,11 +200,18 @@ fn record_to<W: Write>(
     unwritable: impl Fn(io::Error) -> WriteError + Copy,
 ) -> Result<(W, u64), Error> {
     let mut progress = Progress::new("Simulating");
-    let mut log = LogWriter::new(out, &simulation.legs).map_err(unwritable)?;
+    let thermal = simulation.logs_temperature();
+    let log = if thermal {
+        LogWriter::with_temperature(out, &simulation.legs)
+    } else {
+        LogWriter::new(out, &simulation.legs)
+    };
+    let mut log = log.map_err(unwritable)?;
     let mut samples = 0;
     for sample in simulation.samples() {
         let sample = sample?;
-        log.row(sample.t, &sample.q, &sample.dq, &sample.tau)
+        let temp = sample.temp.as_deref().unwrap_or(&[]);
+        log.row_with_temperature(sample.t, &sample.q, &sample.dq, &sample.tau, temp)
             .map_err(unwritable)?;
         samples += 1;
         progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);
@@ -235,11 +242,54 @@ fn beside(log: &Path) -> PathBuf {
 }
 
 fn truth_of(simulation: &Simulation) -> Truth {
-    let of = |&leg: &Leg| parameter::truth_of_leg(leg, &simulation.effects);
     Truth {
         seed: simulation.seed,
-        parameters: simulation.legs.iter().flat_map(of).collect(),
+        inertia_error: simulation.inertia_error,
+        parameters: simulation.truth(),
     }
+}
+
+const EXAMPLES: &str = "Examples:
+  proprio simulate --typical -o leg.csv
+  proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz
+  proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
+  proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02";
+
+/// Examples, then every effect with its parameters.
+fn long_help() -> String {
+    let mut text = format!(
+        "{EXAMPLES}\n\nEffects to hide (SI, joint side; one in brackets has this value unless stated):\n"
+    );
+    for known in [true, false] {
+        if !known {
+            text += "Effects outside proprio's catalogue:\n";
+        }
+        let listed = HiddenKind::ALL.iter().map(|kind| kind.description());
+        for effect in listed.filter(|effect| effect.in_catalogue == known) {
+            text += &usage(effect);
+        }
+    }
+    text.trim_end().to_owned()
+}
+
+/// `stribeck:JOINT=Fs[,vs=0.05]` and what it is.
+fn usage(effect: &Description) -> String {
+    let place = match effect.scope {
+        Scope::Joint => ":JOINT",
+        Scope::Foot => ":CALF",
+        Scope::Base => "",
+    };
+    let first = effect.parameters[0];
+    let unit = match first.unit {
+        "1" => String::new(),
+        unit => format!(" ({unit})"),
+    };
+    let others = effect.parameters[1..].iter();
+    let others: String = others
+        .map(|p| format!("[,{}={}]", p.name, p.default))
+        .collect();
+    let (name, words, value) = (effect.name, effect.words, first.name);
+    format!("  {name}{place}={value}{others}\n      {words}{unit}\n")
 }
 
 fn parse_legs(text: &str) -> Result<Legs, String> {
@@ -253,35 +303,6 @@ fn parse_legs(text: &str) -> Result<Legs, String> {
     legs.sort_by_key(|leg| leg.index());
     legs.dedup();
     Ok(Legs(legs))
-}
-
-fn parse_hidden(text: &str) -> Result<Hidden, String> {
-    let (place, value) = text
-        .split_once('=')
-        .ok_or("expected EFFECT[:JOINT]=VALUE")?;
-    let (effect, joint) = match place.split_once(':') {
-        Some((effect, joint)) => (effect, Some(joint.parse().map_err(suggest)?)),
-        None => (place, None),
-    };
-    let names = || EffectKind::ALL.iter().map(|effect| effect.name());
-    let effect =
-        EffectKind::from_name(effect).ok_or_else(|| suggest(UnknownName::new(effect, names())))?;
-    let parameter = effect.description().parameters[0];
-    let value: f64 = value
-        .parse()
-        .map_err(|_| format!("`{value}` is not a number"))?;
-    if !value.is_finite() || !(parameter.lower..=parameter.upper).contains(&value) {
-        let (lower, upper) = (parameter.lower, parameter.upper);
-        return Err(format!(
-            "{} must lie between {lower} and {upper}",
-            effect.name()
-        ));
-    }
-    Ok(Hidden {
-        effect,
-        joint,
-        value,
-    })
 }
 
 fn suggest(unknown: UnknownName) -> String {

@@ -1,143 +1,253 @@
-//! One pinned leg under a PD controller, integrated by the classical Runge-Kutta method.
+//! One pinned leg: its mechanics, its motors with their controller, and what the bus reports of them.
 
-use nalgebra::{SVector, Vector3};
-use proprio_core::effect::{EffectKind, JointState};
-use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG, Leg};
+use std::collections::VecDeque;
+
+use nalgebra::{Rotation3, Vector3};
+use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG as JOINTS, Leg};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::motion::Reference;
+use super::effect::{Effect, HiddenKind, Site, Transmission};
+use super::motion::{Reference, centre};
+use super::plant::{Plant, PlantJoint, State};
 use super::{Diverged, Simulation};
 
-/// Longest integration step, s: 5 kHz. Coulomb friction of 1.5 N m is a damper of 43 N m s/rad near standstill, on
-/// a calf without armature a time constant of 0.1 ms.
-const STEP: f64 = 2e-4;
+/// Period of the controller, s: 4 kHz, between whose ticks the torque is held.
+const PERIOD: f64 = 2.5e-4;
+/// Longest integration step, s.
+const STEP: f64 = PERIOD / 2.0;
 /// Controller gains, N m/rad and N m s/rad.
 const GAIN_P: f64 = 40.0;
 const GAIN_D: f64 = 1.5;
-
-/// Position and velocity.
-type State = SVector<f64, { 2 * JOINTS_PER_LEG }>;
+/// Motor temperatures at the start, °C: a robot that has been used a little.
+const TEMPERATURES: std::ops::Range<f64> = 30.0..45.0;
 
 pub(super) struct SimulatedLeg {
     leg: Leg,
-    tree: Tree<f64, JOINTS_PER_LEG, JOINTS_PER_LEG>,
-    effects: Vec<(EffectKind, usize, f64)>,
-    reference: Reference,
-    t: f64,
+    plant: Plant,
     state: State,
+    reference: Reference,
+    /// What the controller believes: the CAD, and how the base is said to be mounted.
+    cad: Tree<f64, JOINTS, JOINTS>,
+    mount: Transform<f64>,
+    delay: [f64; JOINTS],
+    /// Ticks of the controller so far.
+    ticks: u64,
+    /// The torque as the motors report it now, and the one they give, N m.
+    reported: Vector3<f64>,
+    given: Vector3<f64>,
+    /// Middles of the last holds, s, and what was reported in them: as many as the longest delay needs.
+    history: VecDeque<(f64, Vector3<f64>)>,
+}
+
+/// A leg's motors and what they report, at one instant.
+pub(super) struct Report {
+    pub(super) q: Vector3<f64>,
+    pub(super) dq: Vector3<f64>,
+    pub(super) tau: Vector3<f64>,
+    pub(super) temperature: Vector3<f64>,
 }
 
 impl SimulatedLeg {
     pub(super) fn new(leg: Leg, simulation: &Simulation, rng: &mut ChaCha8Rng) -> Self {
-        let reference = Reference::new(simulation.motion, leg, rng);
-        let own = simulation.effects.iter().filter(|e| e.joint.leg() == leg);
-        let (q, dq) = reference.at(0.0);
-        let mut state = State::zeros();
-        state.as_mut_slice()[..JOINTS_PER_LEG].copy_from_slice(&q);
-        state.as_mut_slice()[JOINTS_PER_LEG..].copy_from_slice(&dq);
-        Self {
-            leg,
-            tree: go2::leg(leg),
-            effects: own.map(|e| (e.effect, e.joint.place(), e.value)).collect(),
-            reference,
-            t: 0.0,
-            state,
+        let reference = Reference::new(simulation.motion, leg, simulation.duration, rng);
+        let temperature = Vector3::from_fn(|_, _| rng.random_range(TEMPERATURES));
+        let [roll, pitch, yaw] = simulation.mount;
+        let mount = turned(Rotation3::from_euler_angles(roll, pitch, yaw));
+        let joints = std::array::from_fn(|place| joint(simulation, leg, place));
+        let mut bodies = simulation.bodies(leg);
+        for (body, joint) in bodies.iter_mut().zip(&joints) {
+            let effects: &Vec<Box<dyn Effect>> = &joint.effects;
+            *body = effects.iter().fold(*body, |sum, e| sum + e.load());
         }
+        let delay = [0, 1, 2].map(|j: usize| joints[j].effects.iter().map(|e| e.delay()).sum());
+        let [roll, pitch] = simulation.tilt();
+        let base = mount.compose(&turned(Rotation3::from_euler_angles(roll, pitch, 0.0)));
+        let wanted = reference.at(0.0);
+        let mut leg = Self {
+            leg,
+            plant: Plant::new(go2::leg(leg).with_inertia(&bodies), base, joints),
+            state: State::new(wanted.q, wanted.dq, temperature),
+            reference,
+            cad: go2::leg(leg),
+            mount,
+            delay,
+            ticks: 0,
+            reported: Vector3::zeros(),
+            given: Vector3::zeros(),
+            history: VecDeque::new(),
+        };
+        leg.control();
+        leg.plant.begin(&leg.state, &leg.given);
+        leg
     }
 
-    pub(super) fn q(&self) -> Vector3<f64> {
-        self.state.fixed_rows::<JOINTS_PER_LEG>(0).into()
-    }
-
-    pub(super) fn dq(&self) -> Vector3<f64> {
-        self.state
-            .fixed_rows::<JOINTS_PER_LEG>(JOINTS_PER_LEG)
-            .into()
-    }
-
-    /// The motors' torque now, N m.
-    pub(super) fn torque(&self) -> Vector3<f64> {
-        self.control(self.t, &self.q(), &self.dq())
+    /// What the bus tells of the leg now, before noise and quanta.
+    pub(super) fn report(&self) -> Report {
+        let (q, dq) = self.measured();
+        let tau = Vector3::from_fn(|j, _| self.late(j));
+        Report {
+            q,
+            dq,
+            tau,
+            temperature: self.state.temperature,
+        }
     }
 
     /// Integrates up to time `t`, s.
     pub(super) fn advance_to(&mut self, t: f64) -> Result<(), Diverged> {
-        let steps = ((t - self.t) / STEP).ceil().max(1.0);
-        let h = (t - self.t) / steps;
+        while self.state.t < t - 1e-12 {
+            // Half a period after the recorder's clock: a sample meets the middle of a hold, whose torque is that of the
+            // instant; at a hold's start it would seem late by half a period.
+            let tick = (self.ticks as f64 - 0.5) * PERIOD;
+            if self.state.t > tick - 1e-12 {
+                self.control();
+                continue;
+            }
+            self.integrate_to(t.min(tick))?;
+        }
+        Ok(())
+    }
+
+    fn integrate_to(&mut self, t: f64) -> Result<(), Diverged> {
+        let steps = ((t - self.state.t) / STEP - 1e-6).ceil().max(1.0);
+        let h = (t - self.state.t) / steps;
         for _ in 0..steps as u64 {
-            let (now, x) = (self.t, self.state);
-            let k1 = self.derivative(now, &x);
-            let k2 = self.derivative(now + h / 2.0, &(x + k1 * (h / 2.0)));
-            let k3 = self.derivative(now + h / 2.0, &(x + k2 * (h / 2.0)));
-            let k4 = self.derivative(now + h, &(x + k3 * h));
-            self.state = x + (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (h / 6.0);
-            self.t = now + h;
+            let moved = self.plant.step(&mut self.state, &self.given, h);
+            let state = self.state.q.iter().chain(self.state.dq.iter());
+            if !moved || state.into_iter().any(|value| !value.is_finite()) {
+                let (leg, t) = (self.leg, self.state.t);
+                return Err(Diverged { leg, t });
+            }
         }
-        self.t = t;
-        let finite = self.state.iter().all(|value| value.is_finite());
-        if finite {
-            Ok(())
+        self.state.t = t;
+        Ok(())
+    }
+
+    /// A tick of the controller: PD on the reference and the CAD's inverse dynamics, within what the motor can give.
+    fn control(&mut self) {
+        let t = self.state.t;
+        let (q, dq) = self.measured();
+        let wanted = self.reference.at(t);
+        let k = self.cad.kinematics(&self.mount, &wanted.q, &wanted.dq);
+        let forward = self.cad.inverse_dynamics(&k, &wanted.dq, &wanted.ddq);
+        let back = (wanted.q - q) * GAIN_P + (wanted.dq - dq) * GAIN_D;
+        for j in 0..JOINTS {
+            let effort = ACTUATORS[j].effort;
+            self.reported[j] = (forward[j] + back[j]).clamp(-effort, effort);
+            let seen = self.plant.seen(j, 0, &self.state, 0.0);
+            let effects = self.plant.joints[j].effects.iter();
+            self.given[j] = effects.fold(self.reported[j], |tau, e| e.true_torque(tau, &seen));
+        }
+        let middle = if self.ticks == 0 {
+            0.0
         } else {
-            Err(Diverged { leg: self.leg, t })
+            t + PERIOD / 2.0
+        };
+        self.history.push_back((middle, self.reported));
+        let longest = self.delay.iter().fold(0.0f64, |most, d| most.max(*d));
+        while self.history.len() > 2 && self.history[1].0 < t - longest - PERIOD {
+            self.history.pop_front();
         }
+        self.ticks += 1;
     }
 
-    /// PD on the reference, within what the motor can give.
-    fn control(&self, t: f64, q: &Vector3<f64>, dq: &Vector3<f64>) -> Vector3<f64> {
-        let (wanted, rate) = self.reference.at(t);
-        Vector3::from_fn(|j, _| {
-            let torque = GAIN_P * (wanted[j] - q[j]) + GAIN_D * (rate[j] - dq[j]);
-            torque.clamp(-ACTUATORS[j].effort, ACTUATORS[j].effort)
-        })
-    }
-
-    fn derivative(&self, t: f64, state: &State) -> State {
-        let q: Vector3<f64> = state.fixed_rows::<JOINTS_PER_LEG>(0).into();
-        let dq: Vector3<f64> = state.fixed_rows::<JOINTS_PER_LEG>(JOINTS_PER_LEG).into();
-        let tau = self.control(t, &q, &dq);
-        let (lost, armature) = self.added(&q, &dq, &tau);
-        let kinematics = self.tree.kinematics(&Transform::identity(), &q, &dq);
-        let ddq = self
-            .tree
-            .forward_dynamics(&kinematics, &dq, &(tau - lost), &armature)
-            .unwrap_or_else(|| Vector3::repeat(f64::NAN));
-        let mut derivative = State::zeros();
-        derivative
-            .fixed_rows_mut::<JOINTS_PER_LEG>(0)
-            .copy_from(&dq);
-        derivative
-            .fixed_rows_mut::<JOINTS_PER_LEG>(JOINTS_PER_LEG)
-            .copy_from(&ddq);
-        derivative
-    }
-
-    /// The effects' torque without acceleration (N m) and what they add to the inertia (kg m²).
-    ///
-    /// The torque is rate + ∂boundary/∂q q̇ + ∂boundary/∂q̇ q̈.
-    fn added(
-        &self,
-        q: &Vector3<f64>,
-        dq: &Vector3<f64>,
-        tau: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
-        let mut torque = Vector3::zeros();
-        let mut inertia = Vector3::zeros();
-        for &(effect, j, value) in &self.effects {
-            let boundary = |q, dq| effect.term(&JointState::reported(q, dq, tau[j])).boundary;
-            let rate = effect.term(&JointState::reported(q[j], dq[j], tau[j])).rate;
-            let by_q = slope(|d| boundary(q[j] + d, dq[j]));
-            let by_dq = slope(|d| boundary(q[j], dq[j] + d));
-            torque[j] += value * (rate + by_q * dq[j]);
-            inertia[j] += value * by_dq;
+    /// Position and velocity as the motors report them.
+    fn measured(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut q, mut dq) = (self.state.motor_q, self.state.motor_dq);
+        for (j, joint) in self.plant.joints.iter().enumerate() {
+            for effect in &joint.effects {
+                (q[j], dq[j]) = effect.reported(q[j], dq[j]);
+            }
         }
-        (torque, inertia)
+        (q, dq)
+    }
+
+    /// The torque that joint `j` reports now: that of some time ago, between the middles of two holds.
+    fn late(&self, j: usize) -> f64 {
+        if self.delay[j] == 0.0 {
+            return self.reported[j];
+        }
+        let t = self.state.t - self.delay[j];
+        let after = self.history.partition_point(|(middle, _)| *middle <= t);
+        let at = |n: usize| self.history.get(n);
+        match (after.checked_sub(1).and_then(at), at(after)) {
+            (Some((t0, a)), Some((t1, b))) => a[j] + (b[j] - a[j]) * (t - t0) / (t1 - t0),
+            (Some((_, held)), None) | (None, Some((_, held))) => held[j],
+            (None, None) => self.reported[j],
+        }
     }
 }
 
-/// Slope of a function at zero by central difference; exact to 1e-10 where it is linear.
-fn slope(f: impl Fn(f64) -> f64) -> f64 {
-    const H: f64 = 1e-4;
-    (f(H) - f(-H)) / (2.0 * H)
+#[cfg(test)]
+impl SimulatedLeg {
+    pub(super) fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The motors' true torques now, N m.
+    pub(super) fn given(&self) -> Vector3<f64> {
+        self.given
+    }
+
+    pub(super) fn accelerations(&self) -> super::plant::Accelerations {
+        self.plant.accelerations(&self.state, &self.given).unwrap()
+    }
+
+    /// A step without motors.
+    pub(super) fn step_passively(&mut self, h: f64) {
+        assert!(self.plant.step(&mut self.state, &Vector3::zeros(), h));
+    }
+}
+
+/// A frame turned about its parent's origin.
+fn turned(rotation: Rotation3<f64>) -> Transform<f64> {
+    Transform {
+        rotation: *rotation.matrix(),
+        ..Transform::identity()
+    }
+}
+
+/// What a leg's joint has beyond the rigid bodies, in the order of the catalogue, which is that of the physics: a wrong
+/// torque constant comes before a limit.
+fn joint(simulation: &Simulation, leg: Leg, place: usize) -> PlantJoint {
+    let actuator = &ACTUATORS[place];
+    let site = Site {
+        gear: actuator.gear,
+        centre: centre(leg)[place],
+        duration: simulation.duration,
+    };
+    let mut effects: Vec<Box<dyn Effect>> = Vec::new();
+    for &kind in HiddenKind::ALL {
+        let here = |e: &&super::HiddenEffect| {
+            e.kind() == kind
+                && e.joint()
+                    .is_some_and(|joint| joint.leg() == leg && joint.place() == place)
+        };
+        if let Some(hidden) = simulation.effects.iter().rfind(here) {
+            effects.push(kind.build(hidden.values(), &site));
+        }
+    }
+    let transmission = effects.iter().filter_map(|e| e.transmission()).reduce(both);
+    let mut armature = effects.iter().map(|e| e.armature()).sum();
+    if transmission.is_some() && armature == 0.0 {
+        // A motor that has a position of its own has a mass.
+        armature = actuator.armature();
+    }
+    PlantJoint {
+        effects,
+        armature,
+        transmission,
+        gear: actuator.gear,
+    }
+}
+
+/// A spring and a play in one gear: the spring's stiffness, the play's gap.
+fn both(spring: Transmission, play: Transmission) -> Transmission {
+    Transmission {
+        gap: spring.gap.max(play.gap),
+        ..spring
+    }
 }

@@ -1,22 +1,40 @@
 //! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make.
 //!
-//! The rigid body is the core's Go2. What is added to it are the effects of the core's catalogue: an effect states its
-//! torque's integral as \[boundary\] + ∫ rate dt, so its torque is rate + d(boundary)/dt, and every entry of the catalogue
-//! can be simulated without a line of code here. The motor's torque is that of a PD controller on the reference; the
-//! sensors add noise, the quanta of the motor bus, jitter and repeated messages. A seed gives the same log everywhere.
+//! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
+//! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
+//! and forward dynamics moves them (`plant`). A controller of 4 kHz gives PD on the reference and the CAD's inverse
+//! dynamics; the sensors add noise, the quanta of the motor bus, jitter and repeated messages. A seed gives the same log
+//! everywhere, and the same reference, bodies and noise whatever is hidden.
 
+mod dry;
+mod effect;
+pub mod hidden;
+mod inertia_error;
 mod leg;
 mod motion;
+mod plant;
 mod sensors;
+#[cfg(test)]
+mod tests;
 
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::estimator::EFFECTS;
+use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG, Leg};
+use proprio_core::inertia::InertialParameters;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::parameter::JointEffect;
+use crate::log::JointId;
+use crate::parameter::{self, Parameter};
+pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
+pub use hidden::{HiddenEffect, HiddenError, Hide, SIZES, Sizes};
 use leg::SimulatedLeg;
 pub use motion::Motion;
 pub use sensors::Sensors;
+
+/// Random numbers of each kind come from a stream of their own: references, noise, then one leg's bodies after the other.
+const REFERENCE_STREAM: u64 = 0;
+const NOISE_STREAM: u64 = 1;
+const BODY_STREAM: u64 = 2;
 
 /// What to simulate.
 #[derive(Debug, Clone)]
@@ -29,8 +47,15 @@ pub struct Simulation {
     pub duration: f64,
     /// Samples per second.
     pub rate: f64,
-    /// What is added to the rigid body; several entries for one effect and joint add up.
-    pub effects: Vec<JointEffect>,
+    /// What is added to the rigid body; of several entries for one effect and joint the last holds.
+    pub effects: Vec<HiddenEffect>,
+    /// How far the bodies are off the CAD: relative standard deviation of a mass, and centres of mass and inertias to match;
+    /// drawn from the seed.
+    pub inertia_error: f64,
+    /// Roll, pitch, yaw of the base in the world, rad, which the controller knows.
+    pub mount: [f64; 3],
+    /// Whether the motors' temperatures are logged; they are if an effect depends on them.
+    pub temperature: bool,
     /// What lies between the motion and the log.
     pub sensors: Sensors,
     /// Chooses the reference and all that is random.
@@ -48,9 +73,11 @@ pub struct SimulatedSample {
     pub dq: Vec<f64>,
     /// Motor torque, N m.
     pub tau: Vec<f64>,
+    /// Motor temperature, °C, where it is logged.
+    pub temp: Option<Vec<f64>>,
 }
 
-/// A simulation that left the real numbers: an effect too strong for the integration step.
+/// A simulation that left the real numbers: an effect that has no motion, such as a body of no inertia.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the simulation of leg {} diverged after {t:.3} s", .leg.name())]
 pub struct Diverged {
@@ -69,6 +96,9 @@ impl Simulation {
             duration: 20.0,
             rate: 500.0,
             effects: Vec::new(),
+            inertia_error: 0.0,
+            mount: [0.0; 3],
+            temperature: false,
             sensors: Sensors::default(),
             seed: 1,
         }
@@ -79,12 +109,14 @@ impl Simulation {
     /// # Errors
     /// An item is [`Diverged`], and the last, if the motion is no longer finite.
     pub fn samples(&self) -> impl Iterator<Item = Result<SimulatedSample, Diverged>> + '_ {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let mut rng = self.random(REFERENCE_STREAM);
         let mut legs: Vec<SimulatedLeg> = self
             .legs
             .iter()
             .map(|&leg| SimulatedLeg::new(leg, self, &mut rng))
             .collect();
+        let mut rng = self.random(NOISE_STREAM);
+        let thermal = self.logs_temperature();
         let count = (self.duration * self.rate).round() as u64;
         let mut previous = None;
         let mut failed = false;
@@ -93,7 +125,7 @@ impl Simulation {
                 return None;
             }
             let t = self.sensors.sampling_time(k, self.rate, &mut rng);
-            let sample = sample(&mut legs, t).map(|truth| {
+            let sample = sample(&mut legs, t, thermal).map(|truth| {
                 let measured = self.sensors.measure(truth, previous.as_ref(), &mut rng);
                 previous = Some(measured.clone());
                 measured
@@ -102,10 +134,93 @@ impl Simulation {
             Some(sample)
         })
     }
+
+    /// Whether the samples have temperatures.
+    pub fn logs_temperature(&self) -> bool {
+        self.temperature || self.built().any(|effect| effect.is_thermal())
+    }
+
+    /// The true bodies of a leg, without payloads.
+    pub fn bodies(&self, leg: Leg) -> [InertialParameters<f64>; JOINTS_PER_LEG] {
+        let mut rng = self.random(BODY_STREAM + leg.index() as u64);
+        let cad = go2::leg::<f64>(leg).bodies().map(|body| body.inertia);
+        cad.map(|body| inertia_error::perturbed(&body, self.inertia_error, &mut rng))
+    }
+
+    /// The truth by name: each leg's bodies (without payloads), the effects that are estimated by default (zero where there
+    /// is none), then the parameters of all other effects, those of the base last.
+    pub fn truth(&self) -> Vec<Parameter> {
+        let legs = self.legs.iter().flat_map(|&leg| self.truth_of_leg(leg));
+        let base = self.effects.iter().filter(|e| e.joint().is_none());
+        legs.chain(base.flat_map(|e| e.parameters())).collect()
+    }
+
+    fn truth_of_leg(&self, leg: Leg) -> Vec<Parameter> {
+        let joints = JointId::of(leg);
+        let mut truth = Vec::new();
+        for (&joint, body) in joints.iter().zip(&self.bodies(leg)) {
+            let named = parameter::INERTIAL_NAMES.iter().zip(body.0.iter());
+            truth.extend(named.map(|(&(what, unit), &value)| Parameter {
+                name: parameter::name(what, joint),
+                unit,
+                value,
+            }));
+        }
+        for joint in joints {
+            let default = |kind: HiddenKind| EFFECTS.iter().any(|e| e.name() == kind.name());
+            for &kind in HiddenKind::ALL {
+                let here = |e: &&HiddenEffect| e.kind() == kind && e.joint() == Some(joint);
+                match self.effects.iter().rfind(here) {
+                    Some(effect) => truth.extend(effect.parameters()),
+                    None if default(kind) => truth.push(Parameter {
+                        name: parameter::name(kind.name(), joint),
+                        unit: kind.description().parameters[0].unit,
+                        value: self.unstated(kind, joint),
+                    }),
+                    None => {}
+                }
+            }
+        }
+        truth
+    }
+
+    /// What a joint has of an effect that nobody asked for: a motor that something parts from its link has a rotor.
+    fn unstated(&self, kind: HiddenKind, joint: JointId) -> f64 {
+        let parted = [HiddenKind::Elasticity, HiddenKind::Backlash];
+        let mut own = self.effects.iter().filter(|e| e.joint() == Some(joint));
+        if kind == HiddenKind::Armature && own.any(|e| parted.contains(&e.kind())) {
+            ACTUATORS[joint.place()].armature()
+        } else {
+            0.0
+        }
+    }
+
+    /// Roll and pitch of the base beyond the known mount, rad.
+    fn tilt(&self) -> [f64; 2] {
+        let tilts = self.built().map(|effect| effect.tilt());
+        tilts.fold([0.0; 2], |sum, tilt| [sum[0] + tilt[0], sum[1] + tilt[1]])
+    }
+
+    fn built(&self) -> impl Iterator<Item = Box<dyn effect::Effect>> {
+        let site = effect::Site {
+            gear: 1.0,
+            centre: 0.0,
+            duration: self.duration,
+        };
+        self.effects
+            .iter()
+            .map(move |e| e.kind().build(e.values(), &site))
+    }
+
+    fn random(&self, stream: u64) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(stream);
+        rng
+    }
 }
 
 /// All legs at time `t`, s.
-fn sample(legs: &mut [SimulatedLeg], t: f64) -> Result<SimulatedSample, Diverged> {
+fn sample(legs: &mut [SimulatedLeg], t: f64, thermal: bool) -> Result<SimulatedSample, Diverged> {
     let joints = JOINTS_PER_LEG * legs.len();
     let empty = || Vec::with_capacity(joints);
     let mut sample = SimulatedSample {
@@ -113,104 +228,17 @@ fn sample(legs: &mut [SimulatedLeg], t: f64) -> Result<SimulatedSample, Diverged
         q: empty(),
         dq: empty(),
         tau: empty(),
+        temp: thermal.then(empty),
     };
     for leg in legs {
         leg.advance_to(t)?;
-        sample.q.extend(leg.q().iter());
-        sample.dq.extend(leg.dq().iter());
-        sample.tau.extend(leg.torque().iter());
+        let report = leg.report();
+        sample.q.extend(report.q.iter());
+        sample.dq.extend(report.dq.iter());
+        sample.tau.extend(report.tau.iter());
+        if let Some(temp) = &mut sample.temp {
+            temp.extend(report.temperature.iter());
+        }
     }
     Ok(sample)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::parameter::typical_effects;
-    use proprio_core::go2;
-
-    fn short(sensors: Sensors) -> Simulation {
-        let legs = [Leg::FL, Leg::RR];
-        Simulation {
-            duration: 2.0,
-            effects: typical_effects(&legs),
-            sensors,
-            ..Simulation::new(&legs)
-        }
-    }
-
-    #[test]
-    fn a_seed_gives_one_log_and_another_seed_another() {
-        let log = |seed| -> Vec<_> {
-            let simulation = Simulation {
-                seed,
-                ..short(Sensors::default())
-            };
-            simulation.samples().collect::<Result<_, _>>().unwrap()
-        };
-        assert_eq!(log(1), log(1));
-        assert_ne!(log(1), log(2));
-        assert_eq!(log(1).len(), 1001);
-    }
-
-    #[test]
-    fn the_motion_stays_within_the_joint_limits() {
-        for motion in [Motion::Multisine, Motion::Chirp] {
-            let simulation = Simulation {
-                duration: 20.0,
-                motion,
-                effects: typical_effects(&Leg::ALL),
-                sensors: Sensors::ideal(),
-                ..Simulation::new(&Leg::ALL)
-            };
-            for sample in simulation.samples() {
-                let sample = sample.unwrap();
-                for (n, &q) in sample.q.iter().enumerate() {
-                    let [lower, upper] = go2::position_limits(Leg::ALL[n / 3])[n % 3];
-                    assert!(q > lower && q < upper, "{motion:?}: joint {n} at {q} rad");
-                }
-            }
-        }
-    }
-
-    /// The work of the motors is the change of energy plus the heat of viscous friction: the integration, the effects
-    /// and the core's energy must agree.
-    #[test]
-    fn work_is_energy_plus_heat() {
-        let viscous: Vec<_> = typical_effects(&[Leg::FL])
-            .into_iter()
-            .filter(|e| e.effect == proprio_core::effect::EffectKind::Viscous)
-            .collect();
-        let simulation = Simulation {
-            duration: 2.0,
-            effects: viscous.clone(),
-            sensors: Sensors::ideal(),
-            ..Simulation::new(&[Leg::FL])
-        };
-        let samples: Vec<_> = simulation.samples().collect::<Result<_, _>>().unwrap();
-        let tree = go2::leg::<f64>(Leg::FL);
-        let base = proprio_core::spatial::Transform::identity();
-        let energy = |s: &SimulatedSample| {
-            let vector = |v: &[f64]| nalgebra::Vector3::from_column_slice(v);
-            let k = tree.kinematics(&base, &vector(&s.q), &vector(&s.dq));
-            let (kinetic, potential) = tree.energy(&k, &base);
-            kinetic + potential
-        };
-        let power = |s: &SimulatedSample| -> f64 {
-            (0..3)
-                .map(|j| (s.tau[j] - viscous[j].value * s.dq[j]) * s.dq[j])
-                .sum()
-        };
-        // Simpson's rule over pairs of samples.
-        let work: f64 = samples
-            .windows(3)
-            .step_by(2)
-            .map(|w| (w[2].t - w[0].t) / 6.0 * (power(&w[0]) + 4.0 * power(&w[1]) + power(&w[2])))
-            .sum();
-        let change = energy(&samples[samples.len() - 1]) - energy(&samples[0]);
-        assert!(
-            (work - change).abs() < 1e-5,
-            "work {work} J, energy {change} J"
-        );
-    }
 }

@@ -7,10 +7,13 @@ use rand_distr::StandardNormal;
 
 use super::SimulatedSample;
 
+/// Standard deviation of the reported torque, in steps of the bus: its current sensor's noise is of the order of a step.
+const TORQUE_NOISE: f64 = 0.5;
+
 /// The sensors' and the recorder's faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensors {
-    /// Noise of the velocity, as a multiple of a standing Go2's.
+    /// Noise of the velocity and of the torque, as a multiple of a standing Go2's.
     pub noise: f64,
     /// Whether values come in the steps of the motor bus.
     pub quantised: bool,
@@ -73,6 +76,8 @@ impl Sensors {
             if self.noise > 0.0 {
                 let sigma = self.noise * go2::VELOCITY_NOISE[joint % JOINTS_PER_LEG];
                 measured.dq[joint] += sigma * rng.sample::<f64, _>(StandardNormal);
+                let sigma = self.noise * TORQUE_NOISE * go2::quanta(joint)[2];
+                measured.tau[joint] += sigma * rng.sample::<f64, _>(StandardNormal);
             }
             if self.quantised {
                 let [q, dq, tau] = go2::quanta(joint);
@@ -80,6 +85,9 @@ impl Sensors {
                 round_to(dq, &mut measured.dq[joint]);
                 round_to(tau, &mut measured.tau[joint]);
             }
+        }
+        if let (true, Some(temperatures)) = (self.quantised, &mut measured.temp) {
+            temperatures.iter_mut().for_each(|t| round_to(1.0, t));
         }
         measured
     }

@@ -1,0 +1,368 @@
+//! An effect at a place with its values: what `--hide` says, and what a battery of tests is made of.
+
+use std::str::FromStr;
+
+use super::effect::{HiddenKind, Scope};
+use crate::log::{JointId, UnknownName};
+use crate::parameter::{self, JointEffect, Parameter};
+use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+
+/// An effect at a joint, or of the base, with a value for each of its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HiddenEffect {
+    kind: HiddenKind,
+    joint: Option<JointId>,
+    values: Vec<f64>,
+}
+
+/// Why an effect cannot be as asked for.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum HiddenError {
+    /// Not `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]`.
+    #[error("expected EFFECT[:JOINT]=VALUE[,NAME=VALUE…]")]
+    Form,
+    /// No such effect, joint or parameter.
+    #[error("{unknown}{}", did_you_mean(.unknown))]
+    Name {
+        /// What was written, and what there is.
+        #[from]
+        unknown: UnknownName,
+    },
+    /// Not a number.
+    #[error("`{0}` is not a number")]
+    Number(String),
+    /// A value that cannot be.
+    #[error("{name} must lie between {lower} and {upper}")]
+    Bounds {
+        /// The effect, or its parameter.
+        name: String,
+        /// Least value.
+        lower: f64,
+        /// Greatest value.
+        upper: f64,
+    },
+    /// An effect that cannot be at such a place.
+    #[error("{0} {1}")]
+    Place(&'static str, &'static str),
+}
+
+fn did_you_mean(unknown: &UnknownName) -> String {
+    let nearest = unknown.nearest();
+    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+}
+
+impl HiddenEffect {
+    /// The effect at `joint` (`None`: the base) with this value of its first parameter and the others' defaults.
+    ///
+    /// # Errors
+    /// [`HiddenError::Bounds`] or [`HiddenError::Place`].
+    pub fn new(kind: HiddenKind, joint: Option<JointId>, value: f64) -> Result<Self, HiddenError> {
+        let description = kind.description();
+        let misplaced = |why| Err(HiddenError::Place(description.name, why));
+        match (description.scope, joint) {
+            (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
+            (Scope::Joint | Scope::Foot, None) => return misplaced("needs a joint"),
+            (Scope::Foot, Some(joint)) if joint.place() + 1 != JOINTS_PER_LEG => {
+                return misplaced("is at a foot: name the calf that carries it");
+            }
+            _ => {}
+        }
+        let values = description.parameters.iter().map(|p| p.default).collect();
+        let effect = Self {
+            kind,
+            joint,
+            values,
+        };
+        effect.put(0, value)
+    }
+
+    /// The same effect with another value of the parameter called `name`.
+    ///
+    /// # Errors
+    /// [`HiddenError::Name`] or [`HiddenError::Bounds`].
+    pub fn with(self, name: &str, value: f64) -> Result<Self, HiddenError> {
+        let parameters = self.kind.description().parameters;
+        let names = || parameters.iter().map(|p| p.name);
+        let found = names().position(|known| known == name);
+        let n = found.ok_or_else(|| UnknownName::new(name, names()))?;
+        self.put(n, value)
+    }
+
+    fn put(mut self, n: usize, value: f64) -> Result<Self, HiddenError> {
+        let description = self.kind.description();
+        let parameter = &description.parameters[n];
+        if !value.is_finite() || !(parameter.lower..=parameter.upper).contains(&value) {
+            let name = match n {
+                0 => description.name.to_owned(),
+                _ => format!("{} of {}", parameter.name, description.name),
+            };
+            let (lower, upper) = (parameter.lower, parameter.upper);
+            return Err(HiddenError::Bounds { name, lower, upper });
+        }
+        self.values[n] = value;
+        Ok(self)
+    }
+
+    /// Which effect.
+    pub fn kind(&self) -> HiddenKind {
+        self.kind
+    }
+
+    /// At which joint; `None` for the base.
+    pub fn joint(&self) -> Option<JointId> {
+        self.joint
+    }
+
+    /// Its parameters' values, in the order of its description.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// `stribeck:FR_calf`, `base_tilt`.
+    pub fn place(&self) -> String {
+        match self.joint {
+            Some(joint) => parameter::name(self.kind.name(), joint),
+            None => self.kind.name().to_owned(),
+        }
+    }
+
+    /// Its parameters by name: the first bears the effect's, the others `NAME:EFFECT:JOINT`.
+    pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
+        let described = self.kind.description().parameters.iter();
+        described
+            .zip(&self.values)
+            .enumerate()
+            .map(|(n, (parameter, &value))| Parameter {
+                name: match n {
+                    0 => self.place(),
+                    _ => format!("{}:{}", parameter.name, self.place()),
+                },
+                unit: parameter.unit,
+                value,
+            })
+    }
+}
+
+impl TryFrom<JointEffect> for HiddenEffect {
+    type Error = HiddenError;
+
+    fn try_from(effect: JointEffect) -> Result<Self, HiddenError> {
+        let kind = kind_named(effect.effect.name())?;
+        let joint = (kind.description().scope != Scope::Base).then_some(effect.joint);
+        Self::new(kind, joint, effect.value)
+    }
+}
+
+/// Friction, rotor inertia and bias of a Go2's motors in the middle of what recorded data show: `typical_effects` as this
+/// simulator's.
+pub fn typical(legs: &[Leg]) -> Vec<HiddenEffect> {
+    let effects = parameter::typical_effects(legs).into_iter();
+    effects.flat_map(HiddenEffect::try_from).collect()
+}
+
+fn kind_named(name: &str) -> Result<HiddenKind, UnknownName> {
+    let names = || HiddenKind::ALL.iter().map(|kind| kind.name());
+    HiddenKind::from_name(name).ok_or_else(|| UnknownName::new(name, names()))
+}
+
+/// What `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]` says; without a joint, at all joints that can have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hide {
+    kind: HiddenKind,
+    joint: Option<JointId>,
+    value: f64,
+    others: Vec<(String, f64)>,
+}
+
+impl Hide {
+    /// The joint it names, if it does.
+    pub fn joint(&self) -> Option<JointId> {
+        self.joint
+    }
+
+    /// The effects it asks for on a robot with these legs.
+    ///
+    /// # Errors
+    /// [`HiddenError`].
+    pub fn on(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
+        let joints = || legs.iter().flat_map(|&leg| JointId::of(leg));
+        let places: Vec<Option<JointId>> = match (self.joint, self.kind.description().scope) {
+            (Some(joint), _) => vec![Some(joint)],
+            (None, Scope::Base) => vec![None],
+            (None, Scope::Joint) => joints().map(Some).collect(),
+            (None, Scope::Foot) => joints().filter(|j| j.place() == 2).map(Some).collect(),
+        };
+        let at = |joint| {
+            let effect = HiddenEffect::new(self.kind, joint, self.value)?;
+            let mut others = self.others.iter();
+            others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
+        };
+        places.into_iter().map(at).collect()
+    }
+}
+
+impl FromStr for Hide {
+    type Err = HiddenError;
+
+    fn from_str(text: &str) -> Result<Self, HiddenError> {
+        let (place, values) = text.split_once('=').ok_or(HiddenError::Form)?;
+        let (effect, joint) = match place.split_once(':') {
+            Some((effect, joint)) => (effect, Some(joint.parse()?)),
+            None => (place, None),
+        };
+        let mut values = values.split(',');
+        let value = number(values.next().unwrap_or(""))?;
+        let mut others = Vec::new();
+        for other in values {
+            let (name, value) = other.split_once('=').ok_or(HiddenError::Form)?;
+            others.push((name.to_owned(), number(value)?));
+        }
+        let hide = Self {
+            kind: kind_named(effect)?,
+            joint,
+            value,
+            others,
+        };
+        // What is wrong with it is wrong on any legs.
+        hide.on(&[joint.map_or(Leg::FR, JointId::leg)])?;
+        Ok(hide)
+    }
+}
+
+fn number(text: &str) -> Result<f64, HiddenError> {
+    text.parse()
+        .map_err(|_| HiddenError::Number(text.to_owned()))
+}
+
+/// Typical sizes of an effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sizes {
+    /// Which effect.
+    pub kind: HiddenKind,
+    /// A small, a medium and a large value of its first parameter at a hip or thigh.
+    pub values: [f64; 3],
+    /// The same at a calf, whose gear is longer and whose friction is larger.
+    pub calf: [f64; 3],
+    /// Values of other parameters, where the defaults are not typical.
+    pub others: &'static [(&'static str, f64)],
+}
+
+impl Sizes {
+    /// The sizes of an effect.
+    pub fn of(kind: HiddenKind) -> &'static Self {
+        SIZES
+            .iter()
+            .find(|sizes| sizes.kind == kind)
+            .unwrap_or(&SIZES[0])
+    }
+
+    /// The effect in size `n` (0 small, 1 medium, 2 large) at `joint`; at the base or at the joint's foot if it belongs there.
+    ///
+    /// # Errors
+    /// [`HiddenError`], if a size is out of bounds.
+    pub fn at(&self, n: usize, joint: JointId) -> Result<HiddenEffect, HiddenError> {
+        let is_calf = joint.place() + 1 == JOINTS_PER_LEG;
+        let values = if is_calf { self.calf } else { self.values };
+        let place = match self.kind.description().scope {
+            Scope::Joint => Some(joint),
+            Scope::Foot => JointId::of(joint.leg()).last().copied(),
+            Scope::Base => None,
+        };
+        let effect = HiddenEffect::new(self.kind, place, values[n.min(2)])?;
+        let mut others = self.others.iter();
+        others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
+    }
+}
+
+const fn sizes(kind: HiddenKind, values: [f64; 3], calf: [f64; 3]) -> Sizes {
+    with(kind, values, calf, &[])
+}
+
+const fn with(
+    kind: HiddenKind,
+    values: [f64; 3],
+    calf: [f64; 3],
+    others: &'static [(&'static str, f64)],
+) -> Sizes {
+    Sizes {
+        kind,
+        values,
+        calf,
+        others,
+    }
+}
+
+/// Typical sizes of every effect, from the plausible ranges of go2.md where it has one: a table for test batteries.
+///
+/// Sizes are whole effects, not additions to `typical_effects`.
+pub const SIZES: &[Sizes] = {
+    use HiddenKind as K;
+    &[
+        sizes(K::Viscous, [0.02, 0.1, 0.4], [0.02, 0.1, 0.4]),
+        sizes(K::Coulomb, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
+        sizes(K::Armature, [0.003, 0.006, 0.012], [0.010, 0.016, 0.025]),
+        sizes(K::Bias, [0.05, 0.15, 0.4], [0.05, 0.15, 0.4]),
+        with(
+            K::AsymmetricCoulomb,
+            [0.2, 0.4, 0.8],
+            [0.4, 0.8, 1.5],
+            &[("F_minus", 0.1)],
+        ),
+        with(
+            K::Stribeck,
+            [0.1, 0.3, 0.6],
+            [0.2, 0.5, 1.0],
+            &[("vs", 0.15)],
+        ),
+        sizes(K::LoadFriction, [0.05, 0.1, 0.25], [0.05, 0.1, 0.25]),
+        sizes(K::QuadraticDrag, [0.01, 0.03, 0.1], [0.01, 0.03, 0.1]),
+        sizes(
+            K::ThermalViscous,
+            [0.002, 0.005, 0.01],
+            [0.003, 0.008, 0.02],
+        ),
+        with(K::Spring, [0.3, 1.0, 3.0], [0.3, 1.0, 3.0], &[("q0", 0.2)]),
+        with(
+            K::Cogging,
+            [0.05, 0.15, 0.4],
+            [0.1, 0.3, 0.8],
+            &[("psi", 0.7)],
+        ),
+        sizes(K::TorqueGain, [1.08, 0.85, 1.3], [1.08, 0.85, 1.3]),
+        sizes(K::VelocityGain, [1.03, 1.09, 0.85], [1.03, 1.09, 0.85]),
+        sizes(K::EncoderOffset, [0.02, 0.05, 0.15], [0.02, 0.05, 0.15]),
+        sizes(K::Delay, [0.0013, 0.0035, 0.0083], [0.0013, 0.0035, 0.0083]),
+        with(
+            K::BaseTilt,
+            [0.02, 0.05, 0.15],
+            [0.02, 0.05, 0.15],
+            &[("pitch", -0.03)],
+        ),
+        with(
+            K::Payload,
+            [0.05, 0.15, 0.4],
+            [0.03, 0.08, 0.2],
+            &[("x", 0.02), ("z", -0.1)],
+        ),
+        with(
+            K::Contact,
+            [3.0, 10.0, 30.0],
+            [3.0, 10.0, 30.0],
+            &[("x", 2.0)],
+        ),
+        sizes(K::Elasticity, [300.0, 100.0, 40.0], [300.0, 100.0, 40.0]),
+        sizes(K::Backlash, [0.005, 0.015, 0.04], [0.005, 0.015, 0.04]),
+        sizes(K::Saturation, [4.0, 2.5, 1.5], [4.0, 2.5, 1.5]),
+        sizes(K::PositionCoulomb, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
+        sizes(K::Lugre, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
+        sizes(K::PeriodicTorque, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
+        sizes(
+            K::TorqueConstantDrift,
+            [0.002, 0.005, 0.012],
+            [0.002, 0.005, 0.012],
+        ),
+        sizes(K::Hysteresis, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
+        sizes(K::FrictionStep, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
+        sizes(K::CableSnag, [0.2, 0.6, 1.5], [0.2, 0.6, 1.5]),
+    ]
+};
