@@ -40,6 +40,7 @@
 extern crate std;
 
 pub mod app;
+pub mod base_parameters;
 pub mod bus;
 pub mod consistent;
 pub mod dynamics;
