@@ -43,6 +43,7 @@ pub mod app;
 pub mod base_parameters;
 pub mod bus;
 pub mod consistent;
+pub mod criticism;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;

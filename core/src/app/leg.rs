@@ -1,25 +1,37 @@
 //! One leg's line: bus bytes, frames, samples, windows, factors.
 
 use super::assembly::Assembler;
+use super::diagnosis::Evidence;
 use crate::Real;
 use crate::bus::{Decoder, Reply};
-use crate::estimator::{EFFECTS, LegFactors, LegPrior, LegSolver, LegWindow, plausible};
+use crate::estimator::{
+    Active, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
+    Gather, LegBase, NOISE_GUESS, plausible,
+};
+use crate::factor::FactorError;
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::scalar::real;
 use crate::spatial::Transform;
 use crate::window::{Push, Sample, Settings, Window};
 use crate::wire::LegCounters;
 
+/// A step of gathering ends at the first row that brings its cost here, in numbers rotated.
+const STEP_COST: usize = 1200;
+
 /// One leg, from its bus to its factors.
 pub(super) struct LegLine<T: Real> {
     decoder: Decoder,
     assembler: Assembler,
     /// `None` until the first [`Self::reset`], like the prior: neither can be a constant.
-    window: Option<LegWindow<T>>,
+    window: Option<DeviceWindow<T>>,
     /// The window has closed and its rows are not in the factors yet.
     closed: bool,
-    factors: LegFactors<T>,
-    prior: Option<LegPrior<T>>,
+    folds: DeviceFolds<T>,
+    base: LegBase<T>,
+    active: Active,
+    prior: Option<DevicePrior<T>>,
+    /// The joints' noise by the last solution, N m.
+    noise: [T; JOINTS_PER_LEG],
     counters: LegCounters,
 }
 
@@ -31,21 +43,36 @@ impl<T: Real> LegLine<T> {
             assembler: Assembler::new(),
             window: None,
             closed: false,
-            factors: LegFactors::empty(),
+            folds: DeviceFolds::empty(),
+            base: LegBase::empty(),
+            active: DEFAULT_ACTIVE,
             prior: None,
+            noise: [T::ZERO; JOINTS_PER_LEG],
             counters: LegCounters::ZERO,
         }
     }
 
-    /// Begins anew, in place: a line is larger than a microcontroller's stack.
-    pub(super) fn reset(&mut self, which: Leg) {
+    /// Begins anew, in place: a line is larger than a microcontroller's stack. `work` is space for the analysis of the leg.
+    pub(super) fn reset(&mut self, which: Leg, work: &mut [T]) {
         self.decoder = Decoder::new();
         self.assembler = Assembler::new();
         self.open(which);
         self.closed = false;
-        self.factors.clear();
-        self.prior = Some(LegPrior::of(which));
+        self.folds.clear();
+        self.active = DEFAULT_ACTIVE;
+        self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
+        self.set_prior(which);
+        if let Some(prior) = &self.prior {
+            // The work space is as large as it says; without the analysis, every fold would count as unfolded.
+            let _ = self.base.analyse(which, prior, work);
+        }
         self.counters = LegCounters::ZERO;
+    }
+
+    /// The prior of the effects active at first. Not inlined, like [`Self::open`].
+    #[inline(never)]
+    fn set_prior(&mut self, which: Leg) {
+        self.prior = Some(DevicePrior::of(which, &self.active));
     }
 
     /// An empty window. Not inlined, so that what it takes of the stack is given back before the prior takes its own.
@@ -55,7 +82,7 @@ impl<T: Real> LegLine<T> {
         self.window = Some(Window::new(
             leg(which),
             upright,
-            EFFECTS,
+            DeviceColumns,
             plausible(which),
             settings,
         ));
@@ -130,18 +157,62 @@ impl<T: Real> LegLine<T> {
             return false;
         };
         self.closed = false;
-        match self.factors.fold_window(window.rows()) {
+        match self.folds.fold_window(window.rows(), &self.base) {
             Ok(()) => increment(&mut self.counters.windows),
             Err(_) => increment(&mut self.counters.unfolded),
         }
         true
     }
 
-    /// Begins the solution for the windows folded so far.
-    pub(super) fn start(&self, solver: &mut LegSolver<T>) {
-        if let Some(prior) = &self.prior {
-            solver.start(prior, &self.factors);
+    /// Begins to gather the windows folded so far.
+    pub(super) fn gather(&self, gather: &mut Gather<T>, solver: &mut DeviceSolver<T>) {
+        gather.start(&self.active, &self.folds, solver);
+    }
+
+    /// Goes on gathering; true when the solution has begun.
+    pub(super) fn gather_on(
+        &self,
+        gather: &mut Gather<T>,
+        solver: &mut DeviceSolver<T>,
+    ) -> Result<bool, FactorError> {
+        let done = gather.advance(STEP_COST, &self.folds, &self.base, solver)?;
+        match &self.prior {
+            Some(prior) if done && *gather.active() == self.active => solver.restart(prior),
+            // The host has changed the model meanwhile: once more.
+            _ if done => {
+                gather.start(&self.active, &self.folds, solver);
+                return Ok(false);
+            }
+            _ => {}
         }
+        Ok(done)
+    }
+
+    /// What a diagnosis looks at.
+    pub(super) fn evidence(&self) -> Evidence<'_, T> {
+        Evidence {
+            folds: &self.folds,
+            base: &self.base,
+            active: &self.active,
+            noise: &self.noise,
+        }
+    }
+
+    /// Takes note of the joints' noise by a solution.
+    pub(super) fn set_noise(&mut self, noise: &[T; JOINTS_PER_LEG]) {
+        self.noise = *noise;
+    }
+
+    /// Adds an effect of [`crate::estimator::COLUMNS`] to a joint's model, or drops it; false if that is how it was.
+    pub(super) fn set_effect(&mut self, joint: usize, effect: usize, active: bool) -> bool {
+        if self.active.has(joint, effect) == active {
+            return false;
+        }
+        self.active.set(joint, effect, active);
+        if let Some(prior) = &mut self.prior {
+            prior.activate(&self.active);
+        }
+        true
     }
 }
 

@@ -7,9 +7,13 @@ use proptest::prelude::*;
 use super::assembly::Assembler;
 use super::*;
 use crate::bus::{Command, Frame, Mode, Reply, crc::SEED_GO2};
+use crate::effect::EffectKind;
 use crate::estimator::tests::{LegEstimator, solved};
 use crate::go2::ACTUATORS;
 use crate::window::Sample;
+
+/// Long enough for every leg's turn to be solved to come once more, and for the solution.
+const SILENT_STEPS: u64 = 600;
 
 const DESKTOP: Identity = Identity {
     firmware: "test",
@@ -58,7 +62,7 @@ fn run(app: &mut App<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
 
 fn run_from(app: &mut App<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
     let mut messages = Vec::new();
-    for step in start..start + steps + 300 {
+    for step in start..start + steps + SILENT_STEPS {
         let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| match step < start + steps {
             true => bytes(&motion(step, leg), commands),
             false => Vec::new(),
@@ -101,11 +105,19 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
             });
         }
         let solution = solved(&estimator);
-        let narrow = |numbers: &[f64]| -> Vec<f32> { numbers.iter().map(|v| *v as f32).collect() };
+        // The leg's own factors have all columns and all data in one; the device's base columns and folds say the same.
         let estimate = last_estimate(&messages, which.index());
-        assert_eq!(estimate.values.as_slice(), narrow(solution.values()));
-        assert_eq!(estimate.std.as_slice(), narrow(solution.std()));
-        assert_eq!(estimate.windows, 69);
+        let told = estimate.values.iter().zip(&estimate.std);
+        let found = solution.values().iter().zip(solution.std());
+        for ((value, std), (expected, sigma)) in told.zip(found) {
+            let rounding = 1e-6 * (1.0 + expected.abs() / sigma);
+            assert!(((f64::from(*value) - expected) / sigma).abs() < rounding);
+            assert!((f64::from(*std) / sigma - 1.0).abs() < 1e-6);
+        }
+        for (noise, expected) in estimate.noise.iter().zip(solution.noise()) {
+            assert!((f64::from(*noise) / expected - 1.0).abs() < 1e-6);
+        }
+        assert_eq!((estimate.windows, estimate.effects), (69, [0b1111; 3]));
         let counters = app.counters(0).legs[which.index()];
         assert_eq!(
             (counters.samples, counters.used, counters.windows),
@@ -128,12 +140,142 @@ fn commands_are_a_help_and_not_needed() {
 }
 
 #[test]
-fn estimates_and_counters_come_ten_times_a_second() {
+fn estimates_come_four_times_a_second_and_counters_ten_times() {
     let messages = run(&mut Box::new(App::new(DESKTOP)), 1000, true);
     let count = |wanted: fn(&DeviceMessage) -> bool| messages.iter().filter(|m| wanted(m)).count();
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 26);
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Estimate(_))), 26);
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Hello(_))), 3);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 32);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Estimate(_))), 13);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Hello(_))), 4);
+}
+
+/// Motion of [`motion`] with a friction that grows with the square of the speed at one joint.
+fn with_drag(step: u64, leg: usize) -> [Reply; 3] {
+    let mut replies = motion(step, leg);
+    if leg == 1 {
+        let reply = &mut replies[2];
+        let gear = ACTUATORS[2].gear;
+        let (q, dq) = (reply.joint_position(gear), reply.joint_velocity(gear));
+        let tau = reply.joint_torque(gear) + 0.15 * dq * dq.abs();
+        *reply = Reply::from_joint(reply.mode, gear, q, dq, tau, 30).unwrap();
+    }
+    replies
+}
+
+fn diagnoses(messages: &[DeviceMessage]) -> Vec<&wire::Diagnosis> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            DeviceMessage::Diagnosis(diagnosis) => Some(diagnosis),
+            _ => None,
+        })
+        .collect()
+}
+
+fn column(effect: EffectKind) -> u8 {
+    COLUMNS.iter().position(|column| *column == effect).unwrap() as u8
+}
+
+#[test]
+fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
+    let mut app = Box::new(App::<f64>::new(DESKTOP));
+    let mut messages = play(&mut app, 0..16_000, with_drag);
+    let drag = EffectAt {
+        leg: 1,
+        joint: 2,
+        effect: column(EffectKind::QuadraticDrag),
+    };
+    let of_joint: Vec<_> = diagnoses(&messages)
+        .into_iter()
+        .filter(|d| (d.at.leg, d.at.joint) == (1, 2) && !d.active)
+        .collect();
+    let last = &of_joint[of_joint.len() - (COLUMNS.len() - 4)..];
+    let best = last
+        .iter()
+        .max_by(|a, b| a.gain.total_cmp(&b.gain))
+        .unwrap();
+    assert_eq!(best.at, drag, "{last:?}");
+    assert!(best.gain > 0.5, "{best:?}");
+    assert!((best.value - 0.15).abs() < 0.03, "{best:?}");
+
+    app.handle(&HostMessage::AddEffect(drag));
+    app.handle(&HostMessage::AddEffect(drag));
+    messages = play(&mut app, 16_000..16_400, with_drag);
+    let answers: Vec<_> = messages
+        .iter()
+        .filter_map(|message| match message {
+            DeviceMessage::Changed(changed) => Some((changed.at, changed.outcome)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(
+        answers,
+        [(drag, Outcome::Accepted), (drag, Outcome::AlreadyActive)]
+    );
+    let estimate = last_estimate(&messages, 1);
+    assert_eq!(
+        estimate.effects,
+        [0b1111, 0b1111, 0b1111 | 1 << drag.effect]
+    );
+    assert_eq!(estimate.values.len(), LEG_INERTIAL + 13);
+    assert!((estimate.values[LEG_INERTIAL + 12] - 0.15).abs() < 0.03);
+    let before = last_estimate(
+        &play(&mut Box::new(App::new(DESKTOP)), 0..2000, with_drag),
+        1,
+    )
+    .noise[2];
+    assert!(
+        estimate.noise[2] < 0.7 * before,
+        "{} {before}",
+        estimate.noise[2]
+    );
+
+    app.handle(&HostMessage::DropEffect(drag));
+    let messages = play(&mut app, 16_400..16_800, with_drag);
+    assert_eq!(last_estimate(&messages, 1).effects, [0b1111; 3]);
+}
+
+#[test]
+fn commands_that_make_no_sense_are_refused_with_the_reason() {
+    let mut app = Box::new(App::<f32>::new(DESKTOP));
+    let at = |leg, joint, effect| EffectAt { leg, joint, effect };
+    let active = column(EffectKind::Viscous);
+    let candidate = column(EffectKind::Delay);
+    for (add, at, outcome) in [
+        (true, at(4, 0, 0), Outcome::NoSuchJoint),
+        (true, at(0, 3, 0), Outcome::NoSuchJoint),
+        (true, at(0, 0, 11), Outcome::NoSuchEffect),
+        (false, at(0, 0, 255), Outcome::NoSuchEffect),
+        (true, at(0, 0, active), Outcome::AlreadyActive),
+        (false, at(0, 0, candidate), Outcome::NotActive),
+    ] {
+        let message = match add {
+            true => HostMessage::AddEffect(at),
+            false => HostMessage::DropEffect(at),
+        };
+        app.handle(&message);
+        let mut told = Vec::new();
+        (0..3).for_each(|n| app.step(n, [&[]; LEGS], &mut |m| told.push(m.clone())));
+        let answer = DeviceMessage::Changed(Changed { add, at, outcome });
+        assert!(told.contains(&answer), "{told:?}");
+    }
+}
+
+/// Steps through `steps` cycles on all legs.
+fn play(
+    app: &mut App<f64>,
+    steps: core::ops::Range<u64>,
+    motion: fn(u64, usize) -> [Reply; 3],
+) -> Vec<DeviceMessage> {
+    let mut messages = Vec::new();
+    for step in steps {
+        let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| bytes(&motion(step, leg), false));
+        app.step(
+            1 + step * STEP_US,
+            brought.each_ref().map(Vec::as_slice),
+            &mut |m| messages.push(m.clone()),
+        );
+    }
+    messages
 }
 
 #[test]
@@ -223,9 +365,9 @@ proptest! {
         let mut app = Box::new(App::new(DESKTOP));
         run(&mut app, 30, true);
         for (n, bytes) in noise.iter().enumerate() {
-            app.step((200 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
+            app.step((700 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
         }
-        let messages = run_from(&mut app, 300, 0, true);
+        let messages = run_from(&mut app, 800, 0, true);
         prop_assert!(last_estimate(&messages, 0).values.iter().all(|v| v.is_finite()));
     }
 }

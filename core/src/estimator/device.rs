@@ -1,8 +1,8 @@
 //! What a microcontroller keeps of a leg: base columns, candidate effects beside the active ones, two folds.
 //!
-//! A joint's factor has a column for every effect of [`COLUMNS`], active or not, and then the independent columns of its
-//! bodies' parameters only ([`crate::base_parameters`]): 17 + 11 for a Go2's hip instead of 30 + 11, and as many numbers as
-//! that squared are rotated for each row. Nothing is lost: the rows of all columns are those of the independent ones times P.
+//! A joint's factor has the independent columns of its bodies' parameters only ([`crate::base_parameters`]): 15 for a Go2's
+//! hip instead of 30, and as many numbers as its columns squared are rotated for each row. Before them stand the effects that
+//! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost. Nothing is lost: the rows of all columns are those of the independent ones times P.
 //!
 //! Windows go to the fold of their block of time, in turn. All data are the two folds together; each fold alone judges what
 //! was fitted to the other ([`crate::criticism`]). There is no guard between blocks: it would cost the estimate its data or
@@ -69,13 +69,16 @@ const fn shape(effect: EffectKind) -> f64 {
 }
 
 /// Base parameters of a leg's joints; a test compares them with the analysis.
-pub(crate) const BASE_RANK: [usize; JOINTS_PER_LEG] = [17, 14, 7];
+pub(crate) const BASE_RANK: [usize; JOINTS_PER_LEG] = [15, 14, 7];
 
 /// Folds of the data.
 pub(crate) const FOLDS: usize = 2;
 
 /// Length of a block of time of one fold, µs.
 const BLOCK_US: u64 = 2_000_000;
+
+/// Effects in front of a fold's base columns: those that are active at first. The others stand behind.
+pub(crate) const FRONT: usize = 4;
 
 /// Most effect parameters of a leg.
 pub(crate) const MAX_EFFECTS: usize = DEVICE_COLUMNS * JOINTS_PER_LEG;
@@ -209,6 +212,8 @@ impl<T: Real> DeviceSolver<T> {
 pub struct LegBase<T> {
     reduced: [T; BASE_LEN],
     marginal: [T; MARGINAL_LEN],
+    /// Each joint's independent columns; found once, for they are read for every window.
+    independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
     known: bool,
 }
 
@@ -218,6 +223,7 @@ impl<T: Real> LegBase<T> {
         Self {
             reduced: [T::ZERO; BASE_LEN],
             marginal: [T::ZERO; MARGINAL_LEN],
+            independent: [[0; BASE_RANK[0]]; JOINTS_PER_LEG],
             known: false,
         }
     }
@@ -254,9 +260,13 @@ impl<T: Real> LegBase<T> {
         let row = work.get_mut(..=standard(joint)).ok_or(error)?;
         let storage = self.reduced.get_mut(range!(standard, joint)).ok_or(error)?;
         let tree = leg(which);
-        BaseParameters::of_joint::<JOINTS_PER_LEG, JOINTS_PER_LEG, LEG_INERTIAL>(
+        let base = BaseParameters::of_joint::<JOINTS_PER_LEG, JOINTS_PER_LEG, LEG_INERTIAL>(
             &tree, joint, storage, row,
         )?;
+        let columns = base.independent_columns();
+        for (to, from) in self.independent[joint].iter_mut().zip(columns) {
+            *to = from as u8;
+        }
         Ok(())
     }
 
@@ -340,7 +350,7 @@ impl<T: Real> DeviceFolds<T> {
             .fold(T::zero(), |sum, fold| sum + fold[0])
     }
 
-    /// A joint's factor in one fold: the effects of [`COLUMNS`], then the base columns.
+    /// A joint's factor in one fold: the first four effects of [`COLUMNS`], the base columns, the other effects.
     pub fn joint(&self, fold: usize, joint: usize) -> Factor<T, &[T]> {
         let found = match (self.storage.get(fold), self.windows.get(fold)) {
             (Some(storage), Some(windows)) if joint < JOINTS_PER_LEG => {
@@ -365,11 +375,9 @@ impl<T: Real> DeviceFolds<T> {
         let fold = (rows.span_us[0] / BLOCK_US) as usize % FOLDS;
         let mut buffer = [T::zero(); columns(0) + 1];
         for joint in 0..JOINTS_PER_LEG {
-            let Some(base) = base.joint(joint) else {
-                return Err(FactorError::Length(0));
-            };
+            let independent = base.independent[joint].get(..rank(joint)).unwrap_or(&[]);
             let row = buffer.get_mut(..=columns(joint)).unwrap_or(&mut []);
-            rows.write_base_row(joint, &base, row);
+            rows.write_base_row(joint, independent, row);
             let triangle = self.storage[fold]
                 .get_mut(range!(columns, joint))
                 .unwrap_or(&mut []);
@@ -383,17 +391,18 @@ impl<T: Real> DeviceFolds<T> {
 }
 
 impl<T: Real> DeviceRows<T> {
-    /// Joint b's row as a fold takes it: effects, base columns, torque.
-    fn write_base_row<S: AsRef<[T]>>(
-        &self,
-        joint: usize,
-        base: &BaseParameters<T, S>,
-        row: &mut [T],
-    ) {
+    /// Joint b's row as a fold takes it: effects, base columns, other effects, torque.
+    fn write_base_row(&self, joint: usize, independent: &[u8], row: &mut [T]) {
         let first = INERTIAL * joint;
-        let independent = base.independent_columns();
-        let inertial = independent.map(|c| self.inertial[(joint, (first + c) % LEG_INERTIAL)]);
-        let entries = self.effects[joint].iter().copied().chain(inertial);
+        let inertial = independent
+            .iter()
+            .map(|&c| self.inertial[(joint, (first + usize::from(c)) % LEG_INERTIAL)]);
+        let (front, back) = self.effects[joint].split_at(FRONT);
+        let entries = front
+            .iter()
+            .copied()
+            .chain(inertial)
+            .chain(back.iter().copied());
         for (to, from) in row.iter_mut().zip(entries.chain([self.torque[joint]])) {
             *to = from;
         }
@@ -450,19 +459,25 @@ impl<T: Real> Gather<T> {
         while cost < budget && self.joint < JOINTS_PER_LEG {
             let joint = self.joint;
             let kept = self.active.0[joint].count_ones() as usize + rank(joint);
-            cost += self.fold_row(joint, kept, &folds.joint(self.fold, joint))?;
-            self.row += 1;
-            if self.row > columns(joint) {
-                self.row = 0;
-                self.fold += 1;
+            if self.fold < FOLDS {
+                cost += self.fold_row(joint, kept, &folds.joint(self.fold, joint))?;
+                self.row += 1;
+                if self.row > columns(joint) {
+                    self.row = 0;
+                    self.fold += 1;
+                }
+                continue;
             }
-            if self.fold == FOLDS {
-                self.expand(joint, kept, base, solver)?;
-                cost += standard(joint) * rank(joint);
-                self.fold = 0;
-                self.joint += 1;
-                self.work.fill(T::zero());
+            // A product of rows costs a quarter of a rotation per number.
+            let expansion = kept * rank(joint) * standard(joint) / 8;
+            if cost > 0 && cost + expansion > budget {
+                break;
             }
+            self.expand(joint, kept, base, solver)?;
+            cost += expansion;
+            self.fold = 0;
+            self.joint += 1;
+            self.work.fill(T::zero());
         }
         Ok(self.joint == JOINTS_PER_LEG)
     }
@@ -474,19 +489,40 @@ impl<T: Real> Gather<T> {
         kept: usize,
         from: &Factor<T, &[T]>,
     ) -> Result<usize, FactorError> {
-        let k = self.row;
-        let entries = from.row(k).iter().enumerate().map(|(n, x)| (k + n, *x));
-        let entries = entries.filter(|&(c, _)| c >= DEVICE_COLUMNS || self.active.has(joint, c));
+        let (k, rank) = (self.row, rank(joint));
         let mut row = [T::zero(); columns(0) + 1];
-        let mut len = 0;
-        for (to, (_, x)) in row.iter_mut().zip(entries) {
-            *to = x;
-            len += 1;
+        let mut start = kept;
+        for (n, x) in from.row(k).iter().enumerate() {
+            let place = match k + n {
+                c if c < FRONT => self.place(joint, c),
+                c if c < FRONT + rank => Some(kept - rank + c - FRONT),
+                c if c < DEVICE_COLUMNS + rank => self.place(joint, c - rank),
+                _ => Some(kept),
+            };
+            if let Some(to) = place.and_then(|place| row.get_mut(place)) {
+                *to = *x;
+                start = start.min(place.unwrap_or(kept));
+            }
         }
         let storage = self.work.get_mut(..packed_len(kept)).unwrap_or(&mut []);
-        let row = row.get_mut(..len).unwrap_or(&mut []);
-        Factor::in_storage(kept, storage)?.fold_from(kept + 1 - len.min(kept + 1), row)?;
+        let mut work = Factor::in_storage(kept, storage)?;
+        let row = row.get_mut(start..=kept).unwrap_or(&mut []);
+        let len = row.len();
+        if self.fold == 0 && k < kept && self.active.0[joint] == DEFAULT_ACTIVE.0[joint] {
+            // The front of the first fold's triangle is this model's already.
+            work.write_row(k, row.iter().copied())?;
+            return Ok(len);
+        }
+        work.fold_from(start, row)?;
         Ok(len * (len + 1) / 2)
+    }
+
+    /// Where effect n stands among a joint's active ones.
+    fn place(&self, joint: usize, n: usize) -> Option<usize> {
+        let before = self.active.0[joint] & ((1 << n) - 1);
+        self.active
+            .has(joint, n)
+            .then_some(before.count_ones() as usize)
     }
 
     /// Writes R P, the rows over all standard columns, into the solver's data.

@@ -17,7 +17,7 @@ pub use device::{
     Active, COLUMNS, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceRows,
     DeviceSolver, DeviceWindow, Gather, LegBase,
 };
-pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FOLDS, MAX_EFFECTS};
+pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FOLDS, FRONT, MAX_EFFECTS, effect_prior};
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};

@@ -94,7 +94,7 @@ where
     }
 
     /// Begins the solution for the data that [`data_mut`](Self::data_mut) holds.
-    pub(crate) fn restart<E>(&mut self, prior: &LimbPrior<T, E, B>)
+    pub fn restart<E>(&mut self, prior: &LimbPrior<T, E, B>)
     where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {

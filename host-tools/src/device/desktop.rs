@@ -3,7 +3,7 @@
 use proprio_core::Real;
 use proprio_core::app::{App, Identity};
 use proprio_core::go2::LEGS;
-use proprio_core::wire::{DeviceMessage, Hello};
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 
 use super::{BusStep, Device, DeviceError};
 
@@ -44,6 +44,11 @@ impl<T: Real> Default for Desktop<T> {
 impl<T: Real> Device for Desktop<T> {
     fn hello(&self) -> &Hello {
         &self.hello
+    }
+
+    fn command(&mut self, message: &HostMessage) -> Result<(), DeviceError> {
+        self.app.handle(message);
+        Ok(())
     }
 
     fn play(
