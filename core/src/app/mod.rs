@@ -44,7 +44,7 @@ pub const HELLO_US: u64 = 1_000_000;
 const REST: u8 = 1;
 
 /// Answers that may wait to be told; a command that finds no room is not obeyed, so that what is done is always answered.
-const ANSWERS: usize = 32;
+const ANSWERS: usize = 144;
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
