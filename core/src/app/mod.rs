@@ -30,7 +30,7 @@ use crate::wire::{
 };
 use diagnosis::{Diagnosis, Verdict};
 use heapless::{Deque, String};
-use leg::LegLine;
+use leg::{LegData, LegLine};
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -60,6 +60,22 @@ pub struct Identity {
     /// How long before the step that completes a sample its first reply may have come, µs: 0 where a step brings whole
     /// polling cycles, as in replay; the time between two steps on a board that reads a running bus.
     pub cycle_us: u64,
+}
+
+/// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
+pub struct Memory<T: Real>([LegData<T>; LEGS]);
+
+impl<T: Real> Memory<T> {
+    /// No data, a constant.
+    pub const fn new() -> Self {
+        Self([const { LegData::new() }; LEGS])
+    }
+}
+
+impl<T: Real> Default for Memory<T> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// The application: four legs' lines and the solver that serves them in turn.
@@ -108,10 +124,11 @@ impl<T: Real> App<T> {
     }
 
     /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
-    pub fn reset(&mut self) {
+    pub fn reset(&mut self, memory: &mut Memory<T>) {
         self.begun = true;
-        for (line, which) in self.legs.iter_mut().zip(Leg::ALL) {
-            line.reset(which, self.solver.storage_mut());
+        let lines = self.legs.iter_mut().zip(&mut memory.0);
+        for ((line, data), which) in lines.zip(Leg::ALL) {
+            line.reset(which, data, self.solver.storage_mut());
         }
         self.solving = None;
         self.next = (Leg::FR, 0);
@@ -125,10 +142,10 @@ impl<T: Real> App<T> {
     }
 
     /// Obeys the host. [`HostMessage::Advance`] is for the loop around the application and does nothing here.
-    pub fn handle(&mut self, message: &HostMessage) {
+    pub fn handle(&mut self, memory: &mut Memory<T>, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
-            HostMessage::Reset => self.reset(),
+            HostMessage::Reset => self.reset(memory),
             HostMessage::AddEffect(at) => self.change(true, *at),
             HostMessage::DropEffect(at) => self.change(false, *at),
             HostMessage::Advance(_) => {}
@@ -188,19 +205,21 @@ impl<T: Real> App<T> {
     /// one, in SDK order. `out` gets the messages to the host.
     pub fn step(
         &mut self,
+        memory: &mut Memory<T>,
         now_us: u64,
         buses: [&[u8]; LEGS],
         out: &mut impl FnMut(&DeviceMessage),
     ) {
         if !self.begun {
-            self.reset();
+            self.reset(memory);
         }
-        for (leg, bytes) in self.legs.iter_mut().zip(buses) {
-            leg.listen(now_us, self.identity.cycle_us, bytes);
+        for ((leg, data), bytes) in self.legs.iter_mut().zip(&mut memory.0).zip(buses) {
+            leg.listen(data, now_us, self.identity.cycle_us, bytes);
         }
-        let folded = self.legs.iter_mut().any(LegLine::fold);
+        let mut lines = self.legs.iter_mut().zip(&mut memory.0);
+        let folded = lines.any(|(line, data)| line.fold(data));
         if !folded {
-            self.work(now_us);
+            self.work(memory, now_us);
         }
         if let Some(message) = self.message(now_us) {
             out(&message);
@@ -208,27 +227,29 @@ impl<T: Real> App<T> {
     }
 
     /// One part of a solution, or of the diagnosis where none is due; then a rest.
-    fn work(&mut self, now_us: u64) {
+    fn work(&mut self, memory: &Memory<T>, now_us: u64) {
         if let Some(left) = self.rest.checked_sub(1) {
             self.rest = left;
             return;
         }
         self.rest = REST;
-        if !self.solve(now_us)
-            && let Some(leg) = self.legs.get(self.diagnosis.leg())
+        let n = self.diagnosis.leg();
+        if !self.solve(memory, now_us)
+            && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
-            self.diagnosis.advance(&leg.evidence());
+            self.diagnosis.advance(&leg.evidence(data));
         }
     }
 
     /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
-    fn solve(&mut self, now_us: u64) -> bool {
+    fn solve(&mut self, memory: &Memory<T>, now_us: u64) -> bool {
         let Some((which, time_us, gathering)) = self.solving else {
             let (which, due) = self.next;
             if self.solved.is_some() || now_us < due {
                 return false;
             }
-            self.legs[which.index()].gather(&mut self.gather, &mut self.solver);
+            let data = &memory.0[which.index()];
+            self.legs[which.index()].gather(data, &mut self.gather, &mut self.solver);
             self.solving = Some((which, now_us, true));
             // A solver that cannot keep up does not try to catch up.
             let due = (due + ESTIMATE_US).max(now_us.saturating_sub(ESTIMATE_US));
@@ -237,7 +258,7 @@ impl<T: Real> App<T> {
         };
         let leg = &mut self.legs[which.index()];
         let done = match gathering {
-            true => leg.gather_on(&mut self.gather, &mut self.solver),
+            true => leg.gather_on(&memory.0[which.index()], &mut self.gather, &mut self.solver),
             false => self.solver.advance(),
         };
         match (gathering, done) {

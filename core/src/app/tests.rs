@@ -24,6 +24,27 @@ const DESKTOP: Identity = Identity {
 };
 const STEP_US: u64 = 2000;
 
+/// An application and its memory.
+struct Whole<T: Real> {
+    app: App<T>,
+    memory: Memory<T>,
+}
+
+impl<T: Real> Whole<T> {
+    fn new(identity: Identity) -> Box<Self> {
+        let (app, memory) = (App::new(identity), Memory::new());
+        Box::new(Self { app, memory })
+    }
+
+    fn handle(&mut self, message: &HostMessage) {
+        self.app.handle(&mut self.memory, message);
+    }
+
+    fn step(&mut self, now_us: u64, buses: [&[u8]; LEGS], out: &mut impl FnMut(&DeviceMessage)) {
+        self.app.step(&mut self.memory, now_us, buses, out);
+    }
+}
+
 /// A motion that excites every joint, and torques that vary with it.
 fn motion(step: u64, leg: usize) -> [Reply; 3] {
     let t = step as f64 * 2e-3 + leg as f64;
@@ -56,11 +77,11 @@ fn bytes(replies: &[Reply; 3], commands: bool) -> Vec<u8> {
 }
 
 /// Steps through `steps` cycles on all legs and as long after them as it takes to tell all of it.
-fn run(app: &mut App<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+fn run(app: &mut Whole<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
     run_from(app, 0, steps, commands)
 }
 
-fn run_from(app: &mut App<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+fn run_from(app: &mut Whole<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
     let mut messages = Vec::new();
     for step in start..start + steps + SILENT_STEPS {
         let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| match step < start + steps {
@@ -87,7 +108,7 @@ fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate {
 #[test]
 fn what_is_told_is_what_the_leg_estimator_finds() {
     let steps = 700;
-    let mut app = Box::new(App::new(DESKTOP));
+    let mut app = Whole::new(DESKTOP);
     let messages = run(&mut app, steps, true);
     assert!(matches!(&messages[0], DeviceMessage::Hello(hello) if hello.schema == SCHEMA));
     for which in Leg::ALL {
@@ -118,7 +139,7 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
             assert!((f64::from(*noise) / expected - 1.0).abs() < 1e-6);
         }
         assert_eq!((estimate.windows, estimate.effects), (69, [0b1111; 3]));
-        let counters = app.counters(0).legs[which.index()];
+        let counters = app.app.counters(0).legs[which.index()];
         assert_eq!(
             (counters.samples, counters.used, counters.windows),
             (700, 700, 69)
@@ -132,8 +153,8 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
 
 #[test]
 fn commands_are_a_help_and_not_needed() {
-    let with = run(&mut Box::new(App::new(DESKTOP)), 100, true);
-    let without = run(&mut Box::new(App::new(DESKTOP)), 100, false);
+    let with = run(&mut Whole::new(DESKTOP), 100, true);
+    let without = run(&mut Whole::new(DESKTOP), 100, false);
     for leg in 0..LEGS {
         assert_eq!(last_estimate(&with, leg), last_estimate(&without, leg));
     }
@@ -141,7 +162,7 @@ fn commands_are_a_help_and_not_needed() {
 
 #[test]
 fn estimates_come_four_times_a_second_and_counters_ten_times() {
-    let messages = run(&mut Box::new(App::new(DESKTOP)), 1000, true);
+    let messages = run(&mut Whole::new(DESKTOP), 1000, true);
     let count = |wanted: fn(&DeviceMessage) -> bool| messages.iter().filter(|m| wanted(m)).count();
     assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 32);
     assert_eq!(count(|m| matches!(m, DeviceMessage::Estimate(_))), 13);
@@ -177,7 +198,7 @@ fn column(effect: EffectKind) -> u8 {
 
 #[test]
 fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
-    let mut app = Box::new(App::<f64>::new(DESKTOP));
+    let mut app = Whole::<f64>::new(DESKTOP);
     let mut messages = play(&mut app, 0..16_000, with_drag);
     let drag = EffectAt {
         leg: 1,
@@ -218,11 +239,7 @@ fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
     );
     assert_eq!(estimate.values.len(), LEG_INERTIAL + 13);
     assert!((estimate.values[LEG_INERTIAL + 12] - 0.15).abs() < 0.03);
-    let before = last_estimate(
-        &play(&mut Box::new(App::new(DESKTOP)), 0..2000, with_drag),
-        1,
-    )
-    .noise[2];
+    let before = last_estimate(&play(&mut Whole::new(DESKTOP), 0..2000, with_drag), 1).noise[2];
     assert!(
         estimate.noise[2] < 0.7 * before,
         "{} {before}",
@@ -236,7 +253,7 @@ fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
 
 #[test]
 fn commands_that_make_no_sense_are_refused_with_the_reason() {
-    let mut app = Box::new(App::<f32>::new(DESKTOP));
+    let mut app = Whole::<f32>::new(DESKTOP);
     let at = |leg, joint, effect| EffectAt { leg, joint, effect };
     let active = column(EffectKind::Viscous);
     let candidate = column(EffectKind::Delay);
@@ -262,7 +279,7 @@ fn commands_that_make_no_sense_are_refused_with_the_reason() {
 
 /// Steps through `steps` cycles on all legs.
 fn play(
-    app: &mut App<f64>,
+    app: &mut Whole<f64>,
     steps: core::ops::Range<u64>,
     motion: fn(u64, usize) -> [Reply; 3],
 ) -> Vec<DeviceMessage> {
@@ -280,21 +297,21 @@ fn play(
 
 #[test]
 fn a_reset_forgets_and_says_hello() {
-    let mut app = Box::new(App::new(DESKTOP));
+    let mut app = Whole::new(DESKTOP);
     run(&mut app, 100, true);
-    app.record_cost(11, 5);
+    app.app.record_cost(11, 5);
     app.handle(&HostMessage::Reset);
-    assert_eq!(app.counters(0), Counters::default());
+    assert_eq!(app.app.counters(0), Counters::default());
     assert!(matches!(run(&mut app, 1, true)[0], DeviceMessage::Hello(_)));
 }
 
 #[test]
 fn costs_are_counted_against_the_budget() {
-    let mut app = Box::new(App::<f32>::new(DESKTOP));
+    let mut app = Whole::<f32>::new(DESKTOP);
     for cost in [9, 10, 11, 5] {
-        app.record_cost(cost, 7);
+        app.app.record_cost(cost, 7);
     }
-    let load = app.counters(0).load;
+    let load = app.app.counters(0).load;
     assert_eq!(
         load,
         Load {
@@ -362,7 +379,7 @@ proptest! {
     fn no_bytes_panic_or_break_the_estimate(
         noise in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 1..40)
     ) {
-        let mut app = Box::new(App::new(DESKTOP));
+        let mut app = Whole::new(DESKTOP);
         run(&mut app, 30, true);
         for (n, bytes) in noise.iter().enumerate() {
             app.step((700 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
