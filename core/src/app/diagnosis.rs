@@ -30,8 +30,8 @@ const TORQUE_GAIN: usize = {
     n
 };
 
-/// Effects tried in one step.
-const TRIES: usize = 3;
+/// Effects tried in one step; an active one takes two fits.
+const TRIES: usize = 1;
 
 /// Fewest windows of a fold that is judged: a second of its own.
 const LEAST_WINDOWS: f64 = 50.0;
