@@ -19,7 +19,7 @@ use crate::scalar::real;
 const COLUMNS: usize = DEVICE_COLUMNS + BASE_RANK[0];
 
 /// A step ends at the first row that brings its cost here, in numbers rotated.
-const STEP_COST: usize = 1200;
+const STEP_COST: usize = 300;
 
 /// Where the torque gain stands among the effects.
 const TORQUE_GAIN: usize = {
