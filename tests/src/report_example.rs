@@ -42,6 +42,8 @@ struct Windows {
     urdf: Vec<f64>,
     /// What was identified.
     identified: Vec<f64>,
+    /// What was simulated.
+    truth: Vec<f64>,
 }
 
 impl Windows {
@@ -140,6 +142,10 @@ fn windows_of(leg: Leg, samples: &[SimulatedSample], result: &Identification) ->
         .enumerate()
         .map(|(n, e)| if effect(n) { 0.0 } else { e.prior })
         .collect();
+    let simulated = parameter::truth_of_leg(leg, &typical_effects(&[leg]));
+    let truth_of =
+        |(name, _): &(String, _)| simulated.iter().find(|p| p.name == *name).unwrap().value;
+    let truth: Vec<f64> = names.iter().map(truth_of).collect();
     let mut joints = JointId::of(leg).map(|joint| Windows {
         joint,
         t: Vec::new(),
@@ -149,6 +155,7 @@ fn windows_of(leg: Leg, samples: &[SimulatedSample], result: &Identification) ->
         columns: Vec::new(),
         urdf: urdf.clone(),
         identified: identified.clone(),
+        truth: truth.clone(),
     });
     let base = Transform::identity();
     let mut window: LegWindow<f64> =
@@ -192,11 +199,11 @@ fn torques(windows: &Windows) -> TorqueSeries {
         t: windows.t.clone(),
         measured: windows.measured.clone(),
         predicted: vec![
+            ("URDF".to_owned(), windows.predicted(&windows.urdf)),
             (
                 "identified".to_owned(),
                 windows.predicted(&windows.identified),
             ),
-            ("URDF".to_owned(), windows.predicted(&windows.urdf)),
         ],
     }
 }
@@ -239,7 +246,7 @@ fn correlated(y: &[f64], x: &[f64], lag: usize) -> f64 {
     product / (power(y, my) * power(x, mx)).sqrt()
 }
 
-/// The error with more and more of the effects, and the noise floor from second differences of the residual.
+/// The error with more and more of the effects, and the noise floor: the error of the true parameters.
 fn path(windows: &[Windows]) -> (Vec<Step>, f64) {
     let order = [
         EffectKind::Coulomb,
@@ -258,13 +265,7 @@ fn path(windows: &[Windows]) -> (Vec<Step>, f64) {
         },
         rms: rms(&|w| w.residual(&w.with_effects(&order[..n]))),
     });
-    let floor = rms(&|w| {
-        let residual = w.residual(&w.identified);
-        let differences = residual
-            .windows(3)
-            .map(|r| (r[0] - 2.0 * r[1] + r[2]) / 6_f64.sqrt());
-        differences.collect()
-    });
+    let floor = rms(&|w| w.residual(&w.truth));
     (steps.collect(), floor)
 }
 

@@ -43,7 +43,8 @@ pub fn section(candidates: &[Candidate]) -> Section {
         title: "What each missing effect would gain",
         text: "Each bar is an effect added alone: the share of the squared error it takes away on data the fit has not seen, \
                with its standard error. A bar that does not clear zero by some of its errors is no evidence. Look-alikes \
-               explain this log equally well: the log cannot tell which of them it is; another motion can."
+               explain this log equally well: the log cannot tell which of them it is; another motion can. The number after \
+               ≈ says how many there are; the table names them."
             .to_owned(),
         legend: vec![
             key("gain", colour::BAR, Mark::Area),

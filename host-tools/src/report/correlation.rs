@@ -1,7 +1,7 @@
 //! Whether residuals know of their own past, or of the inputs.
 
 use plotly::Scatter;
-use plotly::common::{Line, Mode};
+use plotly::common::Mode;
 use plotly::layout::{Shape, ShapeLayer, ShapeLine, ShapeType};
 
 use super::escape;
@@ -35,7 +35,7 @@ pub fn section(correlations: &[Correlation]) -> Section {
         text: "If a model explains all but noise, its residual at one time tells nothing about the residual a little later \
                (autocorrelation), nor does the motion tell anything about it (cross-correlation): the line then stays in \
                the grey band for 99 of 100 lags. A line that leaves the band says that something is missing, and at which \
-               delay. The autocorrelation at lag zero is always 1."
+               delay. Lag zero, where every autocorrelation is 1, is not drawn."
             .to_owned(),
         legend: vec![
             Key {
@@ -46,7 +46,7 @@ pub fn section(correlations: &[Correlation]) -> Section {
             },
             Key {
                 label: "99 % of chance".to_owned(),
-                colour: colour::LIMIT,
+                colour: colour::BAND,
                 mark: Mark::Area,
                 trace: None,
             },
@@ -65,14 +65,32 @@ fn figure(correlation: &Correlation) -> Figure {
         value,
         band,
     } = correlation;
-    let kept = thin::extremes(value, POINTS);
-    let lags = plotted(kept.iter().filter_map(|&k| lag.get(k).copied()));
-    let values = plotted(kept.iter().map(|&k| value[k]));
-    let trace = Scatter::new(lags, values)
+    let drawn = |&(lag, _): &(f64, f64)| input.is_some() || lag != 0.0;
+    let points: Vec<(f64, f64)> = lag
+        .iter()
+        .copied()
+        .zip(value.iter().copied())
+        .filter(drawn)
+        .collect();
+    let (lags, values): (Vec<f64>, Vec<f64>) = points.into_iter().unzip();
+    let kept = thin::extremes(&values, POINTS);
+    let at = |of: &[f64]| plotted(kept.iter().map(|&k| of[k]));
+    let trace = Scatter::new(at(&lags), at(&values))
         .name("correlation")
         .mode(Mode::Lines)
-        .line(Line::from(line(colour::BAR, 1.5)));
-    let mut layout = layout(axis("lag (s)"), axis("correlation"));
+        .line(line(colour::BAR, 1.5));
+    // The band must be seen as a band, however flat the line.
+    let greatest = values
+        .iter()
+        .map(|v| v.abs())
+        .filter(|v| v.is_finite())
+        .fold(0.0, f64::max);
+    let reach = escape::rounded((2.5 * band).max(1.15 * greatest), 3);
+    let mut y = axis("correlation");
+    if reach > 0.0 && reach.is_finite() {
+        y = y.range(vec![-reach, reach]);
+    }
+    let mut layout = layout(axis("lag (s)"), y);
     if band.is_finite() {
         let band = escape::rounded(band.abs(), 5);
         let area = Shape::new()
@@ -84,8 +102,7 @@ fn figure(correlation: &Correlation) -> Figure {
             .y_ref("y")
             .y0(-band)
             .y1(band)
-            .fill_color(colour::LIMIT)
-            .opacity(0.3)
+            .fill_color(colour::BAND)
             .line(ShapeLine::new().width(0.0));
         layout.add_shape(area);
     }

@@ -52,7 +52,7 @@ impl DataTable {
         to.push_str("<div class=\"table\">\n");
         if self.rows.len() >= LONG {
             to.push_str(
-                "<label class=\"filter\">Show rows with <input type=\"search\" placeholder=\"FR_hip identified\" \
+                "<label class=\"filter\">Show rows with <input type=\"search\" placeholder=\"FR_hip\" \
                  autocomplete=\"off\" spellcheck=\"false\"> <output></output></label>\n",
             );
         }

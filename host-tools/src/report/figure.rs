@@ -23,8 +23,10 @@ pub(super) mod colour {
     pub(in super::super) const BAR: &str = "@model-1";
     /// What is taken away from it.
     pub(in super::super) const REMOVED: &str = "@removed";
-    /// A limit: noise floor, band of chance.
+    /// A limit: the noise floor.
     pub(in super::super) const LIMIT: &str = "@limit";
+    /// What chance gives.
+    pub(in super::super) const BAND: &str = "@band";
     /// Error bars.
     pub(in super::super) const ERROR: &str = "@measured";
 }

@@ -39,6 +39,8 @@
       Object.assign(axis, { gridcolor: colour('grid'), zerolinecolor: colour('rule'), linecolor: colour('rule') });
       axis.title = { ...axis.title, standoff: 8 };
     }
+    // A finger cannot hover: the buttons stay, above the plot.
+    if (touch) layout.margin.t = 32;
     const range = ranges.get(plot.dataset.group);
     if (range) Object.assign(layout.xaxis, { range: [...range], autorange: false });
     Object.assign(layout, {
@@ -66,6 +68,7 @@
     const first = !plot.classList.contains('js-plotly-plot');
     const done = Plotly.react(plot, data, layout, {
       displaylogo: false,
+      displayModeBar: touch && !root.classList.contains('printing') ? true : 'hover',
       modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
       toImageButtonOptions: { format: 'svg' },
     });

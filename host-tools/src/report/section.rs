@@ -80,9 +80,10 @@ impl Section {
         }
         if !self.figures.is_empty() {
             self.render_legend(to);
+            let single = if *columns == 1 { " single" } else { "" };
             let _ = write!(
                 to,
-                "<div class=\"figures\" style=\"--columns:{columns}\">\n"
+                "<div class=\"figures{single}\" style=\"--columns:{columns}\">\n"
             );
             for figure in &self.figures {
                 figure.render(to);

@@ -19,7 +19,8 @@ pub struct TorqueSeries {
     pub t: Vec<f64>,
     /// Measured torque, N m.
     pub measured: Vec<f64>,
-    /// What models say, N m, by the models' names; the same models in the same order for every joint.
+    /// What models say, N m, by the models' names; the same models in the same order for every joint, the later drawn over
+    /// the earlier.
     pub predicted: Vec<(String, Vec<f64>)>,
 }
 
@@ -69,13 +70,13 @@ fn figure(series: &TorqueSeries) -> Figure {
             .name(escape::plot(name))
             .mode(Mode::Lines)
     };
-    let measured = trace("measured", &series.measured).line(line(colour::MEASURED, 1.0));
+    let measured = trace("measured", &series.measured).line(line(colour::MEASURED, 2.5));
     let models = series
         .predicted
         .iter()
         .enumerate()
         .map(|(n, (model, values))| {
-            trace(model, values).line(line(model_colour(n), 1.5).dash(dash(n))) as _
+            trace(model, values).line(line(model_colour(n), 1.25).dash(dash(n))) as _
         });
     Figure {
         title: series.joint.clone(),
