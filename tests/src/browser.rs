@@ -68,6 +68,11 @@ impl Browser {
                 "--disable-component-update",
             ])
             .args(["--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND"])
+            // A mouse, which a machine without a screen has not: hover types 2, pointer types 4 of Blink's settings.
+            .arg(
+                "--blink-settings=primaryHoverType=2,availableHoverTypes=2,primaryPointerType=4,\
+                 availablePointerTypes=4",
+            )
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -158,8 +163,8 @@ impl Browser {
 
     /// What the system prefers: `light` or `dark`.
     pub fn prefer(&mut self, scheme: &str) {
-        let features = json!({"features": [{"name": "prefers-color-scheme", "value": scheme}]});
-        self.call("Emulation.setEmulatedMedia", features);
+        let features = [json!({"name": "prefers-color-scheme", "value": scheme})];
+        self.call("Emulation.setEmulatedMedia", json!({"features": features}));
     }
 
     /// Writes a picture of the element that the selector finds to `path`.

@@ -1,6 +1,6 @@
 //! A report with every kind of section, made from a simulated log and its identification.
 //!
-//! All twelve joints move for 20 s with typical friction; the page compares the URDF's rigid body and what was identified.
+//! The joints move for 20 s with typical friction; the page compares the URDF's rigid body and what was identified.
 //! The gains and the path switch the identified effects on and off on the same windows.
 
 use std::path::Path;
@@ -73,22 +73,23 @@ impl Windows {
     }
 }
 
-/// Simulates a log beside `page`, identifies it and writes the report.
+/// Simulates a log of `legs`, identifies it and writes the report to `page`.
 ///
 /// # Panics
 /// If any of it fails.
-pub fn write(page: &Path) {
+pub fn write(page: &Path, legs: &[Leg]) {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("<b>walk & \"trot\".csv");
     let simulation = Simulation {
-        effects: typical_effects(&Leg::ALL),
-        ..Simulation::new(&Leg::ALL)
+        effects: typical_effects(legs),
+        ..Simulation::new(legs)
     };
     let samples = record(&simulation, &log);
     let result = identify(std::slice::from_ref(&log), Options::default(), |_, _| ()).unwrap();
-    let windows: Vec<Windows> = Leg::ALL
+    let windows: Vec<Windows> = legs
         .iter()
-        .flat_map(|&leg| windows_of(leg, &samples, &result))
+        .enumerate()
+        .flat_map(|(n, &leg)| windows_of(leg, JOINTS_PER_LEG * n, &samples, &result))
         .collect();
     let sha256 = proprio::model::Provenance::of(&[&log]).unwrap().logs[0]
         .sha256
@@ -131,7 +132,13 @@ fn record(simulation: &Simulation, path: &Path) -> Vec<SimulatedSample> {
     samples
 }
 
-fn windows_of(leg: Leg, samples: &[SimulatedSample], result: &Identification) -> [Windows; 3] {
+/// `first` is the leg's first joint in the samples.
+fn windows_of(
+    leg: Leg,
+    first: usize,
+    samples: &[SimulatedSample],
+    result: &Identification,
+) -> [Windows; 3] {
     let names = parameter::names_of_leg(leg);
     let estimates = names
         .iter()
@@ -160,7 +167,6 @@ fn windows_of(leg: Leg, samples: &[SimulatedSample], result: &Identification) ->
     let base = Transform::identity();
     let mut window: LegWindow<f64> =
         LegWindow::new(go2::leg(leg), base, EFFECTS, plausible(leg), SETTINGS);
-    let first = JOINTS_PER_LEG * leg.index();
     for sample in samples {
         let of_leg = |all: &[f64]| std::array::from_fn(|j| all[first + j]);
         let (q, dq): ([f64; 3], [f64; 3]) = (of_leg(&sample.q), of_leg(&sample.dq));

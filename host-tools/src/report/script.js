@@ -6,41 +6,47 @@
   const specs = new Map(plots.map((plot) => [plot, JSON.parse(plot.nextElementSibling.textContent)]));
   /** The x range that the plots of a group show; absent: all. */
   const ranges = new Map();
-  const touch = matchMedia('(pointer: coarse)').matches;
+  const finger = matchMedia('(pointer: coarse)').matches;
+  const hover = matchMedia('(hover: hover)').matches;
   const systemDark = matchMedia('(prefers-color-scheme: dark)');
   const probe = document.body.appendChild(document.createElement('span'));
   probe.hidden = true;
 
-  /** The theme's colour of that name, as the style sheet has it. */
-  function colour(name) {
-    probe.style.color = `var(--${name})`;
-    return getComputedStyle(probe).color;
+  const font = getComputedStyle(document.body).fontFamily;
+  const printing = () => root.classList.contains('printing');
+
+  /** The theme's colours by the style sheet's names; each is looked up once. */
+  function palette() {
+    const known = new Map();
+    return (name) => {
+      if (!known.has(name)) {
+        probe.style.color = `var(--${name})`;
+        known.set(name, getComputedStyle(probe).color);
+      }
+      return known.get(name);
+    };
   }
 
   /** A copy of `value` with the theme's colours in the places of their meanings. */
-  function painted(value, key, known) {
-    if (Array.isArray(value)) return typeof value[0] === 'object' ? value.map((v) => painted(v, key, known)) : value;
-    if (value && typeof value === 'object') {
-      return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, painted(v, k, known)]));
+  function painted(value, key, colour) {
+    if (Array.isArray(value)) return value[0]?.constructor === Object ? value.map((v) => painted(v, key, colour)) : value;
+    if (value?.constructor === Object) {
+      return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, painted(v, k, colour)]));
     }
-    if (typeof value === 'string' && value[0] === '@' && /color$/.test(key)) {
-      const name = value.slice(1);
-      if (!known.has(name)) known.set(name, colour(name));
-      return known.get(name);
-    }
-    return value;
+    return typeof value === 'string' && value[0] === '@' && /color$/.test(key) ? colour(value.slice(1)) : value;
   }
 
-  function themed(plot, known) {
-    const { data, layout } = painted(specs.get(plot), '', known);
+  /** What Plotly is told to draw: the plot's own, in this theme, at this size, at this zoom. */
+  function themed(plot, colour) {
+    const { data, layout } = painted(specs.get(plot), '', colour);
     const hidden = hiddenTraces(plot);
     data.forEach((trace, n) => { trace.visible = !hidden.has(n); });
     for (const axis of [layout.xaxis, layout.yaxis]) {
       Object.assign(axis, { gridcolor: colour('grid'), zerolinecolor: colour('rule'), linecolor: colour('rule') });
       axis.title = { ...axis.title, standoff: 8 };
     }
-    // A finger cannot hover: the buttons stay, above the plot.
-    if (touch) layout.margin.t = 32;
+    // Where nothing hovers the buttons stay, above the plot.
+    if (!hover && !printing()) layout.margin.t = 32;
     const range = ranges.get(plot.dataset.group);
     if (range) Object.assign(layout.xaxis, { range: [...range], autorange: false });
     Object.assign(layout, {
@@ -48,12 +54,12 @@
       height: plot.clientHeight,
       paper_bgcolor: 'rgba(0,0,0,0)',
       plot_bgcolor: 'rgba(0,0,0,0)',
-      font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: colour('quiet') },
+      font: { family: font, size: 12, color: colour('quiet') },
       hoverlabel: { bgcolor: colour('raised'), bordercolor: colour('rule'), font: { color: colour('text') } },
       modebar: { bgcolor: 'rgba(0,0,0,0)', color: colour('quiet'), activecolor: colour('text') },
       hovermode: plot.dataset.group ? 'x unified' : 'closest',
       // A finger scrolls the page; the buttons zoom.
-      dragmode: touch ? false : 'zoom',
+      dragmode: finger ? false : 'zoom',
     });
     return { data, layout };
   }
@@ -63,12 +69,12 @@
     return new Set([...off].map((button) => Number(button.dataset.trace)));
   }
 
-  function draw(plot, known = new Map()) {
-    const { data, layout } = themed(plot, known);
+  function draw(plot, colour = palette()) {
+    const { data, layout } = themed(plot, colour);
     const first = !plot.classList.contains('js-plotly-plot');
     const done = Plotly.react(plot, data, layout, {
       displaylogo: false,
-      displayModeBar: touch && !root.classList.contains('printing') ? true : 'hover',
+      displayModeBar: !printing() && (hover ? 'hover' : true),
       modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
       toImageButtonOptions: { format: 'svg' },
     });
@@ -77,8 +83,8 @@
   }
 
   function drawAll() {
-    const known = new Map();
-    return Promise.all(plots.filter((plot) => plot.classList.contains('js-plotly-plot')).map((plot) => draw(plot, known)));
+    const colour = palette();
+    return Promise.all(plots.filter((plot) => plot.classList.contains('js-plotly-plot')).map((plot) => draw(plot, colour)));
   }
 
   /** Moves the others of the plot's group to where it went. */
@@ -100,7 +106,8 @@
   /** Unpacks the plotting library and runs it. */
   async function loadLibrary() {
     const packed = atob(document.getElementById('library').textContent);
-    const bytes = Uint8Array.from(packed, (c) => c.charCodeAt(0));
+    const bytes = new Uint8Array(packed.length);
+    for (let k = 0; k < packed.length; k++) bytes[k] = packed.charCodeAt(k);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
     const script = document.createElement('script');
     script.textContent = await new Response(stream).text();
@@ -138,14 +145,14 @@
     addEventListener('beforeprint', paper(true));
     addEventListener('afterprint', paper(false));
     let soon;
-    let width = innerWidth;
-    addEventListener('resize', () => {
-      // A phone's address bar changes the height alone.
-      if (innerWidth === width) return;
-      width = innerWidth;
+    const fit = () => {
+      const misfit = (plot) => plot._fullLayout && plot._fullLayout.width !== plot.clientWidth;
+      for (const plot of plots.filter(misfit)) draw(plot);
+    };
+    new ResizeObserver(() => {
       clearTimeout(soon);
-      soon = setTimeout(drawAll, 150);
-    });
+      soon = setTimeout(fit, 150);
+    }).observe(document.querySelector('main'));
   }
 
   function wireLegends() {

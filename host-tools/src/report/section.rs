@@ -80,10 +80,11 @@ impl Section {
         }
         if !self.figures.is_empty() {
             self.render_legend(to);
+            let paper = if *columns == 4 { 2 } else { *columns };
             let single = if *columns == 1 { " single" } else { "" };
             let _ = write!(
                 to,
-                "<div class=\"figures{single}\" style=\"--columns:{columns}\">\n"
+                "<div class=\"figures{single}\" style=\"--columns:{columns};--paper:{paper}\">\n"
             );
             for figure in &self.figures {
                 figure.render(to);
