@@ -94,6 +94,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
     let sha256 = proprio::model::Provenance::of(&[&log]).unwrap().logs[0]
         .sha256
         .clone();
+    let gains = gains(&windows);
     let header = Header {
         title: "What a simulated Go2 lacks in its URDF".to_owned(),
         findings: vec![
@@ -101,7 +102,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
                 "With the URDF alone the torque error is {:.2} N m rms; with what was identified it is {:.3} N m.",
                 result.urdf_rms, result.rms
             ),
-            "Coulomb friction at the calves is the largest part of what is missing.".to_owned(),
+            format!("The most useful single effect is {}.", gains[0].name),
         ],
         command: format!("proprio demo --html report.html '{}'", log.display()),
         logs: vec![LogFile {
@@ -112,7 +113,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
     let (steps, floor) = path(&windows);
     let sections = vec![
         waterfall::section(&steps, Some(floor)),
-        candidates::section(&gains(&windows)),
+        candidates::section(&gains),
         torque::section(&windows.iter().map(torques).collect::<Vec<_>>()),
         residual::section(&windows.iter().map(residuals).collect::<Vec<_>>()),
         correlation::section(&windows.iter().flat_map(correlations).collect::<Vec<_>>()),

@@ -124,7 +124,11 @@ fn zooming_one_joint_zooms_all() {
     let Some(mut browser) = open(&example()) else {
         return;
     };
-    let whole = ranges(&mut browser);
+    let opening = ranges(&mut browser);
+    assert!(
+        opening.iter().all(|range| *range == opening[0]),
+        "{opening:?}"
+    );
     let area: [f64; 4] = from_value(browser.eval(
         "(() => { const drag = document.querySelector('#torque .nsewdrag'); drag.scrollIntoView({block: 'center'}); \
          const r = drag.getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()",
@@ -145,7 +149,7 @@ fn zooming_one_joint_zooms_all() {
     mouse(&mut browser, "mouseReleased", 2.0 / 3.0);
     browser.eval("new Promise((done) => setTimeout(done, 500))");
     let zoomed = ranges(&mut browser);
-    let [start, end] = whole[0];
+    let [start, end] = opening[0];
     let third = (end - start) / 3.0;
     for [from, to] in &zoomed {
         assert!((from - (start + third)).abs() < 0.1 * third, "{zoomed:?}");
@@ -157,7 +161,9 @@ fn zooming_one_joint_zooms_all() {
     browser.screenshot("#torque", &folder().join("zoomed-torque.png"));
     browser.eval("document.querySelector('#torque .whole').click()");
     browser.eval("new Promise((done) => setTimeout(done, 500))");
-    assert_eq!(ranges(&mut browser), whole);
+    for [from, to] in ranges(&mut browser) {
+        assert!(from < 0.5 && to > 19.5, "{from} to {to}");
+    }
     assert_eq!(browser.complaints, [""; 0]);
 }
 

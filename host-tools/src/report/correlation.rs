@@ -40,7 +40,7 @@ pub fn section(correlations: &[Correlation]) -> Section {
         legend: vec![
             Key {
                 label: "correlation".to_owned(),
-                colour: colour::BAR,
+                colour: colour::MODELS[0],
                 mark: Mark::Solid,
                 trace: None,
             },
@@ -78,7 +78,7 @@ fn figure(correlation: &Correlation) -> Figure {
     let trace = Scatter::new(at(&lags), at(&values))
         .name("correlation")
         .mode(Mode::Lines)
-        .line(line(colour::BAR, 1.5));
+        .line(line(colour::MODELS[0], 1.5));
     // The band must be seen as a band, however flat the line.
     let greatest = values
         .iter()

@@ -38,10 +38,10 @@ impl Cell {
         }
     }
 
-    /// A cell that shows `text` for a number.
+    /// A cell that shows `text` for a number, with a true minus sign.
     pub(super) fn number(text: impl Into<String>, value: f64) -> Self {
         Self {
-            text: text.into(),
+            text: text.into().replace('-', "−"),
             value: Some(value),
         }
     }

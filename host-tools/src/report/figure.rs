@@ -20,7 +20,7 @@ pub(super) mod colour {
     /// A statistic of them.
     pub(in super::super) const STATISTIC: &str = "@model-2";
     /// A quantity in a bar.
-    pub(in super::super) const BAR: &str = "@model-1";
+    pub(in super::super) const BAR: &str = "@bar";
     /// What is taken away from it.
     pub(in super::super) const REMOVED: &str = "@removed";
     /// A limit: the noise floor.

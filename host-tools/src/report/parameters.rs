@@ -30,7 +30,7 @@ pub fn section(parameters: &[ParameterRow]) -> Section {
         vec![
             Cell::text(&p.name),
             Cell::number(told(p.value, p.std), p.value),
-            Cell::text(&p.unit),
+            Cell::text(p.unit.replace("^2", "²")),
             Cell::number(told(p.prior, p.prior_std), p.prior),
             Cell::text(&p.status),
         ]

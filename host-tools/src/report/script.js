@@ -6,6 +6,12 @@
   const specs = new Map(plots.map((plot) => [plot, JSON.parse(plot.nextElementSibling.textContent)]));
   /** The x range that the plots of a group show; absent: all. */
   const ranges = new Map();
+  for (const [plot, { layout }] of specs) {
+    if (plot.dataset.group && layout.xaxis.range) {
+      ranges.set(plot.dataset.group, layout.xaxis.range);
+      delete layout.xaxis.range;
+    }
+  }
   const finger = matchMedia('(pointer: coarse)').matches;
   const hover = matchMedia('(hover: hover)').matches;
   const systemDark = matchMedia('(prefers-color-scheme: dark)');
@@ -74,8 +80,9 @@
     const first = !plot.classList.contains('js-plotly-plot');
     const done = Plotly.react(plot, data, layout, {
       displaylogo: false,
+      doubleClick: 'autosize',
       displayModeBar: !printing() && (hover ? 'hover' : true),
-      modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d'],
+      modeBarButtonsToRemove: ['select2d', 'lasso2d', 'resetScale2d'],
       toImageButtonOptions: { format: 'svg' },
     });
     if (first && plot.dataset.group) plot.on('plotly_relayout', (change) => follow(plot, change));
