@@ -172,15 +172,39 @@ const COLOURS: &str = "[getComputedStyle(document.body).backgroundColor, \
                        getComputedStyle(document.querySelector('#torque .js-line')).stroke, \
                        getComputedStyle(document.querySelector('#torque .xtick text')).fill]";
 
-/// Contrast (WCAG 2, relative luminance) of colours of the style sheet with the ground and the raised ground.
-const CONTRASTS: &str = "((names) => { const probe = document.body.appendChild(document.createElement('i')); \
+/// Least contrast (WCAG 2, section 1.4.3) of each colour of the style sheet with any of the grounds.
+const CONTRASTS: &str = "((names, grounds) => { const probe = document.body.appendChild(document.createElement('i')); \
     const light = (name) => { probe.style.color = `var(--${name})`; \
       const rgb = getComputedStyle(probe).color.match(/[0-9.]+/g).slice(0, 3).map((v) => v / 255) \
         .map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); \
       return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]; }; \
     const ratio = (a, b) => (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05); \
-    const found = names.map((n) => Math.min(ratio(light(n), light('ground')), ratio(light(n), light('raised')))); \
+    const found = names.map((n) => Math.min(...grounds.map((g) => ratio(light(n), light(g))))); \
     probe.remove(); return found; })";
+
+/// Text stands out by 4.5, what is drawn by 3, from all it is drawn on.
+fn assert_readable(browser: &mut Browser) {
+    let lines = [
+        "measured", "model-1", "model-2", "model-3", "model-4", "bar", "point",
+    ];
+    for (names, grounds, least) in [
+        (
+            json!(["text", "quiet", "link"]),
+            json!(["ground", "raised"]),
+            4.5,
+        ),
+        (json!(lines), json!(["ground"]), 3.0),
+        (json!(["model-1"]), json!(["band"]), 3.0),
+        (json!(["limit"]), json!(["ground", "bar", "removed"]), 3.0),
+    ] {
+        let asked = format!("{CONTRASTS}({names}, {grounds})");
+        let ratios: Vec<f64> = from_value(browser.eval(&asked)).unwrap();
+        assert!(
+            ratios.iter().all(|&ratio| ratio >= least),
+            "{names}: {ratios:?}"
+        );
+    }
+}
 
 #[test]
 fn dark_and_light_change_every_colour_and_both_are_readable() {
@@ -188,32 +212,14 @@ fn dark_and_light_change_every_colour_and_both_are_readable() {
         return;
     };
     let light: [String; 3] = from_value(browser.eval(COLOURS)).unwrap();
-    let readable = |browser: &mut Browser| {
-        for (names, least) in [
-            (json!(["text", "quiet", "link"]), 4.5),
-            (
-                json!([
-                    "measured", "model-1", "model-2", "model-3", "model-4", "limit", "point"
-                ]),
-                3.0,
-            ),
-        ] {
-            let ratios: Vec<f64> =
-                from_value(browser.eval(&format!("{CONTRASTS}({names})"))).unwrap();
-            assert!(
-                ratios.iter().all(|&ratio| ratio >= least),
-                "{names}: {ratios:?}"
-            );
-        }
-    };
-    readable(&mut browser);
+    assert_readable(&mut browser);
     browser.prefer("dark");
     browser.eval("new Promise((done) => setTimeout(done, 500))");
     let dark: [String; 3] = from_value(browser.eval(COLOURS)).unwrap();
     for (light, dark) in light.iter().zip(&dark) {
         assert_ne!(light, dark);
     }
-    readable(&mut browser);
+    assert_readable(&mut browser);
     pictures(&mut browser, "dark");
     browser.eval("document.getElementById('theme').click()");
     browser.eval("new Promise((done) => setTimeout(done, 500))");
@@ -310,7 +316,8 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
     let evil = "</script><script>window.broken=1</script><img src=x onerror=window.broken=1>\" '<!-- &amp; %{x} @model-1";
     let name = || evil.to_owned();
     let broken = vec![1.0, f64::NAN, f64::INFINITY, -2.0, f64::NEG_INFINITY, 3.0];
-    let time: Vec<f64> = (0..6).map(f64::from).collect();
+    // Long enough to open on its worst stretch, and to name the model there.
+    let time: Vec<f64> = (0..6).map(|k| 2.0 * f64::from(k)).collect();
     let page = Page {
         header: Header {
             title: name(),
@@ -345,7 +352,7 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
                 joint: name(),
                 t: time.clone(),
                 measured: broken.clone(),
-                predicted: vec![(name(), broken.clone())],
+                predicted: vec![(name(), time.clone())],
             }]),
             residual::section(&[ResidualSeries {
                 joint: name(),
@@ -388,6 +395,8 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
         browser.eval("document.querySelector('#parameters td').textContent"),
         evil
     );
+    let how = browser.eval("document.querySelector('#torque .how').textContent");
+    assert!(how.as_str().unwrap().contains(evil), "{how}");
     let label = browser.eval("document.querySelector('#waterfall .ytick text').textContent");
     assert_eq!(label, evil);
     assert_eq!(browser.complaints, [""; 0]);

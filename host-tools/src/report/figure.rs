@@ -61,11 +61,11 @@ impl Figure {
         let group = self
             .group
             .map_or(String::new(), |group| format!(" data-group=\"{group}\""));
-        let _ = write!(
+        let _ = writeln!(
             to,
             "<figure><figcaption>{title}</figcaption>\
              <div class=\"plot\" role=\"img\" aria-label=\"{title}\" style=\"height:{}px\"{group}></div>\
-             <script type=\"application/json\">{}</script></figure>\n",
+             <script type=\"application/json\">{}</script></figure>",
             self.height,
             escape::json(&json),
         );

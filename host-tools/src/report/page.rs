@@ -81,9 +81,9 @@ impl Page {
         }
         page.push_str("</main>\n<footer>Made by proprio; plots by Plotly.js (MIT licence). The page asks no network for anything.</footer>\n");
         if plots {
-            let _ = write!(
+            let _ = writeln!(
                 page,
-                "<script type=\"text/plain\" id=\"library\">{library}</script>\n"
+                "<script type=\"text/plain\" id=\"library\">{library}</script>"
             );
         }
         let _ = write!(

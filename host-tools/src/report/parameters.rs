@@ -30,7 +30,8 @@ pub fn section(parameters: &[ParameterRow]) -> Section {
         vec![
             Cell::text(&p.name),
             Cell::number(told(p.value, p.std), p.value),
-            Cell::text(p.unit.replace("^2", "²")),
+            // The spaces do not break: a unit in two lines reads as two.
+            Cell::text(p.unit.replace("^2", "²").replace(' ', "\u{a0}")),
             Cell::number(told(p.prior, p.prior_std), p.prior),
             Cell::text(&p.status),
         ]
@@ -39,8 +40,8 @@ pub fn section(parameters: &[ParameterRow]) -> Section {
         id: "parameters",
         title: "Parameters",
         text: "Every parameter with one standard deviation. <b>identified</b>: the data determine it; <b>prior</b>: mostly what \
-               was assumed before; <b>unexcited</b>: the motion does not show it at all, the value is the assumption. Click a \
-               heading to sort."
+               was assumed before; <b>unexcited</b>: the motion does not show it at all, the value is the assumption. <span class=\"screen\">Click a \
+               heading to sort.</span>"
             .to_owned(),
         legend: Vec::new(),
         figures: Vec::new(),

@@ -158,8 +158,11 @@ mod tests {
 
     #[test]
     fn a_step_is_found_where_it_is() {
-        let samples: Vec<(f64, f64)> = (0..4000)
-            .map(|k| (0.05 * k as f64).sin())
+        // Up and down over a range whose middle is an edge between two bins.
+        let up = (0..BINS).map(|k| k as f64 - 11.5);
+        let sweep = up.clone().chain(up.rev());
+        let samples: Vec<(f64, f64)> = std::iter::repeat_n(sweep, 50)
+            .flatten()
             .map(|x| (x, x.signum()))
             .collect();
         let bins = bins(&samples);

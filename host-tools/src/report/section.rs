@@ -82,9 +82,9 @@ impl Section {
             self.render_legend(to);
             let paper = if *columns == 4 { 2 } else { *columns };
             let single = if *columns == 1 { " single" } else { "" };
-            let _ = write!(
+            let _ = writeln!(
                 to,
-                "<div class=\"figures{single}\" style=\"--columns:{columns};--paper:{paper}\">\n"
+                "<div class=\"figures{single}\" style=\"--columns:{columns};--paper:{paper}\">"
             );
             for figure in &self.figures {
                 figure.render(to);

@@ -45,8 +45,8 @@ pub fn section(series: &[TorqueSeries]) -> Section {
         title: "Torque against time",
         text: format!(
             "Each plot is a joint: its measured torque and what each model predicts for the same motion. Where the lines \
-             part, the model lacks something. {opens} Drag over a stretch of time to zoom into it in every plot, \
-             double-click to see all of it; on a phone, use the buttons above a plot. Long logs are thinned so that every \
+             part, the model lacks something. {opens} <span class=\"screen\">Drag over a stretch of time to \
+             zoom into it in every plot, double-click to see all of it; on a phone, use the buttons above a plot.</span> Long logs are thinned so that every \
              peak stays."
         ),
         legend: series.first().map_or_else(Vec::new, legend),
