@@ -260,6 +260,13 @@ impl Drop for Browser {
         // It may have ended by itself.
         let _ = self.to.write_all(format!("{goodbye}\0").as_bytes());
         let _ = self.to.flush();
+        for _ in 0..100 {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }

@@ -115,8 +115,11 @@ pub fn write(page: &Path, legs: &[Leg]) {
         waterfall::section(&steps, Some(floor)),
         candidates::section(&gains),
         torque::section(&windows.iter().map(torques).collect::<Vec<_>>()),
-        residual::section(&windows.iter().map(residuals).collect::<Vec<_>>()),
-        correlation::section(&windows.iter().flat_map(correlations).collect::<Vec<_>>()),
+        residual::section(&windows.iter().map(residuals).collect::<Vec<_>>(), "URDF"),
+        correlation::section(
+            &windows.iter().flat_map(correlations).collect::<Vec<_>>(),
+            "identified",
+        ),
         parameters::section(&rows(&result)),
     ];
     Page { header, sections }.write(page).unwrap();

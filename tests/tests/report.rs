@@ -354,19 +354,25 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
                 measured: broken.clone(),
                 predicted: vec![(name(), time.clone())],
             }]),
-            residual::section(&[ResidualSeries {
-                joint: name(),
-                q: broken.clone(),
-                dq: time.clone(),
-                residual: broken.clone(),
-            }]),
-            correlation::section(&[Correlation {
-                joint: name(),
-                input: Some(name()),
-                lag: time,
-                value: broken,
-                band: f64::NAN,
-            }]),
+            residual::section(
+                &[ResidualSeries {
+                    joint: name(),
+                    q: broken.clone(),
+                    dq: time.clone(),
+                    residual: broken.clone(),
+                }],
+                &name(),
+            ),
+            correlation::section(
+                &[Correlation {
+                    joint: name(),
+                    input: Some(name()),
+                    lag: time,
+                    value: broken,
+                    band: f64::NAN,
+                }],
+                &name(),
+            ),
             parameters::section(&[ParameterRow {
                 name: name(),
                 unit: name(),

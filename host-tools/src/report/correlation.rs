@@ -27,16 +27,18 @@ pub struct Correlation {
     pub band: f64,
 }
 
-/// A plot for each function.
-pub fn section(correlations: &[Correlation]) -> Section {
+/// A plot for each function of the residual that the model of the name `model` leaves.
+pub fn section(correlations: &[Correlation], model: &str) -> Section {
     Section {
         id: "correlation",
         title: "Correlation of the residual with its past and with the inputs",
-        text: "If a model explains all but noise, its residual at one time tells nothing about the residual a little later \
+        text: format!(
+            "These are residuals of the model “{}”. If a model explains all but noise, its residual at one time tells nothing about the residual a little later \
                (autocorrelation), nor does the motion tell anything about it (cross-correlation): the line then stays in \
                the grey band for 99 of 100 lags. A line that leaves the band says that something is missing, and at which \
-               delay. Lag zero, where every autocorrelation is 1, is not drawn."
-            .to_owned(),
+               delay. Lag zero, where every autocorrelation is 1, is not drawn.",
+            escape::html(model),
+        ),
         legend: vec![
             Key {
                 label: "correlation".to_owned(),

@@ -5,7 +5,7 @@ use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 
 use super::figure::{Figure, axis, colour, layout, plotted};
 use super::section::{Key, Mark, Section};
-use super::thin;
+use super::{escape, thin};
 
 /// Samples drawn: each is an element of the page.
 const POINTS: usize = 500;
@@ -28,8 +28,9 @@ pub struct ResidualSeries {
     pub residual: Vec<f64>,
 }
 
-/// Two plots for each joint: against position, against velocity.
-pub fn section(series: &[ResidualSeries]) -> Section {
+/// Two plots for each joint, against position and against velocity, of the residual that the model of the name `model`
+/// leaves.
+pub fn section(series: &[ResidualSeries], model: &str) -> Section {
     let figures = series.iter().flat_map(|series| {
         [
             figure(series, "position", "q (rad)", &series.q),
@@ -46,11 +47,12 @@ pub fn section(series: &[ResidualSeries]) -> Section {
         id: "residual",
         title: "Residual against position and velocity",
         text: format!(
-            "The residual is the measured torque less the model's. Each large dot is its mean where the joint was at that \
+            "The residual is the measured torque less what the model “{}” predicts. Each large dot is its mean where the joint was at that \
              position or velocity, with the mean's standard error; the error counts each visit of the joint to a bin once, \
              since samples of one visit are not independent. A complete model leaves the dots on zero: a step at zero \
              velocity is Coulomb friction, a slope over velocity is viscous friction, a wave over position is gravity, a \
-             spring or cogging. At most {POINTS} samples are drawn, all are counted."
+             spring or cogging. At most {POINTS} samples are drawn, all are counted.",
+            escape::html(model),
         ),
         legend: vec![
             key("samples", colour::POINT, 0),
