@@ -47,9 +47,9 @@ pub fn section(series: &[ResidualSeries], model: &str) -> Section {
         id: "residual",
         title: "Residual against position and velocity",
         text: format!(
-            "The residual is the measured torque less what the model “{}” predicts. Each large dot is its mean where the joint was at that \
-             position or velocity, with the mean's standard error; the error counts each visit of the joint to a bin once, \
-             since samples of one visit are not independent. A complete model leaves the dots on zero: a step at zero \
+            "The residual is the measured torque less what the model “{}” predicts. Each large dot is its mean where the \
+             joint was at that position or velocity, with the mean's standard error; the error counts each visit of the \
+             joint to a bin once, since samples of one visit are not independent. A complete model leaves the dots on zero: a step at zero \
              velocity is Coulomb friction, a slope over velocity is viscous friction, a wave over position is gravity, a \
              spring or cogging. At most {POINTS} samples are drawn, all are counted.",
             escape::html(model),
