@@ -1,6 +1,8 @@
 //! Shared helpers of the cross-crate tests.
 #![forbid(unsafe_code)]
 
+pub mod browser;
 pub mod command;
 pub mod motion;
 pub mod oracle;
+pub mod report_example;
