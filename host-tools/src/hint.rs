@@ -20,6 +20,9 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Criticism(CriticismError::TooShort { .. }) => {
             Some("record at least 4 s of motion, better 20 s".to_owned())
         }
+        Error::Criticism(CriticismError::NoLimb { .. }) => {
+            Some("record all joints of a leg, or name the model of the robot that the log is of".to_owned())
+        }
         Error::Identification(IdentificationError::NoWindows { .. }) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 
 /// Compare model and measurement: how well, where and when it fails
 ///
-/// What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
+/// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
 /// fitted within their priors to every stretch of time but the one that is predicted.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -30,6 +30,9 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
+    /// Tell every place and moment where the model fails, not the worst ones only
+    #[arg(long)]
+    all: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -54,7 +57,7 @@ impl Compare {
         Ok(if self.json {
             json(&comparison)
         } else {
-            comparison.to_string()
+            comparison.text(self.all)
         })
     }
 }

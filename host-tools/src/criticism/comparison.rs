@@ -3,6 +3,7 @@
 //! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
 //! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
 
+mod ranking;
 mod words;
 
 use std::path::PathBuf;
@@ -10,8 +11,10 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::limb::LimbCriticism;
-use super::recording::Recording;
-use super::residual::{self, Criticism};
+pub use ranking::{RankedEpisode, RankedPattern};
+
+use super::recording::{LogGates, Recording};
+use super::residual::{self, Criticism, Input};
 use super::series::{JointSeries, Predict};
 use super::{CriticismError, residual::Scores};
 use crate::model::{Limb, Model};
@@ -19,6 +22,8 @@ use crate::model::{Limb, Model};
 /// What `proprio compare` says.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
+    /// What the samples of each log are worth.
+    pub data: Vec<LogGates>,
     /// Each joint.
     pub joints: Vec<JointComparison>,
     /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
@@ -29,10 +34,22 @@ pub struct Comparison {
     pub cad_rms: f64,
     /// The same of the model without the effects that have no value yet, if it has such.
     pub before_rms: Option<f64>,
+    /// Error that no model can take away, over all joints, N m; none if a joint's is not known.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
     /// The effects that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
     pub fitted: bool,
+    /// Where the error is, over all joints, the largest share first.
+    #[serde(rename = "where")]
+    pub patterns: Vec<RankedPattern>,
+    /// When it is worst, over all joints, the least usual first.
+    #[serde(rename = "when")]
+    pub episodes: Vec<RankedEpisode>,
     /// Where and when each joint's error is, and whether it is noise.
     pub criticism: Vec<Criticism>,
     /// The logs.
@@ -67,6 +84,16 @@ pub struct JointComparison {
     pub cad_rms: f64,
     /// The rms of the model without the effects that have no value yet, if it has such.
     pub before_rms: Option<f64>,
+    /// Error that no model can take away, N m; none for fewer than 100 windows.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
+    /// Whether the error is white; none for too short a series.
+    pub white: Option<bool>,
+    /// What of the motion the error is not independent of.
+    pub depends_on: Vec<Input>,
 }
 
 /// Whether values are fitted.
@@ -123,11 +150,62 @@ pub fn compare(
     } else {
         None
     };
-    let joints = series.iter().enumerate().map(|(k, own)| {
-        let scores = Scores::of(&own.view());
-        let zero: f64 = own.tau.iter().map(|tau| tau * tau).sum();
-        JointComparison {
-            joint: own.joint.clone(),
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let criticism = residual::criticise(&views);
+    let joints: Vec<JointComparison> = (0..series.len())
+        .map(|k| JointComparison {
+            cad_rms: cad[k].rms(),
+            before_rms: before.as_ref().map(|before| before[k].rms()),
+            ..JointComparison::of(&series[k], &criticism[k])
+        })
+        .collect();
+    let name = |e: &crate::model::ModelEffect| {
+        format!("{}:{}", e.effect.name(), model.joint_name(e.joint))
+    };
+    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| over_all(&joints, rms);
+    let rms = over_all(&|j| j.rms);
+    let floors = joints.iter().all(|j| j.noise_floor_rms.is_some());
+    let floor = floors.then(|| over_all(&|j| j.noise_floor_rms.unwrap_or(0.0)));
+    let above = |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
+    Ok(Comparison {
+        data: recording.gates.clone(),
+        rms,
+        zero_rms: over_all(&|j| j.zero_rms),
+        cad_rms: over_all(&|j| j.cad_rms),
+        before_rms: before
+            .is_some()
+            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
+        noise_floor_rms: floor,
+        noise_floor_is_upper_bound: joints.iter().any(|j| j.noise_floor_is_upper_bound),
+        above_noise_percent: floor.map(above),
+        added: unvalued.iter().map(name).collect(),
+        fitted,
+        patterns: ranking::patterns(&criticism),
+        episodes: ranking::episodes(&criticism, recording),
+        criticism,
+        logs: recording.logs.clone(),
+        warnings: recording.warnings.clone(),
+        joints,
+        series,
+    })
+}
+
+/// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
+fn over_all(joints: &[JointComparison], rms: &dyn Fn(&JointComparison) -> f64) -> f64 {
+    let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
+        (sum + rms(j).powi(2) * j.n as f64, n + j.n)
+    });
+    (sum / n.max(1) as f64).sqrt()
+}
+
+impl JointComparison {
+    /// One joint, without the baselines that are models.
+    fn of(series: &JointSeries, criticism: &Criticism) -> Self {
+        let scores = Scores::of(&series.view());
+        let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
+        let dependent = criticism.independence.iter().filter(|i| !i.independent);
+        Self {
+            joint: series.joint.clone(),
             n: scores.n,
             rms: scores.rms,
             fit_percent: scores.fit_percent,
@@ -135,36 +213,15 @@ pub fn compare(
             bias: scores.bias,
             max: scores.max,
             zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
-            cad_rms: cad[k].rms(),
-            before_rms: before.as_ref().map(|before| before[k].rms()),
+            cad_rms: scores.rms,
+            before_rms: None,
+            noise_floor_rms: criticism.noise.map(|noise| noise.rms),
+            noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
+            above_noise_percent: criticism.above_noise_percent,
+            white: criticism.whiteness.as_ref().map(|w| w.white),
+            depends_on: dependent.map(|i| i.input).collect(),
         }
-    });
-    let joints: Vec<JointComparison> = joints.collect();
-    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| {
-        let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
-            (sum + rms(j).powi(2) * j.n as f64, n + j.n)
-        });
-        (sum / n.max(1) as f64).sqrt()
-    };
-    let name = |e: &crate::model::ModelEffect| {
-        format!("{}:{}", e.effect.name(), model.joint_name(e.joint))
-    };
-    Ok(Comparison {
-        rms: over_all(&|j| j.rms),
-        zero_rms: over_all(&|j| j.zero_rms),
-        cad_rms: over_all(&|j| j.cad_rms),
-        before_rms: before
-            .is_some()
-            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
-        added: unvalued.iter().map(name).collect(),
-        fitted,
-        criticism: residual::criticise(&views),
-        logs: recording.logs.clone(),
-        warnings: recording.warnings.clone(),
-        joints,
-        series,
-    })
+    }
 }
 
 /// The series of all joints of all limbs.
