@@ -4,6 +4,7 @@
 //! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
 
 mod ranking;
+mod values;
 mod words;
 
 use std::path::PathBuf;
@@ -12,12 +13,14 @@ use serde::Serialize;
 
 use super::limb::LimbCriticism;
 pub use ranking::{RankedEpisode, RankedPattern};
+pub use values::EffectValue;
 
 use super::recording::{LogGates, Recording};
 use super::residual::{self, Criticism, Input};
-use super::series::{JointSeries, Predict};
+use super::series::Predict;
+pub use super::series::{JointSeries, Values};
 use super::{CriticismError, residual::Scores};
-use crate::model::{Limb, Model};
+use crate::model::{Limb, Model, ModelEffect};
 
 /// What `proprio compare` says.
 #[derive(Debug, Clone, Serialize)]
@@ -32,7 +35,7 @@ pub struct Comparison {
     pub zero_rms: f64,
     /// The same of the CAD's rigid body without any effect.
     pub cad_rms: f64,
-    /// The same of the model without the effects that have no value yet, if it has such.
+    /// The same of the model without the effects that were added last, if they have no value yet.
     pub before_rms: Option<f64>,
     /// Error that no model can take away, over all joints, N m; none if a joint's is not known.
     pub noise_floor_rms: Option<f64>,
@@ -40,10 +43,12 @@ pub struct Comparison {
     pub noise_floor_is_upper_bound: bool,
     /// Share of the square error above that, %.
     pub above_noise_percent: Option<f64>,
-    /// The effects that have no value yet, `coulomb:FR_calf`.
+    /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
     pub fitted: bool,
+    /// The values of the model's effects.
+    pub effects: Vec<EffectValue>,
     /// Where the error is, over all joints, the largest share first.
     #[serde(rename = "where")]
     pub patterns: Vec<RankedPattern>,
@@ -59,6 +64,9 @@ pub struct Comparison {
     /// Measured and predicted torque; for plots.
     #[serde(skip)]
     pub series: Vec<JointSeries>,
+    /// The same of the baselines that are models, by what to call them.
+    #[serde(skip)]
+    pub baselines: Vec<(&'static str, Vec<JointSeries>)>,
 }
 
 /// One joint.
@@ -82,7 +90,7 @@ pub struct JointComparison {
     pub zero_rms: f64,
     /// The rms of the CAD's rigid body without any effect.
     pub cad_rms: f64,
-    /// The rms of the model without the effects that have no value yet, if it has such.
+    /// The rms of the model without the effects that were added last, if they have no value yet.
     pub before_rms: Option<f64>,
     /// Error that no model can take away, N m; none for fewer than 100 windows.
     pub noise_floor_rms: Option<f64>,
@@ -98,7 +106,7 @@ pub struct JointComparison {
 
 /// Whether values are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Values {
+pub enum ValuesFrom {
     /// Fitted if an effect has no value yet, or nothing of the model was identified; else as given.
     #[default]
     Auto,
@@ -115,7 +123,7 @@ pub enum Values {
 pub fn compare(
     recording: &Recording,
     model: &Model,
-    values: Values,
+    values: ValuesFrom,
 ) -> Result<Comparison, CriticismError> {
     let unvalued: Vec<_> = model
         .effects()
@@ -126,29 +134,31 @@ pub fn compare(
     let identified = model.effects().iter().any(|e| e.estimate().is_some())
         || (0..model.robot().bodies().len()).any(|b| model.is_identified(b));
     let fitted = match values {
-        Values::Auto => !unvalued.is_empty() || !identified,
-        Values::Fitted => true,
-        Values::Given => false,
+        ValuesFrom::Auto => !unvalued.is_empty() || !identified,
+        ValuesFrom::Fitted => true,
+        ValuesFrom::Given => false,
     };
     let predict = if fitted {
         Predict::HeldOut
     } else {
         Predict::Given
     };
-    let series = all_series(recording, model, predict)?;
-    let cad = all_series(
-        recording,
-        &Model::new(model.robot().clone()),
-        Predict::Given,
-    )?;
-    let before = if fitted && !unvalued.is_empty() {
+    let (series, effects) = all_series(recording, model, predict)?;
+    let cad = Model::new(model.robot().clone());
+    let (cad, _) = all_series(recording, &cad, Predict::Given)?;
+    let added: Vec<_> = if fitted {
+        last_added(&unvalued)
+    } else {
+        Vec::new()
+    };
+    let before = if added.is_empty() {
+        None
+    } else {
         let mut without = model.clone();
-        for e in &unvalued {
+        for e in &added {
             without.remove_effect(e.effect, e.joint);
         }
-        Some(all_series(recording, &without, predict)?)
-    } else {
-        None
+        Some(all_series(recording, &without, predict)?.0)
     };
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let criticism = residual::criticise(&views);
@@ -159,9 +169,7 @@ pub fn compare(
             ..JointComparison::of(&series[k], &criticism[k])
         })
         .collect();
-    let name = |e: &crate::model::ModelEffect| {
-        format!("{}:{}", e.effect.name(), model.joint_name(e.joint))
-    };
+    let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
     let over_all = |rms: &dyn Fn(&JointComparison) -> f64| over_all(&joints, rms);
     let rms = over_all(&|j| j.rms);
     let floors = joints.iter().all(|j| j.noise_floor_rms.is_some());
@@ -178,7 +186,8 @@ pub fn compare(
         noise_floor_rms: floor,
         noise_floor_is_upper_bound: joints.iter().any(|j| j.noise_floor_is_upper_bound),
         above_noise_percent: floor.map(above),
-        added: unvalued.iter().map(name).collect(),
+        added: added.iter().map(name).collect(),
+        effects,
         fitted,
         patterns: ranking::patterns(&criticism),
         episodes: ranking::episodes(&criticism, recording),
@@ -187,7 +196,22 @@ pub fn compare(
         warnings: recording.warnings.clone(),
         joints,
         series,
+        baselines: [("CAD", Some(cad)), ("before", before)]
+            .into_iter()
+            .filter_map(|(name, series)| Some((name, series?)))
+            .collect(),
     })
+}
+
+/// Of the effects without a value those that were added last; all, if the model does not say.
+fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
+    let last = unvalued.iter().filter(|e| e.just_added);
+    let last: Vec<ModelEffect> = last.copied().collect();
+    if last.is_empty() {
+        unvalued.to_vec()
+    } else {
+        last
+    }
 }
 
 /// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
@@ -224,16 +248,28 @@ impl JointComparison {
     }
 }
 
-/// The series of all joints of all limbs.
+/// The series of all joints under parameters by name; where `values` has none, those of `model`.
+///
+/// # Errors
+/// As [`compare`].
+pub fn series_of(
+    recording: &Recording,
+    model: &Model,
+    values: &Values,
+) -> Result<Vec<JointSeries>, CriticismError> {
+    Ok(all_series(recording, model, Predict::Named(values))?.0)
+}
+
+/// The series of all joints of all limbs, and the values of the model's effects.
 fn all_series(
     recording: &Recording,
     model: &Model,
     predict: Predict,
-) -> Result<Vec<JointSeries>, CriticismError> {
+) -> Result<(Vec<JointSeries>, Vec<EffectValue>), CriticismError> {
     let of = |limb: &Limb| {
         let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
         let mut criticism = LimbCriticism::new(model, limb, data, false)?;
-        if predict == Predict::HeldOut && criticism.is_linearised() {
+        if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
             criticism.rebuild();
         }
         let names: Vec<String> = limb
@@ -241,9 +277,10 @@ fn all_series(
             .clone()
             .map(|b| model.joint_name(b).to_owned())
             .collect();
-        Some(criticism.series(predict, &names))
+        let values = values::of(&criticism, model, predict);
+        Some((criticism.series(predict, &names), values))
     };
-    let mut series = Vec::new();
+    let mut limbs = Vec::new();
     std::thread::scope(|scope| {
         let of = &of;
         let work: Vec<_> = recording
@@ -253,17 +290,18 @@ fn all_series(
             .collect();
         for limb in work {
             // A panic goes on.
-            series.push(
+            limbs.push(
                 limb.join()
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
             );
         }
     });
-    let series: Vec<JointSeries> = series.into_iter().flatten().flatten().collect();
-    if series.is_empty() {
+    let (series, values): (Vec<_>, Vec<_>) = limbs.into_iter().flatten().unzip();
+    let series: Vec<JointSeries> = series.into_iter().flatten().collect();
+    if series.iter().all(|series| series.t.is_empty()) {
         return Err(CriticismError::TooShort {
             duration: recording.duration,
         });
     }
-    Ok(series)
+    Ok((series, values.into_iter().flatten().collect()))
 }

@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::{Comparison, JointComparison, RankedEpisode};
-use crate::table::Table;
+use crate::table::{Table, with_std};
 
 /// Patterns and episodes told unless all are asked for.
 const TOLD: usize = 5;
@@ -49,6 +49,24 @@ impl Comparison {
         text
     }
 
+    /// `spring:FR_thigh = 4.02 ±0.01 N m/rad`, of the effects that were added last.
+    fn write_added(&self, to: &mut String) -> fmt::Result {
+        let is_added = |name: &str| {
+            self.added
+                .iter()
+                .any(|added| name.ends_with(added.as_str()))
+        };
+        for effect in self.effects.iter().filter(|effect| is_added(&effect.name)) {
+            let Some(value) = effect.value else { continue };
+            let value = match effect.std {
+                Some(std) => with_std(value, std),
+                None => format!("{value:.4}"),
+            };
+            writeln!(to, "  {} = {value} {}", effect.name, effect.unit)?;
+        }
+        Ok(())
+    }
+
     fn write_scores(&self, to: &mut String) -> fmt::Result {
         let mut table = Table::default();
         let before = self.before_rms.is_some();
@@ -72,7 +90,8 @@ impl Comparison {
             "N m, mean torque over windows of 20 ms in which the joint moves; floor: the noise; above %: the share of the \
              square error above it.\n{values}.\n\n{}.",
             self.headline()
-        )
+        )?;
+        self.write_added(to)
     }
 
     fn last_row(&self, before: bool) -> Vec<String> {
