@@ -52,6 +52,7 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Export(error) => model::of_export(error),
         Error::NotAModel(_) => Some("add --physical, or name a .json file".to_owned()),
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
+        Error::NotADemo(_) => Some("name another directory: `proprio demo -o DIR`".to_owned()),
         Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),
         Error::Diverged(_) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())

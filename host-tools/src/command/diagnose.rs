@@ -88,7 +88,7 @@ struct Report<'a> {
 }
 
 /// Adds to a model what the path has added.
-fn apply(diagnosis: &Diagnosis, model: &mut Model) {
+pub(super) fn apply(diagnosis: &Diagnosis, model: &mut Model) {
     let (mut added, mut removed) = (Vec::new(), Vec::new());
     for step in &diagnosis.path {
         let Some(effect) = EffectKind::from_name(step.effect) else {

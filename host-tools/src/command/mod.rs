@@ -103,6 +103,9 @@ pub(crate) enum Error {
     Unreadable(String, std::io::Error),
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// `demo` in a directory of something else.
+    #[error("{}: holds files that no demo made", .0.display())]
+    NotADemo(PathBuf),
     /// `add --urdf` with a model file that exists.
     #[error("{}: the model has its robot already", .0.display())]
     RobotIsSet(PathBuf),
