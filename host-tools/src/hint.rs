@@ -54,6 +54,10 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
         Error::NotADemo(_) => Some("name another directory: `proprio demo -o DIR`".to_owned()),
         Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),
+        Error::NotOnDevice { .. } => {
+            Some("`proprio diagnose` tries the whole catalogue on the desktop".to_owned())
+        }
+        Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
         Error::Diverged(_) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }

@@ -87,6 +87,12 @@ pub(crate) enum Error {
         samples: u32,
         windows: u32,
     },
+    /// `replay --add` of an effect that the firmware keeps no columns for.
+    #[error("the device keeps no columns for {effect}; it has {kept}")]
+    NotOnDevice { effect: &'static str, kept: String },
+    /// A command to a device that it has not answered.
+    #[error("the device answered {answers} of {wishes} commands")]
+    Unanswered { answers: usize, wishes: usize },
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]

@@ -21,6 +21,7 @@ mod rows;
 mod scan;
 mod selection;
 mod series;
+mod speed;
 mod triangle;
 mod velocity;
 
