@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::limb::LimbCriticism;
+use super::limb::{FOLDS, LimbCriticism};
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
@@ -269,6 +269,9 @@ fn all_series(
     let of = |limb: &Limb| {
         let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
         let mut criticism = LimbCriticism::new(model, limb, data, false)?;
+        if matches!(predict, Predict::HeldOut) && criticism.blocks.count < FOLDS {
+            return None;
+        }
         if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
             criticism.rebuild();
         }
