@@ -121,8 +121,6 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                     });
                     polished = false;
                 } else {
-                        eprintln!("refused {place:?}");
-                    }
                     limb.remove(place);
                     refused.push(place);
                 }
@@ -173,8 +171,6 @@ fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Pla
             .rposition(|step| limb.is_correction(step.place));
         if let Some(misled) = misled {
             let place = steps.remove(misled).place;
-                eprintln!("misled {place:?}");
-            }
             limb.corrections = corrections;
             limb.remove(place);
             refused.push(place);
