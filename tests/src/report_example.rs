@@ -7,7 +7,7 @@ use std::path::Path;
 
 use proprio::identification::{Identification, Options, identify};
 use proprio::log::{JointId, LogWriter};
-use proprio::parameter::{self, typical_effects};
+use proprio::parameter;
 use proprio::report::candidates::Candidate;
 use proprio::report::correlation::Correlation;
 use proprio::report::parameters::ParameterRow;
@@ -16,6 +16,7 @@ use proprio::report::torque::TorqueSeries;
 use proprio::report::waterfall::Step;
 use proprio::report::{Header, LogFile, Page};
 use proprio::report::{candidates, correlation, parameters, residual, torque, waterfall};
+use proprio::simulator::hidden::typical;
 use proprio::simulator::{SimulatedSample, Simulation};
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegWindow, plausible};
@@ -81,7 +82,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("<b>walk & \"trot\".csv");
     let simulation = Simulation {
-        effects: typical_effects(legs),
+        effects: typical(legs),
         ..Simulation::new(legs)
     };
     let samples = record(&simulation, &log);
@@ -153,7 +154,11 @@ fn windows_of(
         .enumerate()
         .map(|(n, e)| if effect(n) { 0.0 } else { e.prior })
         .collect();
-    let simulated = parameter::truth_of_leg(leg, &typical_effects(&[leg]));
+    let simulated = Simulation {
+        effects: typical(&[leg]),
+        ..Simulation::new(&[leg])
+    }
+    .truth();
     let truth_of =
         |(name, _): &(String, _)| simulated.iter().find(|p| p.name == *name).unwrap().value;
     let truth: Vec<f64> = names.iter().map(truth_of).collect();

@@ -5,6 +5,8 @@
 //! are Plotly.js' and can be zoomed; the file holds the library and the data, asks no network for anything (its content
 //! security policy forbids it) and reads on a phone, in print, in light and in dark.
 //!
+//! [`pages`] makes the page of each command.
+//!
 //! Whatever comes from outside (paths, names of joints) is escaped where it enters: [`escape`] has one function for each
 //! of the three languages in the file.
 //!
@@ -35,6 +37,7 @@ pub mod escape;
 mod figure;
 mod library;
 mod page;
+pub mod pages;
 pub mod parameters;
 pub mod residual;
 mod section;
