@@ -11,8 +11,10 @@ use super::CriticismError;
 use super::column::BASE;
 use super::limb::{FOLDS, LimbCriticism, Place};
 use super::recording::Recording;
+use super::residual;
 use super::rows::Blocks;
 use super::selection::{self, Judged, Path};
+use super::series::{JointSeries, Predict};
 use super::velocity::VelocityGain;
 use crate::model::{Limb, Model};
 
@@ -131,6 +133,11 @@ pub struct JointError {
     /// That no model can go below.
     pub floor: f64,
 }
+
+/// A joint with fewer windows in motion cannot be judged.
+const LEAST_WINDOWS: usize = 100;
+/// Share of a joint's error above the noise floor that is taken for a missing effect if tests find structure in it, %.
+const MOST_ABOVE_NOISE: f64 = 20.0;
 
 /// One limb, walked to the end.
 struct Walked<'a> {
@@ -292,20 +299,33 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
         );
     }
     candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
-    let mut judged: Vec<(&Walked, &Judged)> = walked
-        .iter()
-        .flat_map(|limb| limb.path.first.iter().map(move |judged| (limb, judged)))
-        .collect();
+    // Limb by limb in their own order; limbs by what is missing most.
     let gain = |j: &Judged| j.candidate.gain().0;
-    judged.sort_by(|a, b| {
-        b.1.significant
-            .cmp(&a.1.significant)
-            .then(gain(b.1).total_cmp(&gain(a.1)))
-    });
-    candidates.extend(
-        judged
+    let mut ranked: Vec<(bool, f64, &Walked, &Judged)> = Vec::new();
+    for limb in walked {
+        let mut least = f64::INFINITY;
+        let most = limb
+            .path
+            .first
             .iter()
-            .map(|(limb, judged)| limb.candidate(judged, model)),
+            .filter(|j| j.significant)
+            .map(gain)
+            .fold(f64::MIN, f64::max);
+        for (n, judged) in limb.path.first.iter().enumerate() {
+            let own = if n == 0 && judged.significant {
+                most
+            } else {
+                gain(judged)
+            };
+            least = least.min(own);
+            ranked.push((judged.significant, least, limb, judged));
+        }
+    }
+    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    candidates.extend(
+        ranked
+            .iter()
+            .map(|(_, _, limb, judged)| limb.candidate(judged, model)),
     );
 
     let rms = |rss: f64, n: f64| (rss / n).sqrt();
@@ -333,12 +353,22 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
     }
     let path = path(walked, model, windows);
     let start: f64 = walked.iter().flat_map(|limb| &limb.path.start).sum();
-    let verdict = if candidates.iter().any(|c| c.significant) {
-        Verdict::Missing
-    } else {
-        Verdict::Complete
+    let outside_catalogue = outside(walked, model);
+    let still: Vec<&str> = joints
+        .iter()
+        .filter(|j| j.n < LEAST_WINDOWS)
+        .map(|j| &*j.joint)
+        .collect();
+    let significant = candidates.iter().any(|c| c.significant);
+    let verdict = match (
+        significant || !outside_catalogue.is_empty(),
+        still.is_empty(),
+    ) {
+        (true, _) => Verdict::Missing,
+        (false, true) => Verdict::Complete,
+        (false, false) => Verdict::Insufficient,
     };
-    let (reason, next) = words(verdict, &candidates);
+    let (reason, next) = words::reason(verdict, &candidates, &outside_catalogue, &still);
     Diagnosis {
         verdict,
         reason,
@@ -348,7 +378,7 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
         held_out_rms: rms(start, windows),
         noise_floor_rms: rms(floor, windows),
         joints,
-        outside_catalogue: Vec::new(),
+        outside_catalogue,
         logs: recording.logs.clone(),
         warnings: recording.warnings.clone(),
     }
@@ -421,15 +451,30 @@ fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
     path
 }
 
-fn words(verdict: Verdict, candidates: &[CandidateReport]) -> (String, String) {
-    match (verdict, candidates.iter().find(|c| c.significant)) {
-        (Verdict::Missing, Some(best)) => (
-            format!("{} at {} is missing", best.effect, best.joints.join(", ")),
-            format!("proprio add {}:{} -m MODEL", best.effect, best.joints.join(",")),
-        ),
-        _ => (
-            "no effect of the catalogue makes the error on unseen data smaller beyond its own error".to_owned(),
-            "nothing: the model explains these data".to_owned(),
-        ),
-    }
+/// What the catalogue's effects leave, joint by joint, where it is more than noise.
+fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
+    let series: Vec<JointSeries> = walked
+        .iter()
+        .flat_map(|limb| {
+            let joints = 0..limb.criticism.recording.joints;
+            let names: Vec<String> = joints.map(|j| limb.name(j, model)).collect();
+            limb.criticism.series(Predict::HeldOut, &names)
+        })
+        .collect();
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let left = residual::criticise(&views).into_iter().filter(|joint| {
+        joint.structure_remains()
+            && joint
+                .above_noise_percent
+                .is_some_and(|share| share > MOST_ABOVE_NOISE)
+    });
+    left.map(|joint| {
+        let share = joint.above_noise_percent.unwrap_or(0.0);
+        let place = joint.patterns.first().map_or(String::new(), |pattern| format!(" {}", pattern.sentence));
+        format!(
+            "{}: no effect of the catalogue explains {share:.0} % of the error that is left.{place}",
+            joint.joint
+        )
+    })
+    .collect()
 }
