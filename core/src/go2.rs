@@ -134,6 +134,9 @@ pub fn quanta(joint: usize) -> [f64; 3] {
     [turn / 32768.0 / gear, turn / 256.0 / gear, gear / 256.0]
 }
 
+/// The foot's centre in the calf's frame, m.
+pub const FOOT: [f64; 3] = [0.0, 0.0, -0.213];
+
 /// Standard deviation of the reported speed at standstill, rad/s.
 pub const VELOCITY_NOISE: [f64; JOINTS_PER_LEG] = [0.035, 0.035, 0.022];
 
@@ -276,7 +279,7 @@ fn calf_inertia<T: Real>(s: f64) -> InertialParameters<T> {
     );
     let foot = link(
         0.04,
-        [0.0, 0.0, -0.213],
+        FOOT,
         [9.6e-6, 0.0, 0.0, 9.6e-6, 0.0, 9.6e-6],
     );
     calf + foot
