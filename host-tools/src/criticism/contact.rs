@@ -37,6 +37,8 @@ const LEAST_EPISODES: usize = 4;
 const ROUNDS: usize = 6;
 /// Least share of windows in swing that the catalogue can be fitted to.
 const LEAST_SWING: f64 = 0.1;
+/// Least noise of a joint, as a share of the friction that is expected of it.
+const LEAST_NOISE: f64 = 0.1;
 /// A force weaker than this is not told from what the model has wrong, N.
 const LEAST_FORCE: f64 = 1.0;
 /// Size of the mean force in units of its standard deviation from which on it counts.
@@ -86,8 +88,7 @@ impl Contact {
     /// What a limb's residuals say; `None` if hardly anything is unlike swing, or the limb is too short to tell.
     pub(crate) fn of(limb: &LimbCriticism) -> Option<Self> {
         let mut search = Search::new(limb)?;
-        search.run();
-        search.judge()
+        search.run().then(|| search.judge())?
     }
 }
 
@@ -159,30 +160,45 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Finds swing and contact, beginning with the model as it is given.
-    fn run(&mut self) {
-        self.predict(&vec![self.limb.given(); self.limb.tests.len()]);
-        self.noise = self.friction();
+    /// Finds swing and contact, beginning with the model as it is given; false if too little swing is found.
+    ///
+    /// On little swing the whole catalogue may predict worse than the model as it is given: of each joint, the one that
+    /// predicts unseen swing better is taken.
+    fn run(&mut self) -> bool {
+        let given = self.predict(&vec![self.limb.given(); self.limb.tests.len()]);
+        self.residuals.clone_from(&given);
+        let friction = self.friction();
+        // Generous with contact at first: a force that the fit takes for swing it explains away.
+        self.noise = friction.iter().map(|noise| 0.5 * noise).collect();
         for _ in 0..ROUNDS {
             let before = self.phases.clone();
             self.classify();
-            let swing = self.count(Phase::Swing);
-            if before == self.phases || (swing as f64) < LEAST_SWING * self.windows.len() as f64 {
-                break;
+            if (self.count(Phase::Swing) as f64) < LEAST_SWING * self.windows.len() as f64 {
+                return false;
             }
-            let theta = self.fit_swing();
-            self.predict(&theta);
-            let phases = std::mem::take(&mut self.phases);
-            self.noise = self.scale(0.5, 0.6745, |w| phases[w] == Phase::Swing);
-            self.phases = phases;
+            if before == self.phases {
+                return true;
+            }
+            let fitted = self.predict(&self.fit_swing());
+            let swing = |w: usize| self.phases[w] == Phase::Swing;
+            let scales = [&given, &fitted].map(|of| self.scale(of, 0.5, 0.6745, swing));
+            for joint in 0..friction.len() {
+                let better = usize::from(scales[1][joint] < scales[0][joint]);
+                let chosen = [&given, &fitted][better];
+                for (to, from) in self.residuals.iter_mut().zip(chosen) {
+                    to[joint] = from[joint];
+                }
+                // A leg at rest has less noise than one that moves.
+                self.noise[joint] = scales[better][joint].max(LEAST_NOISE * friction[joint]);
+            }
         }
-        self.classify();
+        true
     }
 
     /// What the model as it is given may have wrong in swing, of each joint, N m: friction as the catalogue expects it, or
     /// less where a quarter of all windows says so; half of the time or more may be contact.
     fn friction(&self) -> Vec<f64> {
-        let small = self.scale(0.25, 0.3186, |_| true);
+        let small = self.scale(&self.residuals, 0.25, 0.3186, |_| true);
         let of = |(joint, small): (usize, f64)| {
             let body = self.limb.limb.bodies.start + joint;
             let prior = self
@@ -200,7 +216,7 @@ impl<'a> Search<'a> {
     }
 
     /// Residuals under each fold's θ.
-    fn predict(&mut self, theta: &[Vec<f64>]) {
+    fn predict(&self, theta: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let theta: Vec<Vec<Vec<f64>>> = theta
             .iter()
             .map(|theta| self.limb.columns.combined(theta))
@@ -210,15 +226,21 @@ impl<'a> Search<'a> {
             row.last().unwrap_or(&0.0) - predicted
         };
         let of = |w: &Window| w.rows.iter().zip(&theta[w.fold]).map(residual).collect();
-        self.residuals = self.windows.iter().map(of).collect();
+        self.windows.iter().map(of).collect()
     }
 
-    /// Standard deviation of each joint's residuals from a quantile of their size, which is `normal` for a normal variable.
-    fn scale(&self, quantile: f64, normal: f64, chosen: impl Fn(usize) -> bool) -> Vec<f64> {
+    /// Standard deviation of each joint's `residuals` from a quantile of their size, which is `normal` for a normal variable.
+    fn scale(
+        &self,
+        residuals: &[Vec<f64>],
+        quantile: f64,
+        normal: f64,
+        chosen: impl Fn(usize) -> bool,
+    ) -> Vec<f64> {
         let of = |joint: usize| {
             let mut sizes: Vec<f64> = (0..self.windows.len())
                 .filter(|&w| chosen(w))
-                .map(|w| self.residuals[w][joint].abs())
+                .map(|w| residuals[w][joint].abs())
                 .collect();
             sizes.sort_unstable_by(f64::total_cmp);
             let at = (quantile * sizes.len() as f64) as usize;

@@ -139,7 +139,7 @@ fn weighted_mean(runs: &[(f64, f64)]) -> (f64, f64) {
 
 /// The normal variable that is as improbable as Student's `t` with so many degrees of freedom; at most 37, which is as far as
 /// numbers reach.
-fn normal_score(t: f64, freedom: f64) -> f64 {
+pub(super) fn normal_score(t: f64, freedom: f64) -> f64 {
     use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
     let (Ok(student), Ok(normal)) = (StudentsT::new(0.0, 1.0, freedom), Normal::new(0.0, 1.0))
     else {
