@@ -63,7 +63,7 @@ fn a_force_at_the_foot_is_found_and_its_size_told() {
 fn no_leg_in_the_air_is_said_to_be_in_contact() {
     for seed in 0..20 {
         let hide = ["", "payload:FR_calf=0.3", "spring:FR_thigh=5"][seed as usize % 3];
-        let contact = of(&simulation(seed, 5.0, hide));
+        let contact = of(&simulation(seed, 8.0, hide));
         let found = contact.filter(Contact::is_significant);
         assert!(found.is_none(), "seed {seed}, {hide}: {found:?}");
     }
