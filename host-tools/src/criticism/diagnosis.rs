@@ -9,6 +9,8 @@ use serde::Serialize;
 
 use super::CriticismError;
 use super::column::BASE;
+use super::contact;
+use super::contact::{LeftOut, leave_out_contact};
 use super::limb::{FOLDS, LimbCriticism, Place};
 use super::recording::Recording;
 use super::residual;
@@ -142,6 +144,7 @@ const MOST_ABOVE_NOISE: f64 = 20.0;
 /// One limb, walked to the end.
 struct Walked<'a> {
     criticism: LimbCriticism<'a>,
+    contact: Option<LeftOut>,
     velocity: Vec<(usize, VelocityGain)>,
     path: Path,
 }
@@ -181,12 +184,16 @@ fn walk<'a>(recording: &'a Recording, model: &'a Model, limb: &'a Limb) -> Optio
     if criticism.blocks.count < FOLDS {
         return None;
     }
+    let contact = leave_out_contact(&mut criticism);
     let blocks: Blocks = criticism.blocks;
     let mut velocity = Vec::new();
     for joint in 0..data.joints {
         let place = (EffectKind::VelocityGain, joint);
         if criticism.active.contains(&place) {
             continue;
+        }
+        if contact.as_ref().is_some_and(|c| c.too_little_swing) {
+            break;
         }
         if let Some(gain) = VelocityGain::of(data, joint, blocks)
             && gain.is_significant()
@@ -202,12 +209,24 @@ fn walk<'a>(recording: &'a Recording, model: &'a Model, limb: &'a Limb) -> Optio
     if !velocity.is_empty() {
         criticism.rebuild();
     }
-    let mut path = selection::walk(&mut criticism);
+    let mut path = match &contact {
+        Some(contact) if contact.too_little_swing => Path {
+            first: Vec::new(),
+            start: contact.after.clone(),
+            after_velocity: contact.after.clone(),
+            steps: Vec::new(),
+        },
+        _ => selection::walk(&mut criticism),
+    };
     if let Some((first, start)) = first {
         (path.first, path.start) = (first, start);
     }
+    if let Some(contact) = &contact {
+        path.start.clone_from(&contact.before);
+    }
     Some(Walked {
         criticism,
+        contact,
         velocity,
         path,
     })
@@ -221,6 +240,11 @@ impl Walked<'_> {
             self.criticism.limb.bodies.start + joint
         };
         model.joint_name(body).to_owned()
+    }
+
+    /// The joint that carries the foot.
+    fn foot(&self, model: &Model) -> String {
+        self.name(self.criticism.recording.joints - 1, model)
     }
 
     fn windows(&self) -> Vec<f64> {
@@ -299,6 +323,9 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
         );
     }
     candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+    let mut contacts = contacts(walked, model);
+    contacts.append(&mut candidates);
+    let mut candidates = contacts;
     // Limb by limb in their own order; limbs by what is missing most.
     let gain = |j: &Judged| j.candidate.gain().0;
     let mut ranked: Vec<(bool, f64, &Walked, &Judged)> = Vec::new();
@@ -368,7 +395,14 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
         (false, true) => Verdict::Complete,
         (false, false) => Verdict::Insufficient,
     };
-    let (reason, next) = words::reason(verdict, &candidates, &outside_catalogue, &still);
+    let by_contact = candidates
+        .first()
+        .is_some_and(|c| c.effect == EffectKind::Contact.name());
+    let (reason, next) = if by_contact {
+        contact::reason(&candidates)
+    } else {
+        words::reason(verdict, &candidates, &outside_catalogue, &still)
+    };
     Diagnosis {
         verdict,
         reason,
@@ -380,8 +414,27 @@ fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis 
         joints,
         outside_catalogue,
         logs: recording.logs.clone(),
-        warnings: recording.warnings.clone(),
+        warnings: (recording.warnings.iter().cloned())
+            .chain(contact_words(walked, model))
+            .collect(),
     }
+}
+
+/// The forces at feet that the model does not have, the joints' best agreement first.
+fn contacts(walked: &[Walked], model: &Model) -> Vec<CandidateReport> {
+    let reports = walked.iter().filter_map(|limb| {
+        let contact = limb.contact.as_ref().filter(|c| !c.known)?;
+        Some(contact.contact.report(limb.foot(model)))
+    });
+    let mut contacts: Vec<CandidateReport> = reports.collect();
+    contacts.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+    contacts
+}
+
+/// What contact means for the rest of the diagnosis.
+fn contact_words(walked: &[Walked], model: &Model) -> Vec<String> {
+    let of = |limb: &Walked| Some((limb.foot(model), limb.contact.clone()?));
+    contact::words(&walked.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// The limbs' steps as one path: the limbs' first steps, those of one effect together, then their second ones.
@@ -389,6 +442,21 @@ fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
     let mut now: Vec<Vec<f64>> = walked.iter().map(|limb| limb.path.start.clone()).collect();
     let mut path: Vec<PathStep> = Vec::new();
     let rms = |now: &[Vec<f64>]| (now.iter().flatten().sum::<f64>() / windows).sqrt();
+    let mut feet = Vec::new();
+    for (now, limb) in now.iter_mut().zip(walked) {
+        if let Some(contact) = limb.contact.as_ref().filter(|c| !c.known) {
+            now.clone_from(&contact.after);
+            feet.push(limb.foot(model));
+        }
+    }
+    if !feet.is_empty() {
+        path.push(PathStep {
+            effect: EffectKind::Contact.name(),
+            joints: feet,
+            held_out_rms: rms(&now),
+            removed: false,
+        });
+    }
     for (n, limb) in walked.iter().enumerate() {
         for (joint, _) in &limb.velocity {
             let joints = vec![limb.name(*joint, model)];
@@ -401,7 +469,9 @@ fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
         }
         now[n].clone_from(&limb.path.after_velocity);
     }
-    if let Some(last) = path.last_mut() {
+    if let Some(last) = path.last_mut()
+        && last.effect == EffectKind::VelocityGain.name()
+    {
         last.held_out_rms = rms(&now);
     }
     let rounds = walked

@@ -27,14 +27,16 @@ pub(crate) type Place = (EffectKind, usize);
 
 /// A limb's data and its model.
 pub(crate) struct LimbCriticism<'a> {
-    model: &'a Model,
+    pub(crate) model: &'a Model,
     pub(crate) with_candidates: bool,
     pub(crate) limb: &'a Limb,
     pub(crate) recording: &'a LimbRecording,
     pub(crate) blocks: Blocks,
     body: Box<dyn RigidBody>,
     base: Transform<f64>,
-    prior: Prior,
+    pub(crate) prior: Prior,
+    /// Samples in contact with the ground, as ranges \[first, last\]: their windows are left out.
+    pub(crate) in_contact: Vec<[usize; 2]>,
     /// The effects that the model has.
     pub(crate) active: Vec<Place>,
     pub(crate) corrections: Corrections,
@@ -113,6 +115,7 @@ impl<'a> LimbCriticism<'a> {
             body: rigid_body::of_limb(model, limb)?,
             base: model.base(),
             prior: cad_prior(model, limb)?,
+            in_contact: Vec::new(),
             active: Vec::new(),
             corrections: Corrections::none(recording.joints),
             shapes: Vec::new(),
@@ -397,6 +400,7 @@ impl<'a> LimbCriticism<'a> {
             coms: &self.coms,
             model: self.columns.combined(&self.fit.theta),
             torque_scale: &self.corrections.torque_scale,
+            left_out: &self.in_contact,
         }
     }
 
