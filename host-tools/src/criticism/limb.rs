@@ -205,7 +205,13 @@ impl<'a> LimbCriticism<'a> {
                 };
                 places.map(move |joint| (effect, joint))
             });
-        all.filter(|place| !self.active.contains(place)).collect()
+        // Beside Coulomb friction it is a bias but at rest, with one parameter more.
+        let twice = |(effect, joint): &Place| {
+            *effect == EffectKind::AsymmetricCoulomb
+                && self.active.contains(&(EffectKind::Coulomb, *joint))
+        };
+        all.filter(|place| !self.active.contains(place) && !twice(place))
+            .collect()
     }
 
     fn entries_of(&self, place: Place, candidate: bool) -> Vec<Entry> {

@@ -1,5 +1,7 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
+use proprio_core::effect::EffectKind;
+
 use super::diagnosis::ParameterReport;
 use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
 
@@ -9,7 +11,7 @@ const LEAST_Z: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
-const LEAST_GAIN: f64 = 0.01;
+const LEAST_GAIN: f64 = 0.02;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 24;
 /// Going over the data again may make the held-out error larger by this factor.
@@ -232,6 +234,12 @@ fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
         .into_iter()
         .filter(|&rival| explains(limb, rival, place))
         .collect();
+    if place.0 == EffectKind::Bias && limb.active.contains(&(EffectKind::Coulomb, place.1)) {
+        // With Coulomb friction in the model, friction that differs with the direction is a bias but at rest.
+        judged[best]
+            .alternatives
+            .push((EffectKind::AsymmetricCoulomb, place.1));
+    }
     judged
 }
 
