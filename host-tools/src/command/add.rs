@@ -39,10 +39,8 @@ const EXAMPLES: &str = "Examples:
 /// Examples, then every effect of the catalogue.
 fn long_help() -> String {
     let mut text = format!("{EXAMPLES}\n\nEffects:\n");
-    let all = EffectKind::ALL.iter().map(|e| e.description());
-    let width = all.clone().map(|e| e.name.len()).max().unwrap_or(0);
-    for effect in all {
-        text += &format!("  {:width$}  {}\n", effect.name, effect.words);
+    for effect in EffectKind::ALL.iter().map(|e| e.description()) {
+        text += &format!("  {}\n      {}\n", effect.name, effect.words);
     }
     text.trim_end().to_owned()
 }
