@@ -32,7 +32,7 @@ impl Effect for Payload {
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {
-        let std = if parameter == 0 { 0.5 } else { 0.02 };
+        let std = if parameter == 0 { 0.5 } else { 0.03 };
         Prior { mean: 0.0, std }
     }
 }

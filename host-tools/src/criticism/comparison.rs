@@ -273,7 +273,7 @@ fn all_series(
             return None;
         }
         if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
-            criticism.rebuild();
+            criticism.relinearise();
         }
         let names: Vec<String> = limb
             .bodies

@@ -24,6 +24,9 @@ use crate::model::{Limb, Model};
 /// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
 pub(crate) const FOLDS: usize = 8;
 
+/// A load lighter than this is nowhere in particular, kg.
+const LEAST_LOAD: f64 = 0.01;
+
 /// An effect at a joint of a limb; [`BASE`] for the base's.
 pub(crate) type Place = (EffectKind, usize);
 
@@ -48,6 +51,8 @@ pub(crate) struct LimbCriticism<'a> {
     pub(crate) motion: Motion,
     /// The CAD's centres of mass, m.
     coms: Vec<Vector3<f64>>,
+    /// Where a load on each body is taken to be, m: at its centre of mass until it is known better.
+    loads: Vec<Vector3<f64>>,
     /// How many neighbouring windows of each joint say the same thing.
     pub(crate) memory: Vec<f64>,
     /// Each fold's own data, and the data of all others.
@@ -88,6 +93,7 @@ impl<'a> LimbCriticism<'a> {
                 dq: Vec::new(),
             },
             coms: coms(model, limb),
+            loads: coms(model, limb),
             memory: vec![1.0; recording.joints],
             tests: Vec::new(),
             trains: Vec::new(),
@@ -117,6 +123,13 @@ impl<'a> LimbCriticism<'a> {
                 && let Some(gain) = VelocityGain::of(self.recording, joint, self.blocks)
             {
                 self.corrections.velocity_gain[joint] = gain.value;
+            }
+            if let (EffectKind::Payload, [Some(mass), moment @ ..]) = (e.effect, &e.estimates)
+                && mass.value >= LEAST_LOAD
+            {
+                for (axis, h) in moment.iter().enumerate() {
+                    self.loads[joint][axis] += h.map_or(0.0, |h| h.value) / mass.value;
+                }
             }
             for (n, estimate) in e.estimates.iter().enumerate() {
                 let Some(estimate) = estimate else { continue };
@@ -276,6 +289,26 @@ impl<'a> LimbCriticism<'a> {
                 *correction += std::mem::take(&mut self.fit.theta[k]);
             }
         }
+        for body in 0..self.loads.len() {
+            if self.active.contains(&(EffectKind::Payload, body)) {
+                self.move_load(body);
+            }
+        }
+    }
+
+    /// Takes a load to be where the fit has its centre: from there on its first moment is zero.
+    fn move_load(&mut self, body: usize) {
+        let entries = self.columns.of_effect(EffectKind::Payload, body);
+        let [mass, moment @ ..] = &entries[..] else {
+            return;
+        };
+        let mass = self.fit.theta[*mass];
+        if mass < LEAST_LOAD {
+            return;
+        }
+        for (axis, entry) in moment.iter().enumerate() {
+            self.loads[body][axis] += std::mem::take(&mut self.fit.theta[*entry]) / mass;
+        }
     }
 
     /// Goes over the data again: after a correction or a shape has changed.
@@ -344,6 +377,8 @@ impl<'a> LimbCriticism<'a> {
                 .get_mut(effect, entry.joint, entry.parameter)
                 .is_none();
             match estimate {
+                // The load is where its first moment is zero.
+                _ if effect == EffectKind::Payload && entry.parameter > 0 => 0.0,
                 Some(estimate) if is_column => {
                     estimate.value - effect.description().parameters[entry.parameter].neutral
                 }
@@ -365,7 +400,7 @@ impl<'a> LimbCriticism<'a> {
             base: rows::turned(&base, &Vector3::new(0.0, pitch, 0.0)),
             columns: &self.columns,
             blocks: self.blocks,
-            coms: &self.coms,
+            loads: &self.loads,
             model: self.columns.combined(&self.fit.theta),
             torque_scale: &self.corrections.torque_scale,
             left_out: &self.in_contact,

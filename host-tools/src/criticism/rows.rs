@@ -84,8 +84,8 @@ pub(crate) struct Limb<'a> {
     pub(crate) base: Transform<f64>,
     pub(crate) columns: &'a Columns,
     pub(crate) blocks: Blocks,
-    /// The centres of mass that loads are at, m in the joint frames.
-    pub(crate) coms: &'a [Vector3<f64>],
+    /// Where loads are, m in the joint frames.
+    pub(crate) loads: &'a [Vector3<f64>],
     /// Of each joint, what its columns are times in the model so far: its torque.
     pub(crate) model: Vec<Vec<f64>>,
     /// Reported over true torque of each joint.
@@ -217,7 +217,7 @@ impl Limb<'_> {
                     }
                     Column::Load { body, n } => {
                         let at = j * width + body * INERTIAL;
-                        let load = load(&self.coms[body], n);
+                        let load = load(&self.loads[body], n);
                         (dot(&load, &momentum[at..]), dot(&load, &rate[at..]))
                     }
                     Column::Own {

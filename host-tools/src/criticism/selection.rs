@@ -164,7 +164,7 @@ fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Pla
     };
     let (noise, corrections) = (limb.fit.noise.clone(), limb.corrections.clone());
     let before = weighted(&limb.fit.rss, &noise);
-    limb.rebuild();
+    limb.relinearise();
     if weighted(&limb.fit.rss, &noise) > MOST_RISE * before {
         let misled = steps
             .iter()

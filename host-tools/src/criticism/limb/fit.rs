@@ -169,12 +169,29 @@ impl LimbCriticism<'_> {
     /// Whether an effect is taken out of the data before, and only its derivative is a column.
     pub(crate) fn is_correction(&self, (effect, joint): Place) -> bool {
         let mut none = Corrections::none(self.recording.joints);
-        effect != EffectKind::VelocityGain && none.get_mut(effect, joint, 0).is_some()
+        effect == EffectKind::Payload
+            || effect != EffectKind::VelocityGain && none.get_mut(effect, joint, 0).is_some()
+    }
+
+    /// Goes over the data again, twice where a load's place is sought: its inertia grows with the square of it.
+    pub(crate) fn relinearise(&mut self) {
+        self.rebuild();
+        if self
+            .active
+            .iter()
+            .any(|place| place.0 == EffectKind::Payload)
+        {
+            self.rebuild();
+        }
     }
 
     /// Takes an effect out of the model.
     pub(crate) fn remove(&mut self, place: Place) {
         self.active.retain(|p| *p != place);
+        if place.0 == EffectKind::Payload {
+            self.loads[place.1] = self.coms[place.1];
+            return self.rebuild();
+        }
         let none = Corrections::none(self.recording.joints);
         let mut corrected = false;
         for parameter in 0..place.0.description().parameters.len() {
