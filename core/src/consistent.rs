@@ -131,7 +131,8 @@ where
         for (to, effect) in effects.iter_mut().zip(self.prior.effects()) {
             *to = real(effect.prior.mean);
         }
-        self.begin_step(data, true);
+        self.solver.data_mut().copy_from(data);
+        self.begin_step(true);
     }
 
     /// Does the next bounded piece of work; true when the solution is new, and from then on.
@@ -205,7 +206,7 @@ where
     }
 
     /// Expands the priors about the present point and starts the inner solver, held effects pinned if `hold`.
-    fn begin_step(&mut self, data: &JointFactors<T, D, B>, hold: bool) {
+    fn begin_step(&mut self, hold: bool) {
         let mut near = self.prior.clone();
         let inertial = self.layout().inertial();
         for b in 0..self.layout().bodies() {
@@ -227,7 +228,7 @@ where
                 effect.prior.std *= 1e-4;
             }
         }
-        self.solver.start(&near, data);
+        self.solver.restart(&near);
         self.stage = if hold { Stage::Step } else { Stage::Deviations };
     }
 
@@ -268,8 +269,7 @@ where
         }
         self.iterations += 1;
         let converged = (moved < real(CONVERGED) || !falls) && !changed;
-        let data = self.solver.data().clone();
-        self.begin_step(&data, !(converged || self.iterations >= MAX_ITERATIONS));
+        self.begin_step(!(converged || self.iterations >= MAX_ITERATIONS));
     }
 
     /// Writes the trial point, effects kept within their bounds; returns which of them are at one.
