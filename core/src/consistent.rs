@@ -57,6 +57,8 @@ impl Held {
 #[derive(Clone, Debug)]
 pub struct ConsistentSolver<T: Real, D, S, V, E, const B: usize> {
     prior: LimbPrior<T, E, B>,
+    /// The prior expanded about where the last step ended, held effects pinned.
+    near: LimbPrior<T, E, B>,
     solver: Solver<T, D, S, B>,
     theta: V,
     trial: V,
@@ -77,6 +79,11 @@ pub type LegConsistentSolver<T> = ConsistentSolver<
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
+    /// The prior of this body is expanded: a part of its own, for it takes as long as a tick allows.
+    Expand {
+        body: usize,
+        hold: bool,
+    },
     /// The inner solver finds the Newton step.
     Step,
     /// The step is tried, halved this many times.
@@ -98,10 +105,11 @@ where
 {
     /// A solver for a limb with this prior; `theta` holds as many numbers as the limb has parameters.
     pub fn new(prior: &LimbPrior<T, E, B>, solver: Solver<T, D, S, B>, theta: V) -> Self {
-        let (prior, trial) = (prior.clone(), theta.clone());
+        let (prior, near, trial) = (prior.clone(), prior.clone(), theta.clone());
         let (held, iterations, stage) = (Held::default(), 0, Stage::Done);
         Self {
             prior,
+            near,
             solver,
             theta,
             trial,
@@ -131,7 +139,8 @@ where
         for (to, effect) in effects.iter_mut().zip(self.prior.effects()) {
             *to = real(effect.prior.mean);
         }
-        self.begin_step(data, true);
+        self.solver.data_mut().copy_from(data);
+        self.begin_step(true);
     }
 
     /// Does the next bounded piece of work; true when the solution is new, and from then on.
@@ -140,6 +149,7 @@ where
     /// [`FactorError`] as of [`Solver::advance`].
     pub fn advance(&mut self) -> Result<bool, FactorError> {
         match self.stage {
+            Stage::Expand { body, hold } => self.expand(body, hold),
             Stage::Step if self.solver.advance()? => self.stage = Stage::Search { halvings: 0 },
             Stage::Search { halvings } => self.search(halvings),
             Stage::Deviations if self.solver.advance()? => self.stage = Stage::Done,
@@ -204,30 +214,33 @@ where
         self.solver.layout()
     }
 
-    /// Expands the priors about the present point and starts the inner solver, held effects pinned if `hold`.
-    fn begin_step(&mut self, data: &JointFactors<T, D, B>, hold: bool) {
-        let mut near = self.prior.clone();
+    /// Begins the next step from the present point, or, if effects are not to be held, the standard deviations.
+    fn begin_step(&mut self, hold: bool) {
         let inertial = self.layout().inertial();
-        for b in 0..self.layout().bodies() {
-            near.expand(b, &body(self.theta.as_ref(), b));
-        }
-        for (n, effect) in near.effects_mut().iter_mut().enumerate() {
+        let at = self.theta.as_ref().get(inertial..).unwrap_or(&[]);
+        let priors = self.prior.effects().iter().zip(at);
+        for (n, (to, (from, at))) in self.near.effects_mut().iter_mut().zip(priors).enumerate() {
+            *to = *from;
             if hold && self.held.contains(n) {
-                let at = self
-                    .theta
-                    .as_ref()
-                    .get(inertial + n)
-                    .copied()
-                    .unwrap_or(T::zero());
-                effect.prior.mean = if at > real(effect.lower) {
-                    effect.upper
+                to.prior.mean = if *at > real(from.lower) {
+                    from.upper
                 } else {
-                    effect.lower
+                    from.lower
                 };
-                effect.prior.std *= 1e-4;
+                to.prior.std *= 1e-4;
             }
         }
-        self.solver.start(&near, data);
+        self.stage = Stage::Expand { body: 0, hold };
+    }
+
+    /// Expands a body's prior about the present point; after the last, starts the inner solver.
+    fn expand(&mut self, b: usize, hold: bool) {
+        self.near.expand(b, &body(self.theta.as_ref(), b));
+        if b + 1 < self.layout().bodies() {
+            self.stage = Stage::Expand { body: b + 1, hold };
+            return;
+        }
+        self.solver.restart(&self.near);
         self.stage = if hold { Stage::Step } else { Stage::Deviations };
     }
 
@@ -268,8 +281,7 @@ where
         }
         self.iterations += 1;
         let converged = (moved < real(CONVERGED) || !falls) && !changed;
-        let data = self.solver.data().clone();
-        self.begin_step(&data, !(converged || self.iterations >= MAX_ITERATIONS));
+        self.begin_step(!(converged || self.iterations >= MAX_ITERATIONS));
     }
 
     /// Writes the trial point, effects kept within their bounds; returns which of them are at one.

@@ -62,7 +62,7 @@ fn the_board_and_identify_agree_on_a_recorded_log() {
             let value = |from: &serde_json::Value| from["value"].as_f64().unwrap();
             let difference = ((value(there) - value(here)) / value(here)).abs();
             assert!(
-                difference <= 1e-4,
+                difference <= 1e-5,
                 "{what}: {name} differs by {difference:e}"
             );
             worst = worst.max(difference);

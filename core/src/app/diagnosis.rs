@@ -7,7 +7,6 @@
 
 use crate::Real;
 use crate::criticism::{Finding, HeldOut, Nested, work_len};
-use crate::effect::EffectKind;
 use crate::estimator::{
     Active, BASE_RANK, DEVICE_COLUMNS, DeviceFolds, FOLDS, FRONT, LegBase, effect_prior,
 };
@@ -20,15 +19,6 @@ const COLUMNS: usize = DEVICE_COLUMNS + BASE_RANK[0];
 
 /// A step ends at the first row that brings its cost here, in numbers rotated.
 const STEP_COST: usize = 300;
-
-/// Where the torque gain stands among the effects.
-const TORQUE_GAIN: usize = {
-    let mut n = 0;
-    while n < DEVICE_COLUMNS && !matches!(crate::estimator::COLUMNS[n], EffectKind::TorqueGain) {
-        n += 1;
-    }
-    n
-};
 
 /// Effects tried in one step; an active one takes two fits.
 const TRIES: usize = 1;
@@ -258,9 +248,7 @@ impl<T: Real> Diagnosis<T> {
             *to = *from;
         }
         let test = factor(&mut self.folds[1 - self.train], p)?;
-        // A torque gain scales the residuals themselves: back to the reported torque's scale, or none at all would fit best.
-        let gain = T::one() + theta.get(base + TORQUE_GAIN).copied().unwrap_or(T::zero());
-        Ok((test.sum_of_squares(&there) / (gain * gain), found))
+        Ok((test.sum_of_squares(&there), found))
     }
 
     /// Tries a few effects from this one on; after the last, the folds change places.

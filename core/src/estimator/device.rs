@@ -2,7 +2,8 @@
 //!
 //! A joint's factor has the independent columns of its bodies' parameters only ([`crate::base_parameters`]): 15 for a Go2's
 //! hip instead of 30, and as many numbers as its columns squared are rotated for each row. Before them stand the effects that
-//! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost. Nothing is lost: the rows of all columns are those of the independent ones times P.
+//! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost.
+//! Nothing is lost: the rows of all columns are those of the independent ones times P.
 //!
 //! Windows go to the fold of their block of time, in turn. All data are the two folds together; each fold alone judges what
 //! was fitted to the other ([`crate::criticism`]). There is no guard between blocks: it would cost the estimate its data or
@@ -17,7 +18,7 @@ use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
 };
 use crate::base_parameters::BaseParameters;
-use crate::effect::{EffectKind, JointState, Prior, Term};
+use crate::effect::{EffectKind, Form, JointState, Prior, Term};
 use crate::factor::{Factor, FactorError, packed_len};
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
@@ -31,7 +32,9 @@ macro_rules! columns {
         /// the candidates.
         ///
         /// Beside `bias` a spring needs its first column alone: the second is the bias's. Beside `coulomb` the first column
-        /// of `asymmetric_coulomb` is what the positive direction has more. A shape is the mean of its prior.
+        /// of `asymmetric_coulomb` is what the positive direction has more. A shape is the mean of its prior. Effects of
+        /// another form than columns (`torque_gain` scales the model's torque) need a fit before they have a column: the
+        /// desktop's `diagnose` finds those.
         pub const COLUMNS: [EffectKind; DEVICE_COLUMNS] = [$(EffectKind::$name),*];
 
         /// Effect columns of a joint.
@@ -53,7 +56,7 @@ macro_rules! columns {
 
 columns! {
     Viscous, Coulomb, Armature, Bias,
-    AsymmetricCoulomb, Stribeck, LoadFriction, QuadraticDrag, Spring, TorqueGain, Delay,
+    AsymmetricCoulomb, Stribeck, LoadFriction, QuadraticDrag, Spring, Delay,
 }
 
 /// [`COLUMNS`] as a type.
@@ -67,6 +70,15 @@ const fn shape(effect: EffectKind) -> f64 {
         _ => 1.0,
     }
 }
+
+// A column of no term would be zero whatever the data, and its effect never found.
+const _: () = {
+    let mut n = 0;
+    while n < DEVICE_COLUMNS {
+        assert!(matches!(COLUMNS[n].description().form, Form::Columns));
+        n += 1;
+    }
+};
 
 /// Base parameters of a leg's joints; a test compares them with the analysis.
 pub(crate) const BASE_RANK: [usize; JOINTS_PER_LEG] = [15, 14, 7];

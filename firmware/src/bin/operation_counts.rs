@@ -1,5 +1,8 @@
 //! Counts the instructions of the core's operations on the emulated board, over data as different as they can be, and says
 //! the fewest and the most of each: one line `name fewest most` on semihosting's standard output.
+//!
+//! The consistent solution is counted too, though the application does not run it: what a Newton step costs, its dearest
+//! part, and how many steps there are (`consistent_newton_steps` is no number of instructions).
 #![no_std]
 #![no_main]
 
@@ -7,16 +10,17 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, exit};
 use cortex_m_semihosting::hprintln;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
+use proprio_core::consistent::LegConsistentSolver;
 use proprio_core::estimator::{
-    DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather,
-    LegBase, plausible,
+    DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, EFFECTS,
+    Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow, plausible,
 };
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
 use proprio_firmware::Scalar;
-use proprio_firmware::board::mps2_an500::Board;
-use static_cell::ConstStaticCell;
+use proprio_firmware::board::mps2_an500::{Board, InstructionCounter};
+use static_cell::{ConstStaticCell, StaticCell};
 
 /// Data sets: legs that rest, that swing at the limit of what is plausible, and others between.
 const SETS: usize = 12;
@@ -35,6 +39,8 @@ static BASE: ConstStaticCell<LegBase<Scalar>> = ConstStaticCell::new(LegBase::em
 static SOLVER: ConstStaticCell<DeviceSolver<Scalar>> = ConstStaticCell::new(DeviceSolver::empty());
 static GATHER: ConstStaticCell<Gather<Scalar>> = ConstStaticCell::new(Gather::new());
 static WORK: ConstStaticCell<[Scalar; 1100]> = ConstStaticCell::new([0.0; 1100]);
+static FACTORS: ConstStaticCell<LegFactors<Scalar>> = ConstStaticCell::new(LegFactors::empty());
+static CONSISTENT: StaticCell<LegConsistentSolver<Scalar>> = StaticCell::new();
 
 /// Fewest and most instructions of one operation.
 struct Count(&'static str, u32, u32);
@@ -61,6 +67,55 @@ impl Noise {
     fn next(&mut self) -> Scalar {
         self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (self.0 as i32 >> 8) as Scalar / (1 << 23) as Scalar
+    }
+}
+
+/// What the consistent solution takes.
+struct ConsistentCounts {
+    /// Of one Newton step: the solution, the search along it, the priors' expansion for the next.
+    step: Count,
+    /// Of the dearest part that one call does.
+    part: Count,
+    /// Newton steps.
+    steps: Count,
+}
+
+impl ConsistentCounts {
+    const fn new() -> Self {
+        Self {
+            step: Count::new("consistent_newton_step"),
+            part: Count::new("consistent_part"),
+            steps: Count::new("consistent_newton_steps"),
+        }
+    }
+
+    /// Solves for `factors`, from the CAD; false if there is no solution.
+    fn solve(
+        &mut self,
+        counter: &mut InstructionCounter,
+        solver: &mut LegConsistentSolver<Scalar>,
+        factors: &LegFactors<Scalar>,
+    ) -> bool {
+        let (_, mut step) = counter.count(|| solver.start(factors));
+        let mut dearest = 0;
+        loop {
+            let before = solver.iterations();
+            let (done, cost) = counter.count(|| solver.advance());
+            step += cost;
+            dearest = dearest.max(cost);
+            if solver.iterations() > before {
+                self.step.add(step);
+                step = 0;
+            }
+            match done {
+                Ok(false) => {}
+                Ok(true) => break,
+                Err(_) => return false,
+            }
+        }
+        self.part.add(dearest);
+        self.steps.add(solver.iterations() as u32);
+        true
     }
 }
 
@@ -95,6 +150,15 @@ fn main() -> ! {
     let prior = DevicePrior::<Scalar>::of(Leg::FR, &DEFAULT_ACTIVE);
     let (folds, base, solver) = (FOLDS.take(), BASE.take(), SOLVER.take());
     let (gather, work) = (GATHER.take(), WORK.take());
+    let factors = FACTORS.take();
+    let mut consistent = ConsistentCounts::new();
+    let consistent_solver = CONSISTENT.init_with(|| {
+        LegConsistentSolver::new(
+            &LegPrior::of(Leg::FR),
+            LegSolver::empty(),
+            [0.0; LEG_PARAMETERS],
+        )
+    });
     let (analysed, cost) = counter.count(|| base.analyse(Leg::FR, &prior, work));
     analysis.add(cost);
     if analysed.is_err() {
@@ -111,7 +175,15 @@ fn main() -> ! {
             plausible(Leg::FR),
             Settings::default(),
         );
+        let mut leg_window: LegWindow<Scalar> = Window::new(
+            leg(Leg::FR),
+            upright,
+            EFFECTS,
+            plausible(Leg::FR),
+            Settings::default(),
+        );
         folds.clear();
+        factors.clear();
         let mut decoder = Decoder::new();
         for n in 0..SAMPLES {
             let sample = sample(set, n, &mut noise);
@@ -143,6 +215,12 @@ fn main() -> ! {
             // The first frames also find the seed.
             if n > 0 {
                 decode.add(cost);
+            }
+            if leg_window.push(&sample) == Push::Closed
+                && factors.fold_window(leg_window.rows()).is_err()
+            {
+                hprintln!("a fold failed");
+                exit(EXIT_FAILURE);
             }
             let (pushed, cost) = counter.count(|| window.push(&sample));
             match pushed {
@@ -188,7 +266,14 @@ fn main() -> ! {
                 break;
             }
         }
+        if !consistent.solve(&mut counter, consistent_solver, factors) {
+            hprintln!("a consistent solution failed");
+            exit(EXIT_FAILURE);
+        }
     }
+    [consistent.step, consistent.part, consistent.steps]
+        .iter()
+        .for_each(Count::print);
     [decode, push, close, fold, analysis, start]
         .iter()
         .for_each(Count::print);
