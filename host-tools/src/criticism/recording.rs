@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::log::{LogError, LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
+use crate::simulator::SimulatedSample;
 
 /// Two samples further apart than this are not bridged, µs.
 pub const MAX_GAP_US: u64 = 10_000;
@@ -115,7 +116,9 @@ impl Recording {
         let mut offset_us = 0;
         for path in logs {
             let mut reader = LogReader::open(path, Selection::Everything)?;
-            let limbs = recording.limbs_of(model, &reader);
+            let recorded = reader.columns().joints();
+            let recorded: Vec<_> = recorded.map(|j| (j.name(), j.index())).collect();
+            let limbs = recording.limbs_of(model, &recorded);
             let (mut first, mut last_us) = (None, 0);
             let mut new_log = vec![true; limbs.len()];
             let (mut buffer, mut rows) = ([const { Vec::new() }; 4], 0u64);
@@ -156,9 +159,41 @@ impl Recording {
         Ok(recording)
     }
 
-    /// The limbs that a log has: their place here, and the log's indices of their joints.
-    fn limbs_of(&mut self, model: &Model, reader: &LogReader) -> Vec<(usize, Vec<usize>)> {
-        let recorded: Vec<_> = reader.columns().joints().collect();
+    /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
+    /// which a joint is not among them is left out.
+    pub fn from_samples<'a>(
+        model: &Model,
+        joints: &[&str],
+        samples: impl IntoIterator<Item = &'a SimulatedSample>,
+    ) -> Self {
+        let mut recording = Self {
+            logs: Vec::new(),
+            limbs: Vec::new(),
+            warnings: Vec::new(),
+            duration: 0.0,
+        };
+        let recorded: Vec<_> = joints.iter().enumerate().map(|(n, j)| (*j, n)).collect();
+        let limbs = recording.limbs_of(model, &recorded);
+        let mut start = None;
+        for sample in samples {
+            let t = sample.t - *start.get_or_insert(sample.t);
+            recording.duration = t;
+            for (place, own) in &limbs {
+                let of = |channel: &[f64]| own.iter().map(|&j| channel[j]).collect::<Vec<_>>();
+                let unknown = || vec![f64::NAN; own.len()];
+                let temperature = sample.temp.as_deref().map_or_else(unknown, of);
+                let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
+                let channels = [&q[..], &dq[..], &tau[..], &temperature[..]];
+                let limb = &mut recording.limbs[*place].1;
+                limb.push((t * 1e6).round() as u64, channels, f64::NAN, false);
+            }
+        }
+        recording
+    }
+
+    /// The limbs that a log has of whose joints name and index are `recorded`: their place here, and the log's indices of
+    /// their joints.
+    fn limbs_of(&mut self, model: &Model, recorded: &[(&str, usize)]) -> Vec<(usize, Vec<usize>)> {
         let mut found = Vec::new();
         for limb in model.robot().limbs() {
             let names = limb.bodies.clone().map(|b| &model.robot().bodies()[b].name);
@@ -166,8 +201,8 @@ impl Recording {
                 .map(|name| {
                     recorded
                         .iter()
-                        .find(|joint| joint.name() == name)
-                        .map(|joint| joint.index())
+                        .find(|(known, _)| *known == name.as_str())
+                        .map(|(_, index)| *index)
                 })
                 .collect();
             let Some(joints) = joints else { continue };
