@@ -250,6 +250,7 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 /// What is known of one body's ten inertial parameters.
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
 
+mod reduce;
 mod update;
 
 #[cfg(test)]

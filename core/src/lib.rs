@@ -40,8 +40,10 @@
 extern crate std;
 
 pub mod app;
+pub mod base_parameters;
 pub mod bus;
 pub mod consistent;
+pub mod criticism;
 pub mod dynamics;
 pub mod effect;
 pub mod estimator;

@@ -84,6 +84,16 @@ pub(crate) fn sin_cos<T: Real>(angle: T) -> (T, T) {
     double_angle(sin, cos)
 }
 
+/// e^(−x) for x ≥ 0, by the same instructions whatever the number; relative error below 1e-10 for x ≤ 40, and e^(−40)
+/// beyond, which is nothing beside one.
+pub(crate) fn exp_minus<T: Real>(x: T) -> T {
+    // e^(−x) = (e^(−x/1024))^1024: a short Taylor polynomial, squared ten times.
+    let y = -x.min(real(40.0)) * real(1.0 / 1024.0);
+    let low = [1.0, 1.0 / 2.0, 1.0 / 6.0, 1.0 / 24.0];
+    let high = [1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0];
+    (0..10).fold(polynomial(y, low, high), |power, _| power * power)
+}
+
 /// 1 + low₀ x + … + low₃ x⁴ + high₀ x⁵ + … by Horner's rule.
 fn polynomial<T: Real>(x: T, low: [f64; 4], high: [f64; 3]) -> T {
     let mut sum = T::zero();
@@ -118,6 +128,13 @@ mod tests {
             prop_assert!((x.inverse_sqrt() * x.sqrt() - 1.0).abs() < 4.5e-16);
             let x = 10f64.powf(exponent / 8.0) as f32;
             prop_assert!((f64::from(x.inverse_sqrt()) * f64::from(x).sqrt() - 1.0).abs() < 6.1e-8);
+        }
+
+        #[test]
+        fn exponentials_agree_with_the_library(x in 0.0..60.0f64) {
+            let expected = (-x.min(40.0)).exp();
+            prop_assert!((exp_minus(x) / expected - 1.0).abs() < 1e-10);
+            prop_assert!((f64::from(exp_minus(x as f32)) - expected).abs() < 2e-4);
         }
 
         #[test]

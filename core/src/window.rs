@@ -14,7 +14,7 @@
 //! - an *implausible* one (not finite, beyond any value the robot can have) is skipped;
 //! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
 
-use crate::effect::{EffectKind, JointState};
+use crate::effect::{EffectKind, JointState, Term};
 use crate::inertia::INERTIAL;
 use crate::spatial::Transform;
 use crate::tree::{Kinematics, Tree};
@@ -165,14 +165,26 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Edge<T, B, P, E> {
     }
 }
 
+/// The effects whose columns a window makes, one column each: an array of kinds, or a type that stands for a fixed list.
+pub trait EffectList<const E: usize> {
+    /// Each effect's first column's term at one instant.
+    fn terms<T: Real>(&self, state: &JointState<T>) -> [Term<T>; E];
+}
+
+impl<const E: usize> EffectList<E> for [EffectKind; E] {
+    fn terms<T: Real>(&self, state: &JointState<T>) -> [Term<T>; E] {
+        self.map(|effect| effect.term(state))
+    }
+}
+
 /// The window being filled, for `B` joints on a fixed base, `P` = 10 `B` inertial columns and `E` effects per joint.
 ///
 /// Everything is computed in place: on a microcontroller, moving these matrices costs as much as filling them.
 #[derive(Clone, Debug)]
-pub struct Window<T: Real, const B: usize, const P: usize, const E: usize> {
+pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [EffectKind; E]> {
     tree: Tree<T, B, B>,
     base: Transform<T>,
-    effects: [EffectKind; E],
+    effects: L,
     plausible: [Plausible<T>; B],
     settings: Settings,
     /// The last sample used, if any since the last [`clear`](Self::clear).
@@ -188,12 +200,14 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize> {
     rows: Rows<T, B, P, E>,
 }
 
-impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E> {
+impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
+    Window<T, B, P, E, L>
+{
     /// An empty window for `tree`, whose base is mounted at `base` in the world (only its rotation matters).
     pub fn new(
         tree: Tree<T, B, B>,
         base: Transform<T>,
-        effects: [EffectKind; E],
+        effects: L,
         plausible: [Plausible<T>; B],
         settings: Settings,
     ) -> Self {
@@ -281,9 +295,8 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
             .write_momentum_rate_regressor(&self.kinematics, inertial);
         self.integrand.torque = sample.tau;
         for b in 0..B {
-            for (e, effect) in self.effects.iter().enumerate() {
-                self.integrand.effects[b][e] = effect.term(&joint_state(sample, b)).rate;
-            }
+            let terms = self.effects.terms(&joint_state(sample, b));
+            self.integrand.effects[b] = terms.map(|term| term.rate);
         }
     }
 
@@ -293,9 +306,8 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Window<T, B, P, E>
         self.tree
             .write_momentum_regressor(&self.kinematics, &mut self.end.momentum);
         for b in 0..B {
-            for (e, effect) in self.effects.iter().enumerate() {
-                self.end.effects[b][e] = effect.term(&joint_state(sample, b)).boundary;
-            }
+            let terms = self.effects.terms(&joint_state(sample, b));
+            self.end.effects[b] = terms.map(|term| term.boundary);
         }
     }
 

@@ -6,7 +6,7 @@ use proprio_core::estimator::{
     LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
 };
 use proprio_core::factor::FactorError;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{ACTUATORS, Leg};
 use serde::Serialize;
 
 use crate::log::JointId;
@@ -130,6 +130,42 @@ pub fn of_leg(leg: Leg, fit: &Fit) -> Result<Vec<ParameterEstimate>, FactorError
         at_bound: k
             .checked_sub(LEG_INERTIAL)
             .is_some_and(|n| fit.held.contains(n)),
+    });
+    Ok(estimates.collect())
+}
+
+/// A leg's parameters as a device tells them: the inertial ones, then the effects that it says it has.
+///
+/// # Errors
+/// As [`of_leg`].
+pub fn of_device(
+    leg: Leg,
+    effects: &[(JointId, EffectKind)],
+    values: &[f32],
+    std: &[f32],
+) -> Result<Vec<ParameterEstimate>, FactorError> {
+    let number = |from: &[f32], k: usize| from.get(k).map_or(f64::NAN, |&v| f64::from(v));
+    let prior = solve(&LegPrior::of(leg), &LegFactors::default(), Constraint::Free)?;
+    let inertial = parameter::names_of_leg(leg)
+        .into_iter()
+        .take(LEG_INERTIAL)
+        .enumerate()
+        .map(|(k, (name, unit))| (name, unit, prior.values[k], prior.std[k]));
+    let effects = effects.iter().map(|&(joint, effect)| {
+        let prior = effect.prior(&ACTUATORS[joint.place()]);
+        let name = parameter::name(effect.name(), joint);
+        (name, parameter::unit(effect), prior.mean, prior.std)
+    });
+    let all = inertial.chain(effects).enumerate();
+    let estimates = all.map(|(k, (name, unit, prior, prior_std))| ParameterEstimate {
+        name,
+        unit,
+        value: number(values, k),
+        std: number(std, k),
+        prior,
+        prior_std,
+        status: Status::of(number(std, k), prior_std),
+        at_bound: false,
     });
     Ok(estimates.collect())
 }

@@ -20,6 +20,9 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Criticism(CriticismError::TooShort { .. }) => {
             Some("record at least 4 s of motion, better 20 s".to_owned())
         }
+        Error::Criticism(CriticismError::NoLimb { .. }) => {
+            Some("record all joints of a leg, or name the model of the robot that the log is of".to_owned())
+        }
         Error::Identification(IdentificationError::NoWindows { .. }) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
@@ -49,7 +52,12 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Export(error) => model::of_export(error),
         Error::NotAModel(_) => Some("add --physical, or name a .json file".to_owned()),
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
+        Error::NotADemo(_) => Some("name another directory: `proprio demo -o DIR`".to_owned()),
         Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),
+        Error::NotOnDevice { .. } => {
+            Some("`proprio diagnose` tries the whole catalogue on the desktop".to_owned())
+        }
+        Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
         Error::Diverged(_) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }

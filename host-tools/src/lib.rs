@@ -9,5 +9,6 @@ pub mod model;
 mod nearest;
 pub mod output;
 pub mod parameter;
+pub mod report;
 pub mod simulator;
 pub mod table;

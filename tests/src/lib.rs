@@ -2,6 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub mod battery;
+pub mod browser;
 pub mod command;
 pub mod motion;
 pub mod oracle;
+pub mod report_example;

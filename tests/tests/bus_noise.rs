@@ -158,7 +158,7 @@ fn play(buses: &[Bus; LEGS]) -> (Vec<Estimate>, Counters) {
         let mut told = |message| match message {
             DeviceMessage::Estimate(estimate) => estimates.push(estimate),
             DeviceMessage::Counters(latest) => counters = latest,
-            DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
+            _ => {}
         };
         device.play(&step, &mut told).unwrap();
     }

@@ -5,7 +5,9 @@
 use proprio::device::replay::{ReplayError, bus_step, replay};
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Counters, DeviceMessage, Estimate, SCHEMA};
+use proprio_core::wire::{
+    Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, HostMessage, Outcome, SCHEMA,
+};
 use proprio_tests::motion;
 
 /// The emulated board with the image for `scalar`; `None` if the emulator is missing and may be.
@@ -32,17 +34,19 @@ fn steps(legs: &[Leg], samples: u64) -> Vec<BusStep> {
     (1..=samples).map(step).collect()
 }
 
-/// All estimates and the last counters.
-fn told(device: &mut dyn Device, steps: &[BusStep]) -> (Vec<Estimate>, Counters) {
-    let (mut estimates, mut counters) = (Vec::new(), Counters::default());
+/// All estimates, all diagnoses and the last counters.
+fn told(device: &mut dyn Device, steps: &[BusStep]) -> (Vec<Estimate>, Vec<Diagnosis>, Counters) {
+    let (mut estimates, mut diagnoses, mut counters) =
+        (Vec::new(), Vec::new(), Counters::default());
     let steps = steps.iter().cloned().map(Ok::<_, ReplayError>);
     let mut hear = |message| match message {
         DeviceMessage::Estimate(estimate) => estimates.push(estimate),
         DeviceMessage::Counters(latest) => counters = latest,
-        DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
+        DeviceMessage::Diagnosis(diagnosis) => diagnoses.push(diagnosis),
+        DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) | DeviceMessage::Changed(_) => {}
     };
     replay(steps, device, &mut hear).unwrap();
-    (estimates, counters)
+    (estimates, diagnoses, counters)
 }
 
 #[test]
@@ -70,6 +74,55 @@ fn the_board_says_hello() {
     assert_eq!(capacities.window_us, 20_000);
 }
 
+/// How many effects the board keeps columns for.
+fn hello_effects(qemu: &Qemu) -> usize {
+    qemu.hello().effects.len()
+}
+
+#[test]
+fn the_running_board_takes_an_effect_and_gives_it_up() {
+    let Some(mut qemu) = boot(image::Scalar::F64) else {
+        return;
+    };
+    let name = "quadratic_drag";
+    let effect = qemu.hello().effects.iter().position(|e| e == name);
+    let at = EffectAt {
+        leg: 2,
+        joint: 1,
+        effect: effect.unwrap() as u8,
+    };
+    let mut masks = Vec::new();
+    let mut answers = Vec::new();
+    for (n, message) in [
+        HostMessage::AddEffect(at),
+        HostMessage::AddEffect(at),
+        HostMessage::DropEffect(at),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        qemu.command(&message).unwrap();
+        let played = steps(&Leg::ALL[2..3], 1_000 * (n as u64 + 1));
+        let mut hear = |message| match message {
+            DeviceMessage::Changed(changed) => answers.push(changed.outcome),
+            DeviceMessage::Estimate(estimate) if estimate.leg == 2 => {
+                masks.push(estimate.effects[1])
+            }
+            _ => {}
+        };
+        for step in &played[1_000 * n..] {
+            qemu.play(step, &mut hear).unwrap();
+        }
+        qemu.settle(&mut hear).unwrap();
+    }
+    assert_eq!(
+        answers,
+        [Outcome::Accepted, Outcome::AlreadyActive, Outcome::Accepted]
+    );
+    assert!(masks.contains(&(0b1111 | 1 << at.effect)), "{masks:?}");
+    assert_eq!(masks.last(), Some(&0b1111));
+}
+
 #[test]
 fn board_and_desktop_say_the_same() {
     for (name, legs) in [("one leg", &Leg::ALL[2..3]), ("four legs", &Leg::ALL[..])] {
@@ -77,11 +130,14 @@ fn board_and_desktop_say_the_same() {
             return;
         };
         let steps = steps(legs, 1500);
-        let (board, on_board) = told(&mut qemu, &steps);
-        let (desktop, on_desktop) = told(&mut Desktop::<f64>::new(), &steps);
+        let (board, diagnosed, on_board) = told(&mut qemu, &steps);
+        let (desktop, here, on_desktop) = told(&mut Desktop::<f64>::new(), &steps);
         assert_eq!(qemu.losses(), (0, 0));
-        assert!(board.len() >= 36, "{name}: {} estimates", board.len());
+        assert!(board.len() >= 16, "{name}: {} estimates", board.len());
         assert_eq!(board, desktop, "{name}");
+        let kept = hello_effects(&qemu);
+        assert!(diagnosed.len() >= 3 * kept * legs.len(), "{name}");
+        assert_eq!(diagnosed, here, "{name}");
         assert_eq!(on_board.legs, on_desktop.legs);
         for leg in legs {
             let counters = on_board.legs[leg.index()];

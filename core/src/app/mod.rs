@@ -5,7 +5,7 @@
 //!
 //! 1. decodes the bytes that each leg's bus brought and assembles at most one sample per leg (`assembly`);
 //! 2. puts the samples into the legs' windows; a window that closes is marked;
-//! 3. folds at most one marked window into its leg's factor, or does one part of a solution;
+//! 3. folds at most one marked window into its leg's factors, or does one part of a solution or of the diagnosis;
 //! 4. says at most one message.
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
@@ -13,24 +13,38 @@
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod assembly;
+mod diagnosis;
 mod leg;
 #[cfg(test)]
 mod tests;
 
 use crate::Real;
-use crate::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegSolver};
+use crate::estimator::{
+    Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
+};
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::window::Settings;
 use crate::wire::{
-    self, Capacities, Counters, DeviceMessage, Estimate, Hello, HostMessage, Load, SCHEMA,
+    self, Capacities, Changed, Counters, DeviceMessage, EffectAt, Estimate, Hello, HostMessage,
+    Load, Outcome, SCHEMA,
 };
-use heapless::String;
-use leg::LegLine;
+use diagnosis::{Diagnosis, Verdict};
+use heapless::{Deque, String};
+use leg::{LegData, LegLine};
 
-/// Time between two estimates, each of the next leg in turn, and between two reports of the counters, µs.
+/// Time between two estimates, each of the next leg in turn, µs.
+pub const ESTIMATE_US: u64 = 250_000;
+/// Time between two reports of the counters, µs.
 pub const REPORT_US: u64 = 100_000;
 /// Time between two unasked hellos, µs.
 pub const HELLO_US: u64 = 1_000_000;
+
+/// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
+/// step within its budget.
+const REST: u8 = 1;
+
+/// Answers that may wait to be told; a command that finds no room is not obeyed, so that what is done is always answered.
+const ANSWERS: usize = 144;
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,18 +62,39 @@ pub struct Identity {
     pub cycle_us: u64,
 }
 
+/// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
+pub struct Memory<T: Real>([LegData<T>; LEGS]);
+
+impl<T: Real> Memory<T> {
+    /// No data, a constant.
+    pub const fn new() -> Self {
+        Self([const { LegData::new() }; LEGS])
+    }
+}
+
+impl<T: Real> Default for Memory<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 /// The application: four legs' lines and the solver that serves them in turn.
 pub struct App<T: Real> {
     identity: Identity,
     begun: bool,
     legs: [LegLine<T>; LEGS],
-    solver: LegSolver<T>,
-    /// The leg being solved and the time its data end.
-    solving: Option<(Leg, u64)>,
+    solver: DeviceSolver<T>,
+    gather: Gather<T>,
+    diagnosis: Diagnosis<T>,
+    /// Steps left of the rest after one with work.
+    rest: u8,
+    /// The leg being solved, the time its data end, and whether its data are still being gathered.
+    solving: Option<(Leg, u64, bool)>,
     /// The leg to solve next, and when.
     next: (Leg, u64),
     /// A solution to be told.
     solved: Option<(Leg, u64)>,
+    answers: Deque<Changed, ANSWERS>,
     hello_at: u64,
     counters_at: u64,
     load: Load,
@@ -73,10 +108,14 @@ impl<T: Real> App<T> {
             identity,
             begun: false,
             legs: [const { LegLine::new() }; LEGS],
-            solver: LegSolver::empty(),
+            solver: DeviceSolver::empty(),
+            gather: Gather::new(),
+            diagnosis: Diagnosis::new(),
+            rest: 0,
             solving: None,
             next: (Leg::FR, 0),
             solved: None,
+            answers: Deque::new(),
             hello_at: 0,
             counters_at: 0,
             load: Load::ZERO,
@@ -85,14 +124,17 @@ impl<T: Real> App<T> {
     }
 
     /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
-    pub fn reset(&mut self) {
+    pub fn reset(&mut self, memory: &mut Memory<T>) {
         self.begun = true;
-        for (line, which) in self.legs.iter_mut().zip(Leg::ALL) {
-            line.reset(which);
+        let lines = self.legs.iter_mut().zip(&mut memory.0);
+        for ((line, data), which) in lines.zip(Leg::ALL) {
+            line.reset(which, data, self.solver.storage_mut());
         }
         self.solving = None;
         self.next = (Leg::FR, 0);
         self.solved = None;
+        self.diagnosis.restart();
+        self.rest = 0;
         self.hello_at = 0;
         self.counters_at = 0;
         self.load = Load::ZERO;
@@ -100,12 +142,35 @@ impl<T: Real> App<T> {
     }
 
     /// Obeys the host. [`HostMessage::Advance`] is for the loop around the application and does nothing here.
-    pub fn handle(&mut self, message: &HostMessage) {
+    pub fn handle(&mut self, memory: &mut Memory<T>, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
-            HostMessage::Reset => self.reset(),
+            HostMessage::Reset => self.reset(memory),
+            HostMessage::AddEffect(at) => self.change(true, *at),
+            HostMessage::DropEffect(at) => self.change(false, *at),
             HostMessage::Advance(_) => {}
         }
+    }
+
+    /// Adds an effect to a joint's model or drops it, and says so.
+    fn change(&mut self, add: bool, at: EffectAt) {
+        if self.answers.is_full() {
+            return;
+        }
+        let joint = usize::from(at.joint);
+        let effect = usize::from(at.effect);
+        let outcome = match self.legs.get_mut(usize::from(at.leg)) {
+            Some(_) if joint >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
+            Some(_) if effect >= COLUMNS.len() => Outcome::NoSuchEffect,
+            Some(leg) => match (leg.set_effect(joint, effect, add), add) {
+                (true, _) => Outcome::Accepted,
+                (false, true) => Outcome::AlreadyActive,
+                (false, false) => Outcome::NotActive,
+            },
+            None => Outcome::NoSuchJoint,
+        };
+        // There is room.
+        let _ = self.answers.push_back(Changed { add, at, outcome });
     }
 
     /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
@@ -140,49 +205,76 @@ impl<T: Real> App<T> {
     /// one, in SDK order. `out` gets the messages to the host.
     pub fn step(
         &mut self,
+        memory: &mut Memory<T>,
         now_us: u64,
         buses: [&[u8]; LEGS],
         out: &mut impl FnMut(&DeviceMessage),
     ) {
         if !self.begun {
-            self.reset();
+            self.reset(memory);
         }
-        for (leg, bytes) in self.legs.iter_mut().zip(buses) {
-            leg.listen(now_us, self.identity.cycle_us, bytes);
+        for ((leg, data), bytes) in self.legs.iter_mut().zip(&mut memory.0).zip(buses) {
+            leg.listen(data, now_us, self.identity.cycle_us, bytes);
         }
-        let folded = self.legs.iter_mut().any(LegLine::fold);
+        let mut lines = self.legs.iter_mut().zip(&mut memory.0);
+        let folded = lines.any(|(line, data)| line.fold(data));
         if !folded {
-            self.solve(now_us);
+            self.work(memory, now_us);
         }
         if let Some(message) = self.message(now_us) {
             out(&message);
         }
     }
 
-    /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun.
-    fn solve(&mut self, now_us: u64) {
-        let Some((which, time_us)) = self.solving else {
-            let (which, due) = self.next;
-            if self.solved.is_none() && now_us >= due {
-                self.legs[which.index()].start(&mut self.solver);
-                self.solving = Some((which, now_us));
-                // A solver that cannot keep up does not try to catch up.
-                let due = (due + REPORT_US).max(now_us.saturating_sub(REPORT_US));
-                self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
-            }
+    /// One part of a solution, or of the diagnosis where none is due; then a rest.
+    fn work(&mut self, memory: &Memory<T>, now_us: u64) {
+        if let Some(left) = self.rest.checked_sub(1) {
+            self.rest = left;
             return;
+        }
+        self.rest = REST;
+        let n = self.diagnosis.leg();
+        if !self.solve(memory, now_us)
+            && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
+        {
+            self.diagnosis.advance(&leg.evidence(data));
+        }
+    }
+
+    /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
+    fn solve(&mut self, memory: &Memory<T>, now_us: u64) -> bool {
+        let Some((which, time_us, gathering)) = self.solving else {
+            let (which, due) = self.next;
+            if self.solved.is_some() || now_us < due {
+                return false;
+            }
+            let data = &memory.0[which.index()];
+            self.legs[which.index()].gather(data, &mut self.gather, &mut self.solver);
+            self.solving = Some((which, now_us, true));
+            // A solver that cannot keep up does not try to catch up.
+            let due = (due + ESTIMATE_US).max(now_us.saturating_sub(ESTIMATE_US));
+            self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
+            return true;
         };
-        match self.solver.advance() {
-            Ok(false) => {}
-            Ok(true) => {
+        let leg = &mut self.legs[which.index()];
+        let done = match gathering {
+            true => leg.gather_on(&memory.0[which.index()], &mut self.gather, &mut self.solver),
+            false => self.solver.advance(),
+        };
+        match (gathering, done) {
+            (_, Ok(false)) => {}
+            (true, Ok(true)) => self.solving = Some((which, time_us, false)),
+            (false, Ok(true)) => {
+                leg.set_noise(self.solver.noise());
                 self.solving = None;
                 self.solved = Some((which, time_us));
             }
-            Err(_) => {
+            (_, Err(_)) => {
                 self.solving = None;
-                self.legs[which.index()].count_unsolved();
+                leg.count_unsolved();
             }
         }
+        true
     }
 
     /// The most urgent message that is due.
@@ -191,6 +283,9 @@ impl<T: Real> App<T> {
             self.hello_at = now_us + HELLO_US;
             return Some(DeviceMessage::Hello(self.hello()));
         }
+        if let Some(answer) = self.answers.pop_front() {
+            return Some(DeviceMessage::Changed(answer));
+        }
         if let Some((which, time_us)) = self.solved.take() {
             return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
         }
@@ -198,7 +293,9 @@ impl<T: Real> App<T> {
             self.counters_at = now_us + REPORT_US;
             return Some(DeviceMessage::Counters(self.counters(now_us)));
         }
-        None
+        self.diagnosis
+            .take()
+            .map(|verdict| DeviceMessage::Diagnosis(told(&verdict)))
     }
 
     fn hello(&self) -> Hello {
@@ -210,25 +307,59 @@ impl<T: Real> App<T> {
                 legs: LEGS as u8,
                 joints_per_leg: JOINTS_PER_LEG as u8,
                 inertial_parameters: LEG_INERTIAL as u8,
-                effect_parameters: (EFFECTS.len() * JOINTS_PER_LEG) as u8,
+                effect_parameters: DEFAULT_ACTIVE.effects().count() as u8,
                 window_us: Settings::default().window_us as u32,
                 scalar_bits: (8 * size_of::<T>()) as u8,
             },
             load_unit: text(self.identity.load_unit),
+            effects: COLUMNS.iter().map(|effect| text(effect.name())).collect(),
         }
     }
 
     fn estimate(&self, which: Leg, time_us: u64) -> Estimate {
-        const { assert!(LEG_PARAMETERS <= wire::MAX_PARAMETERS) }
+        const {
+            assert!(LEG_INERTIAL + MAX_EFFECTS <= wire::MAX_PARAMETERS);
+            assert!(COLUMNS.len() <= wire::MAX_EFFECTS);
+        }
         let solver = &self.solver;
+        let active: &Active = self.gather.active();
+        let values = solver.values().iter().copied().map(single);
+        let neutral = active.effects().map(|(_, n)| neutral(n));
+        let neutral = core::iter::repeat_n(0.0, LEG_INERTIAL).chain(neutral);
         Estimate {
             leg: which.index() as u8,
             time_us,
             windows: single(solver.windows()) as u32,
-            values: solver.values().iter().copied().map(single).collect(),
+            effects: active.0,
+            values: values.zip(neutral).map(|(v, n)| v + n).collect(),
             std: solver.std().iter().copied().map(single).collect(),
             noise: solver.noise().map(single),
         }
+    }
+}
+
+/// The value of effect n's parameter at which it does nothing: columns are of what goes beyond it.
+fn neutral(n: usize) -> f32 {
+    let parameter = COLUMNS.get(n).map(|effect| effect.description().parameters);
+    parameter
+        .and_then(<[_]>::first)
+        .map_or(0.0, |p| p.neutral as f32)
+}
+
+/// A verdict as the wire has it.
+fn told<T: Real>(verdict: &Verdict<T>) -> wire::Diagnosis {
+    wire::Diagnosis {
+        at: EffectAt {
+            leg: verdict.leg as u8,
+            joint: verdict.joint as u8,
+            effect: verdict.effect as u8,
+        },
+        active: verdict.active,
+        windows: single(verdict.windows) as u32,
+        gain: single(verdict.held_out.gain()),
+        gain_error: single(verdict.held_out.gain_error()),
+        value: single(verdict.finding.value()) + neutral(verdict.effect),
+        std: single(verdict.finding.std()),
     }
 }
 

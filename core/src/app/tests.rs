@@ -7,9 +7,13 @@ use proptest::prelude::*;
 use super::assembly::Assembler;
 use super::*;
 use crate::bus::{Command, Frame, Mode, Reply, crc::SEED_GO2};
+use crate::effect::EffectKind;
 use crate::estimator::tests::{LegEstimator, solved};
 use crate::go2::ACTUATORS;
 use crate::window::Sample;
+
+/// Long enough for every leg's turn to be solved to come once more, and for the solution.
+const SILENT_STEPS: u64 = 600;
 
 const DESKTOP: Identity = Identity {
     firmware: "test",
@@ -19,6 +23,27 @@ const DESKTOP: Identity = Identity {
     cycle_us: 0,
 };
 const STEP_US: u64 = 2000;
+
+/// An application and its memory.
+struct Whole<T: Real> {
+    app: App<T>,
+    memory: Memory<T>,
+}
+
+impl<T: Real> Whole<T> {
+    fn new(identity: Identity) -> Box<Self> {
+        let (app, memory) = (App::new(identity), Memory::new());
+        Box::new(Self { app, memory })
+    }
+
+    fn handle(&mut self, message: &HostMessage) {
+        self.app.handle(&mut self.memory, message);
+    }
+
+    fn step(&mut self, now_us: u64, buses: [&[u8]; LEGS], out: &mut impl FnMut(&DeviceMessage)) {
+        self.app.step(&mut self.memory, now_us, buses, out);
+    }
+}
 
 /// A motion that excites every joint, and torques that vary with it.
 fn motion(step: u64, leg: usize) -> [Reply; 3] {
@@ -52,13 +77,13 @@ fn bytes(replies: &[Reply; 3], commands: bool) -> Vec<u8> {
 }
 
 /// Steps through `steps` cycles on all legs and as long after them as it takes to tell all of it.
-fn run(app: &mut App<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+fn run(app: &mut Whole<f64>, steps: u64, commands: bool) -> Vec<DeviceMessage> {
     run_from(app, 0, steps, commands)
 }
 
-fn run_from(app: &mut App<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
+fn run_from(app: &mut Whole<f64>, start: u64, steps: u64, commands: bool) -> Vec<DeviceMessage> {
     let mut messages = Vec::new();
-    for step in start..start + steps + 300 {
+    for step in start..start + steps + SILENT_STEPS {
         let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| match step < start + steps {
             true => bytes(&motion(step, leg), commands),
             false => Vec::new(),
@@ -83,7 +108,7 @@ fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate {
 #[test]
 fn what_is_told_is_what_the_leg_estimator_finds() {
     let steps = 700;
-    let mut app = Box::new(App::new(DESKTOP));
+    let mut app = Whole::new(DESKTOP);
     let messages = run(&mut app, steps, true);
     assert!(matches!(&messages[0], DeviceMessage::Hello(hello) if hello.schema == SCHEMA));
     for which in Leg::ALL {
@@ -101,12 +126,20 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
             });
         }
         let solution = solved(&estimator);
-        let narrow = |numbers: &[f64]| -> Vec<f32> { numbers.iter().map(|v| *v as f32).collect() };
+        // The leg's own factors have all columns and all data in one; the device's base columns and folds say the same.
         let estimate = last_estimate(&messages, which.index());
-        assert_eq!(estimate.values.as_slice(), narrow(solution.values()));
-        assert_eq!(estimate.std.as_slice(), narrow(solution.std()));
-        assert_eq!(estimate.windows, 69);
-        let counters = app.counters(0).legs[which.index()];
+        let told = estimate.values.iter().zip(&estimate.std);
+        let found = solution.values().iter().zip(solution.std());
+        for ((value, std), (expected, sigma)) in told.zip(found) {
+            let rounding = 1e-6 * (1.0 + expected.abs() / sigma);
+            assert!(((f64::from(*value) - expected) / sigma).abs() < rounding);
+            assert!((f64::from(*std) / sigma - 1.0).abs() < 1e-6);
+        }
+        for (noise, expected) in estimate.noise.iter().zip(solution.noise()) {
+            assert!((f64::from(*noise) / expected - 1.0).abs() < 1e-6);
+        }
+        assert_eq!((estimate.windows, estimate.effects), (69, [0b1111; 3]));
+        let counters = app.app.counters(0).legs[which.index()];
         assert_eq!(
             (counters.samples, counters.used, counters.windows),
             (700, 700, 69)
@@ -120,39 +153,165 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
 
 #[test]
 fn commands_are_a_help_and_not_needed() {
-    let with = run(&mut Box::new(App::new(DESKTOP)), 100, true);
-    let without = run(&mut Box::new(App::new(DESKTOP)), 100, false);
+    let with = run(&mut Whole::new(DESKTOP), 100, true);
+    let without = run(&mut Whole::new(DESKTOP), 100, false);
     for leg in 0..LEGS {
         assert_eq!(last_estimate(&with, leg), last_estimate(&without, leg));
     }
 }
 
 #[test]
-fn estimates_and_counters_come_ten_times_a_second() {
-    let messages = run(&mut Box::new(App::new(DESKTOP)), 1000, true);
+fn estimates_come_four_times_a_second_and_counters_ten_times() {
+    let messages = run(&mut Whole::new(DESKTOP), 1000, true);
     let count = |wanted: fn(&DeviceMessage) -> bool| messages.iter().filter(|m| wanted(m)).count();
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 26);
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Estimate(_))), 26);
-    assert_eq!(count(|m| matches!(m, DeviceMessage::Hello(_))), 3);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Counters(_))), 32);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Estimate(_))), 13);
+    assert_eq!(count(|m| matches!(m, DeviceMessage::Hello(_))), 4);
+}
+
+/// Motion of [`motion`] with a friction that grows with the square of the speed at one joint.
+fn with_drag(step: u64, leg: usize) -> [Reply; 3] {
+    let mut replies = motion(step, leg);
+    if leg == 1 {
+        let reply = &mut replies[2];
+        let gear = ACTUATORS[2].gear;
+        let (q, dq) = (reply.joint_position(gear), reply.joint_velocity(gear));
+        let tau = reply.joint_torque(gear) + 0.15 * dq * dq.abs();
+        *reply = Reply::from_joint(reply.mode, gear, q, dq, tau, 30).unwrap();
+    }
+    replies
+}
+
+fn diagnoses(messages: &[DeviceMessage]) -> Vec<&wire::Diagnosis> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            DeviceMessage::Diagnosis(diagnosis) => Some(diagnosis),
+            _ => None,
+        })
+        .collect()
+}
+
+fn column(effect: EffectKind) -> u8 {
+    COLUMNS.iter().position(|column| *column == effect).unwrap() as u8
+}
+
+#[test]
+fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
+    let mut app = Whole::<f64>::new(DESKTOP);
+    let mut messages = play(&mut app, 0..16_000, with_drag);
+    let drag = EffectAt {
+        leg: 1,
+        joint: 2,
+        effect: column(EffectKind::QuadraticDrag),
+    };
+    let of_joint: Vec<_> = diagnoses(&messages)
+        .into_iter()
+        .filter(|d| (d.at.leg, d.at.joint) == (1, 2) && !d.active)
+        .collect();
+    let last = &of_joint[of_joint.len() - (COLUMNS.len() - 4)..];
+    let best = last
+        .iter()
+        .max_by(|a, b| a.gain.total_cmp(&b.gain))
+        .unwrap();
+    assert_eq!(best.at, drag, "{last:?}");
+    assert!(best.gain > 0.5, "{best:?}");
+    assert!((best.value - 0.15).abs() < 0.03, "{best:?}");
+
+    app.handle(&HostMessage::AddEffect(drag));
+    app.handle(&HostMessage::AddEffect(drag));
+    messages = play(&mut app, 16_000..16_400, with_drag);
+    let answers: Vec<_> = messages
+        .iter()
+        .filter_map(|message| match message {
+            DeviceMessage::Changed(changed) => Some((changed.at, changed.outcome)),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(
+        answers,
+        [(drag, Outcome::Accepted), (drag, Outcome::AlreadyActive)]
+    );
+    let estimate = last_estimate(&messages, 1);
+    assert_eq!(
+        estimate.effects,
+        [0b1111, 0b1111, 0b1111 | 1 << drag.effect]
+    );
+    assert_eq!(estimate.values.len(), LEG_INERTIAL + 13);
+    assert!((estimate.values[LEG_INERTIAL + 12] - 0.15).abs() < 0.03);
+    let before = last_estimate(&play(&mut Whole::new(DESKTOP), 0..2000, with_drag), 1).noise[2];
+    assert!(
+        estimate.noise[2] < 0.7 * before,
+        "{} {before}",
+        estimate.noise[2]
+    );
+
+    app.handle(&HostMessage::DropEffect(drag));
+    let messages = play(&mut app, 16_400..16_800, with_drag);
+    assert_eq!(last_estimate(&messages, 1).effects, [0b1111; 3]);
+}
+
+#[test]
+fn commands_that_make_no_sense_are_refused_with_the_reason() {
+    let mut app = Whole::<f32>::new(DESKTOP);
+    let at = |leg, joint, effect| EffectAt { leg, joint, effect };
+    let active = column(EffectKind::Viscous);
+    let candidate = column(EffectKind::Delay);
+    for (add, at, outcome) in [
+        (true, at(4, 0, 0), Outcome::NoSuchJoint),
+        (true, at(0, 3, 0), Outcome::NoSuchJoint),
+        (true, at(0, 0, 11), Outcome::NoSuchEffect),
+        (false, at(0, 0, 255), Outcome::NoSuchEffect),
+        (true, at(0, 0, active), Outcome::AlreadyActive),
+        (false, at(0, 0, candidate), Outcome::NotActive),
+    ] {
+        let message = match add {
+            true => HostMessage::AddEffect(at),
+            false => HostMessage::DropEffect(at),
+        };
+        app.handle(&message);
+        let mut told = Vec::new();
+        (0..3).for_each(|n| app.step(n, [&[]; LEGS], &mut |m| told.push(m.clone())));
+        let answer = DeviceMessage::Changed(Changed { add, at, outcome });
+        assert!(told.contains(&answer), "{told:?}");
+    }
+}
+
+/// Steps through `steps` cycles on all legs.
+fn play(
+    app: &mut Whole<f64>,
+    steps: core::ops::Range<u64>,
+    motion: fn(u64, usize) -> [Reply; 3],
+) -> Vec<DeviceMessage> {
+    let mut messages = Vec::new();
+    for step in steps {
+        let brought: [Vec<u8>; 4] = core::array::from_fn(|leg| bytes(&motion(step, leg), false));
+        app.step(
+            1 + step * STEP_US,
+            brought.each_ref().map(Vec::as_slice),
+            &mut |m| messages.push(m.clone()),
+        );
+    }
+    messages
 }
 
 #[test]
 fn a_reset_forgets_and_says_hello() {
-    let mut app = Box::new(App::new(DESKTOP));
+    let mut app = Whole::new(DESKTOP);
     run(&mut app, 100, true);
-    app.record_cost(11, 5);
+    app.app.record_cost(11, 5);
     app.handle(&HostMessage::Reset);
-    assert_eq!(app.counters(0), Counters::default());
+    assert_eq!(app.app.counters(0), Counters::default());
     assert!(matches!(run(&mut app, 1, true)[0], DeviceMessage::Hello(_)));
 }
 
 #[test]
 fn costs_are_counted_against_the_budget() {
-    let mut app = Box::new(App::<f32>::new(DESKTOP));
+    let mut app = Whole::<f32>::new(DESKTOP);
     for cost in [9, 10, 11, 5] {
-        app.record_cost(cost, 7);
+        app.app.record_cost(cost, 7);
     }
-    let load = app.counters(0).load;
+    let load = app.app.counters(0).load;
     assert_eq!(
         load,
         Load {
@@ -220,12 +379,12 @@ proptest! {
     fn no_bytes_panic_or_break_the_estimate(
         noise in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 1..40)
     ) {
-        let mut app = Box::new(App::new(DESKTOP));
+        let mut app = Whole::new(DESKTOP);
         run(&mut app, 30, true);
         for (n, bytes) in noise.iter().enumerate() {
-            app.step((200 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
+            app.step((700 + n as u64) * STEP_US, [bytes; 4], &mut |_| {});
         }
-        let messages = run_from(&mut app, 300, 0, true);
+        let messages = run_from(&mut app, 800, 0, true);
         prop_assert!(last_estimate(&messages, 0).values.iter().all(|v| v.is_finite()));
     }
 }

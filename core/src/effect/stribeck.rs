@@ -2,7 +2,7 @@
 //! (Armstrong-Hélouvry, Dupont & Canudas de Wit 1994). Linear in Fs; the speed vs is scanned.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, go2::Actuator, scalar::exp_minus};
 
 /// See the module.
 pub(super) struct Stribeck;
@@ -38,6 +38,6 @@ impl Effect for Stribeck {
 
     fn terms<T: Real>(state: &JointState<T>, speed: T) -> [Term<T>; MAX_COLUMNS] {
         let x = state.speed / speed;
-        [Term::rate((-x * x).exp() * state.sign()), Term::zero()]
+        [Term::rate(exp_minus(x * x) * state.sign()), Term::zero()]
     }
 }

@@ -14,7 +14,7 @@ const NOISE_GUESS_ROWS: f64 = 10.0;
 /// A limb's columns are linearly dependent. Pivots that are zero but for rounding would turn rounding into rotations and so
 /// take a share of the residual, a different one in every order of the arithmetic. This much is far above rounding and far
 /// below any prior: zero ± 2e5 in `f64`, ± 200 in `f32`, in the parameter's unit.
-fn floor<T: Real>() -> T {
+pub(super) fn floor<T: Real>() -> T {
     T::default_epsilon().cbrt()
 }
 
@@ -51,6 +51,13 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
         numbers
             .zip(other.storage.as_ref())
             .for_each(|(to, from)| *to = *from);
+    }
+
+    /// Becomes factors of `layout`, without data and without a floor, that count `windows`.
+    pub(crate) fn reset_to(&mut self, layout: Layout<B>, windows: T) {
+        self.layout = layout;
+        self.rows = [windows; B];
+        self.storage.as_mut().fill(T::zero());
     }
 
     /// Forgets all data.
@@ -168,7 +175,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
         })
     }
 
-    fn with_joint(
+    pub(super) fn with_joint(
         &mut self,
         joint: usize,
         work: impl FnOnce(&mut Factor<T, &mut [T]>) -> Result<(), FactorError>,

@@ -7,11 +7,17 @@
 //! what. All of it is generic over the limb's size and where its numbers are stored; the names that start with `Leg` are
 //! the Go2's leg in arrays.
 
+mod device;
 mod joints;
 mod layout;
 mod prior;
 mod solver;
 
+pub use device::{
+    Active, COLUMNS, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceRows,
+    DeviceSolver, DeviceWindow, Gather, LegBase,
+};
+pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FOLDS, FRONT, MAX_EFFECTS, effect_prior};
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};

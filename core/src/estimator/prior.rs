@@ -54,6 +54,11 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
         self.effects.as_ref()
     }
 
+    /// The same bodies with other effects.
+    pub(crate) fn set_effects(&mut self, effects: E) {
+        self.effects = effects;
+    }
+
     pub(crate) fn effects_mut(&mut self) -> &mut [EffectPrior] {
         self.effects.as_mut()
     }

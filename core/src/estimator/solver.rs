@@ -90,6 +90,14 @@ where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
         self.data.copy_from(data);
+        self.restart(prior);
+    }
+
+    /// Begins the solution for the data that [`data_mut`](Self::data_mut) holds.
+    pub fn restart<E>(&mut self, prior: &LimbPrior<T, E, B>)
+    where
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
         self.stage = Stage::Merge { joint: 0, row: 0 };
         let layout = *self.layout();
         let Ok(mut parts) = Parts::of(self.storage.as_mut(), layout.parameters()) else {
@@ -138,6 +146,17 @@ where
         &self.data
     }
 
+    /// The copied data, to be written by who has them in another form; a solution under way is void.
+    pub(crate) fn data_mut(&mut self) -> &mut JointFactors<T, D, B> {
+        self.stage = Stage::Done;
+        &mut self.data
+    }
+
+    /// The solver's own storage, for other work as long as no solution is under way or wanted.
+    pub(crate) fn storage_mut(&mut self) -> &mut [T] {
+        self.storage.as_mut()
+    }
+
     /// θ of the last finished solution, SI; zeros before the first.
     pub fn values(&self) -> &[T] {
         self.part(0)
@@ -180,9 +199,14 @@ where
             }
         };
         let mut parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
-        parts
-            .factor
-            .merge_row(&self.data.joint(joint), row, place, weight, parts.scratch)?;
+        let factor = self.data.joint(joint);
+        // A row of a dependent column, where base columns were expanded, is empty whatever the data.
+        let empty = factor.row(row).iter().all(|x| *x == T::zero());
+        if !empty {
+            parts
+                .factor
+                .merge_row(&factor, row, place, weight, parts.scratch)?;
+        }
         self.stage = if row < columns {
             Stage::Merge {
                 joint,
@@ -196,7 +220,12 @@ where
         } else {
             Stage::Solve
         };
-        Ok((columns + 1 - row) * (columns + 2 - row) / 2)
+        let length = columns + 1 - row;
+        Ok(if empty {
+            length
+        } else {
+            length * (length + 1) / 2
+        })
     }
 
     /// Solves the triangle; returns the cost.

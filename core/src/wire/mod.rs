@@ -19,7 +19,7 @@ use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
 use serde::{Deserialize, Serialize};
 
 /// Version of the rules that the hash does not see: framing, units, when which message is sent.
-pub const PROTOCOL: u8 = 1;
+pub const PROTOCOL: u8 = 2;
 
 /// Identifies the layout of all messages and [`PROTOCOL`].
 pub const SCHEMA: [u8; 8] = {
@@ -34,6 +34,12 @@ pub const LEGS: usize = 4;
 /// Most parameters that an [`Estimate`] can carry.
 pub const MAX_PARAMETERS: usize = 64;
 
+/// Most effects that a device can have columns for.
+pub const MAX_EFFECTS: usize = 16;
+
+/// Joints of a leg.
+pub const JOINTS_PER_LEG: usize = 3;
+
 /// One number per parameter, in the order of the core's θ; SI.
 pub type Parameters = Vec<f32, MAX_PARAMETERS>;
 
@@ -47,6 +53,10 @@ pub enum DeviceMessage {
     Estimate(Estimate),
     /// What was lost, and what it cost.
     Counters(Counters),
+    /// What an effect brings, or would bring, to one joint.
+    Diagnosis(Diagnosis),
+    /// What became of the host's wish to change the model.
+    Changed(Changed),
     /// The step that the host asked for is done.
     Advanced(Advanced),
 }
@@ -58,6 +68,10 @@ pub enum HostMessage {
     RequestHello,
     /// Forget all data and counts.
     Reset,
+    /// Estimate this effect from now on; answered by [`DeviceMessage::Changed`].
+    AddEffect(EffectAt),
+    /// Estimate it no more; answered likewise.
+    DropEffect(EffectAt),
     /// Do one step at a time that the host decides; only emulated boards, whose clock means nothing, obey.
     Advance(Advance),
 }
@@ -75,6 +89,8 @@ pub struct Hello {
     pub capacities: Capacities,
     /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
     pub load_unit: String<16>,
+    /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
+    pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
 
 /// Sizes fixed when the firmware was compiled.
@@ -86,7 +102,7 @@ pub struct Capacities {
     pub joints_per_leg: u8,
     /// Inertial parameters of a leg; they come first in θ.
     pub inertial_parameters: u8,
-    /// Effect parameters of a leg.
+    /// Effect parameters of a leg at first.
     pub effect_parameters: u8,
     /// Length of a window, µs.
     pub window_us: u32,
@@ -94,7 +110,7 @@ pub struct Capacities {
     pub scalar_bits: u8,
 }
 
-/// One leg's parameters, ten times a second.
+/// One leg's parameters, four times a second.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Estimate {
     /// The leg's index in SDK order.
@@ -103,12 +119,70 @@ pub struct Estimate {
     pub time_us: u64,
     /// Windows of data in it.
     pub windows: u32,
-    /// θ.
+    /// Which effects each joint's model has: bit n for the n-th of [`Hello::effects`].
+    pub effects: [u32; JOINTS_PER_LEG],
+    /// θ: the inertial parameters, then each joint's effects in the order of [`Hello::effects`].
     pub values: Parameters,
     /// Standard deviations of θ.
     pub std: Parameters,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
-    pub noise: [f32; 3],
+    pub noise: [f32; JOINTS_PER_LEG],
+}
+
+/// What one effect brings to a joint, judged on data that the models were not fitted to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Diagnosis {
+    /// Which effect, where.
+    pub at: EffectAt,
+    /// The model has it; else it is a candidate.
+    pub active: bool,
+    /// Windows of data in it.
+    pub windows: u32,
+    /// 1 − (squared error with the effect) / (without), on held-out data.
+    pub gain: f32,
+    /// The gain's standard error, from its spread over the folds.
+    pub gain_error: f32,
+    /// The parameter's value in the model that has it; SI.
+    pub value: f32,
+    /// Its standard deviation under independent residuals.
+    pub std: f32,
+}
+
+/// An effect at a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct EffectAt {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// The joint's place in the leg.
+    pub joint: u8,
+    /// The effect's place in [`Hello::effects`].
+    pub effect: u8,
+}
+
+/// The answer to [`HostMessage::AddEffect`] and [`HostMessage::DropEffect`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Changed {
+    /// The effect was to be added; else it was to be dropped.
+    pub add: bool,
+    /// Which effect, where.
+    pub at: EffectAt,
+    /// What became of it.
+    pub outcome: Outcome,
+}
+
+/// What became of a wish to change the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Outcome {
+    /// Done: the next estimate of the leg is of the new model.
+    Accepted,
+    /// The robot has no such joint.
+    NoSuchJoint,
+    /// The firmware keeps no columns for such an effect.
+    NoSuchEffect,
+    /// The model has it already.
+    AlreadyActive,
+    /// The model does not have it.
+    NotActive,
 }
 
 /// Everything that was counted, ten times a second. Counts start at zero and wrap.

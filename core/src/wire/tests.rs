@@ -27,11 +27,22 @@ fn hello() -> Hello {
             scalar_bits: 255,
         },
         load_unit: String::try_from("1234567890123456").unwrap(),
+        effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
+            String::try_from("123456789012345678901234").unwrap()
+        })
+        .into_iter()
+        .collect(),
     }
 }
 
+const AT: EffectAt = EffectAt {
+    leg: 255,
+    joint: 255,
+    effect: 255,
+};
+
 /// Every message with every field as long as it gets.
-fn largest() -> [DeviceMessage; 4] {
+fn largest() -> [DeviceMessage; 6] {
     let full = Parameters::from_slice(&[f32::MIN; MAX_PARAMETERS]).unwrap();
     let m = u32::MAX;
     let leg = LegCounters {
@@ -64,6 +75,7 @@ fn largest() -> [DeviceMessage; 4] {
             leg: 255,
             time_us: u64::MAX,
             windows: m,
+            effects: [m; 3],
             values: full.clone(),
             std: full,
             noise: [f32::MIN; 3],
@@ -74,6 +86,20 @@ fn largest() -> [DeviceMessage; 4] {
             host_frames_bad: m,
             host_frames_missed: m,
             load,
+        }),
+        DeviceMessage::Diagnosis(Diagnosis {
+            at: AT,
+            active: true,
+            windows: m,
+            gain: f32::MIN,
+            gain_error: f32::MIN,
+            value: f32::MIN,
+            std: f32::MIN,
+        }),
+        DeviceMessage::Changed(Changed {
+            add: true,
+            at: AT,
+            outcome: Outcome::NotActive,
         }),
         DeviceMessage::Advanced(Advanced { time_us: u64::MAX }),
     ]
@@ -131,6 +157,15 @@ fn a_frame_that_never_came_is_counted() {
     assert_eq!((receiver.bad(), receiver.missed()), (0, 4));
 }
 
+fn host_message() -> impl Strategy<Value = HostMessage> {
+    let at = any::<(u8, u8, u8)>().prop_map(|(leg, joint, effect)| EffectAt { leg, joint, effect });
+    prop_oneof![
+        advance(),
+        at.clone().prop_map(HostMessage::AddEffect),
+        at.prop_map(HostMessage::DropEffect)
+    ]
+}
+
 fn advance() -> impl Strategy<Value = HostMessage> {
     any::<(u64, [u32; 4])>()
         .prop_map(|(time_us, bytes)| HostMessage::Advance(Advance { time_us, bytes }))
@@ -139,7 +174,7 @@ fn advance() -> impl Strategy<Value = HostMessage> {
 proptest! {
     #[test]
     fn damage_costs_one_frame_and_is_counted(
-        messages in proptest::collection::vec(advance(), 3..10), at: prop::sample::Index, flip in 1u8..
+        messages in proptest::collection::vec(host_message(), 3..10), at: prop::sample::Index, flip in 1u8..
     ) {
         let (mut sender, mut receiver) = (Sender::default(), Receiver::default());
         let mut buffer = [0; MAX_FRAME];

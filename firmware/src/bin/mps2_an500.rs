@@ -8,7 +8,7 @@
 use cortex_m_rt::{ExceptionFrame, entry, exception};
 use cortex_m_semihosting::debug::{EXIT_FAILURE, exit};
 use defmt_semihosting as _;
-use proprio_core::app::{App, Identity};
+use proprio_core::app::{App, Identity, Memory};
 use proprio_core::wire::{
     Advance, Advanced, DeviceMessage, HostMessage, LEGS, MAX_FRAME, Receiver, Sender,
 };
@@ -28,12 +28,15 @@ const IDENTITY: Identity = Identity {
 const BUS_BUFFER: usize = 1024;
 
 static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
+/// All zeros, unlike the application: no copy of it lies in flash.
+static MEMORY: ConstStaticCell<Memory<Scalar>> = ConstStaticCell::new(Memory::new());
 static BUFFERS: ConstStaticCell<[[u8; BUS_BUFFER]; LEGS]> =
     ConstStaticCell::new([[0; BUS_BUFFER]; LEGS]);
 
 struct Listener {
     board: Board,
     app: &'static mut App<Scalar>,
+    memory: &'static mut Memory<Scalar>,
     buffers: &'static mut [[u8; BUS_BUFFER]; LEGS],
     sender: Sender,
     frame: [u8; MAX_FRAME],
@@ -51,6 +54,7 @@ fn main() -> ! {
     let mut listener = Listener {
         board,
         app: APP.take(),
+        memory: MEMORY.take(),
         buffers: BUFFERS.take(),
         sender: Sender::default(),
         frame: [0; MAX_FRAME],
@@ -58,7 +62,7 @@ fn main() -> ! {
         time_us: 0,
     };
     let mut receiver = Receiver::<HostMessage>::default();
-    listener.app.reset();
+    listener.app.reset(listener.memory);
     listener.step(0, [0; LEGS]);
     loop {
         let Some(byte) = listener.board.host.read() else {
@@ -68,7 +72,7 @@ fn main() -> ! {
             None => {}
             Some(Ok(HostMessage::Advance(advance))) => listener.advance(advance),
             Some(Ok(message)) => {
-                listener.app.handle(&message);
+                listener.app.handle(listener.memory, &message);
                 listener.step(listener.time_us, [0; LEGS]);
             }
             Some(Err(_)) => defmt::warn!("damaged frame from the host"),
@@ -133,7 +137,11 @@ impl Listener {
     fn step(&mut self, time_us: u64, lengths: [u32; LEGS]) {
         self.time_us = time_us;
         let Self {
-            app, sender, frame, ..
+            app,
+            memory,
+            sender,
+            frame,
+            ..
         } = self;
         let mut lengths = lengths.iter();
         let buses = self.buffers.each_ref().map(|buffer| {
@@ -142,7 +150,7 @@ impl Listener {
         });
         let mut told = 0;
         let ((), instructions) = self.board.counter.count(|| {
-            app.step(time_us, buses, &mut |message| {
+            app.step(memory, time_us, buses, &mut |message| {
                 told = sender.encode(message, frame).len()
             });
         });

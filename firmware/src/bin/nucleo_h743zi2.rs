@@ -11,7 +11,7 @@ use embassy_stm32::{mode::Async, usart::UartTx};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::{Duration, Instant, Ticker};
 use panic_probe as _;
-use proprio_core::app::{App, Identity};
+use proprio_core::app::{App, Identity, Memory};
 use proprio_core::wire::{HostMessage, LEGS, MAX_FRAME, Receiver, Sender};
 use proprio_firmware::board::nucleo_h743zi2::{Board, CORE_HZ, CycleCounter, Listening, RING};
 use proprio_firmware::{Scalar, VERSION, stack::HighWater};
@@ -32,6 +32,8 @@ const IDENTITY: Identity = Identity {
 const LOG_US: u64 = 1_000_000;
 
 static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
+/// All zeros, unlike the application: no copy of it lies in flash.
+static MEMORY: ConstStaticCell<Memory<Scalar>> = ConstStaticCell::new(Memory::new());
 static BUS_BUFFERS: ConstStaticCell<[[u8; RING]; LEGS]> = ConstStaticCell::new([[0; RING]; LEGS]);
 static HOST_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 
@@ -61,6 +63,7 @@ struct Listener {
     from_host: Listening,
     counter: CycleCounter,
     app: &'static mut App<Scalar>,
+    memory: &'static mut Memory<Scalar>,
     bus_buffers: &'static mut [[u8; RING]; LEGS],
     host_buffer: &'static mut [u8; RING],
     receiver: Receiver<HostMessage>,
@@ -87,6 +90,7 @@ async fn main(spawner: Spawner) {
         from_host: board.from_host,
         counter: board.counter,
         app: APP.take(),
+        memory: MEMORY.take(),
         bus_buffers: BUS_BUFFERS.take(),
         host_buffer: HOST_BUFFER.take(),
         receiver: Receiver::default(),
@@ -97,7 +101,7 @@ async fn main(spawner: Spawner) {
         logged: Losses::default(),
         log_at: 0,
     };
-    listener.app.reset();
+    listener.app.reset(listener.memory);
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     loop {
         ticker.next().await;
@@ -126,7 +130,7 @@ impl Listener {
         for &byte in self.from_host.read(self.host_buffer) {
             match self.receiver.push(byte) {
                 None => {}
-                Some(Ok(message)) => self.app.handle(&message),
+                Some(Ok(message)) => self.app.handle(self.memory, &message),
                 Some(Err(_)) => defmt::warn!("damaged frame from the host"),
             }
         }
@@ -137,7 +141,11 @@ impl Listener {
     /// One step of the application, its message made a frame; both are counted, the copying of the bytes is not.
     fn step(&mut self, now_us: u64) {
         let Self {
-            app, sender, frame, ..
+            app,
+            memory,
+            sender,
+            frame,
+            ..
         } = self;
         let mut buses = self.buses.iter_mut();
         let bytes = self
@@ -146,7 +154,7 @@ impl Listener {
             .map(|buffer| buses.next().map_or(&[] as &[u8], |bus| bus.read(buffer)));
         let mut told = 0;
         let ((), cycles) = self.counter.count(|| {
-            app.step(now_us, bytes, &mut |message| {
+            app.step(memory, now_us, bytes, &mut |message| {
                 told = sender.encode(message, frame).len();
             });
         });

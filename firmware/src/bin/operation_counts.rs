@@ -7,12 +7,16 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, exit};
 use cortex_m_semihosting::hprintln;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
-use proprio_core::estimator::{EFFECTS, LegFactors, LegPrior, LegSolver, LegWindow, plausible};
+use proprio_core::estimator::{
+    DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather,
+    LegBase, plausible,
+};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
 use proprio_firmware::Scalar;
 use proprio_firmware::board::mps2_an500::Board;
+use static_cell::ConstStaticCell;
 
 /// Data sets: legs that rest, that swing at the limit of what is plausible, and others between.
 const SETS: usize = 12;
@@ -21,6 +25,16 @@ const SAMPLES: u64 = 45;
 
 /// At least as many steps as a solution takes.
 const SOLVER_STEPS: usize = 40;
+
+/// Numbers that a step of gathering rotates at most, but for its last row.
+const GATHER_COST: usize = 1200;
+
+// Larger than the stack.
+static FOLDS: ConstStaticCell<DeviceFolds<Scalar>> = ConstStaticCell::new(DeviceFolds::empty());
+static BASE: ConstStaticCell<LegBase<Scalar>> = ConstStaticCell::new(LegBase::empty());
+static SOLVER: ConstStaticCell<DeviceSolver<Scalar>> = ConstStaticCell::new(DeviceSolver::empty());
+static GATHER: ConstStaticCell<Gather<Scalar>> = ConstStaticCell::new(Gather::new());
+static WORK: ConstStaticCell<[Scalar; 1100]> = ConstStaticCell::new([0.0; 1100]);
 
 /// Fewest and most instructions of one operation.
 struct Count(&'static str, u32, u32);
@@ -74,20 +88,30 @@ fn main() -> ! {
     };
     let [mut decode, mut push, mut close] =
         ["decode_cycle", "push", "push_closing"].map(Count::new);
-    let [mut fold, mut start] = ["fold", "solver_start"].map(Count::new);
+    let [mut fold, mut analysis, mut start] =
+        ["fold", "base_analysis", "gather_start"].map(Count::new);
+    let mut gathers = [const { Count::new("gather_step") }; SOLVER_STEPS];
     let mut steps = [const { Count::new("solver_step") }; SOLVER_STEPS];
-    let prior = LegPrior::<Scalar>::of(Leg::FR);
+    let prior = DevicePrior::<Scalar>::of(Leg::FR, &DEFAULT_ACTIVE);
+    let (folds, base, solver) = (FOLDS.take(), BASE.take(), SOLVER.take());
+    let (gather, work) = (GATHER.take(), WORK.take());
+    let (analysed, cost) = counter.count(|| base.analyse(Leg::FR, &prior, work));
+    analysis.add(cost);
+    if analysed.is_err() {
+        hprintln!("the analysis failed");
+        exit(EXIT_FAILURE);
+    }
     let mut noise = Noise(1);
     for set in 0..SETS {
         let upright = Transform::identity();
-        let mut window: LegWindow<Scalar> = Window::new(
+        let mut window: DeviceWindow<Scalar> = Window::new(
             leg(Leg::FR),
             upright,
-            EFFECTS,
+            DeviceColumns,
             plausible(Leg::FR),
             Settings::default(),
         );
-        let mut factors = LegFactors::<Scalar>::default();
+        folds.clear();
         let mut decoder = Decoder::new();
         for n in 0..SAMPLES {
             let sample = sample(set, n, &mut noise);
@@ -124,7 +148,7 @@ fn main() -> ! {
             match pushed {
                 Push::Closed => {
                     close.add(cost);
-                    let (folded, cost) = counter.count(|| factors.fold_window(window.rows()));
+                    let (folded, cost) = counter.count(|| folds.fold_window(window.rows(), base));
                     fold.add(cost);
                     if folded.is_err() {
                         hprintln!("a fold failed");
@@ -139,8 +163,24 @@ fn main() -> ! {
                 }
             }
         }
-        let mut solver = LegSolver::<Scalar>::empty();
-        start.add(counter.count(|| solver.start(&prior, &factors)).1);
+        start.add(
+            counter
+                .count(|| gather.start(&DEFAULT_ACTIVE, folds, solver))
+                .1,
+        );
+        for step in &mut gathers {
+            let (done, cost) = counter.count(|| {
+                let done = gather.advance(GATHER_COST, folds, base, solver);
+                if done == Ok(true) {
+                    solver.restart(&prior);
+                }
+                done
+            });
+            step.add(cost);
+            if done != Ok(false) {
+                break;
+            }
+        }
         for step in &mut steps {
             let (done, cost) = counter.count(|| solver.advance());
             step.add(cost);
@@ -149,11 +189,12 @@ fn main() -> ! {
             }
         }
     }
-    [decode, push, close, fold, start]
+    [decode, push, close, fold, analysis, start]
         .iter()
         .for_each(Count::print);
-    steps
+    gathers
         .iter()
+        .chain(&steps)
         .filter(|step| step.2 > 0)
         .for_each(Count::print);
     exit(EXIT_SUCCESS);

@@ -12,14 +12,12 @@ use super::{Error, json};
 /// Add effects to a model file
 ///
 /// The file is made from the default model, the Go2's rigid body, if it does not exist. What is added has no value until
-/// it is identified. Without JOINT an effect is added at every joint of the robot.
+/// it is identified; `compare` then fits it, and shows the error before and after. Without JOINT an effect is added at every
+/// joint of the robot. --help lists the effects.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
-  proprio add viscous coulomb -m go2.toml
-  proprio add armature:FR_calf bias:FR_hip -m go2.toml --json
-  proprio add coulomb -m arm.toml --urdf arm.urdf")]
+#[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Add {
-    /// Effects of the catalogue (`proprio add --help` lists them)
+    /// Effects of the catalogue, each at one joint or at all
     #[arg(value_name = "EFFECT[:JOINT]", required = true)]
     effects: Vec<String>,
     /// The model file
@@ -31,6 +29,22 @@ pub(crate) struct Add {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+const EXAMPLES: &str = "Examples:
+  proprio add viscous coulomb -m go2.toml
+  proprio add armature:FR_calf bias:FR_hip -m go2.toml --json
+  proprio add coulomb -m arm.toml --urdf arm.urdf";
+
+/// Examples, then every effect of the catalogue.
+fn long_help() -> String {
+    let mut text = format!("{EXAMPLES}\n\nEffects:\n");
+    let all = EffectKind::ALL.iter().map(|e| e.description());
+    let width = all.clone().map(|e| e.name.len()).max().unwrap_or(0);
+    for effect in all {
+        text += &format!("  {:width$}  {}\n", effect.name, effect.words);
+    }
+    text.trim_end().to_owned()
 }
 
 /// What `add` reports.
@@ -54,16 +68,19 @@ impl Add {
             Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
             None => Model::default(),
         };
-        let (mut added, mut present) = (Vec::new(), Vec::new());
+        let mut places = Vec::new();
         for text in &self.effects {
             let (effect, joints) = parse(text, model.robot())?;
-            for joint in joints {
-                let name = format!("{}:{}", effect.name(), model.joint_name(joint));
-                if model.add_effect(effect, joint) {
-                    added.push(name);
-                } else if !added.contains(&name) && !present.contains(&name) {
-                    present.push(name);
-                }
+            places.extend(joints.into_iter().map(|joint| (effect, joint)));
+        }
+        let new = model.add_last(&places);
+        let name =
+            |&(effect, joint): &Place| format!("{}:{}", effect.name(), model.joint_name(joint));
+        let added: Vec<String> = new.iter().map(name).collect();
+        let mut present: Vec<String> = Vec::new();
+        for place in places.iter().filter(|place| !new.contains(place)).map(name) {
+            if !present.contains(&place) {
+                present.push(place);
             }
         }
         if created || !added.is_empty() {
@@ -82,6 +99,9 @@ impl Add {
         })
     }
 }
+
+/// An effect at a joint.
+type Place = (EffectKind, usize);
 
 /// The effect and joints of `EFFECT[:JOINT]`.
 fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>), UnknownName> {

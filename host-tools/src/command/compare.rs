@@ -3,19 +3,21 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::criticism::{Recording, compare, comparison::Values};
+use proprio::criticism::{Recording, compare, comparison::ValuesFrom};
+use proprio::report::pages;
 
-use super::{Error, json};
+use super::{Error, json, unreadable};
 use crate::progress::Progress;
 
 /// Compare model and measurement: how well, where and when it fails
 ///
-/// What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
+/// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
 /// fitted within their priors to every stretch of time but the one that is predicted.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio compare chirp.csv
   proprio compare chirp.csv --model go2.toml
+  proprio compare chirp.csv --model go2.toml --html report.html
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
@@ -30,6 +32,12 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
+    /// Tell every place and moment where the model fails, not the worst ones only
+    #[arg(long)]
+    all: bool,
+    /// Also write a report with plots: one page, no network needed
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -43,18 +51,23 @@ impl Compare {
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
         let values = match (self.fit, self.given) {
-            (true, _) => Values::Fitted,
-            (false, true) => Values::Given,
-            (false, false) => Values::Auto,
+            (true, _) => ValuesFrom::Fitted,
+            (false, true) => ValuesFrom::Given,
+            (false, false) => ValuesFrom::Auto,
         };
         let comparison = compare(&recording, &model, values)?;
         for warning in &comparison.warnings {
             eprintln!("warning: {warning}");
         }
+        if let Some(path) = &self.html {
+            pages::comparison(&comparison)
+                .map_err(unreadable)?
+                .write(path)?;
+        }
         Ok(if self.json {
             json(&comparison)
         } else {
-            comparison.to_string()
+            comparison.text(self.all)
         })
     }
 }

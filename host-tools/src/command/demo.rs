@@ -1,31 +1,41 @@
-//! `proprio demo`: the whole line on a robot whose truth is known.
+//! `proprio demo`: the tour. A simulated leg hides an effect; compare, diagnose, add, compare.
 
 use std::fmt;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::identification::{Identification, Options, identify};
-use proprio::output::WriteError;
+use proprio::criticism::comparison::ValuesFrom;
+use proprio::criticism::diagnosis::Verdict;
+use proprio::criticism::{Comparison, Diagnosis, Recording, compare, diagnose};
+use proprio::model::Model;
+use proprio::output::{self, WriteError};
 use proprio::parameter::Parameter;
-use proprio::simulator::Simulation;
+use proprio::report::pages;
 use proprio::simulator::hidden::typical;
+use proprio::simulator::{HiddenEffect, Hide, Simulation};
 use proprio::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use serde::Serialize;
 
-use super::simulate::record;
-use super::{Error, json};
+use super::simulate::record_with_truth;
+use super::{Error, diagnose as diagnose_command, json, unreadable};
 
-/// Simulate a leg, identify it, and compare with the truth
+/// Find a hidden effect in a simulated log: the tour
 ///
-/// A pinned leg with the friction, rotor inertia and torque offsets of a real Go2 moves for 20 s; its noisy, quantised log
-/// is identified with a model that knows none of these values. Takes seconds and leaves no file behind.
+/// Simulates a leg whose bodies are off the CAD and which hides an effect from its model. Compares model and log, diagnoses
+/// what is missing, adds it, compares again, and tells each command on the way. Log, model, and a report with plots stay in
+/// a directory to go on with. Takes seconds.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio demo
-  proprio demo --seed 7 --json")]
+  proprio demo --seed 7 -o /tmp/tour
+  proprio demo --json")]
 pub(crate) struct Demo {
-    /// Seed of the motion and of the noise
+    /// Where log, model and report go
+    #[arg(short, long, value_name = "DIR", default_value = "proprio-demo")]
+    output: PathBuf,
+    /// Seed of the motion, of the bodies and of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Print one JSON object
@@ -33,117 +43,283 @@ pub(crate) struct Demo {
     json: bool,
 }
 
-/// An estimate this many standard deviations from the truth still passes.
-const TOLERANCE: f64 = 3.0;
+/// What is hidden: a cable that pulls the thigh back, N m/rad.
+const HIDDEN: (EffectKind, &str, f64) = (EffectKind::Spring, "FR_thigh", 4.0);
 
-#[derive(Debug, Serialize)]
-struct Report {
-    parameters: Vec<Comparison>,
-    urdf_rms: f64,
-    rms: f64,
-    held_out_rms: Option<f64>,
-    passed: bool,
+/// How far the bodies are off the CAD.
+const INERTIA_ERROR: f64 = 0.06;
+
+/// What every motor has, and the model is told.
+const KNOWN: [EffectKind; 4] = [
+    EffectKind::Viscous,
+    EffectKind::Coulomb,
+    EffectKind::Armature,
+    EffectKind::Bias,
+];
+
+/// An error this close to the noise floor is down to it.
+const DOWN_TO_NOISE: f64 = 1.1;
+
+/// First line of the file that says that a directory is a demo's.
+const TOUR: &str = "# Made by `proprio demo`, which may overwrite the files named here.\n";
+
+/// The files of a demo.
+#[derive(Debug, Clone, Serialize)]
+struct Files {
+    log: PathBuf,
+    truth: PathBuf,
+    model: PathBuf,
+    report: PathBuf,
+    tour: PathBuf,
 }
 
+impl Files {
+    /// In `folder`, which is made; what is there already stays unless a demo made it.
+    fn prepare(folder: &Path) -> Result<Self, Error> {
+        let inside = |name: &str| folder.join(name);
+        let files = Self {
+            log: inside("log.csv"),
+            truth: inside("log.truth.json"),
+            model: inside("model.toml"),
+            report: inside("report.html"),
+            tour: inside("tour.txt"),
+        };
+        let unwritable = |source| WriteError {
+            path: folder.to_owned(),
+            source,
+        };
+        std::fs::create_dir_all(folder).map_err(unwritable)?;
+        let empty = folder.read_dir().map_err(unwritable)?.next().is_none();
+        let ours = std::fs::read_to_string(&files.tour).is_ok_and(|text| text.starts_with(TOUR));
+        if empty || ours {
+            Ok(files)
+        } else {
+            Err(Error::NotADemo(folder.to_owned()))
+        }
+    }
+}
+
+/// What the demo found.
 #[derive(Debug, Serialize)]
-struct Comparison {
-    name: String,
-    unit: &'static str,
-    truth: f64,
-    value: f64,
-    std: f64,
+struct Report {
+    /// The hidden effect and its true value.
+    hidden: Parameter,
+    /// What the diagnosis names first, `spring:FR_thigh`; none if it finds nothing.
+    found: Option<String>,
+    value: Option<f64>,
+    std: Option<f64>,
+    before_rms: f64,
+    after_rms: f64,
+    noise_floor_rms: Option<f64>,
+    /// Whether what is found is what was hidden, and the error is down to the noise.
     passed: bool,
+    files: Files,
+    #[serde(skip)]
+    tour: Tour,
+}
+
+/// What there is to tell.
+#[derive(Debug)]
+struct Tour {
+    seed: u64,
+    before: Comparison,
+    diagnosis: Diagnosis,
+    after: Comparison,
 }
 
 impl Demo {
     pub(crate) fn run(self) -> Result<String, Error> {
-        let leg = Leg::FR;
-        let simulation = Simulation {
-            effects: typical(&[leg]),
-            seed: self.seed,
-            ..Simulation::new(&[leg])
-        };
-
-        let place = std::env::temp_dir();
-        let unwritable = |source| WriteError {
-            path: place.clone(),
-            source,
-        };
-        let directory = tempfile::tempdir().map_err(unwritable)?;
-        let log = directory.path().join("demo.csv");
-        record(&simulation, &log)?;
-        let result = identify(&[log], Options::default(), |_, _| ())?;
-
-        let report = Report::new(&simulation.truth(), &result);
-        Ok(if self.json {
-            json(&report)
-        } else {
-            report.to_string()
-        })
+        let files = Files::prepare(&self.output)?;
+        // First, so that what an interrupted demo leaves is known to be a demo's.
+        output::write(&files.tour, TOUR)?;
+        let report = tour(files, self.seed)?;
+        let text = report.to_string();
+        output::write(&report.files.tour, &format!("{TOUR}\n{text}"))?;
+        Ok(if self.json { json(&report) } else { text })
     }
 }
 
-impl Report {
-    fn new(truth: &[Parameter], result: &Identification) -> Self {
-        let effect = |parameter: &&Parameter| {
-            EffectKind::ALL
-                .iter()
-                .any(|e| parameter.name.starts_with(&format!("{}:", e.name())))
-        };
-        let compare = |truth: &Parameter| {
-            let estimate = result.parameter(&truth.name)?;
-            Some(Comparison {
-                name: truth.name.clone(),
-                unit: truth.unit,
-                truth: truth.value,
-                value: estimate.value,
-                std: estimate.std,
-                passed: (estimate.value - truth.value).abs() <= TOLERANCE * estimate.std,
-            })
-        };
-        let parameters: Vec<_> = truth.iter().filter(effect).filter_map(compare).collect();
-        let passed = parameters.iter().all(|parameter| parameter.passed);
-        let (urdf_rms, rms, held_out_rms) = (result.urdf_rms, result.rms, result.held_out_rms);
-        Self {
-            parameters,
-            urdf_rms,
-            rms,
-            held_out_rms,
-            passed,
+/// Simulates, compares, diagnoses, adds, compares.
+fn tour(files: Files, seed: u64) -> Result<Report, Error> {
+    let hidden = hidden();
+    let leg = Leg::FR;
+    let simulation = Simulation {
+        effects: typical(&[leg])
+            .into_iter()
+            .chain([hidden.clone()])
+            .collect(),
+        inertia_error: INERTIA_ERROR,
+        seed,
+        ..Simulation::new(&[leg])
+    };
+    record_with_truth(&simulation, &files.log, &files.truth)?;
+
+    let mut model = Model::default();
+    let joints = 0..model.robot().bodies().len();
+    let known: Vec<_> = KNOWN
+        .iter()
+        .flat_map(|&effect| joints.clone().map(move |joint| (effect, joint)))
+        .collect();
+    model.add_last(&known);
+    let recording = Recording::read(std::slice::from_ref(&files.log), &model, |_, _| ())?;
+    let before = compare(&recording, &model, ValuesFrom::Auto)?;
+    let diagnosis = diagnose(&recording, &model)?;
+
+    let mut complete = model.clone();
+    diagnose_command::apply(&diagnosis, &mut complete);
+    let page = compare(&recording, &complete, ValuesFrom::Fitted)?;
+    pages::diagnosis(&diagnosis, &page)
+        .map_err(unreadable)?
+        .write(&files.report)?;
+
+    let best = diagnosis.candidates.first();
+    let best = best.filter(|_| diagnosis.verdict == Verdict::Missing);
+    for joint in best.into_iter().flat_map(|best| &best.joints) {
+        if let Some(effect) = best.and_then(|best| EffectKind::from_name(best.effect)) {
+            let places = model.robot().place(effect, Some(joint))?;
+            model.add_last(&places.iter().map(|&p| (effect, p)).collect::<Vec<_>>());
         }
     }
+    model.save(&files.model)?;
+    let after = compare(&recording, &model, ValuesFrom::Auto)?;
+    let found = best.map(|best| best.name());
+    let down = after
+        .noise_floor_rms
+        .is_some_and(|floor| after.rms <= DOWN_TO_NOISE * floor);
+    Ok(Report {
+        passed: down && found.as_ref() == Some(&hidden.place()),
+        value: best.map(|best| best.value),
+        std: best.map(|best| best.std),
+        found,
+        before_rms: before.rms,
+        after_rms: after.rms,
+        noise_floor_rms: after.noise_floor_rms,
+        hidden: Parameter {
+            name: hidden.place(),
+            unit: HIDDEN.0.description().parameters[0].unit,
+            value: HIDDEN.2,
+        },
+        files,
+        tour: Tour {
+            seed,
+            before,
+            diagnosis,
+            after,
+        },
+    })
+}
+
+/// The hidden effect as the simulator has it.
+fn hidden() -> HiddenEffect {
+    let (effect, joint, value) = HIDDEN;
+    let hide: Hide = format!("{}:{joint}={value}", effect.name())
+        .parse()
+        .expect("the constant names an effect, a joint and a value");
+    let effects = hide.on(&[Leg::FR]).expect("the joint is of this leg");
+    effects.into_iter().next().expect("a joint is one place")
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (log, model) = (self.files.log.display(), self.files.model.display());
+        let Tour {
+            seed,
+            before,
+            diagnosis,
+            after,
+        } = &self.tour;
+        let hide = format!("{}={}", self.hidden.name, self.hidden.value);
         writeln!(
             f,
-            "A simulated leg has friction, rotor inertia and torque offsets that its URDF does not know."
+            "1. A leg with typical friction moves for 20 s. Its bodies are off the CAD, and it hides an effect.\n\n\
+             $ proprio simulate --legs FR --typical --inertia-error {INERTIA_ERROR} --hide {hide} --seed {seed} -o {log}\n"
         )?;
-        writeln!(f, "From 20 s of its motor bus, noisy and quantised:\n")?;
-        let mut table = Table::default();
-        table.row(["parameter", "unit", "true", "estimated"].map(str::to_owned));
-        for parameter in &self.parameters {
-            let error = (parameter.value - parameter.truth) / parameter.std;
-            let mark = if parameter.passed { "✓" } else { "✗" };
-            table.row([
-                parameter.name.clone(),
-                parameter.unit.to_owned(),
-                format!("{:.5}", parameter.truth),
-                with_std(parameter.value, parameter.std),
-                format!("{error:+.1} std {mark}"),
-            ]);
+        let known = KNOWN.map(EffectKind::name).join(" ");
+        writeln!(
+            f,
+            "2. The model: the CAD, and what every motor has. How wrong is it, and where?\n\n\
+             $ proprio add {known} -m {model}\n$ proprio compare {log} -m {model}\n"
+        )?;
+        write_comparison(f, before)?;
+        writeln!(
+            f,
+            "\n3. What is missing?\n\n$ proprio diagnose {log} -m {model} --html {}\n\n{diagnosis}",
+            self.files.report.display()
+        )?;
+        let Some(found) = &self.found else {
+            return writeln!(f, "The hidden effect, {hide}, was not found.");
+        };
+        writeln!(
+            f,
+            "4. Add it and look again.\n\n$ proprio add {found} -m {model}\n$ proprio compare {log} -m {model}\n"
+        )?;
+        write_comparison(f, after)?;
+        self.write_end(f)
+    }
+}
+
+impl Report {
+    /// Whether it is the one, and how near the error came to the noise.
+    fn write_end(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Parameter { name, unit, value } = &self.hidden;
+        let found = self.found.as_deref().unwrap_or("nothing");
+        let size = match (self.value, self.std) {
+            (Some(value), Some(std)) => format!(" of {} {unit}", with_std(value, std)),
+            _ => String::new(),
+        };
+        if found == name {
+            writeln!(
+                f,
+                "\n✓ Hidden was {name} of {value} {unit}; found was {found}{size}."
+            )?;
+        } else {
+            writeln!(
+                f,
+                "\n✗ Hidden was {name} of {value} {unit}; found was {found}."
+            )?;
         }
-        write!(f, "{table}")?;
-        let verdict = if self.passed { "Every" } else { "Not every" };
-        writeln!(
+        write!(
             f,
-            "\n{verdict} estimate lies within {TOLERANCE} standard deviations of the truth."
+            "{} The error fell from {:.4} to {:.4} N m",
+            if self.passed { "✓" } else { "✗" },
+            self.before_rms,
+            self.after_rms
         )?;
+        if let Some(floor) = self.noise_floor_rms {
+            let beyond = 100.0 * (self.after_rms / floor - 1.0);
+            write!(f, ", {beyond:+.0} % off the noise floor of {floor:.4}")?;
+        }
         writeln!(
             f,
-            "Torque error, mean over 20 ms: {:.3} N m rms with the URDF, {:.3} with what was identified.",
-            self.urdf_rms, self.rms
+            ".\n\nThe plots are in {}; the truth is in {}.",
+            self.files.report.display(),
+            self.files.truth.display()
         )
+    }
+}
+
+/// Each joint's error, the headline, and the worst pattern.
+fn write_comparison(f: &mut fmt::Formatter<'_>, comparison: &Comparison) -> fmt::Result {
+    let mut table = Table::default();
+    let heads = ["joint", "rms N m", "fit %", "noise floor N m"];
+    table.row(heads.map(str::to_owned));
+    for joint in &comparison.joints {
+        let number =
+            |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
+        table.row([
+            joint.joint.clone(),
+            format!("{:.4}", joint.rms),
+            number(joint.fit_percent, 1),
+            number(joint.noise_floor_rms, 4),
+        ]);
+    }
+    writeln!(f, "{table}\n{}.", comparison.headline())?;
+    match comparison.patterns.first() {
+        Some(worst) => writeln!(
+            f,
+            "{:.0} % of the square error: {}.",
+            worst.share_percent, worst.sentence
+        ),
+        None => writeln!(f, "What is left follows nothing that moves."),
     }
 }

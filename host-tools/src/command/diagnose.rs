@@ -3,11 +3,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::criticism::{Diagnosis, Recording, diagnose};
+use proprio::criticism::comparison::ValuesFrom;
+use proprio::criticism::recording::LogGates;
+use proprio::criticism::{Diagnosis, Recording, compare, diagnose, gate_words};
 use proprio::model::Model;
+use proprio::report::pages;
 use proprio_core::effect::EffectKind;
+use serde::Serialize;
 
-use super::{Error, json};
+use super::{Error, json, unreadable};
 use crate::progress::Progress;
 
 /// Say which physical effect is missing
@@ -18,6 +22,7 @@ use crate::progress::Progress;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio diagnose chirp.csv
+  proprio diagnose chirp.csv --model go2.toml --html report.html
   proprio diagnose chirp.csv --model go2.toml --json
   proprio diagnose chirp.csv --apply -m go2.toml && proprio compare chirp.csv -m go2.toml")]
 pub(crate) struct Diagnose {
@@ -30,6 +35,9 @@ pub(crate) struct Diagnose {
     /// Show every step to a model that lacks nothing and, with --model, add its effects to the model file
     #[arg(long)]
     apply: bool,
+    /// Also write a report with plots: one page, no network needed
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -46,20 +54,42 @@ impl Diagnose {
         for warning in &diagnosis.warnings {
             eprintln!("warning: {warning}");
         }
-        if let (true, Some(path)) = (self.apply, &self.model) {
-            apply(&diagnosis, &mut model);
+        let given = model.clone();
+        apply(&diagnosis, &mut model);
+        if let Some(path) = &self.html {
+            let after = compare(&recording, &model, ValuesFrom::Fitted)?;
+            pages::diagnosis(&diagnosis, &after)
+                .map_err(unreadable)?
+                .write(path)?;
+        }
+        if let (true, Some(path)) = (self.apply, &self.model)
+            && (model != given || !path.exists())
+        {
             model.save(path)?;
         }
         Ok(match (self.json, self.apply) {
-            (true, _) => json(&diagnosis),
-            (false, true) => diagnosis.ladder(),
-            (false, false) => diagnosis.to_string(),
+            (true, _) => json(&Report {
+                data: &recording.gates,
+                diagnosis: &diagnosis,
+            }),
+            (false, true) => gate_words(&recording.gates) + &diagnosis.ladder(),
+            (false, false) => gate_words(&recording.gates) + &diagnosis.to_string(),
         })
     }
 }
 
+/// What --json prints.
+#[derive(Debug, Serialize)]
+struct Report<'a> {
+    /// What the samples of each log are worth.
+    data: &'a [LogGates],
+    #[serde(flatten)]
+    diagnosis: &'a Diagnosis,
+}
+
 /// Adds to a model what the path has added.
-fn apply(diagnosis: &Diagnosis, model: &mut Model) {
+pub(super) fn apply(diagnosis: &Diagnosis, model: &mut Model) {
+    let (mut added, mut removed) = (Vec::new(), Vec::new());
     for step in &diagnosis.path {
         let Some(effect) = EffectKind::from_name(step.effect) else {
             continue;
@@ -67,12 +97,19 @@ fn apply(diagnosis: &Diagnosis, model: &mut Model) {
         for name in &step.joints {
             // The names come from this robot.
             for place in model.robot().place(effect, Some(name)).unwrap_or_default() {
-                if step.removed {
-                    model.remove_effect(effect, place);
+                let place = (effect, place);
+                let (to, from) = if step.removed {
+                    (&mut removed, &mut added)
                 } else {
-                    model.add_effect(effect, place);
-                }
+                    (&mut added, &mut removed)
+                };
+                from.retain(|other| *other != place);
+                to.push(place);
             }
         }
     }
+    for (effect, joint) in removed {
+        model.remove_effect(effect, joint);
+    }
+    model.add_last(&added);
 }

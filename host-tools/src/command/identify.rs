@@ -3,12 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use proprio::criticism::Recording;
+use proprio::criticism::comparison::series_of;
 use proprio::estimate::Constraint;
 use proprio::identification::{Identification, Options, identify};
-use proprio::model::Provenance;
+use proprio::model::{Model, Provenance};
 use proprio::output;
+use proprio::report::pages;
+use proprio_core::estimator::EFFECTS;
 
-use super::{Error, json};
+use super::{Error, json, unreadable};
 use crate::progress::Progress;
 
 /// Identify the robot from its logs
@@ -35,6 +39,9 @@ pub(crate) struct Identify {
     /// Without it values are free, as the device streams them: an unphysical one tells that the model lacks something.
     #[arg(long)]
     physical: bool,
+    /// Also write a report with plots: one page, no network needed
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -60,6 +67,9 @@ impl Identify {
         if let Some(path) = &self.output {
             self.write(path, &result)?;
         }
+        if let Some(path) = &self.html {
+            write_page(path, &result)?;
+        }
         Ok(if self.json {
             json(&result)
         } else {
@@ -78,4 +88,20 @@ impl Identify {
             Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
         Ok(result.to_model(provenance)?.save(path)?)
     }
+}
+
+/// Writes the report: torque under the CAD and under what was identified, window by window.
+fn write_page(path: &Path, result: &Identification) -> Result<(), Error> {
+    let mut model = Model::default();
+    let recording = Recording::read(&result.logs, &model, |_, _| ())?;
+    let cad = series_of(&recording, &model, &|_| None)?;
+    for effect in EFFECTS {
+        for joint in 0..model.robot().bodies().len() {
+            model.add_effect(effect, joint);
+        }
+    }
+    let value = |name: &str| result.parameter(name).map(|p| p.value);
+    let series = series_of(&recording, &model, &value)?;
+    let page = pages::identification(result, cad, &series).map_err(unreadable)?;
+    Ok(page.write(path)?)
 }

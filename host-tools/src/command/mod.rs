@@ -20,6 +20,7 @@ use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{Model, ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
+use proprio::report::pages::Unreadable;
 use proprio::simulator::Diverged;
 use serde::Serialize;
 
@@ -86,6 +87,12 @@ pub(crate) enum Error {
         samples: u32,
         windows: u32,
     },
+    /// `replay --add` of an effect that the firmware keeps no columns for.
+    #[error("the device keeps no columns for {effect}; it has {kept}")]
+    NotOnDevice { effect: &'static str, kept: String },
+    /// A command to a device that it has not answered.
+    #[error("the device answered {answers} of {wishes} commands")]
+    Unanswered { answers: usize, wishes: usize },
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
@@ -102,6 +109,9 @@ pub(crate) enum Error {
     Unreadable(String, std::io::Error),
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// `demo` in a directory of something else.
+    #[error("{}: holds files that no demo made", .0.display())]
+    NotADemo(PathBuf),
     /// `add --urdf` with a model file that exists.
     #[error("{}: the model has its robot already", .0.display())]
     RobotIsSet(PathBuf),
@@ -113,6 +123,11 @@ fn model_or_default(path: Option<&Path>, make: bool) -> Result<Model, Error> {
         Some(path) if path.exists() || !make => Ok(Model::load(path)?),
         _ => Ok(Model::default()),
     }
+}
+
+/// A log that was there and is no more.
+fn unreadable((log, cause): Unreadable) -> Error {
+    Error::Unreadable(log, cause)
 }
 
 /// One JSON object and a line end.

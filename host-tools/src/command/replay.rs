@@ -1,5 +1,7 @@
 //! `proprio replay`: a log played into a device as motor-bus bytes.
 
+mod effects;
+
 use std::fmt;
 use std::path::PathBuf;
 
@@ -8,14 +10,18 @@ use clap::{Args, ValueEnum};
 use proprio::device::replay::{self, ReplayError, bus_step};
 use proprio::device::serial::SerialDevice;
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
-use proprio::estimate::{self, Fit, LEGEND, ParameterEstimate, effect_table};
+use proprio::estimate::{self, LEGEND, ParameterEstimate, effect_table};
 use proprio::identification::IdentificationError;
 use proprio::log::{JointId, LogReader, Selection, leg_named};
-use proprio::table::Table;
-use proprio_core::consistent::Held;
+use proprio::table::{Table, with_std};
+use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::{Counters, DeviceMessage, Estimate, Hello, LegCounters};
+use proprio_core::wire::{
+    Changed, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters,
+};
 use serde::Serialize;
+
+use effects::{Answer, Found, Wish};
 
 use super::{Error, json};
 use crate::progress::Progress;
@@ -23,10 +29,12 @@ use crate::progress::Progress;
 /// Play a log into a device and print what comes back
 ///
 /// The log's samples become the motor bus's bytes; the device assembles and identifies them and streams its estimates back.
-/// The last ones are printed: they equal those of `proprio identify --bus`.
+/// The last ones are printed: they equal those of `proprio identify --bus`. So is what the device itself finds of each effect
+/// that it keeps columns for: the share of the squared error on held-out data that the effect takes away, or would.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio replay chirp.csv --to qemu
+  proprio replay chirp.csv --to desktop --add quadratic_drag:FR_calf --drop bias
   proprio replay chirp.csv --to /dev/ttyACM0 --leg FR=/dev/ttyUSB0")]
 pub(crate) struct Replay {
     /// Log: CSV, plain or gzip-compressed
@@ -42,6 +50,12 @@ pub(crate) struct Replay {
     /// What the emulated firmware computes with
     #[arg(long, value_enum, default_value_t = Scalar::F64)]
     scalar: Scalar,
+    /// Have the device estimate this effect too; without JOINT, at every joint of the log
+    #[arg(long = "add", value_name = "EFFECT[:JOINT]")]
+    add: Vec<String>,
+    /// Have it estimate this effect no more
+    #[arg(long = "drop", value_name = "EFFECT[:JOINT]")]
+    drop: Vec<String>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -64,6 +78,10 @@ struct Report {
     load_unit: String,
     parameters: Vec<ParameterEstimate>,
     legs: Vec<LegReport>,
+    /// What became of `--add` and `--drop`.
+    changes: Vec<Answer>,
+    /// What the device found of each effect at each joint, each joint's best first.
+    diagnoses: Vec<Found>,
     counters: Counters,
     warnings: Vec<String>,
 }
@@ -82,6 +100,8 @@ struct LegReport {
 #[derive(Default)]
 struct Told {
     estimates: [Option<Estimate>; LEGS],
+    diagnoses: Vec<Diagnosis>,
+    changes: Vec<Changed>,
     counters: Counters,
 }
 
@@ -94,6 +114,8 @@ impl Told {
                 }
             }
             DeviceMessage::Counters(counters) => self.counters = counters,
+            DeviceMessage::Diagnosis(diagnosis) => self.diagnoses.push(diagnosis),
+            DeviceMessage::Changed(changed) => self.changes.push(changed),
             DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
         }
     }
@@ -107,10 +129,24 @@ impl Replay {
         let warnings = check.finish()?;
         let legs: Vec<Leg> = check.columns().legs().collect();
 
+        let mut wishes: Vec<Wish> = Vec::new();
+        for (add, texts) in [(true, &self.add), (false, &self.drop)] {
+            for text in texts {
+                wishes.extend(effects::wishes(add, text, &legs)?);
+            }
+        }
         let mut device = self.device(&legs)?;
+        for wish in &wishes {
+            let message = wish.message(device.hello())?;
+            device.command(&message).map_err(ReplayError::from)?;
+        }
         let mut steps = Steps::new(LogReader::open(&self.log, Selection::Motion)?, &legs);
         let mut told = Told::default();
         replay(&mut steps, &mut *device, &mut |message| told.hear(message))?;
+        if told.changes.len() < wishes.len() {
+            let (answers, wishes) = (told.changes.len(), wishes.len());
+            return Err(Error::Unanswered { answers, wishes });
+        }
 
         let warnings = warnings
             .iter()
@@ -237,13 +273,8 @@ impl Report {
                 let arrived = counters.samples;
                 warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
             }
-            let number = |from: &[f32], k: usize| from.get(k).map_or(f64::NAN, |&v| f64::from(v));
-            let fit = Fit {
-                values: std::array::from_fn(|k| number(&estimate.values, k)),
-                std: std::array::from_fn(|k| number(&estimate.std, k)),
-                held: Held::default(),
-            };
-            let estimates = estimate::of_leg(leg, &fit);
+            let active = effects::of_masks(leg, &estimate.effects, hello);
+            let estimates = estimate::of_device(leg, &active, &estimate.values, &estimate.std);
             parameters
                 .extend(estimates.map_err(|source| IdentificationError::Solve { leg, source })?);
             let (windows, noise) = (estimate.windows, estimate.noise);
@@ -261,6 +292,12 @@ impl Report {
             load_unit: hello.load_unit.to_string(),
             parameters,
             legs: reports,
+            changes: told
+                .changes
+                .iter()
+                .filter_map(|c| Answer::new(c, hello))
+                .collect(),
+            diagnoses: effects::found(&told.diagnoses, hello),
             counters: told.counters,
             warnings,
         })
@@ -306,6 +343,7 @@ impl fmt::Display for Report {
             effect_table(&self.parameters, [["noise", "N m"]], rows)
         )?;
 
+        self.effects(f)?;
         let mut table = Table::default();
         let names = COUNTS.map(|(name, _)| name.to_owned());
         table.row(
@@ -331,6 +369,34 @@ impl fmt::Display for Report {
             )?;
         }
         Ok(())
+    }
+}
+
+impl Report {
+    /// What the device was asked, the effects it has beside the usual ones, and what it finds of all of them.
+    fn effects(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.changes
+            .iter()
+            .try_for_each(|answer| write!(f, "{answer}"))?;
+        let usual = |name: &str| EFFECTS.iter().any(|effect| name.starts_with(effect.name()));
+        let added = self
+            .parameters
+            .iter()
+            .filter(|p| !p.is_inertial() && !usual(&p.name));
+        let mut table = Table::default();
+        for parameter in added {
+            let value = with_std(parameter.value, parameter.std);
+            table.row([parameter.name.clone(), value, parameter.unit.to_owned()]);
+        }
+        write!(f, "{table}")?;
+        if self.diagnoses.is_empty() {
+            return Ok(());
+        }
+        let table = effects::table(&self.diagnoses);
+        writeln!(
+            f,
+            "\nThe device finds, on data held out from the fit:\n\n{table}"
+        )
     }
 }
 

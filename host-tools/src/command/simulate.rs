@@ -132,8 +132,7 @@ impl Simulate {
             ..Simulation::new(&self.legs.0)
         };
         let truth = self.truth.clone().unwrap_or_else(|| beside(&self.output));
-        let samples = record(&simulation, &self.output)?;
-        output::write(&truth, &json(&truth_of(&simulation)))?;
+        let samples = record_with_truth(&simulation, &self.output, &truth)?;
         let report = Report {
             log: self.output,
             truth,
@@ -175,8 +174,19 @@ impl Simulate {
     }
 }
 
+/// Writes the log and the truth of `simulation`; counts its samples.
+pub(super) fn record_with_truth(
+    simulation: &Simulation,
+    log: &Path,
+    truth: &Path,
+) -> Result<u64, Error> {
+    let samples = record(simulation, log)?;
+    output::write(truth, &json(&truth_of(simulation)))?;
+    Ok(samples)
+}
+
 /// Writes the log of `simulation` to `path` and counts its samples.
-pub(super) fn record(simulation: &Simulation, path: &Path) -> Result<u64, Error> {
+fn record(simulation: &Simulation, path: &Path) -> Result<u64, Error> {
     let unwritable = |source| WriteError {
         path: path.to_owned(),
         source,

@@ -3,22 +3,30 @@
 //! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
 //! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
 
+mod ranking;
+mod values;
 mod words;
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::limb::LimbCriticism;
-use super::recording::Recording;
-use super::residual::{self, Criticism};
-use super::series::{JointSeries, Predict};
+use super::limb::{FOLDS, LimbCriticism};
+pub use ranking::{RankedEpisode, RankedPattern};
+pub use values::EffectValue;
+
+use super::recording::{LogGates, Recording};
+use super::residual::{self, Criticism, Input};
+use super::series::Predict;
+pub use super::series::{JointSeries, Values};
 use super::{CriticismError, residual::Scores};
-use crate::model::{Limb, Model};
+use crate::model::{Limb, Model, ModelEffect};
 
 /// What `proprio compare` says.
 #[derive(Debug, Clone, Serialize)]
 pub struct Comparison {
+    /// What the samples of each log are worth.
+    pub data: Vec<LogGates>,
     /// Each joint.
     pub joints: Vec<JointComparison>,
     /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
@@ -27,12 +35,26 @@ pub struct Comparison {
     pub zero_rms: f64,
     /// The same of the CAD's rigid body without any effect.
     pub cad_rms: f64,
-    /// The same of the model without the effects that have no value yet, if it has such.
+    /// The same of the model without the effects that were added last, if they have no value yet.
     pub before_rms: Option<f64>,
-    /// The effects that have no value yet, `coulomb:FR_calf`.
+    /// Error that no model can take away, over all joints, N m; none if a joint's is not known.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
+    /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
     pub fitted: bool,
+    /// The values of the model's effects.
+    pub effects: Vec<EffectValue>,
+    /// Where the error is, over all joints, the largest share first.
+    #[serde(rename = "where")]
+    pub patterns: Vec<RankedPattern>,
+    /// When it is worst, over all joints, the least usual first.
+    #[serde(rename = "when")]
+    pub episodes: Vec<RankedEpisode>,
     /// Where and when each joint's error is, and whether it is noise.
     pub criticism: Vec<Criticism>,
     /// The logs.
@@ -42,6 +64,9 @@ pub struct Comparison {
     /// Measured and predicted torque; for plots.
     #[serde(skip)]
     pub series: Vec<JointSeries>,
+    /// The same of the baselines that are models, by what to call them.
+    #[serde(skip)]
+    pub baselines: Vec<(&'static str, Vec<JointSeries>)>,
 }
 
 /// One joint.
@@ -65,13 +90,23 @@ pub struct JointComparison {
     pub zero_rms: f64,
     /// The rms of the CAD's rigid body without any effect.
     pub cad_rms: f64,
-    /// The rms of the model without the effects that have no value yet, if it has such.
+    /// The rms of the model without the effects that were added last, if they have no value yet.
     pub before_rms: Option<f64>,
+    /// Error that no model can take away, N m; none for fewer than 100 windows.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
+    /// Whether the error is white; none for too short a series.
+    pub white: Option<bool>,
+    /// What of the motion the error is not independent of.
+    pub depends_on: Vec<Input>,
 }
 
 /// Whether values are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Values {
+pub enum ValuesFrom {
     /// Fitted if an effect has no value yet, or nothing of the model was identified; else as given.
     #[default]
     Auto,
@@ -88,7 +123,7 @@ pub enum Values {
 pub fn compare(
     recording: &Recording,
     model: &Model,
-    values: Values,
+    values: ValuesFrom,
 ) -> Result<Comparison, CriticismError> {
     let unvalued: Vec<_> = model
         .effects()
@@ -99,35 +134,102 @@ pub fn compare(
     let identified = model.effects().iter().any(|e| e.estimate().is_some())
         || (0..model.robot().bodies().len()).any(|b| model.is_identified(b));
     let fitted = match values {
-        Values::Auto => !unvalued.is_empty() || !identified,
-        Values::Fitted => true,
-        Values::Given => false,
+        ValuesFrom::Auto => !unvalued.is_empty() || !identified,
+        ValuesFrom::Fitted => true,
+        ValuesFrom::Given => false,
     };
     let predict = if fitted {
         Predict::HeldOut
     } else {
         Predict::Given
     };
-    let series = all_series(recording, model, predict)?;
-    let cad = all_series(
-        recording,
-        &Model::new(model.robot().clone()),
-        Predict::Given,
-    )?;
-    let before = if fitted && !unvalued.is_empty() {
+    let (series, effects) = all_series(recording, model, predict)?;
+    let cad = Model::new(model.robot().clone());
+    let (cad, _) = all_series(recording, &cad, Predict::Given)?;
+    let added: Vec<_> = if fitted {
+        last_added(&unvalued)
+    } else {
+        Vec::new()
+    };
+    let before = if added.is_empty() {
+        None
+    } else {
         let mut without = model.clone();
-        for e in &unvalued {
+        for e in &added {
             without.remove_effect(e.effect, e.joint);
         }
-        Some(all_series(recording, &without, predict)?)
-    } else {
-        None
+        Some(all_series(recording, &without, predict)?.0)
     };
-    let joints = series.iter().enumerate().map(|(k, own)| {
-        let scores = Scores::of(&own.view());
-        let zero: f64 = own.tau.iter().map(|tau| tau * tau).sum();
-        JointComparison {
-            joint: own.joint.clone(),
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let criticism = residual::criticise(&views);
+    let joints: Vec<JointComparison> = (0..series.len())
+        .map(|k| JointComparison {
+            cad_rms: cad[k].rms(),
+            before_rms: before.as_ref().map(|before| before[k].rms()),
+            ..JointComparison::of(&series[k], &criticism[k])
+        })
+        .collect();
+    let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| over_all(&joints, rms);
+    let rms = over_all(&|j| j.rms);
+    let floors = joints.iter().all(|j| j.noise_floor_rms.is_some());
+    let floor = floors.then(|| over_all(&|j| j.noise_floor_rms.unwrap_or(0.0)));
+    let above = |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
+    Ok(Comparison {
+        data: recording.gates.clone(),
+        rms,
+        zero_rms: over_all(&|j| j.zero_rms),
+        cad_rms: over_all(&|j| j.cad_rms),
+        before_rms: before
+            .is_some()
+            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
+        noise_floor_rms: floor,
+        noise_floor_is_upper_bound: joints.iter().any(|j| j.noise_floor_is_upper_bound),
+        above_noise_percent: floor.map(above),
+        added: added.iter().map(name).collect(),
+        effects,
+        fitted,
+        patterns: ranking::patterns(&criticism),
+        episodes: ranking::episodes(&criticism, recording),
+        criticism,
+        logs: recording.logs.clone(),
+        warnings: recording.warnings.clone(),
+        joints,
+        series,
+        baselines: [("CAD", Some(cad)), ("before", before)]
+            .into_iter()
+            .filter_map(|(name, series)| Some((name, series?)))
+            .collect(),
+    })
+}
+
+/// Of the effects without a value those that were added last; all, if the model does not say.
+fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
+    let last = unvalued.iter().filter(|e| e.just_added);
+    let last: Vec<ModelEffect> = last.copied().collect();
+    if last.is_empty() {
+        unvalued.to_vec()
+    } else {
+        last
+    }
+}
+
+/// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
+fn over_all(joints: &[JointComparison], rms: &dyn Fn(&JointComparison) -> f64) -> f64 {
+    let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
+        (sum + rms(j).powi(2) * j.n as f64, n + j.n)
+    });
+    (sum / n.max(1) as f64).sqrt()
+}
+
+impl JointComparison {
+    /// One joint, without the baselines that are models.
+    fn of(series: &JointSeries, criticism: &Criticism) -> Self {
+        let scores = Scores::of(&series.view());
+        let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
+        let dependent = criticism.independence.iter().filter(|i| !i.independent);
+        Self {
+            joint: series.joint.clone(),
             n: scores.n,
             rms: scores.rms,
             fit_percent: scores.fit_percent,
@@ -135,48 +237,42 @@ pub fn compare(
             bias: scores.bias,
             max: scores.max,
             zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
-            cad_rms: cad[k].rms(),
-            before_rms: before.as_ref().map(|before| before[k].rms()),
+            cad_rms: scores.rms,
+            before_rms: None,
+            noise_floor_rms: criticism.noise.map(|noise| noise.rms),
+            noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
+            above_noise_percent: criticism.above_noise_percent,
+            white: criticism.whiteness.as_ref().map(|w| w.white),
+            depends_on: dependent.map(|i| i.input).collect(),
         }
-    });
-    let joints: Vec<JointComparison> = joints.collect();
-    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| {
-        let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
-            (sum + rms(j).powi(2) * j.n as f64, n + j.n)
-        });
-        (sum / n.max(1) as f64).sqrt()
-    };
-    let name = |e: &crate::model::ModelEffect| {
-        format!("{}:{}", e.effect.name(), model.joint_name(e.joint))
-    };
-    Ok(Comparison {
-        rms: over_all(&|j| j.rms),
-        zero_rms: over_all(&|j| j.zero_rms),
-        cad_rms: over_all(&|j| j.cad_rms),
-        before_rms: before
-            .is_some()
-            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
-        added: unvalued.iter().map(name).collect(),
-        fitted,
-        criticism: residual::criticise(&views),
-        logs: recording.logs.clone(),
-        warnings: recording.warnings.clone(),
-        joints,
-        series,
-    })
+    }
 }
 
-/// The series of all joints of all limbs.
+/// The series of all joints under parameters by name; where `values` has none, those of `model`.
+///
+/// # Errors
+/// As [`compare`].
+pub fn series_of(
+    recording: &Recording,
+    model: &Model,
+    values: &Values,
+) -> Result<Vec<JointSeries>, CriticismError> {
+    Ok(all_series(recording, model, Predict::Named(values))?.0)
+}
+
+/// The series of all joints of all limbs, and the values of the model's effects.
 fn all_series(
     recording: &Recording,
     model: &Model,
     predict: Predict,
-) -> Result<Vec<JointSeries>, CriticismError> {
+) -> Result<(Vec<JointSeries>, Vec<EffectValue>), CriticismError> {
     let of = |limb: &Limb| {
         let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
         let mut criticism = LimbCriticism::new(model, limb, data, false)?;
-        if predict == Predict::HeldOut && criticism.is_linearised() {
+        if matches!(predict, Predict::HeldOut) && criticism.blocks.count < FOLDS {
+            return None;
+        }
+        if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
             criticism.rebuild();
         }
         let names: Vec<String> = limb
@@ -184,9 +280,10 @@ fn all_series(
             .clone()
             .map(|b| model.joint_name(b).to_owned())
             .collect();
-        Some(criticism.series(predict, &names))
+        let values = values::of(&criticism, model, predict);
+        Some((criticism.series(predict, &names), values))
     };
-    let mut series = Vec::new();
+    let mut limbs = Vec::new();
     std::thread::scope(|scope| {
         let of = &of;
         let work: Vec<_> = recording
@@ -196,17 +293,18 @@ fn all_series(
             .collect();
         for limb in work {
             // A panic goes on.
-            series.push(
+            limbs.push(
                 limb.join()
                     .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
             );
         }
     });
-    let series: Vec<JointSeries> = series.into_iter().flatten().flatten().collect();
-    if series.is_empty() {
+    let (series, values): (Vec<_>, Vec<_>) = limbs.into_iter().flatten().unzip();
+    let series: Vec<JointSeries> = series.into_iter().flatten().collect();
+    if series.iter().all(|series| series.t.is_empty()) {
         return Err(CriticismError::TooShort {
             duration: recording.duration,
         });
     }
-    Ok(series)
+    Ok((series, values.into_iter().flatten().collect()))
 }

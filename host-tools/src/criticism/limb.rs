@@ -19,6 +19,9 @@ use crate::model::{Limb, Model};
 /// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
 pub(crate) const FOLDS: usize = 8;
 
+/// Times that noise and the hold on bodies are found again from the fit that they give.
+const ITERATIONS: usize = 5;
+
 /// An effect at a joint of a limb; [`BASE`] for the base's.
 pub(crate) type Place = (EffectKind, usize);
 
@@ -421,7 +424,8 @@ impl<'a> LimbCriticism<'a> {
             noise.clone_from(&self.fit.noise);
         }
         let mut fit = Fit::default();
-        for _ in 0..3 {
+        self.prior.relax();
+        for _ in 0..ITERATIONS {
             let triangle =
                 Triangle::new(&self.columns, &self.prior, &self.all, &noise, &active, &[]);
             fit.theta = triangle.solve(entries, &[]);
@@ -431,6 +435,7 @@ impl<'a> LimbCriticism<'a> {
                 .zip(triangle.std())
                 .for_each(|(&k, std)| fit.std[k] = std);
             noise = self.residuals(&fit.theta, active.len());
+            self.prior.hold(&fit.theta);
         }
         fit.held_out = self.solve_folds(&active, &noise);
         fit.rss = self.score(&fit.held_out);
@@ -451,6 +456,11 @@ impl<'a> LimbCriticism<'a> {
     /// Each joint's noise floor: what even all effects of the catalogue together, each within its prior, leave of its
     /// torque, N m.
     pub(crate) fn floor(&self) -> Vec<f64> {
+        self.residuals(&self.saturated(), self.columns.entries.len())
+    }
+
+    /// θ with all effects of the catalogue in the model.
+    pub(crate) fn saturated(&self) -> Vec<f64> {
         let all: Vec<usize> = (0..self.columns.entries.len()).collect();
         let triangle = Triangle::new(
             &self.columns,
@@ -460,7 +470,7 @@ impl<'a> LimbCriticism<'a> {
             &all,
             &[],
         );
-        self.residuals(&triangle.solve(all.len(), &[]), all.len())
+        triangle.solve(all.len(), &[])
     }
 
     fn solve_folds(&self, active: &[usize], noise: &[f64]) -> Vec<Vec<f64>> {
@@ -809,7 +819,9 @@ fn cad_prior(model: &Model, limb: &Limb) -> Option<Prior> {
         });
         Some(rows.collect())
     };
+    let bodies: Vec<_> = limb.bodies.clone().map(body).collect::<Option<_>>()?;
     Some(Prior {
-        bodies: limb.bodies.clone().map(body).collect::<Option<_>>()?,
+        tightness: vec![1.0; bodies.len()],
+        bodies,
     })
 }

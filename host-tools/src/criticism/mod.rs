@@ -21,12 +21,15 @@ mod rows;
 mod scan;
 mod selection;
 mod series;
+mod speed;
 mod triangle;
 mod velocity;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, diagnose};
-pub use recording::Recording;
+pub use recording::{Recording, gate_words};
+
+use std::path::PathBuf;
 
 use crate::log::LogError;
 
@@ -44,4 +47,17 @@ pub enum CriticismError {
         /// Length of the logs together, s.
         duration: f64,
     },
+    /// No log has all joints of a limb of the model.
+    #[error("{}: not all joints of any limb of the model are recorded; its limbs are {limbs}", names(.logs))]
+    NoLimb {
+        /// The logs.
+        logs: Vec<PathBuf>,
+        /// The limbs of the model by their joints, in words.
+        limbs: String,
+    },
+}
+
+fn names(logs: &[PathBuf]) -> String {
+    let names: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    names.join(", ")
 }

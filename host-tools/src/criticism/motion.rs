@@ -2,15 +2,16 @@
 //!
 //! Velocity gains, encoder offsets and delays of the torque are taken out; where the model has elasticity or backlash, the
 //! link's motion is told from the motor's. Logs lie whole in memory, so later samples help: the velocity near standstill
-//! and the smooth torque are slopes and means of a local straight line (Savitzky & Golay 1964) over ± [`HALF_WIDTH`]
+//! and the smooth torque are slopes and means of a local straight line (Savitzky & Golay 1964) over a few
 //! samples at their own times.
 
 use proprio_core::effect::{EffectKind, JointState};
 
 use super::recording::LimbRecording;
+use super::speed;
 
-/// Samples on each side of the local line.
-const HALF_WIDTH: usize = 4;
+/// Samples on each side of the local line of the torque, whose noise is one quantum.
+const TORQUE_WIDTH: usize = 4;
 /// Speed below which the slope of the position may be noise, rad/s: ten times that of the Go2's position quantum.
 const SPEED_NOISE: f64 = 0.01;
 
@@ -115,11 +116,12 @@ impl Motion {
         let channel =
             |x: &[f64]| -> Vec<f64> { stretch.clone().map(|k| x[k * n + joint]).collect() };
         let (q, dq) = (channel(&recording.q), channel(&recording.dq));
+        let speeds = speed::near_standstill(&times, &q, SPEED_NOISE);
         let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
         let (compliance, gap) = (corrections.compliance[joint], corrections.gap[joint]);
         for (k, sample) in stretch.clone().enumerate() {
-            let [_, speed] = local_line(&times, &q, k);
-            let [load, load_rate] = local_line(&times, &tau, k);
+            let speed = speeds[k];
+            let [load, load_rate] = local_line(&times, &tau, k, TORQUE_WIDTH);
             let at = sample * n + joint;
             let state = JointState {
                 q: q[k] - corrections.encoder_offset[joint],
@@ -148,9 +150,9 @@ impl Motion {
 }
 
 /// Value and slope at sample k of the straight line through the samples around it.
-fn local_line(t: &[f64], x: &[f64], k: usize) -> [f64; 2] {
+fn local_line(t: &[f64], x: &[f64], k: usize, width: usize) -> [f64; 2] {
     // The same number on both sides: then a curvature does not tilt the line.
-    let half = HALF_WIDTH.min(k).min(t.len() - 1 - k);
+    let half = width.min(k).min(t.len() - 1 - k);
     if half == 0 {
         let (a, b) = if k == 0 {
             (0, 1.min(t.len() - 1))
@@ -209,7 +211,7 @@ mod tests {
     fn a_parabola_has_its_value_and_slope_inside() {
         let t: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
         let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
-        let [_, slope] = local_line(&t, &x, 10);
+        let [_, slope] = local_line(&t, &x, 10, 4);
         assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
     }
 

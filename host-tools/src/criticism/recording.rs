@@ -2,7 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::log::{LogError, LogReader, Selection, Warning};
+use serde::Serialize;
+
+use super::CriticismError;
+use super::gate::{DataGates, GateReport, Joint, Reading};
+use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
 use crate::simulator::SimulatedSample;
 
@@ -92,6 +96,20 @@ pub struct Recording {
     pub warnings: Vec<String>,
     /// Length of all logs together, s.
     pub duration: f64,
+    /// What the samples of each log are worth.
+    pub gates: Vec<LogGates>,
+}
+
+/// What the samples of a log are worth, before a model is blamed.
+#[derive(Debug, Clone, Serialize)]
+pub struct LogGates {
+    /// The log.
+    pub log: PathBuf,
+    /// When it begins in the recording's time, s.
+    pub start: f64,
+    /// What is wrong with it.
+    #[serde(flatten)]
+    pub report: GateReport,
 }
 
 /// Silence put between two logs, µs: no stretch, block or guard reaches across it.
@@ -101,17 +119,18 @@ impl Recording {
     /// Reads `logs` of the robot of `model`. `progress` hears of bytes read and of how many in all.
     ///
     /// # Errors
-    /// The first log that is bad.
+    /// The first log that is bad; [`CriticismError::NoLimb`] if none has all joints of a limb of the model.
     pub fn read(
         logs: &[PathBuf],
         model: &Model,
         mut progress: impl FnMut(u64, u64),
-    ) -> Result<Self, LogError> {
+    ) -> Result<Self, CriticismError> {
         let mut recording = Self {
             logs: logs.to_vec(),
             limbs: Vec::new(),
             warnings: Vec::new(),
             duration: 0.0,
+            gates: Vec::new(),
         };
         let mut offset_us = 0;
         for path in logs {
@@ -119,12 +138,14 @@ impl Recording {
             let recorded = reader.columns().joints();
             let recorded: Vec<_> = recorded.map(|j| (j.name(), j.index())).collect();
             let limbs = recording.limbs_of(model, &recorded);
+            let mut gates = Gates::new(model, &recording.limbs, &limbs);
             let (mut first, mut last_us) = (None, 0);
             let mut new_log = vec![true; limbs.len()];
             let (mut buffer, mut rows) = ([const { Vec::new() }; 4], 0u64);
             while let Some(row) = reader.next_row()? {
                 let start_us = *first.get_or_insert(row.time_us);
                 last_us = row.time_us.saturating_sub(start_us);
+                gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
                 for (n, (place, joints)) in limbs.iter().enumerate() {
                     let channels = [row.q(), row.dq(), row.tau(), row.temp()];
                     for (to, from) in buffer.iter_mut().zip(channels) {
@@ -153,10 +174,28 @@ impl Recording {
             recording
                 .warnings
                 .extend(told.iter().map(|w| format!("{}: {w}", path.display())));
+            recording.gates.push(LogGates {
+                log: path.clone(),
+                start: offset_us as f64 * 1e-6,
+                report: gates.gates.report(),
+            });
             recording.duration += last_us as f64 * 1e-6;
             offset_us += last_us + BETWEEN_LOGS_US;
         }
+        if recording.limbs.is_empty() {
+            return Err(CriticismError::NoLimb {
+                logs: logs.to_vec(),
+                limbs: limbs_in_words(model),
+            });
+        }
         Ok(recording)
+    }
+
+    /// The log that a moment of the recording lies in, and the time since that log's start, s.
+    pub fn moment(&self, t: f64) -> (&PathBuf, f64) {
+        let later = self.gates.partition_point(|gates| gates.start <= t);
+        let gates = &self.gates[later.max(1) - 1];
+        (&gates.log, t - gates.start)
     }
 
     /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
@@ -171,13 +210,18 @@ impl Recording {
             limbs: Vec::new(),
             warnings: Vec::new(),
             duration: 0.0,
+            gates: Vec::new(),
         };
         let recorded: Vec<_> = joints.iter().enumerate().map(|(n, j)| (*j, n)).collect();
         let limbs = recording.limbs_of(model, &recorded);
+        let mut gates = Gates::new(model, &recording.limbs, &limbs);
         let mut start = None;
         for sample in samples {
             let t = sample.t - *start.get_or_insert(sample.t);
+            let time_us = (t * 1e6).round() as u64;
             recording.duration = t;
+            let temperatures = sample.temp.as_deref().unwrap_or(&[]);
+            gates.push(time_us, [&sample.q, &sample.dq, &sample.tau, temperatures]);
             for (place, own) in &limbs {
                 let of = |channel: &[f64]| own.iter().map(|&j| channel[j]).collect::<Vec<_>>();
                 let unknown = || vec![f64::NAN; own.len()];
@@ -185,9 +229,14 @@ impl Recording {
                 let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
                 let channels = [&q[..], &dq[..], &tau[..], &temperature[..]];
                 let limb = &mut recording.limbs[*place].1;
-                limb.push((t * 1e6).round() as u64, channels, f64::NAN, false);
+                limb.push(time_us, channels, f64::NAN, false);
             }
         }
+        recording.gates.push(LogGates {
+            log: PathBuf::from("simulation"),
+            start: 0.0,
+            report: gates.gates.report(),
+        });
         recording
     }
 
@@ -222,4 +271,79 @@ impl Recording {
         }
         found
     }
+}
+
+/// The data gates of one log.
+struct Gates {
+    gates: DataGates,
+    /// The log's indices of their joints.
+    joints: Vec<usize>,
+    readings: Vec<Reading>,
+}
+
+impl Gates {
+    fn new(
+        model: &Model,
+        limbs: &[(Limb, LimbRecording)],
+        recorded: &[(usize, Vec<usize>)],
+    ) -> Self {
+        let bodies = recorded
+            .iter()
+            .flat_map(|(place, _)| limbs[*place].0.bodies.clone());
+        let joint = |b: usize| Joint {
+            name: model.robot().bodies()[b].name.clone(),
+            effort: model.robot().bodies()[b].effort,
+        };
+        Self {
+            gates: DataGates::new(bodies.map(joint)),
+            joints: recorded
+                .iter()
+                .flat_map(|(_, joints)| joints.clone())
+                .collect(),
+            readings: Vec::new(),
+        }
+    }
+
+    /// Positions, velocities, torques and temperatures of all joints of the log; there may be no temperatures.
+    fn push(&mut self, time_us: u64, [q, dq, tau, temperature]: [&[f64]; 4]) {
+        let reading = |&j: &usize| Reading {
+            q: q[j],
+            dq: dq[j],
+            tau: tau[j],
+            temperature: temperature.get(j).copied().filter(|t| t.is_finite()),
+        };
+        self.readings.clear();
+        self.readings.extend(self.joints.iter().map(reading));
+        self.gates.push(time_us, &self.readings);
+    }
+}
+
+/// `FR (FR_hip, FR_thigh, FR_calf); FL …`
+fn limbs_in_words(model: &Model) -> String {
+    let limbs = model.robot().limbs();
+    let words = limbs.iter().map(|limb| {
+        let joints: Vec<&str> = limb.bodies.clone().map(|b| model.joint_name(b)).collect();
+        joints.join(", ")
+    });
+    words.collect::<Vec<_>>().join("; ")
+}
+
+/// What is wrong with the samples, a line each; that nothing is, if so.
+pub fn gate_words(gates: &[LogGates]) -> String {
+    let mut text = String::new();
+    for one in gates {
+        let log = if gates.len() > 1 {
+            format!("{}: ", one.log.display())
+        } else {
+            String::new()
+        };
+        for finding in &one.report.findings {
+            text += &format!("Data: {log}{finding}\n");
+        }
+    }
+    if text.is_empty() {
+        text += "Data: nothing wrong with the samples\n";
+    }
+    text.push('\n');
+    text
 }

@@ -23,11 +23,12 @@ struct Looked {
 }
 
 impl LimbCriticism<'_> {
-    /// Measures how long each joint's residuals remember, on the present fit, and sets the shape of every effect that has one, in the model or not, to the best on the present residuals. True if one
+    /// Measures how long the residuals remember that all effects together leave, and sets the shape of every effect that has one, in the model or not, to the best on the present residuals. True if one
     /// has changed so that the data have to be gone over again.
     pub(crate) fn scan_shapes(&mut self) -> bool {
-        let looked = self.look();
-        self.memory = looked
+        let looked = self.look(&self.fit.theta);
+        let saturated = self.look(&self.saturated());
+        self.memory = saturated
             .windows
             .iter()
             .map(|windows| memory(windows))
@@ -58,7 +59,7 @@ impl LimbCriticism<'_> {
         changed
     }
 
-    fn look(&self) -> Looked {
+    fn look(&self, theta: &[f64]) -> Looked {
         let stride = (self
             .all
             .iter()
@@ -67,7 +68,7 @@ impl LimbCriticism<'_> {
             .unwrap_or(0)
             / MOST_WINDOWS)
             .max(1);
-        let theta = self.columns.combined(&self.fit.theta);
+        let theta = self.columns.combined(theta);
         let mut windows = vec![Vec::new(); self.recording.joints];
         let mut count = 0;
         self.rows().for_each_window(|window| {

@@ -1,7 +1,11 @@
 //! A joint's windows as series: what was measured, what a model says, and what the joint did meanwhile.
 
+use proprio_core::effect::EffectKind;
+
+use super::column::Entry;
 use super::limb::LimbCriticism;
 use super::residual::Series;
+use crate::parameter::{INERTIAL_NAMES, name_at};
 
 /// One joint's windows, in the order of time; SI, joint side.
 #[derive(Debug, Clone, Default)]
@@ -39,6 +43,23 @@ impl JointSeries {
         }
     }
 
+    /// The predictions at other times of the same recording; NaN where there is none.
+    pub fn predicted_at(&self, t: &[f64]) -> Vec<f64> {
+        let mut next = 0;
+        let at = |&t: &f64| {
+            while self.t.get(next).is_some_and(|own| *own < t) {
+                next += 1;
+            }
+            let found = self.t.get(next).is_some_and(|own| *own == t);
+            if found {
+                self.predicted[next]
+            } else {
+                f64::NAN
+            }
+        };
+        t.iter().map(at).collect()
+    }
+
     /// Root mean square of the residuals, N m.
     pub fn rms(&self) -> f64 {
         let sum: f64 = self.residual.iter().map(|r| r * r).sum();
@@ -47,21 +68,46 @@ impl JointSeries {
 }
 
 /// Which θ predicts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Predict {
+#[derive(Clone, Copy)]
+pub(crate) enum Predict<'a> {
     /// The one fitted to all data but the window's fold.
     HeldOut,
     /// The values that the model file gives.
     Given,
+    /// The values of parameters by name, `m:FR_hip` or `coulomb:FR_hip`; of others, what the model file gives.
+    Named(&'a Values<'a>),
 }
 
+/// The value of a parameter by its name.
+pub type Values<'a> = dyn Fn(&str) -> Option<f64> + Sync + 'a;
+
 impl LimbCriticism<'_> {
+    /// θ from parameters by name.
+    fn named(&self, values: &Values, names: &[String]) -> Vec<f64> {
+        let entries = self.columns.entries.iter().zip(self.given());
+        let value = |entry: &Entry| {
+            let joint = names.get(entry.joint)?;
+            let what = match entry.effect {
+                None => INERTIAL_NAMES[entry.parameter].0,
+                Some(effect) if entry.parameter == 0 => effect.name(),
+                Some(_) => return None,
+            };
+            let value = values(&name_at(what, joint))?;
+            let neutral = |effect: EffectKind| effect.description().parameters[0].neutral;
+            Some(value - entry.effect.map_or(0.0, neutral))
+        };
+        entries
+            .map(|(entry, given)| value(entry).unwrap_or(given))
+            .collect()
+    }
+
     /// The series of all joints, over the windows that the factors are of: in blocks, the joint not at rest.
     pub(crate) fn series(&self, predict: Predict, names: &[String]) -> Vec<JointSeries> {
         let combine = |theta: &Vec<f64>| self.columns.combined(theta);
         let theta: Vec<Vec<Vec<f64>>> = match predict {
             Predict::HeldOut => self.fit.held_out.iter().map(combine).collect(),
             Predict::Given => vec![combine(&self.given())],
+            Predict::Named(values) => vec![combine(&self.named(values, names))],
         };
         let n = self.recording.joints;
         let mut all: Vec<JointSeries> = names

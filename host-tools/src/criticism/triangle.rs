@@ -12,6 +12,32 @@ use super::column::Columns;
 pub(crate) struct Prior {
     /// Rows over the inertial parameters of each body: ten numbers of R and one of z.
     pub(crate) bodies: Vec<Vec<[f64; 11]>>,
+    /// How many times nearer to the CAD each body is held: one, unless the data would carry it off.
+    pub(crate) tightness: Vec<f64>,
+}
+
+/// Squared distance from the CAD, in units of its uncertainty, beyond which a body is held: 99 % of all bodies with the
+/// stated uncertainty are nearer (χ² of ten degrees of freedom).
+const FARTHEST: f64 = 23.2;
+
+impl Prior {
+    /// Forgets how near bodies were held.
+    pub(crate) fn relax(&mut self) {
+        self.tightness.fill(1.0);
+    }
+
+    /// Holds those bodies of θ nearer that are farther from the CAD than bodies are: an effect that the model lacks must show
+    /// in the residual and not as an absurd mass.
+    pub(crate) fn hold(&mut self, theta: &[f64]) {
+        for (b, body) in self.bodies.iter().enumerate() {
+            let phi = &theta[10 * b..10 * (b + 1)];
+            let distance: f64 = body
+                .iter()
+                .map(|row| (dot(&row[..10], phi) - row[10]).powi(2))
+                .sum();
+            self.tightness[b] *= (distance / FARTHEST).sqrt().max(1.0);
+        }
+    }
 }
 
 /// R and z of a limb, unit noise.
@@ -80,12 +106,12 @@ impl Triangle {
     fn set_prior(&mut self, columns: &Columns, prior: &Prior) {
         let n = self.order.len();
         let mut width = 0;
-        for body in &prior.bodies {
+        for (body, tightness) in prior.bodies.iter().zip(&prior.tightness) {
             for (row, numbers) in body.iter().enumerate() {
                 for (column, number) in numbers[..10].iter().enumerate().skip(row) {
-                    self.r[width + row + (width + column) * n] = *number;
+                    self.r[width + row + (width + column) * n] = number * tightness;
                 }
-                self.r[width + row + n * n] = numbers[10];
+                self.r[width + row + n * n] = numbers[10] * tightness;
             }
             width += 10;
         }

@@ -1,15 +1,16 @@
 //! The application in this process, for comparison with a device's.
 
 use proprio_core::Real;
-use proprio_core::app::{App, Identity};
+use proprio_core::app::{App, Identity, Memory};
 use proprio_core::go2::LEGS;
-use proprio_core::wire::{DeviceMessage, Hello};
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 
 use super::{BusStep, Device, DeviceError};
 
 /// The application fed directly.
 pub struct Desktop<T: Real> {
     app: Box<App<T>>,
+    memory: Box<Memory<T>>,
     hello: Hello,
 }
 
@@ -23,15 +24,16 @@ impl<T: Real> Desktop<T> {
             budget: u32::MAX,
             cycle_us: 0,
         }));
+        let mut memory = Box::new(Memory::new());
         // Every board does one step at time 0, and it says hello.
         let mut hello = None;
-        app.step(0, [&[]; LEGS], &mut |message| {
+        app.step(&mut memory, 0, [&[]; LEGS], &mut |message| {
             if let DeviceMessage::Hello(said) = message {
                 hello = Some(said.clone());
             }
         });
         let hello = hello.expect("the application says hello in its first step");
-        Self { app, hello }
+        Self { app, memory, hello }
     }
 }
 
@@ -46,6 +48,11 @@ impl<T: Real> Device for Desktop<T> {
         &self.hello
     }
 
+    fn command(&mut self, message: &HostMessage) -> Result<(), DeviceError> {
+        self.app.handle(&mut self.memory, message);
+        Ok(())
+    }
+
     fn play(
         &mut self,
         step: &BusStep,
@@ -53,7 +60,9 @@ impl<T: Real> Device for Desktop<T> {
     ) -> Result<(), DeviceError> {
         let buses = step.buses.each_ref().map(Vec::as_slice);
         self.app
-            .step(step.time_us, buses, &mut |message| told(message.clone()));
+            .step(&mut self.memory, step.time_us, buses, &mut |message| {
+                told(message.clone())
+            });
         Ok(())
     }
 

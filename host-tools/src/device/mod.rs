@@ -15,7 +15,7 @@ pub use desktop::Desktop;
 pub use qemu::Qemu;
 
 use proprio_core::go2::LEGS;
-use proprio_core::wire::{DeviceMessage, Hello, WireError};
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage, WireError};
 
 /// What the four buses carry between the last step and this one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,6 +30,12 @@ pub struct BusStep {
 pub trait Device {
     /// What the device said of itself.
     fn hello(&self) -> &Hello;
+
+    /// Sends a command; the device obeys before the next step is done.
+    ///
+    /// # Errors
+    /// [`DeviceError`] if the device cannot be reached any more.
+    fn command(&mut self, message: &HostMessage) -> Result<(), DeviceError>;
 
     /// Plays one step. What the device says meanwhile, to this or an earlier step, goes to `told`.
     ///

@@ -159,6 +159,10 @@ impl Device for Qemu {
         &self.hello
     }
 
+    fn command(&mut self, message: &HostMessage) -> Result<(), DeviceError> {
+        self.link.send(message)
+    }
+
     fn play(
         &mut self,
         step: &BusStep,

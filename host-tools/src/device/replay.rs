@@ -12,7 +12,7 @@ use super::{BusStep, Device, DeviceError};
 pub type Instant = [Option<Sample<f64, JOINTS_PER_LEG>>; LEGS];
 
 /// Silent steps after the last sample, in which the device folds and solves what it has.
-const SILENT_STEPS: u64 = 300;
+const SILENT_STEPS: u64 = 600;
 /// Time between silent steps, µs.
 const SILENT_STEP_US: u64 = 2_000;
 

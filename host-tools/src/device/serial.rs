@@ -72,6 +72,10 @@ impl Device for SerialDevice {
         &self.hello
     }
 
+    fn command(&mut self, message: &HostMessage) -> Result<(), DeviceError> {
+        self.link.send(message)
+    }
+
     fn play(
         &mut self,
         step: &BusStep,

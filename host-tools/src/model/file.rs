@@ -282,6 +282,7 @@ fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fa
             },
         ));
     }
+    model.entry(effect, joint).just_added = table.just_added;
     let what = format!("{name}:{of}");
     match (table.value, table.std) {
         (Some(value), std) => {

@@ -121,6 +121,8 @@ pub struct ModelEffect {
     pub estimates: [Option<Estimate>; MAX_PARAMETERS],
     /// What its first parameter is taken to be before any data, if not what the catalogue says.
     pub prior: Option<Prior>,
+    /// Whether it is what was added last: `compare` shows the error before and after it.
+    pub just_added: bool,
 }
 
 impl ModelEffect {
@@ -234,10 +236,28 @@ impl Model {
             joint,
             estimates: [None; MAX_PARAMETERS],
             prior: None,
+            just_added: false,
         });
         let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
         self.effects.sort_by_key(|e| (e.joint, place(e.effect)));
         true
+    }
+
+    /// Adds effects, and says of these alone that they were added last. Returns those that the model did not have; if it had
+    /// all, nothing changes.
+    pub fn add_last(&mut self, places: &[(EffectKind, usize)]) -> Vec<(EffectKind, usize)> {
+        let mut added = Vec::new();
+        for &(effect, joint) in places {
+            if self.add_effect(effect, joint) {
+                added.push((effect, joint));
+            }
+        }
+        if !added.is_empty() {
+            for e in &mut self.effects {
+                e.just_added = added.contains(&(e.effect, e.joint));
+            }
+        }
+        added
     }
 
     /// Sets an effect's identified value (rounded as [`set_body`](Self::set_body) does), adding the effect if necessary.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use proprio::criticism::comparison::{Values, compare};
+use proprio::criticism::comparison::{ValuesFrom, compare};
 use proprio::criticism::{Recording, diagnose};
 use proprio::model::Model;
 use proprio_core::effect::EffectKind;
@@ -44,7 +44,7 @@ pub fn run() -> Vec<Outcome> {
             outcome.group = Group::Complete;
             outcome.floor = Some(diagnosis.held_out_rms);
         } else {
-            outcome.floor = compare(&recording, &model, Values::Fitted)
+            outcome.floor = compare(&recording, &model, ValuesFrom::Fitted)
                 .ok()
                 .map(|c| c.rms);
         }

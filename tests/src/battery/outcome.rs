@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-use proprio::criticism::comparison::{Values, compare};
+use proprio::criticism::comparison::{ValuesFrom, compare};
 use proprio::criticism::diagnosis::Verdict;
 use proprio::criticism::{Diagnosis, Recording, diagnose};
 use proprio::log::JointId;
@@ -149,7 +149,7 @@ pub fn record(case: &Case) -> Recording {
 
 /// The held-out error of a model whose effects are fitted, N m.
 fn held_out(recording: &Recording, model: &Model) -> Option<f64> {
-    compare(recording, model, Values::Fitted)
+    compare(recording, model, ValuesFrom::Fitted)
         .ok()
         .map(|c| c.rms)
 }

@@ -66,13 +66,15 @@ impl Figure {
 pub fn text(outcomes: &[Outcome], mujoco: &[Outcome]) -> String {
     let mut text = String::from(
         "# Labelled battery\n\n\
-         `cargo run --release -p proprio-tests --bin battery` makes this; `-- --accept` writes it. Rows of all cases: `cases.csv`.\n\
+         `cargo run --release -p proprio-tests --bin battery` makes this; `-- --accept` writes it (`--quick`: every eleventh case). Rows of the cases: `cases.csv`.\n\
          Detectable: at least 3 Cramér-Rao standard deviations (`tests/src/battery/bound.rs`).\n\n\
          | figure | count | share | target | |\n|---|---|---|---|---|\n",
     );
     for figure in figures(outcomes) {
         text += &figure.row();
     }
+    let all = super::case::all().len();
+    let _ = writeln!(text, "| cases run | {} of {all} | | | |", outcomes.len());
     let right = mujoco.iter().filter(|o| o.is_right()).count();
     let _ = writeln!(
         text,

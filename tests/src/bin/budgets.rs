@@ -21,8 +21,8 @@ type Failure = Box<dyn std::error::Error>;
 /// Figure by name.
 type Figures = BTreeMap<String, u64>;
 
-/// Samples of all legs that a tick's cost is measured over: two seconds, every leg solved several times.
-const SAMPLES: u64 = 1_000;
+/// Samples of all legs that a tick's cost is measured over: eight seconds, most of them with both folds full enough to be judged.
+const SAMPLES: u64 = 4_000;
 /// The counter's resolution, instructions.
 const RESOLUTION: u64 = 1;
 /// A figure may exceed what was accepted by 1/50.

@@ -73,6 +73,18 @@ pub enum Input {
     Position,
 }
 
+impl Input {
+    /// The field's symbol, such as `q̇`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Velocity => "q̇",
+            Self::Acceleration => "q̈",
+            Self::Torque => "τ",
+            Self::Position => "q",
+        }
+    }
+}
+
 /// Whether the residual is independent of an input.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Independence {

@@ -20,6 +20,7 @@ mod tests;
 mod words;
 
 use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde::Serialize;
 
@@ -73,33 +74,61 @@ impl Criticism {
 /// # Panics
 /// If the slices of a series differ in length.
 pub fn criticise(joints: &[Series]) -> Vec<Criticism> {
-    let thinned: Vec<Held> = joints.iter().map(Held::thinned).collect();
-    let prepared = joints.iter().zip(&thinned).map(|(series, held)| {
+    let thinned = in_parallel(joints, Held::thinned);
+    let prepared: Vec<(&Series, Held)> = joints.iter().zip(thinned).collect();
+    let prepared = in_parallel(&prepared, |(series, held)| {
         series.check();
         let series = held.series(series.joint);
         let runs = Runs::of(series.t);
         let variables = Variables::of(&series, &runs);
-        (series, runs, variables)
+        let everywhere = pattern::everywhere(series.residual, &runs, &variables);
+        (series, runs, variables, everywhere)
     });
-    let prepared: Vec<(Series, Runs, Variables)> = prepared.collect();
-    let mut everywhere: Vec<Vec<Where>> = prepared
-        .iter()
-        .map(|(series, runs, variables)| pattern::everywhere(series.residual, runs, variables))
-        .collect();
+    let mut everywhere: Vec<Vec<Where>> = prepared.iter().map(|(.., of)| of.clone()).collect();
     pattern::control(&mut everywhere);
-    let judged = joints.iter().zip(prepared).zip(everywhere);
-    judged
-        .map(|((whole, (series, runs, variables)), mut everywhere)| {
-            let patterns = explain::explain(
-                series.joint,
-                series.residual,
-                &runs,
-                &variables,
-                &mut everywhere,
-            );
-            judge(whole, everywhere, patterns)
-        })
-        .collect()
+    let numbers: Vec<usize> = (0..joints.len()).collect();
+    in_parallel(&numbers, |&k| {
+        let (series, runs, variables, _) = &prepared[k];
+        let mut everywhere = everywhere[k].clone();
+        let patterns = explain::explain(
+            series.joint,
+            series.residual,
+            runs,
+            variables,
+            &mut everywhere,
+        );
+        judge(&joints[k], everywhere, patterns)
+    })
+}
+
+/// `f` of each item, in their order, on all processors.
+fn in_parallel<'a, T: Sync, R: Send>(items: &'a [T], f: impl Fn(&'a T) -> R + Sync) -> Vec<R> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            let k = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(k) else {
+                return done;
+            };
+            done.push((k, f(item)));
+        }
+    };
+    let mut done: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads.min(items.len()))
+            .map(|_| scope.spawn(work))
+            .collect();
+        let join = |thread: std::thread::ScopedJoinHandle<_>| {
+            // A panic goes on.
+            thread
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        threads.into_iter().flat_map(join).collect()
+    });
+    done.sort_by_key(|(k, _)| *k);
+    done.into_iter().map(|(_, result)| result).collect()
 }
 
 fn judge(series: &Series, everywhere: Vec<Where>, patterns: Vec<Pattern>) -> Criticism {

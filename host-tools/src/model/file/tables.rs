@@ -84,6 +84,8 @@ pub(super) struct EffectTable {
     #[serde(default)]
     pub(super) parameters: BTreeMap<String, ParameterEntry>,
     pub(super) prior: Option<PriorEntry>,
+    #[serde(default)]
+    pub(super) just_added: bool,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

@@ -66,6 +66,9 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
         if let Some(Prior { mean, std }) = e.prior {
             writeln!(out, "prior = {{ mean = {mean:?}, std = {std:?} }}")?;
         }
+        if e.just_added {
+            writeln!(out, "just_added = true")?;
+        }
     }
     for (b, body) in named() {
         if let Some((phi, std)) = &model.bodies[b].inertia {

@@ -1,0 +1,100 @@
+//! Text and numbers from outside, made safe for each language of the page.
+
+use std::borrow::Cow;
+
+/// Text for HTML, between tags and in quoted attributes.
+pub fn html(text: &str) -> Cow<'_, str> {
+    replaced(text, |c| match c {
+        '&' => Some("&amp;"),
+        '<' => Some("&lt;"),
+        '>' => Some("&gt;"),
+        '"' => Some("&quot;"),
+        '\'' => Some("&#39;"),
+        _ => None,
+    })
+}
+
+/// Text for a title, label or name in a plot: Plotly knows tags such as `<b>` and `<a>`, and entities.
+pub fn plot(text: &str) -> Cow<'_, str> {
+    replaced(text, |c| match c {
+        '&' => Some("&amp;"),
+        '<' => Some("&lt;"),
+        '>' => Some("&gt;"),
+        _ => None,
+    })
+}
+
+/// JSON for a `<script>` element, where neither `</script>` nor `<!--` may occur. Outside strings JSON has no `<`, and
+/// inside them the escape means the same.
+pub fn json(json: &str) -> Cow<'_, str> {
+    replaced(json, |c| (c == '<').then_some("\\u003c"))
+}
+
+/// `value` to `digits` significant digits, so that its JSON is short; what is not finite stays, and becomes `null` there.
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits.saturating_sub(1))
+        .parse()
+        .unwrap_or(value)
+}
+
+fn replaced(text: &str, by: impl Fn(char) -> Option<&'static str>) -> Cow<'_, str> {
+    if !text.chars().any(|c| by(c).is_some()) {
+        return Cow::Borrowed(text);
+    }
+    let mut safe = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match by(c) {
+            Some(escape) => safe += escape,
+            None => safe.push(c),
+        }
+    }
+    Cow::Owned(safe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn each_language_has_its_own_escapes() {
+        let text = "</script><b onload='x'>\"&amp;\"";
+        assert_eq!(
+            html(text),
+            "&lt;/script&gt;&lt;b onload=&#39;x&#39;&gt;&quot;&amp;amp;&quot;"
+        );
+        assert_eq!(
+            plot(text),
+            "&lt;/script&gt;&lt;b onload='x'&gt;\"&amp;amp;\""
+        );
+        assert_eq!(json("{\"</script>\":1}"), "{\"\\u003c/script>\":1}");
+    }
+
+    proptest! {
+        #[test]
+        fn json_in_a_script_means_the_same(text in ".*") {
+            let written = serde_json::to_string(&text).unwrap();
+            let embedded = json(&written);
+            prop_assert!(!embedded.contains('<'));
+            prop_assert_eq!(serde_json::from_str::<String>(&embedded).unwrap(), text);
+        }
+
+        #[test]
+        fn html_has_no_tag_left(text in ".*") {
+            let safe = html(&text);
+            prop_assert!(!safe.contains(['<', '>', '"', '\'']));
+        }
+
+        #[test]
+        fn rounding_keeps_the_digits(value in proptest::num::f64::NORMAL) {
+            let error = (rounded(value, 6) - value).abs();
+            prop_assert!(error <= 5e-6 * value.abs());
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_stays_so() {
+        assert!(rounded(f64::NAN, 5).is_nan());
+        assert_eq!(rounded(f64::NEG_INFINITY, 5), f64::NEG_INFINITY);
+    }
+}

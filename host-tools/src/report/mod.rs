@@ -1,0 +1,49 @@
+//! Reports: one HTML file that shows what a command found.
+//!
+//! A [`Page`] has a [`Header`] and [`Section`]s in reading order. Each kind of figure has its own module, which turns plain
+//! data into a section: [`torque`], [`residual`], [`correlation`], [`waterfall`], [`candidates`], [`parameters`]. The plots
+//! are Plotly.js' and can be zoomed; the file holds the library and the data, asks no network for anything (its content
+//! security policy forbids it) and reads on a phone, in print, in light and in dark.
+//!
+//! [`pages`] makes the page of each command.
+//!
+//! Whatever comes from outside (paths, names of joints) is escaped where it enters: [`escape`] has one function for each
+//! of the three languages in the file.
+//!
+//! ```no_run
+//! use proprio::report::{Header, Page, torque};
+//!
+//! let page = Page {
+//!     header: Header {
+//!         title: "Model against measurement".to_owned(),
+//!         command: "proprio compare log.csv --html report.html".to_owned(),
+//!         ..Header::default()
+//!     },
+//!     sections: vec![torque::section(&[torque::TorqueSeries {
+//!         joint: "FR_hip".to_owned(),
+//!         t: vec![0.0, 0.02],
+//!         measured: vec![1.0, 1.1],
+//!         predicted: vec![("rigid body".to_owned(), vec![0.9, 1.0])],
+//!     }])],
+//! };
+//! page.write("report.html".as_ref())?;
+//! # Ok::<(), proprio::output::WriteError>(())
+//! ```
+
+pub mod candidates;
+pub mod correlation;
+mod data_table;
+pub mod escape;
+mod figure;
+mod library;
+mod page;
+pub mod pages;
+pub mod parameters;
+pub mod residual;
+mod section;
+mod thin;
+pub mod torque;
+pub mod waterfall;
+
+pub use page::{Header, LogFile, Page};
+pub use section::Section;

@@ -1,0 +1,158 @@
+//! The file: header, sections, style, script.
+
+use std::fmt::{self, Write};
+use std::path::Path;
+
+use super::{Section, escape, library};
+use crate::output::{self, WriteError};
+
+/// A report.
+#[derive(Default)]
+pub struct Page {
+    /// What stands first.
+    pub header: Header,
+    /// The rest, in reading order.
+    pub sections: Vec<Section>,
+}
+
+/// What a reader must know before the plots.
+#[derive(Debug, Clone, Default)]
+pub struct Header {
+    /// Heading, such as "Model against measurement".
+    pub title: String,
+    /// What was found, a paragraph each: plain sentences.
+    pub findings: Vec<String>,
+    /// The command line that made the page.
+    pub command: String,
+    /// The logs.
+    pub logs: Vec<LogFile>,
+}
+
+/// A log that a report is about.
+#[derive(Debug, Clone)]
+pub struct LogFile {
+    /// Its path as given.
+    pub path: String,
+    /// SHA-256 of its bytes, in hexadecimal.
+    pub sha256: String,
+}
+
+impl Page {
+    /// Writes the page to `path`, whole or not at all.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), WriteError> {
+        let page = self.render().map_err(|source| WriteError {
+            path: path.to_owned(),
+            source,
+        })?;
+        output::write(path, &page)
+    }
+
+    fn render(&self) -> std::io::Result<String> {
+        let plots = self
+            .sections
+            .iter()
+            .any(|section| !section.figures.is_empty());
+        let library = if plots {
+            library::packed()?
+        } else {
+            String::new()
+        };
+        let mut page = String::with_capacity(library.len() + (1 << 20));
+        // Without a policy a name that slipped through could still call home.
+        let _ = write!(
+            page,
+            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; \
+             style-src 'unsafe-inline'; img-src data: blob:\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <meta name=\"generator\" content=\"proprio {}\">\n<title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
+            env!("CARGO_PKG_VERSION"),
+            escape::html(&self.header.title),
+            include_str!("style.css"),
+        );
+        let _ = write!(page, "{}", self.header);
+        self.render_contents(&mut page);
+        page.push_str("<main>\n");
+        for section in &self.sections {
+            section.render(&mut page);
+        }
+        page.push_str("</main>\n<footer>Made by proprio; plots by Plotly.js (MIT licence). The page asks no network for anything.</footer>\n");
+        if plots {
+            let _ = writeln!(
+                page,
+                "<script type=\"text/plain\" id=\"library\">{library}</script>"
+            );
+        }
+        let _ = write!(
+            page,
+            "<script>\n{}</script>\n</body>\n</html>\n",
+            include_str!("script.js")
+        );
+        Ok(page)
+    }
+
+    fn render_contents(&self, to: &mut String) {
+        to.push_str("<nav aria-label=\"contents\">");
+        for section in &self.sections {
+            let _ = write!(to, "<a href=\"#{}\">{}</a>", section.id, section.title);
+        }
+        to.push_str("</nav>\n<noscript><p class=\"failed\">The plots need JavaScript; the tables do not.</p></noscript>\n");
+    }
+}
+
+/// In HTML.
+impl fmt::Display for Header {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "<header>\n<button type=\"button\" id=\"theme\" hidden>Dark</button>\n<h1>{}</h1>\n",
+            escape::html(&self.title)
+        )?;
+        for finding in &self.findings {
+            writeln!(f, "<p class=\"finding\">{}</p>", escape::html(finding))?;
+        }
+        write!(
+            f,
+            "<dl>\n<dt>Command</dt><dd><code>{}</code></dd>\n<dt>Version</dt><dd>proprio {}</dd>\n",
+            escape::html(&self.command),
+            env!("CARGO_PKG_VERSION"),
+        )?;
+        for log in &self.logs {
+            writeln!(
+                f,
+                "<dt>Log</dt><dd>{}<br><code class=\"hash\">SHA-256 {}</code></dd>",
+                escape::html(&log.path),
+                escape::html(&log.sha256)
+            )?;
+        }
+        writeln!(f, "</dl>\n</header>")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_from_outside_is_text_in_the_page() {
+        let evil = "</script><img src=x onerror=alert(1)>";
+        let page = Page {
+            header: Header {
+                title: evil.to_owned(),
+                findings: vec![evil.to_owned()],
+                command: evil.to_owned(),
+                logs: vec![LogFile {
+                    path: evil.to_owned(),
+                    sha256: evil.to_owned(),
+                }],
+            },
+            sections: Vec::new(),
+        };
+        let html = page.render().unwrap();
+        assert!(!html.contains("<img"));
+        assert_eq!(html.matches(&*escape::html(evil)).count(), 6);
+    }
+}

@@ -1,0 +1,106 @@
+//! The page of each command: what it found, turned into sections.
+
+mod compare;
+mod diagnose;
+mod identify;
+
+use std::io;
+use std::path::PathBuf;
+
+use super::correlation::Correlation;
+use super::residual::ResidualSeries;
+use super::torque::TorqueSeries;
+use super::{Header, LogFile, Section, correlation, residual, torque};
+use crate::criticism::comparison::JointSeries;
+use crate::criticism::recording::LogGates;
+use crate::criticism::residual::{Correlation as Lagged, Criticism, Input};
+use crate::model::Provenance;
+
+pub use compare::comparison;
+pub use diagnose::diagnosis;
+pub use identify::identification;
+
+/// A log that cannot be read any more: its path, and why.
+pub type Unreadable = (String, io::Error);
+
+/// The header: this command line, this version, these logs as they are now.
+fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header, Unreadable> {
+    let Provenance { command, logs, .. } = Provenance::of(logs)?;
+    let log = |log: crate::model::LogRecord| LogFile {
+        path: log.path,
+        sha256: log.sha256,
+    };
+    Ok(Header {
+        title: title.to_owned(),
+        findings,
+        command,
+        logs: logs.into_iter().map(log).collect(),
+    })
+}
+
+/// What is wrong with the samples, a sentence each.
+fn of_data(data: &[LogGates]) -> impl Iterator<Item = String> + '_ {
+    let findings = data.iter().flat_map(|log| &log.report.findings);
+    findings.map(|finding| format!("Data: {finding}"))
+}
+
+/// Measured torque, and what the baselines and then `model` predict.
+fn torques(
+    series: &[JointSeries],
+    baselines: &[(&'static str, Vec<JointSeries>)],
+    model: &str,
+) -> Section {
+    let joint = |own: &JointSeries| {
+        let of_baseline = |(name, joints): &(&'static str, Vec<JointSeries>)| {
+            let other = joints.iter().find(|other| other.joint == own.joint)?;
+            Some(((*name).to_owned(), other.predicted_at(&own.t)))
+        };
+        TorqueSeries {
+            joint: own.joint.clone(),
+            t: own.t.clone(),
+            measured: own.tau.clone(),
+            predicted: baselines
+                .iter()
+                .filter_map(of_baseline)
+                .chain([(model.to_owned(), own.predicted.clone())])
+                .collect(),
+        }
+    };
+    torque::section(&series.iter().map(joint).collect::<Vec<_>>())
+}
+
+/// What `model` leaves, against position and velocity.
+fn residuals(series: &[JointSeries], model: &str) -> Section {
+    let joint = |own: &JointSeries| ResidualSeries {
+        joint: own.joint.clone(),
+        q: own.q.clone(),
+        dq: own.dq.clone(),
+        residual: own.residual.clone(),
+    };
+    residual::section(&series.iter().map(joint).collect::<Vec<_>>(), model)
+}
+
+/// What is left, against its own past and the velocity's.
+fn correlations(criticism: &[Criticism], model: &str) -> Section {
+    let joint = |c: &Criticism| {
+        let own = c
+            .whiteness
+            .iter()
+            .map(|w| function(&c.joint, None, &w.autocorrelation));
+        let velocity = c.independence.iter().filter(|i| i.input == Input::Velocity);
+        let crossed = velocity.map(|i| function(&c.joint, Some(i.input), &i.correlation));
+        own.chain(crossed).collect::<Vec<_>>()
+    };
+    correlation::section(&criticism.iter().flat_map(joint).collect::<Vec<_>>(), model)
+}
+
+/// A correlation function; of bands that differ from lag to lag, the widest.
+fn function(joint: &str, input: Option<Input>, lags: &[Lagged]) -> Correlation {
+    Correlation {
+        joint: joint.to_owned(),
+        input: input.map(|input| input.symbol().to_owned()),
+        lag: lags.iter().map(|c| c.lag).collect(),
+        value: lags.iter().map(|c| c.value).collect(),
+        band: lags.iter().map(|c| c.band).fold(0.0, f64::max),
+    }
+}

@@ -1,0 +1,225 @@
+//! `compare` as its user meets it: the contract's numbers, where and when, the report.
+
+use std::fs;
+use std::path::Path;
+
+use proprio_tests::command::{done, json, proprio, recorded_logs};
+use serde_json::Value;
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key]
+        .as_f64()
+        .unwrap_or_else(|| panic!("{key}: {value}"))
+}
+
+fn simulate(folder: &Path, arguments: &[&str]) {
+    done(
+        folder,
+        &[&["simulate", "--legs", "FR"][..], arguments].concat(),
+    );
+}
+
+/// The numbers belong together: each joint's and all joints', model and baselines.
+#[test]
+fn the_numbers_are_those_of_the_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--typical", "-o", "log.csv"]);
+    done(folder, &["add", "coulomb", "bias", "-m", "model.toml"]);
+    done(folder, &["add", "viscous:FR_calf", "-m", "model.toml"]);
+    let report = json(&done(
+        folder,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    let joints = report["joints"].as_array().unwrap();
+    let names: Vec<&str> = joints
+        .iter()
+        .map(|j| j["joint"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["FR_hip", "FR_thigh", "FR_calf"]);
+    for key in ["rms", "zero_rms", "cad_rms", "before_rms"] {
+        let square = |j: &Value| number(j, key).powi(2) * number(j, "n");
+        let n: f64 = joints.iter().map(|j| number(j, "n")).sum();
+        let all = (joints.iter().map(square).sum::<f64>() / n).sqrt();
+        assert!((all / number(&report, key) - 1.0).abs() < 1e-12, "{key}");
+    }
+    for joint in joints {
+        let (rms, bias, max) = (
+            number(joint, "rms"),
+            number(joint, "bias"),
+            number(joint, "max"),
+        );
+        assert!(bias.abs() <= rms && rms <= max);
+        // NRMSE fit is of the error about zero, VAF about its mean: 1 − VAF ≤ (1 − fit)².
+        let (fit, vaf) = (number(joint, "fit_percent"), number(joint, "vaf_percent"));
+        assert!(1.0 - vaf / 100.0 <= (1.0 - fit / 100.0).powi(2) + 1e-12);
+        assert!(rms < number(joint, "cad_rms"), "{joint}");
+    }
+    // Of the effects without a value the last added alone is what the model is held against.
+    assert_eq!(report["added"], serde_json::json!(["viscous:FR_calf"]));
+    assert!(number(&report, "rms") < number(&report, "before_rms"));
+    assert!(number(&report, "before_rms") < number(&report, "cad_rms"));
+    let value = |name: &str| {
+        let all = report["effects"].as_array().unwrap();
+        let found = all.iter().find(|e| e["name"] == name).unwrap();
+        (number(found, "value"), number(found, "std"))
+    };
+    let truth = json(&fs::read_to_string(folder.join("log.truth.json")).unwrap());
+    let truth = number(
+        proprio_tests::command::parameter(&truth, "coulomb:FR_calf"),
+        "value",
+    );
+    let (coulomb, _) = value("coulomb:FR_calf");
+    assert!((coulomb / truth - 1.0).abs() < 0.1, "{coulomb}, {truth}");
+}
+
+/// What the model file gives is taken as given; an effect without a value does nothing then.
+#[test]
+fn given_values_are_taken_as_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--typical", "-o", "log.csv"]);
+    done(
+        folder,
+        &["identify", "log.csv", "--physical", "-o", "model.toml"],
+    );
+    let given = json(&done(
+        folder,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert_eq!(given["fitted"], false);
+    assert!(number(&given, "rms") < 0.5 * number(&given, "cad_rms"));
+    let cad = json(&done(folder, &["compare", "log.csv", "--given", "--json"]));
+    assert_eq!(number(&cad, "rms"), number(&cad, "cad_rms"));
+}
+
+/// Where a leg is wrong is told in words, the joint and the kind of it, most important first; all of it on request.
+#[test]
+fn where_and_when_are_told_in_the_order_of_their_weight() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--hide", "coulomb:FR_calf=0.8", "-o", "log.csv"]);
+    let report = json(&done(folder, &["compare", "log.csv", "--json"]));
+    let places = report["where"].as_array().unwrap();
+    assert_eq!(places[0]["joint"], "FR_calf");
+    let shares: Vec<f64> = places.iter().map(|p| number(p, "share_percent")).collect();
+    assert!(
+        shares.is_sorted_by(|a, b| a >= b) && shares.iter().sum::<f64>() < 120.0,
+        "{shares:?}"
+    );
+    let sizes: Vec<f64> = report["when"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|e| number(e, "size"))
+        .collect();
+    assert!(sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
+    let short = done(folder, &["compare", "log.csv"]);
+    let long = done(folder, &["compare", "log.csv", "--all"]);
+    assert!(
+        short.starts_with("Data: nothing wrong with the samples\n"),
+        "{short}"
+    );
+    assert!(short.contains("more (--all)") && !long.contains("(--all)"));
+    assert!(long.lines().count() > short.lines().count());
+}
+
+/// Two logs: moments are told by log and by time since its start.
+#[test]
+fn a_moment_is_told_by_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--duration", "6", "-o", "a.csv"]);
+    simulate(folder, &["--duration", "6", "--seed", "2", "-o", "b.csv"]);
+    // A knock at 3 s of the second log.
+    let log = fs::read_to_string(folder.join("b.csv")).unwrap();
+    let header: Vec<&str> = log.lines().next().unwrap().split(',').collect();
+    let column = header.iter().position(|h| *h == "tau/FR_thigh").unwrap();
+    let knocked: String = log
+        .lines()
+        .enumerate()
+        .map(|(n, line)| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if (1500..1530).contains(&n) {
+                cells[column] = "9.0".to_owned();
+            }
+            cells.join(",") + "\n"
+        })
+        .collect();
+    fs::write(folder.join("b.csv"), knocked).unwrap();
+    let report = json(&done(
+        folder,
+        &["compare", "a.csv", "b.csv", "--given", "--json"],
+    ));
+    let worst = &report["when"][0];
+    assert_eq!(worst["joint"], "FR_thigh");
+    assert_eq!(worst["log"], "b.csv");
+    let t = number(worst, "since_start");
+    assert!((2.97..3.08).contains(&t), "{t}");
+    assert_eq!(report["data"].as_array().unwrap().len(), 2);
+}
+
+/// Every command that writes a report writes one whole page with all sections.
+#[test]
+fn reports_have_their_sections() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--typical", "-o", "log.csv"]);
+    done(folder, &["add", "viscous", "coulomb", "-m", "model.toml"]);
+    let all = [
+        "waterfall",
+        "torque",
+        "residual",
+        "correlation",
+        "parameters",
+    ];
+    for (command, more) in [
+        (&["compare", "log.csv", "-m", "model.toml"][..], None),
+        (
+            &["diagnose", "log.csv", "-m", "model.toml"],
+            Some("candidates"),
+        ),
+        (&["identify", "log.csv"], None),
+    ] {
+        done(folder, &[command, &["--html", "report.html"]].concat());
+        let page = fs::read_to_string(folder.join("report.html")).unwrap();
+        for section in all.into_iter().chain(more) {
+            assert!(
+                page.contains(&format!("<section id=\"{section}\"")),
+                "{command:?}: {section}"
+            );
+        }
+        let line = format!("proprio {} --html report.html", command.join(" "));
+        assert!(page.contains(&line), "{command:?}");
+        assert!(page.contains("SHA-256 ") && page.ends_with("</html>\n"));
+        fs::remove_file(folder.join("report.html")).unwrap();
+    }
+}
+
+/// On a real chirp, faults of the data come first: two velocities too high, repeated samples.
+#[test]
+fn a_real_logs_faults_come_first() {
+    let Some(logs) = recorded_logs() else { return };
+    let log = logs.join("go2_air_chirp_7.0hz_p25d5.0.csv");
+    for command in ["compare", "diagnose"] {
+        let output = proprio(Path::new("."), &[command, log.to_str().unwrap()]);
+        let text = proprio_tests::command::stdout(&output);
+        let data: Vec<&str> = text
+            .lines()
+            .take_while(|line| line.starts_with("Data: "))
+            .collect();
+        assert_eq!(data.len(), 3, "{text}");
+        assert!(
+            data[0].contains("of the samples repeat the one before"),
+            "{text}"
+        );
+        assert!(
+            data[1].starts_with("Data: FR_hip: reports its velocity"),
+            "{text}"
+        );
+        assert!(
+            data[2].starts_with("Data: FR_thigh: reports its velocity"),
+            "{text}"
+        );
+    }
+}

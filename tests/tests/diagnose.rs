@@ -1,0 +1,134 @@
+//! `diagnose` as its user meets it: its words, its steps, its report, and bad input.
+
+use std::fs;
+use std::path::Path;
+
+use proprio_tests::command::{done, json, proprio, stderr, stdout};
+
+/// A robot whose joints no log has.
+const ARM: &str = r#"<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="10"/></joint>
+</robot>"#;
+
+fn simulate(folder: &Path, arguments: &[&str]) {
+    done(
+        folder,
+        &[&["simulate", "--legs", "FR"][..], arguments].concat(),
+    );
+}
+
+/// Status 1, nothing on standard output, a hint; the message.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = proprio(folder, arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+    assert_eq!(stdout(&output), "");
+    assert!(message.contains("\nhint: "), "{message}");
+    format!("$ proprio {}\n{message}\n", arguments.join(" "))
+}
+
+/// One snapshot of what cannot be compared, diagnosed or added, and of what changes nothing.
+#[test]
+fn what_cannot_be_judged_is_refused_with_the_fix() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--duration", "1", "-o", "short.csv"]);
+    simulate(folder, &["--duration", "5", "-o", "good.csv"]);
+    fs::write(folder.join("arm.urdf"), ARM).unwrap();
+    done(
+        folder,
+        &["add", "viscous", "-m", "arm.toml", "--urdf", "arm.urdf"],
+    );
+    let mut texts = String::new();
+    for arguments in [
+        &["add", "colomb", "-m", "new.toml"][..],
+        &["add", "coulomb:FR_knee", "-m", "new.toml"],
+        &["add", "base_tilt:FR_hip", "-m", "new.toml"],
+        &["compare", "short.csv", "--fit"],
+        &["diagnose", "short.csv"],
+        &["compare", "good.csv", "-m", "arm.toml"],
+        &["diagnose", "good.csv", "-m", "arm.toml"],
+        &["diagnose", "good.csv", "-m", "missing.toml"],
+        &["compare", "missing.csv"],
+    ] {
+        texts += &refused(folder, arguments);
+    }
+    assert!(!folder.join("new.toml").exists());
+
+    let twice = ["add", "coulomb:FR_calf", "-m", "twice.toml"];
+    done(folder, &twice);
+    let file = fs::read(folder.join("twice.toml")).unwrap();
+    texts += &format!("$ proprio {}\n{}\n", twice.join(" "), done(folder, &twice));
+    assert_eq!(fs::read(folder.join("twice.toml")).unwrap(), file);
+    insta::assert_snapshot!(texts);
+}
+
+/// A joint that never moves is named first, and nothing is claimed of it.
+#[test]
+fn a_joint_that_never_moves_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--typical", "-o", "log.csv"]);
+    let log = fs::read_to_string(folder.join("log.csv")).unwrap();
+    let mut lines = log.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let column = |name: &str| header.iter().position(|h| *h == name).unwrap();
+    let (q, dq) = (column("q/FR_hip"), column("dq/FR_hip"));
+    let still = lines.map(|line| {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        (cells[q], cells[dq]) = ("0.1", "0");
+        cells.join(",") + "\n"
+    });
+    let text: String = [header.join(",") + "\n"].into_iter().chain(still).collect();
+    fs::write(folder.join("still.csv"), text).unwrap();
+    for command in ["compare", "diagnose"] {
+        let text = done(folder, &[command, "still.csv"]);
+        let first = text.lines().next().unwrap();
+        assert!(
+            first.starts_with("Data: FR_hip: hardly moves"),
+            "{command}: {first}"
+        );
+        let report = json(&done(folder, &[command, "still.csv", "--json"]));
+        let finding = &report["data"][0]["findings"][0];
+        assert_eq!(finding["joints"], serde_json::json!(["FR_hip"]));
+        if command == "diagnose" {
+            let all = report["candidates"].as_array().unwrap();
+            let of_hip = all
+                .iter()
+                .filter(|c| c["joints"] == serde_json::json!(["FR_hip"]));
+            let told = of_hip.filter(|c| c["significant"] == true);
+            assert_eq!(told.count(), 0);
+        }
+    }
+}
+
+/// `--apply` writes the path's effects into the model file; doing it again changes nothing.
+#[test]
+fn applying_walks_to_a_model_that_lacks_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let hide = [
+        "--hide",
+        "coulomb:FR_calf=0.5",
+        "--hide",
+        "viscous:FR_hip=0.2",
+    ];
+    simulate(folder, &[&["-o", "log.csv"][..], &hide].concat());
+    let apply = ["diagnose", "log.csv", "--apply", "-m", "model.toml"];
+    let ladder = done(folder, &apply);
+    assert!(ladder.contains("+ coulomb FR_calf"), "{ladder}");
+    assert!(ladder.contains("+ viscous FR_hip"), "{ladder}");
+    let file = fs::read(folder.join("model.toml")).unwrap();
+    let again = json(&done(folder, &[&apply[..], &["--json"]].concat()));
+    assert_eq!(again["verdict"], "complete");
+    assert_eq!(fs::read(folder.join("model.toml")).unwrap(), file);
+    let comparison = json(&done(
+        folder,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert!(comparison["rms"].as_f64() < comparison["before_rms"].as_f64());
+}

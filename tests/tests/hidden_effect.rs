@@ -1,0 +1,171 @@
+//! A log with a hidden effect, by the command line alone: compare, diagnose, add, compare. The effect named is the one
+//! hidden, and the error falls to the noise.
+
+use std::path::Path;
+
+use proprio_tests::command::{done, json};
+use serde_json::Value;
+
+/// A leg with typical friction whose bodies are off the CAD.
+fn simulate(folder: &Path, log: &str, hide: &[&str]) {
+    let mut arguments = vec![
+        "simulate",
+        "--legs",
+        "FR",
+        "--typical",
+        "--inertia-error",
+        "0.06",
+        "-o",
+        log,
+    ];
+    for effect in hide {
+        arguments.extend(["--hide", effect]);
+    }
+    done(folder, &arguments);
+}
+
+fn add(folder: &Path, effects: &[&str], model: &str) {
+    done(folder, &[&["add", "-m", model][..], effects].concat());
+}
+
+fn rms(folder: &Path, log: &str, model: &str) -> f64 {
+    let arguments = ["compare", log, "--model", model, "--json"];
+    json(&done(folder, &arguments))["rms"].as_f64().unwrap()
+}
+
+fn diagnose(folder: &Path, log: &str, model: &str) -> Value {
+    json(&done(
+        folder,
+        &["diagnose", log, "--model", model, "--json"],
+    ))
+}
+
+/// `spring:FR_thigh`
+fn place(candidate: &Value) -> String {
+    let joints = candidate["joints"].as_array().unwrap();
+    let joints: Vec<&str> = joints.iter().map(|j| j.as_str().unwrap()).collect();
+    format!(
+        "{}:{}",
+        candidate["effect"].as_str().unwrap(),
+        joints.join(",")
+    )
+}
+
+/// What each motor has and the model is told.
+const KNOWN: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
+
+/// Error this near to the noise floor is down to it.
+const DOWN_TO_NOISE: f64 = 1.05;
+
+/// Hides `hide` (`EFFECT:JOINT=VALUE`) from a model that has `known`; `floor` is what a model leaves that lacks nothing.
+fn is_found(hide: &str, known: &[&str], floor: f64) {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let hidden = hide.split('=').next().unwrap();
+    simulate(folder, "log.csv", &[hide]);
+    add(folder, known, "model.toml");
+    let before = rms(folder, "log.csv", "model.toml");
+
+    let diagnosis = diagnose(folder, "log.csv", "model.toml");
+    assert_eq!(diagnosis["verdict"], "missing", "{hide}");
+    let candidates = diagnosis["candidates"].as_array().unwrap();
+    let first: Vec<String> = candidates.iter().take(3).map(place).collect();
+    assert_eq!(first[0], hidden, "{hide}: {first:?}");
+
+    add(folder, &[&first[0]], "model.toml");
+    let comparison = json(&done(
+        folder,
+        &["compare", "log.csv", "--model", "model.toml", "--json"],
+    ));
+    let after = comparison["rms"].as_f64().unwrap();
+    assert!(
+        after <= DOWN_TO_NOISE * floor,
+        "{hide}: {before} → {after}, noise floor {floor}"
+    );
+    assert_eq!(comparison["added"], serde_json::json!([hidden]), "{hide}");
+    // Velocities are corrected before the comparison too: they are wrong whatever the model says.
+    let told = comparison["before_rms"].as_f64().unwrap();
+    assert!(
+        (told / before - 1.0).abs() < 1e-9,
+        "{hide}: {told}, {before}"
+    );
+    println!("{hide}: {before:.4} → {after:.4}, noise floor {floor:.4}");
+}
+
+/// The same leg, which hides nothing: a model that lacks nothing leaves the noise.
+fn floor() -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "log.csv", &[]);
+    add(folder, &KNOWN, "model.toml");
+    rms(folder, "log.csv", "model.toml")
+}
+
+#[test]
+fn what_is_hidden_is_named_and_added_and_the_error_falls_to_the_noise() {
+    let floor = floor();
+    for hide in [
+        "spring:FR_thigh=4",
+        "delay:FR_calf=0.004",
+        "cogging:FR_hip=0.4",
+        "payload:FR_calf=0.4",
+        "torque_gain:FR_thigh=1.2",
+        "quadratic_drag:FR_hip=0.15",
+        "velocity_gain:FR_thigh=1.09",
+    ] {
+        is_found(hide, &KNOWN, floor);
+    }
+    // What the model knows of all joints but one.
+    let but_calf = [
+        "viscous",
+        "armature",
+        "bias",
+        "coulomb:FR_hip",
+        "coulomb:FR_thigh",
+    ];
+    is_found("coulomb:FR_calf=0.6", &but_calf, floor);
+    let but_hip = [
+        "coulomb",
+        "armature",
+        "bias",
+        "viscous:FR_thigh",
+        "viscous:FR_calf",
+    ];
+    is_found("viscous:FR_hip=0.3", &but_hip, floor);
+}
+
+/// From the URDF alone, and bodies as the CAD has them.
+#[test]
+fn one_effect_is_found_from_the_urdf_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let simulate = |log: &str, hide: &[&str]| {
+        let fixed = ["simulate", "--legs", "FR", "-o", log];
+        done(folder, &[&fixed[..], hide].concat());
+    };
+    simulate("log.csv", &["--hide", "coulomb:FR_calf=0.6"]);
+    let diagnosis = json(&done(folder, &["diagnose", "log.csv", "--json"]));
+    assert_eq!(diagnosis["verdict"], "missing");
+    assert_eq!(place(&diagnosis["candidates"][0]), "coulomb:FR_calf");
+    add(folder, &["coulomb:FR_calf"], "model.toml");
+    simulate("rigid.csv", &[]);
+    let rigid = json(&done(folder, &["compare", "rigid.csv", "--json"]));
+    let floor = rigid["rms"].as_f64().unwrap();
+    let after = rms(folder, "log.csv", "model.toml");
+    assert!(
+        after <= DOWN_TO_NOISE * floor,
+        "{after}, noise floor {floor}"
+    );
+}
+
+#[test]
+fn a_complete_model_is_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "log.csv", &[]);
+    add(folder, &KNOWN, "model.toml");
+    let diagnosis = diagnose(folder, "log.csv", "model.toml");
+    let best = &diagnosis["candidates"][0];
+    assert_eq!(diagnosis["verdict"], "complete", "{best}");
+    assert_eq!(diagnosis["path"], serde_json::json!([]));
+}
