@@ -134,6 +134,9 @@ pub fn quanta(joint: usize) -> [f64; 3] {
     [turn / 32768.0 / gear, turn / 256.0 / gear, gear / 256.0]
 }
 
+/// The foot's centre in the calf's frame, m.
+pub const FOOT: [f64; 3] = [0.0, 0.0, -0.213];
+
 /// Standard deviation of the reported speed at standstill, rad/s.
 pub const VELOCITY_NOISE: [f64; JOINTS_PER_LEG] = [0.035, 0.035, 0.022];
 
@@ -274,11 +277,7 @@ fn calf_inertia<T: Real>(s: f64) -> InertialParameters<T> {
         [0.00548, -0.000975 * s, -0.115],
         [1.08e-3, 3.4e-7 * s, 1.72e-5, 1.10e-3, 8.28e-6 * s, 3.29e-5],
     );
-    let foot = link(
-        0.04,
-        [0.0, 0.0, -0.213],
-        [9.6e-6, 0.0, 0.0, 9.6e-6, 0.0, 9.6e-6],
-    );
+    let foot = link(0.04, FOOT, [9.6e-6, 0.0, 0.0, 9.6e-6, 0.0, 9.6e-6]);
     calf + foot
 }
 

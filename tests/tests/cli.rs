@@ -16,7 +16,9 @@ fn help_tells_each_command_with_an_example() {
     for command in [
         &["--help"][..],
         &["add", "--help"],
+        &["compare", "--help"],
         &["demo", "--help"],
+        &["diagnose", "--help"],
         &["export", "--help"],
         &["identify", "--help"],
         &["simulate", "--help"],
@@ -76,11 +78,49 @@ fn wrong_usage_has_status_2_and_says_what_would_be_right() {
 fn the_demo_finds_what_it_hid() {
     let folder = folder();
     let report = json(&done(folder.path(), &["demo", "--json"]));
-    assert_eq!(report["passed"], true);
-    assert_eq!(report["parameters"].as_array().unwrap().len(), 12);
-    assert!(report["rms"].as_f64() < report["urdf_rms"].as_f64().map(|rms| rms / 5.0));
-    assert!(done(folder.path(), &["demo"]).contains("Every estimate lies within"));
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert_eq!(report["passed"], true, "{report}");
+    assert_eq!(report["found"], report["hidden"]["name"]);
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let off = number(&report["value"]) - number(&report["hidden"]["value"]);
+    assert!(off.abs() < 3.0 * number(&report["std"]), "{report}");
+    assert!(number(&report["after_rms"]) < 0.2 * number(&report["before_rms"]));
+
+    // What it left is what its own commands take, and give the same.
+    let made = folder.path().join("proprio-demo");
+    let comparison = json(&done(
+        &made,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert_eq!(comparison["rms"], report["after_rms"]);
+    assert_eq!(comparison["before_rms"], report["before_rms"]);
+    assert!(
+        fs::read_to_string(made.join("report.html"))
+            .unwrap()
+            .contains("proprio demo")
+    );
+    let text = done(folder.path(), &["demo"]);
+    assert!(text.contains("✓ Hidden was"), "{text}");
+    assert!(
+        fs::read_to_string(made.join("tour.txt"))
+            .unwrap()
+            .ends_with(&text)
+    );
+}
+
+#[test]
+fn the_demo_overwrites_nothing_of_others() {
+    let folder = folder();
+    let theirs = folder.path().join("theirs");
+    fs::create_dir(&theirs).unwrap();
+    fs::write(theirs.join("log.csv"), "precious").unwrap();
+    let output = proprio(folder.path(), &["demo", "-o", "theirs"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("hint: name another directory"));
+    assert_eq!(fs::read_dir(&theirs).unwrap().count(), 1);
+    assert_eq!(
+        fs::read_to_string(theirs.join("log.csv")).unwrap(),
+        "precious"
+    );
 }
 
 #[test]

@@ -163,7 +163,9 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
     model.add_last(&known);
     let recording = Recording::read(std::slice::from_ref(&files.log), &model, |_, _| ())?;
     let before = compare(&recording, &model, ValuesFrom::Auto)?;
-    let diagnosis = diagnose(&recording, &model)?;
+    let mut diagnosis = diagnose(&recording, &model)?;
+    let path = files.model.display().to_string();
+    diagnosis.next = diagnosis.next.replace("MODEL", &path);
 
     let mut complete = model.clone();
     diagnose_command::apply(&diagnosis, &mut complete);

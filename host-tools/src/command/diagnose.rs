@@ -50,7 +50,11 @@ impl Diagnose {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
-        let diagnosis = diagnose(&recording, &model)?;
+        let mut diagnosis = diagnose(&recording, &model)?;
+        if let Some(path) = &self.model {
+            let path = path.display().to_string();
+            diagnosis.next = diagnosis.next.replace("MODEL", &path);
+        }
         for warning in &diagnosis.warnings {
             eprintln!("warning: {warning}");
         }

@@ -10,7 +10,9 @@
 mod blocks;
 mod column;
 pub mod comparison;
+mod contact;
 pub mod diagnosis;
+mod foot;
 pub mod gate;
 mod limb;
 mod motion;

@@ -90,6 +90,8 @@ pub(crate) struct Limb<'a> {
     pub(crate) model: Vec<Vec<f64>>,
     /// Reported over true torque of each joint.
     pub(crate) torque_scale: &'a [f64],
+    /// Ranges of samples \[first, last\] whose windows belong to no block.
+    pub(crate) left_out: &'a [[usize; 2]],
 }
 
 /// Numbers of one instant for all columns: of each joint what enters by its difference, and what is integrated.
@@ -156,7 +158,10 @@ impl Limb<'_> {
                         }
                         visit(&Window {
                             t: 0.5e-6 * (since(first) + since(k)) as f64,
-                            block: self.blocks.of_window(since(first), since(k)),
+                            block: self
+                                .blocks
+                                .of_window(since(first), since(k))
+                                .filter(|_| !self.is_left_out(first, k)),
                             rows: &rows,
                             moves: &moves,
                             samples: [first, k],
@@ -170,6 +175,12 @@ impl Limb<'_> {
                 std::mem::swap(&mut before, &mut now);
             }
         }
+    }
+
+    /// Whether a window from sample `first` to `last` overlaps a stretch that is left out.
+    fn is_left_out(&self, first: usize, last: usize) -> bool {
+        let next = self.left_out.partition_point(|range| range[1] <= first);
+        self.left_out.get(next).is_some_and(|range| range[0] < last)
     }
 
     /// All columns at sample k; those that enter by their difference only at a window's edge.

@@ -99,7 +99,19 @@ impl LimbCriticism<'_> {
         if windows.len() < 50 {
             return None;
         }
-        let residual: Vec<f64> = windows.iter().map(|w| w.1).collect();
+        let mut residual: Vec<f64> = windows.iter().map(|w| w.1).collect();
+        if self.active.contains(&place) {
+            // What the effect explains with its present shape is for the new shape to explain.
+            let entries = self.columns.of_effect(place.0, place.1);
+            for (n, entry) in entries.into_iter().enumerate() {
+                let column = self.column(windows, place, self.shape(place), n);
+                let value = self.fit.theta[entry];
+                residual
+                    .iter_mut()
+                    .zip(column)
+                    .for_each(|(r, x)| *r += value * x);
+            }
+        }
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for effect in BASIS {
             let column = self.column(windows, (effect, place.1), 1.0, 0);
@@ -161,7 +173,7 @@ impl LimbCriticism<'_> {
         }
     }
 
-    /// Column n of an effect over windows, without the division by their length, which all have in common.
+    /// Column n of an effect over windows, as their rows have it.
     fn column(
         &self,
         windows: &[([usize; 2], f64)],
@@ -180,7 +192,7 @@ impl LimbCriticism<'_> {
                 sum += 0.5e-6 * (now - time) as f64 * (before + rate);
                 (before, time) = (rate, now);
             }
-            sum
+            sum / (1e-6 * (time - self.recording.time_us[first]) as f64)
         };
         windows
             .iter()

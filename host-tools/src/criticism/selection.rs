@@ -102,12 +102,10 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let (first, start) = first(limb);
     let mut steps: Vec<Step> = Vec::new();
     let mut refused: Vec<Place> = Vec::new();
-    let significant: Vec<&Candidate> = first
+    let mut next = first
         .iter()
-        .filter(|j| j.significant)
-        .map(|j| &j.candidate)
-        .collect();
-    let mut next = best(&significant);
+        .find(|j| j.significant)
+        .map(|j| j.candidate.place);
     let mut polished = false;
     loop {
         match next {
@@ -210,10 +208,20 @@ fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
             candidate,
         })
         .collect();
-    let Some(best) = judged.iter().position(|j| j.significant) else {
+    let significant: Vec<&Candidate> = judged
+        .iter()
+        .filter(|j| j.significant)
+        .map(|j| &j.candidate)
+        .collect();
+    let Some(place) = best(&significant) else {
         return judged;
     };
-    let place = judged[best].candidate.place;
+    let Some(best) = judged.iter().position(|j| j.candidate.place == place) else {
+        return judged;
+    };
+    // First, though another with more parameters may have gained a little more by chance.
+    judged[..=best].rotate_right(1);
+    let best = 0;
     let (most, _) = judged[best].candidate.gain();
     let rivals: Vec<Place> = judged
         .iter()

@@ -79,6 +79,9 @@ pub struct Body {
     pub inertia: InertialParameters<f64>,
     /// What is known of the motor.
     pub motor: Option<Motor>,
+    /// The foot, if the body is a limb's last and something is fixed to it: the origin, in the joint frame, of the fixed link
+    /// that is farthest from the joint, m.
+    pub foot: Option<Vector3<f64>>,
 }
 
 /// A subtree that hangs on the base.
@@ -135,6 +138,7 @@ impl Robot {
                 velocity: ACTUATORS[place].velocity,
                 inertia: body.inertia,
                 motor: Some(go2_motor(place)),
+                foot: (place + 1 == JOINTS_PER_LEG).then(|| Vector3::from(go2::FOOT)),
             }
         };
         let legs = Leg::ALL.into_iter();

@@ -24,7 +24,7 @@ impl Comparison {
         let mut text = match self.before_rms {
             Some(before) => format!(
                 "{} added: rms {before:.4} → {:.4} N m ({:+.0} %)",
-                self.added.join(", "),
+                grouped(&self.added),
                 self.rms,
                 100.0 * (self.rms / before - 1.0)
             ),
@@ -51,6 +51,9 @@ impl Comparison {
 
     /// `spring:FR_thigh = 4.02 ±0.01 N m/rad`, of the effects that were added last.
     fn write_added(&self, to: &mut String) -> fmt::Result {
+        if self.added.len() > TOLD {
+            return Ok(());
+        }
         let is_added = |name: &str| {
             self.added
                 .iter()
@@ -142,6 +145,25 @@ impl Comparison {
         }
         more(to, self.episodes.len(), told)
     }
+}
+
+/// Places by effect: `spring:FR_thigh`, but `viscous (12 joints)`.
+fn grouped(places: &[String]) -> String {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for place in places {
+        let (effect, joint) = place.split_once(':').unwrap_or((place, ""));
+        match groups.iter_mut().find(|(known, _)| *known == effect) {
+            Some((_, joints)) => joints.push(joint),
+            None => groups.push((effect, vec![joint])),
+        }
+    }
+    let words = groups
+        .into_iter()
+        .map(|(effect, joints)| match joints.as_slice() {
+            [_] | [_, _] | [_, _, _] => format!("{effect}:{}", joints.join(",")),
+            more => format!("{effect} ({} joints)", more.len()),
+        });
+    words.collect::<Vec<_>>().join(", ")
 }
 
 /// What is not told.

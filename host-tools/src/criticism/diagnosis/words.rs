@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use proprio_core::effect::EffectKind;
+
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::table::{Table, with_std};
 
@@ -101,6 +103,38 @@ impl fmt::Display for Diagnosis {
     }
 }
 
+/// Why the verdict, and what to do next.
+pub(super) fn reason(
+    verdict: Verdict,
+    candidates: &[CandidateReport],
+    outside: &[String],
+    still: &[&str],
+) -> (String, String) {
+    let best = candidates.iter().find(|c| c.significant);
+    match (verdict, best) {
+        (Verdict::Missing, Some(best)) if outside.is_empty() => (
+            format!("{} is missing: {}", best.name(), best.words()),
+            format!("proprio add {} -m MODEL, then compare", best.name()),
+        ),
+        (Verdict::Missing, Some(best)) => (
+            format!("{} is the nearest effect of the catalogue, but something outside it is missing too", best.name()),
+            "look at where the rest of the error lives; `proprio compare` shows it against q, q̇, load and time".to_owned(),
+        ),
+        (Verdict::Missing, None) => (
+            "something is missing that the catalogue does not have".to_owned(),
+            "look at where the error lives; `proprio compare` shows it against q, q̇, load and time".to_owned(),
+        ),
+        (Verdict::Insufficient, _) => (
+            format!("{} hardly moves, so that nothing can be said of it", still.join(", ")),
+            "record motion of all joints at several speeds".to_owned(),
+        ),
+        (Verdict::Complete, _) => (
+            "no effect of the catalogue makes the error on unseen data smaller beyond its own error".to_owned(),
+            "nothing: the model explains these data".to_owned(),
+        ),
+    }
+}
+
 fn counted(steps: usize) -> String {
     match steps {
         0 => "nothing".to_owned(),
@@ -113,6 +147,11 @@ impl CandidateReport {
     /// `coulomb:FR_calf`.
     pub fn name(&self) -> String {
         format!("{}:{}", self.effect, self.joints.join(","))
+    }
+
+    /// What the effect is, in words.
+    fn words(&self) -> &'static str {
+        EffectKind::from_name(self.effect).map_or("", |effect| effect.description().words)
     }
 
     fn cells(&self) -> [String; 6] {

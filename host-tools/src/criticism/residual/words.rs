@@ -118,6 +118,10 @@ fn described_otherwise(shape: Shape, [size, std]: [f64; 2], variables: &Variable
             "is wrong by up to {} periodically in position, {per_radian:.1} periods per rad: looks like cogging or gear teeth",
             per("N m")
         ),
+        Shape::Gain if size > 1.0 => format!(
+            "is far too small: the measured one is {} times it ({up_to}): looks like something large that the model lacks",
+            amount(1.0 + size, std, "").trim_end()
+        ),
         Shape::Gain => format!(
             "is {too} by {} of itself ({up_to}): looks like a torque scale or a mass that the model has wrong",
             amount(100.0 * size, 100.0 * std, "%")

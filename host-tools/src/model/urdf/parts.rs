@@ -32,6 +32,12 @@ impl Parts {
             carried: Vec::new(),
         };
         parts.visit(links, links.base, None, identity())?;
+        for parent in (0..parts.bodies.len())
+            .filter_map(|b| parts.bodies[b].parent)
+            .collect::<Vec<_>>()
+        {
+            parts.bodies[parent].foot = None;
+        }
         // A short name may be another joint's whole name.
         let mut names: Vec<&str> = parts.bodies.iter().map(|body| body.name.as_str()).collect();
         names.sort_unstable();
@@ -56,6 +62,10 @@ impl Parts {
                 self.bodies[b].inertia = self.bodies[b].inertia + phi;
                 if self.bodies[b].link_name != links.robot.links[link].name {
                     self.carried[b] = self.carried[b] + phi;
+                    let (there, foot) = (placement.translation, &mut self.bodies[b].foot);
+                    if foot.is_none_or(|foot| foot.norm() < there.norm()) {
+                        *foot = Some(there);
+                    }
                 }
             }
         }
@@ -130,6 +140,7 @@ fn moved(
         velocity: stated(joint.limit.velocity),
         inertia: InertialParameters::zero(),
         motor: None,
+        foot: None,
     })
 }
 

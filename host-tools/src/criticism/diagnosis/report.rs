@@ -1,0 +1,253 @@
+//! The limbs' walks as one diagnosis.
+
+use proprio_core::effect::EffectKind;
+
+use super::super::contact;
+use super::super::recording::Recording;
+use super::super::residual;
+use super::super::selection::Judged;
+use super::super::series::{JointSeries, Predict};
+use super::{CandidateReport, Diagnosis, JointError, PathStep, Verdict, Walked, words};
+use crate::model::Model;
+
+/// A joint with fewer windows in motion cannot be judged.
+const LEAST_WINDOWS: usize = 100;
+/// Share of a joint's error above the noise floor that is taken for a missing effect if tests find structure in it, %.
+const MOST_ABOVE_NOISE: f64 = 20.0;
+
+/// What the limbs' walks say together.
+pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis {
+    let mut candidates = Vec::new();
+    for limb in walked {
+        candidates.extend(
+            limb.velocity
+                .iter()
+                .map(|(joint, gain)| limb.velocity_candidate(*joint, gain, model)),
+        );
+    }
+    candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+    let mut contacts = contacts(walked, model);
+    contacts.append(&mut candidates);
+    let mut candidates = contacts;
+    // Limb by limb in their own order; limbs by what is missing most.
+    let gain = |j: &Judged| j.candidate.gain().0;
+    let mut ranked: Vec<(bool, f64, &Walked, &Judged)> = Vec::new();
+    for limb in walked {
+        let mut least = f64::INFINITY;
+        let most = limb
+            .path
+            .first
+            .iter()
+            .filter(|j| j.significant)
+            .map(gain)
+            .fold(f64::MIN, f64::max);
+        for (n, judged) in limb.path.first.iter().enumerate() {
+            let own = if n == 0 && judged.significant {
+                most
+            } else {
+                gain(judged)
+            };
+            least = least.min(own);
+            ranked.push((judged.significant, least, limb, judged));
+        }
+    }
+    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    candidates.extend(
+        ranked
+            .iter()
+            .map(|(_, _, limb, judged)| limb.candidate(judged, model)),
+    );
+
+    let rms = |rss: f64, n: f64| (rss / n).sqrt();
+    let (mut joints, mut floor, mut windows) = (Vec::new(), 0.0, 0.0);
+    for limb in walked {
+        let floors = limb.criticism.floor();
+        let last = limb
+            .path
+            .steps
+            .last()
+            .map_or(&limb.path.start, |step| &step.rss);
+        for (j, n) in limb.windows().into_iter().enumerate() {
+            let after = rms(last[j], n);
+            let noise = floors[j].min(after);
+            floor += noise * noise * n;
+            windows += n;
+            joints.push(JointError {
+                joint: limb.name(j, model),
+                n: n as usize,
+                before: rms(limb.path.start[j], n),
+                after,
+                floor: noise,
+            });
+        }
+    }
+    let path = path(walked, model, windows);
+    let start: f64 = walked.iter().flat_map(|limb| &limb.path.start).sum();
+    let outside_catalogue = outside(walked, model);
+    let still: Vec<&str> = joints
+        .iter()
+        .filter(|j| j.n < LEAST_WINDOWS)
+        .map(|j| &*j.joint)
+        .collect();
+    let significant = candidates.iter().any(|c| c.significant);
+    let verdict = match (
+        significant || !outside_catalogue.is_empty(),
+        still.is_empty(),
+    ) {
+        (true, _) => Verdict::Missing,
+        (false, true) => Verdict::Complete,
+        (false, false) => Verdict::Insufficient,
+    };
+    let by_contact = candidates
+        .first()
+        .is_some_and(|c| c.effect == EffectKind::Contact.name());
+    let (reason, next) = if by_contact {
+        contact::reason(&candidates)
+    } else {
+        words::reason(verdict, &candidates, &outside_catalogue, &still)
+    };
+    Diagnosis {
+        verdict,
+        reason,
+        next,
+        candidates,
+        path,
+        held_out_rms: rms(start, windows),
+        noise_floor_rms: rms(floor, windows),
+        joints,
+        outside_catalogue,
+        logs: recording.logs.clone(),
+        warnings: (recording.warnings.iter().cloned())
+            .chain(contact_words(walked, model))
+            .collect(),
+    }
+}
+
+/// The forces at feet that the model does not have, the joints' best agreement first.
+fn contacts(walked: &[Walked], model: &Model) -> Vec<CandidateReport> {
+    let reports = walked.iter().filter_map(|limb| {
+        let contact = limb.contact.as_ref().filter(|c| !c.known)?;
+        Some(contact.contact.report(limb.foot(model)))
+    });
+    let mut contacts: Vec<CandidateReport> = reports.collect();
+    contacts.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+    contacts
+}
+
+/// What contact means for the rest of the diagnosis.
+fn contact_words(walked: &[Walked], model: &Model) -> Vec<String> {
+    let of = |limb: &Walked| Some((limb.foot(model), limb.contact.clone()?));
+    contact::words(&walked.iter().filter_map(of).collect::<Vec<_>>())
+}
+
+/// The limbs' steps as one path: the limbs' first steps, those of one effect together, then their second ones.
+fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
+    let mut now: Vec<Vec<f64>> = walked.iter().map(|limb| limb.path.start.clone()).collect();
+    let mut path: Vec<PathStep> = Vec::new();
+    let rms = |now: &[Vec<f64>]| (now.iter().flatten().sum::<f64>() / windows).sqrt();
+    let mut feet = Vec::new();
+    for (now, limb) in now.iter_mut().zip(walked) {
+        if let Some(contact) = limb.contact.as_ref().filter(|c| !c.known) {
+            now.clone_from(&contact.after);
+            feet.push(limb.foot(model));
+        }
+    }
+    if !feet.is_empty() {
+        path.push(PathStep {
+            effect: EffectKind::Contact.name(),
+            joints: feet,
+            held_out_rms: rms(&now),
+            removed: false,
+        });
+    }
+    for (n, limb) in walked.iter().enumerate() {
+        for (joint, _) in &limb.velocity {
+            let joints = vec![limb.name(*joint, model)];
+            path.push(PathStep {
+                effect: EffectKind::VelocityGain.name(),
+                joints,
+                held_out_rms: rms(&now),
+                removed: false,
+            });
+        }
+        now[n].clone_from(&limb.path.after_velocity);
+    }
+    if let Some(last) = path.last_mut()
+        && last.effect == EffectKind::VelocityGain.name()
+    {
+        last.held_out_rms = rms(&now);
+    }
+    let rounds = walked
+        .iter()
+        .map(|limb| limb.path.steps.len())
+        .max()
+        .unwrap_or(0);
+    for round in 0..rounds {
+        let mut groups: Vec<(EffectKind, bool, Vec<usize>)> = Vec::new();
+        for (n, limb) in walked.iter().enumerate() {
+            let Some(step) = limb.path.steps.get(round) else {
+                continue;
+            };
+            match groups
+                .iter_mut()
+                .find(|(effect, removed, _)| (*effect, *removed) == (step.place.0, step.removed))
+            {
+                Some((_, _, limbs)) => limbs.push(n),
+                None => groups.push((step.place.0, step.removed, vec![n])),
+            }
+        }
+        let fall = |limbs: &[usize]| -> f64 {
+            let of = |&n: &usize| -> f64 {
+                now[n].iter().sum::<f64>() - walked[n].path.steps[round].rss.iter().sum::<f64>()
+            };
+            limbs.iter().map(of).sum()
+        };
+        groups.sort_by(|a, b| fall(&b.2).total_cmp(&fall(&a.2)));
+        for (effect, removed, limbs) in groups {
+            let mut joints = Vec::new();
+            for n in limbs {
+                let step = &walked[n].path.steps[round];
+                now[n].clone_from(&step.rss);
+                let name = walked[n].name(step.place.1, model);
+                if !joints.contains(&name) {
+                    joints.push(name);
+                }
+            }
+            path.push(PathStep {
+                effect: effect.name(),
+                joints,
+                held_out_rms: rms(&now),
+                removed,
+            });
+        }
+    }
+    path
+}
+
+/// What the catalogue's effects leave, joint by joint, where it is more than noise.
+fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
+    let series: Vec<JointSeries> = walked
+        .iter()
+        .flat_map(|limb| {
+            let joints = 0..limb.criticism.recording.joints;
+            let names: Vec<String> = joints.map(|j| limb.name(j, model)).collect();
+            limb.criticism.series(Predict::HeldOut, &names)
+        })
+        .collect();
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let left = residual::criticise(&views).into_iter().filter(|joint| {
+        joint.structure_remains()
+            && joint
+                .above_noise_percent
+                .is_some_and(|share| share > MOST_ABOVE_NOISE)
+    });
+    left.map(|joint| {
+        let share = joint.above_noise_percent.unwrap_or(0.0);
+        let place = joint.patterns.first().map_or(String::new(), |pattern| format!(" {}", pattern.sentence));
+        format!(
+            "{}: no effect of the catalogue explains {share:.0} % of the error that is left.{place}",
+            joint.joint
+        )
+    })
+    .collect()
+}

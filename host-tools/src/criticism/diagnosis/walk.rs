@@ -1,0 +1,161 @@
+//! One limb from the model as it was given to one that lacks nothing: contact first, then velocities, then the catalogue.
+
+use proprio_core::effect::EffectKind;
+
+use super::super::column::BASE;
+use super::super::contact::{LeftOut, leave_out_contact};
+use super::super::limb::{FOLDS, LimbCriticism, Place};
+use super::super::recording::Recording;
+use super::super::rows::Blocks;
+use super::super::selection::{self, Judged, Path};
+use super::super::velocity::VelocityGain;
+use super::{Alternative, CandidateReport, ParameterReport};
+use crate::model::{Limb, Model};
+
+/// One limb, walked to the end.
+pub(super) struct Walked<'a> {
+    pub(super) criticism: LimbCriticism<'a>,
+    pub(super) contact: Option<LeftOut>,
+    pub(super) velocity: Vec<(usize, VelocityGain)>,
+    pub(super) path: Path,
+}
+
+/// Walks one limb; `None` if its recording is too short for folds.
+pub(super) fn walk<'a>(
+    recording: &'a Recording,
+    model: &'a Model,
+    limb: &'a Limb,
+) -> Option<Walked<'a>> {
+    let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
+    let mut criticism = LimbCriticism::new(model, limb, data, true)?;
+    if criticism.blocks.count < FOLDS {
+        return None;
+    }
+    let contact = leave_out_contact(&mut criticism);
+    let blocks: Blocks = criticism.blocks;
+    let mut velocity = Vec::new();
+    for joint in 0..data.joints {
+        let place = (EffectKind::VelocityGain, joint);
+        if criticism.active.contains(&place) {
+            continue;
+        }
+        if contact.as_ref().is_some_and(|c| c.too_little_swing) {
+            break;
+        }
+        if let Some(gain) = VelocityGain::of(data, joint, blocks)
+            && gain.is_significant()
+        {
+            velocity.push((joint, gain));
+        }
+    }
+    let first = (!velocity.is_empty()).then(|| selection::first(&criticism));
+    for (joint, gain) in &velocity {
+        criticism.active.push((EffectKind::VelocityGain, *joint));
+        criticism.corrections.velocity_gain[*joint] = gain.value;
+    }
+    if !velocity.is_empty() {
+        criticism.rebuild();
+    }
+    let mut path = match &contact {
+        Some(contact) if contact.too_little_swing => Path {
+            first: Vec::new(),
+            start: contact.after.clone(),
+            after_velocity: contact.after.clone(),
+            steps: Vec::new(),
+        },
+        _ => selection::walk(&mut criticism),
+    };
+    if let Some((first, start)) = first {
+        (path.first, path.start) = (first, start);
+    }
+    if let Some(contact) = &contact {
+        path.start.clone_from(&contact.before);
+    }
+    Some(Walked {
+        criticism,
+        contact,
+        velocity,
+        path,
+    })
+}
+
+impl Walked<'_> {
+    pub(super) fn name(&self, joint: usize, model: &Model) -> String {
+        let body = if joint == BASE {
+            BASE
+        } else {
+            self.criticism.limb.bodies.start + joint
+        };
+        model.joint_name(body).to_owned()
+    }
+
+    /// The joint that carries the foot.
+    pub(super) fn foot(&self, model: &Model) -> String {
+        self.name(self.criticism.recording.joints - 1, model)
+    }
+
+    pub(super) fn windows(&self) -> Vec<f64> {
+        let tests = &self.criticism.tests;
+        (0..self.criticism.recording.joints)
+            .map(|j| tests.iter().map(|fold| fold[j].rows()).sum())
+            .collect()
+    }
+
+    pub(super) fn candidate(&self, judged: &Judged, model: &Model) -> CandidateReport {
+        let candidate = &judged.candidate;
+        let (effect, joint) = candidate.place;
+        let (held_out_gain, held_out_gain_error) = judged.held_out_gain;
+        let parameters = judged.parameters.clone();
+        CandidateReport {
+            effect: effect.name(),
+            joints: vec![self.name(joint, model)],
+            held_out_gain,
+            held_out_gain_error,
+            z: candidate.z,
+            value: parameters[0].value,
+            std: parameters[0].std,
+            parameters,
+            in_bounds: judged.in_bounds,
+            significant: judged.significant,
+            alternatives: judged
+                .alternatives
+                .iter()
+                .map(|place| self.alternative(*place, model))
+                .collect(),
+        }
+    }
+
+    fn alternative(&self, (effect, joint): Place, model: &Model) -> Alternative {
+        Alternative {
+            effect: effect.name(),
+            joints: vec![self.name(joint, model)],
+        }
+    }
+
+    pub(super) fn velocity_candidate(
+        &self,
+        joint: usize,
+        gain: &VelocityGain,
+        model: &Model,
+    ) -> CandidateReport {
+        let parameter = &EffectKind::VelocityGain.description().parameters[0];
+        CandidateReport {
+            effect: EffectKind::VelocityGain.name(),
+            joints: vec![self.name(joint, model)],
+            held_out_gain: gain.held_out_gain,
+            held_out_gain_error: gain.error,
+            z: gain.z(),
+            value: gain.value,
+            std: gain.std,
+            parameters: vec![ParameterReport {
+                symbol: parameter.symbol,
+                unit: parameter.unit,
+                value: gain.value,
+                std: gain.std,
+            }],
+            in_bounds: true,
+            significant: true,
+            alternatives: Vec::new(),
+        }
+    }
+}
