@@ -1,6 +1,7 @@
 //! Shared helpers of the cross-crate tests.
 #![forbid(unsafe_code)]
 
+pub mod battery;
 pub mod browser;
 pub mod command;
 pub mod motion;

@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use super::CriticismError;
 use super::gate::{DataGates, GateReport, Joint, Reading};
-use crate::log::{LogReader, Row, Selection, Warning};
+use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
+use crate::simulator::SimulatedSample;
 
 /// Two samples further apart than this are not bridged, µs.
 pub const MAX_GAP_US: u64 = 10_000;
@@ -134,7 +135,9 @@ impl Recording {
         let mut offset_us = 0;
         for path in logs {
             let mut reader = LogReader::open(path, Selection::Everything)?;
-            let limbs = recording.limbs_of(model, &reader);
+            let recorded = reader.columns().joints();
+            let recorded: Vec<_> = recorded.map(|j| (j.name(), j.index())).collect();
+            let limbs = recording.limbs_of(model, &recorded);
             let mut gates = Gates::new(model, &recording.limbs, &limbs);
             let (mut first, mut last_us) = (None, 0);
             let mut new_log = vec![true; limbs.len()];
@@ -142,7 +145,7 @@ impl Recording {
             while let Some(row) = reader.next_row()? {
                 let start_us = *first.get_or_insert(row.time_us);
                 last_us = row.time_us.saturating_sub(start_us);
-                gates.push(last_us, row);
+                gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
                 for (n, (place, joints)) in limbs.iter().enumerate() {
                     let channels = [row.q(), row.dq(), row.tau(), row.temp()];
                     for (to, from) in buffer.iter_mut().zip(channels) {
@@ -195,9 +198,51 @@ impl Recording {
         (&gates.log, t - gates.start)
     }
 
-    /// The limbs that a log has: their place here, and the log's indices of their joints.
-    fn limbs_of(&mut self, model: &Model, reader: &LogReader) -> Vec<(usize, Vec<usize>)> {
-        let recorded: Vec<_> = reader.columns().joints().collect();
+    /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
+    /// which a joint is not among them is left out.
+    pub fn from_samples<'a>(
+        model: &Model,
+        joints: &[&str],
+        samples: impl IntoIterator<Item = &'a SimulatedSample>,
+    ) -> Self {
+        let mut recording = Self {
+            logs: Vec::new(),
+            limbs: Vec::new(),
+            warnings: Vec::new(),
+            duration: 0.0,
+            gates: Vec::new(),
+        };
+        let recorded: Vec<_> = joints.iter().enumerate().map(|(n, j)| (*j, n)).collect();
+        let limbs = recording.limbs_of(model, &recorded);
+        let mut gates = Gates::new(model, &recording.limbs, &limbs);
+        let mut start = None;
+        for sample in samples {
+            let t = sample.t - *start.get_or_insert(sample.t);
+            let time_us = (t * 1e6).round() as u64;
+            recording.duration = t;
+            let temperatures = sample.temp.as_deref().unwrap_or(&[]);
+            gates.push(time_us, [&sample.q, &sample.dq, &sample.tau, temperatures]);
+            for (place, own) in &limbs {
+                let of = |channel: &[f64]| own.iter().map(|&j| channel[j]).collect::<Vec<_>>();
+                let unknown = || vec![f64::NAN; own.len()];
+                let temperature = sample.temp.as_deref().map_or_else(unknown, of);
+                let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
+                let channels = [&q[..], &dq[..], &tau[..], &temperature[..]];
+                let limb = &mut recording.limbs[*place].1;
+                limb.push(time_us, channels, f64::NAN, false);
+            }
+        }
+        recording.gates.push(LogGates {
+            log: PathBuf::from("simulation"),
+            start: 0.0,
+            report: gates.gates.report(),
+        });
+        recording
+    }
+
+    /// The limbs that a log has of whose joints name and index are `recorded`: their place here, and the log's indices of
+    /// their joints.
+    fn limbs_of(&mut self, model: &Model, recorded: &[(&str, usize)]) -> Vec<(usize, Vec<usize>)> {
         let mut found = Vec::new();
         for limb in model.robot().limbs() {
             let names = limb.bodies.clone().map(|b| &model.robot().bodies()[b].name);
@@ -205,8 +250,8 @@ impl Recording {
                 .map(|name| {
                     recorded
                         .iter()
-                        .find(|joint| joint.name() == name)
-                        .map(|joint| joint.index())
+                        .find(|(known, _)| *known == name.as_str())
+                        .map(|(_, index)| *index)
                 })
                 .collect();
             let Some(joints) = joints else { continue };
@@ -259,12 +304,13 @@ impl Gates {
         }
     }
 
-    fn push(&mut self, time_us: u64, row: &Row) {
+    /// Positions, velocities, torques and temperatures of all joints of the log; there may be no temperatures.
+    fn push(&mut self, time_us: u64, [q, dq, tau, temperature]: [&[f64]; 4]) {
         let reading = |&j: &usize| Reading {
-            q: row.q()[j],
-            dq: row.dq()[j],
-            tau: row.tau()[j],
-            temperature: Some(row.temp()[j]).filter(|t| t.is_finite()),
+            q: q[j],
+            dq: dq[j],
+            tau: tau[j],
+            temperature: temperature.get(j).copied().filter(|t| t.is_finite()),
         };
         self.readings.clear();
         self.readings.extend(self.joints.iter().map(reading));

@@ -1,0 +1,270 @@
+//! Whether a log can tell a hidden effect at all: the Cramér-Rao bound, apart from the identification's columns.
+//!
+//! The robot is simulated once more without noise, quanta and jitter. The *signature* of what is hidden is the reported
+//! torque minus the inverse dynamics of the reported motion by the true bodies and the known effects, as means over 20 ms:
+//! whatever the effect is, that is what a model without it cannot say. What the model may fit instead is taken away from it:
+//! every inertial parameter within the CAD's uncertainty (columns by inverse dynamics of unit bodies), and viscous, Coulomb,
+//! rotor inertia and bias of every joint that the model has, at any value. What is left, divided by the noise, is
+//!
+//! ```text
+//! size / standard deviation (Cramér-Rao) = ‖L⁻¹ (1 − P) s‖,    cov(noise) = L Lᵀ
+//! ```
+//!
+//! exactly where the torque is linear in the size, and to first order elsewhere; a shape is taken as known. The noise is the
+//! same residual of a log with noise and quanta of a complete model: its variance and its covariance from window to window
+//! (velocity noise enters by differences) make a tridiagonal covariance per joint. The noise of different joints is taken as
+//! independent. A wrong velocity is told by the positions as well, and what they tell is added.
+
+use nalgebra::{DMatrix, DVector, SVector, Vector3};
+use proprio::simulator::{HiddenEffect, HiddenKind, Sensors, SimulatedSample, Simulation};
+use proprio_core::estimator::CAD_UNCERTAINTY;
+use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, Leg};
+use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::spatial::Transform;
+use proprio_core::tree::Tree;
+
+use super::case::{Case, TYPICAL};
+
+/// Samples of a window: 20 ms at 500 Hz.
+const WINDOW: usize = 10;
+/// Friction of a joint slower than this is not known, rad/s.
+const REST: f64 = 0.02;
+/// Inertial parameters of a leg.
+const BODIES: usize = INERTIAL * JOINTS;
+/// And with the effects that a model may have.
+const NUISANCES: usize = BODIES + TYPICAL.len() * JOINTS;
+
+/// A window of a joint: what a model may fit, and what it cannot say.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    nuisances: SVector<f64, NUISANCES>,
+    torque: f64,
+}
+
+/// Windows by joint; `None` where the joint rests.
+type Rows = [Vec<Option<Row>>; JOINTS];
+
+/// Variance of a window's torque and covariance of neighbours, (N m)², by joint.
+pub type Noise = [[f64; 2]; JOINTS];
+
+/// What a log can tell of a hidden effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bound {
+    /// Size over its Cramér-Rao standard deviation.
+    pub snr: f64,
+    /// Root mean square of the effect's torque at the joint that feels it most, N m.
+    pub torque: f64,
+}
+
+/// The signature of what is hidden in a simulation.
+pub struct Signature {
+    rows: Rows,
+    /// What positions tell beside the torques: the square of a signal-to-noise ratio.
+    kinematic: f64,
+}
+
+/// The noise of a leg's windows under the true model.
+pub fn noise(known: &Simulation) -> Noise {
+    let even = Simulation {
+        sensors: Sensors::default(),
+        ..known.clone()
+    };
+    let rows = rows(&even, &even.effects);
+    rows.each_ref().map(|windows| {
+        let pairs = windows.windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
+        let (mut variance, mut covariance, mut n) = (0.0, 0.0, 0.0);
+        for (a, b) in pairs {
+            variance += 0.5 * (a.torque * a.torque + b.torque * b.torque);
+            covariance += a.torque * b.torque;
+            n += 1.0;
+        }
+        // A tridiagonal matrix is positive definite up to one half.
+        let most = 0.49 * variance;
+        [variance / n, covariance.clamp(-most, most) / n]
+    })
+}
+
+impl Signature {
+    /// Of `hidden` in a robot that otherwise has what `case` knows.
+    pub fn new(case: &Case, hidden: &[HiddenEffect]) -> Self {
+        let known = case.known();
+        let mut simulation = known.clone();
+        simulation.effects.extend(hidden.iter().cloned());
+        simulation.sensors = Sensors::ideal();
+        let kinematic = hidden.iter().map(|e| kinematic(e, &simulation)).sum();
+        Self {
+            rows: rows(&simulation, &known.effects),
+            kinematic,
+        }
+    }
+
+    /// What of this signature neither the model of `case` nor the signatures of `others` can say.
+    pub fn bound(&self, case: &Case, noise: &Noise, others: &[&Self]) -> Bound {
+        let fitted = fitted(case);
+        let width = fitted.len() + others.len() + 1;
+        let mut whitened: Vec<DVector<f64>> = prior(case.leg, &fitted, width);
+        let mut torque = 0.0f64;
+        for joint in 0..JOINTS {
+            let (mut square, mut n) = (0.0, 0.0);
+            let mut before: Option<(DVector<f64>, f64)> = None;
+            for (k, row) in self.rows[joint].iter().enumerate() {
+                let rivals: Option<Vec<f64>> = others
+                    .iter()
+                    .map(|other| other.rows[joint].get(k).copied().flatten())
+                    .map(|row| Some(row?.torque))
+                    .collect();
+                let (Some(row), Some(rivals)) = (row, rivals) else {
+                    before = None;
+                    continue;
+                };
+                square += row.torque * row.torque;
+                n += 1.0;
+                let values = fitted.iter().map(|&c| row.nuisances[c]);
+                let all = values.chain(rivals).chain([row.torque]);
+                let row = DVector::from_iterator(width, all);
+                // Cholesky factor of a tridiagonal covariance, row by row.
+                let [variance, covariance] = noise[joint];
+                let (row, left) = match &before {
+                    None => (row, variance),
+                    Some((last, pivot)) => (
+                        row - last * (covariance / pivot),
+                        variance - covariance * covariance / pivot,
+                    ),
+                };
+                whitened.push(&row / left.sqrt());
+                before = Some((row, left));
+            }
+            torque = torque.max((square / f64::max(n, 1.0)).sqrt());
+        }
+        let rows = whitened.len();
+        let matrix = DMatrix::from_fn(rows, width, |r, c| whitened[r][c]);
+        let left = matrix.qr().r()[(width - 1, width - 1)];
+        Bound {
+            snr: left.hypot(self.kinematic.sqrt()),
+            torque,
+        }
+    }
+}
+
+/// The columns that the model of a case may fit.
+fn fitted(case: &Case) -> Vec<usize> {
+    let known = case.known().effects;
+    let has = |kind: HiddenKind, place: usize| {
+        known
+            .iter()
+            .any(|e| e.kind() == kind && e.joint().is_some_and(|j| j.place() == place))
+    };
+    let mut fitted: Vec<usize> = (0..BODIES).collect();
+    for place in 0..JOINTS {
+        for (n, kind) in TYPICAL.into_iter().enumerate() {
+            if has(kind, place) {
+                fitted.push(BODIES + place * TYPICAL.len() + n);
+            }
+        }
+    }
+    fitted
+}
+
+/// The CAD's knowledge of the inertial parameters: rows of unit noise.
+fn prior(leg: Leg, fitted: &[usize], width: usize) -> Vec<DVector<f64>> {
+    let mut rows = Vec::new();
+    for (b, body) in go2::leg::<f64>(leg).bodies().iter().enumerate() {
+        let Some(factor) = body.inertia.prior(CAD_UNCERTAINTY) else {
+            continue;
+        };
+        for k in 0..INERTIAL {
+            let mut row = DVector::zeros(width);
+            // A row of the triangle: its entries from the diagonal on, the right-hand side last.
+            for (n, value) in factor.row(k).iter().take(INERTIAL - k).enumerate() {
+                let column = b * INERTIAL + k + n;
+                debug_assert_eq!(fitted[column], column);
+                row[column] = *value;
+            }
+            rows.push(row);
+        }
+    }
+    rows
+}
+
+/// Windows of a simulated log under the true bodies and `known` effects.
+fn rows(simulation: &Simulation, known: &[HiddenEffect]) -> Rows {
+    let samples: Vec<SimulatedSample> = simulation.samples().map_while(Result::ok).collect();
+    let leg = simulation.legs[0];
+    let tree = go2::leg::<f64>(leg).with_inertia(&simulation.bodies(leg));
+    let units: Vec<Tree<f64, JOINTS, JOINTS>> = (0..BODIES)
+        .map(|c| {
+            let mut bodies = [InertialParameters::zero(); JOINTS];
+            bodies[c / INERTIAL].0[c % INERTIAL] = 1.0;
+            go2::leg(leg).with_inertia(&bodies)
+        })
+        .collect();
+    let size = |kind: HiddenKind, place: usize| {
+        let here = |e: &&HiddenEffect| {
+            e.kind() == kind && e.joint().is_some_and(|joint| joint.place() == place)
+        };
+        known.iter().rfind(here).map_or(0.0, |e| e.values()[0])
+    };
+    let sizes: [[f64; TYPICAL.len()]; JOINTS] =
+        std::array::from_fn(|place| TYPICAL.map(|kind| size(kind, place)));
+    let mut rows: Rows = std::array::from_fn(|_| Vec::new());
+    let window = |first: usize| -> [Option<Row>; JOINTS] {
+        let zero = Row {
+            nuisances: SVector::zeros(),
+            torque: 0.0,
+        };
+        let mut sum = [Some(zero); JOINTS];
+        for k in first..first + WINDOW {
+            let at = |x: &[f64]| Vector3::from_column_slice(&x[..JOINTS]);
+            let (q, dq) = (at(&samples[k].q), at(&samples[k].dq));
+            let step = samples[k + 1].t - samples[k - 1].t;
+            let ddq = (at(&samples[k + 1].dq) - at(&samples[k - 1].dq)) / step;
+            let kinematics = tree.kinematics(&Transform::identity(), &q, &dq);
+            let rigid = tree.inverse_dynamics(&kinematics, &dq, &ddq);
+            let columns: Vec<Vector3<f64>> = units
+                .iter()
+                .map(|unit| unit.inverse_dynamics(&kinematics, &dq, &ddq))
+                .collect();
+            for joint in 0..JOINTS {
+                if dq[joint].abs() < REST {
+                    sum[joint] = None;
+                }
+                let Some(row) = &mut sum[joint] else { continue };
+                let own = [dq[joint], dq[joint].signum(), ddq[joint], 1.0];
+                row.torque += samples[k].tau[joint] - rigid[joint];
+                for (n, x) in own.into_iter().enumerate() {
+                    row.torque -= sizes[joint][n] * x;
+                    row.nuisances[BODIES + joint * TYPICAL.len() + n] += x / WINDOW as f64;
+                }
+                for (c, column) in columns.iter().enumerate() {
+                    row.nuisances[c] += column[joint] / WINDOW as f64;
+                }
+            }
+        }
+        for row in sum.iter_mut().flatten() {
+            row.torque /= WINDOW as f64;
+        }
+        sum
+    };
+    let mut first = 1;
+    while first + WINDOW < samples.len() {
+        for (joint, row) in window(first).into_iter().enumerate() {
+            rows[joint].push(row);
+        }
+        first += WINDOW;
+    }
+    rows
+}
+
+/// What positions tell of a wrong velocity: the sum over samples of its square over its noise's.
+fn kinematic(effect: &HiddenEffect, simulation: &Simulation) -> f64 {
+    let (HiddenKind::VelocityGain, Some(joint)) = (effect.kind(), effect.joint()) else {
+        return 0.0;
+    };
+    let place = joint.place();
+    let wrong = 1.0 - 1.0 / effect.values()[0];
+    let variance = go2::VELOCITY_NOISE[place].powi(2) + go2::quanta(place)[1].powi(2) / 12.0;
+    let samples = simulation.samples().map_while(Result::ok);
+    samples
+        .map(|s| (wrong * s.dq[place]).powi(2) / variance)
+        .sum()
+}
