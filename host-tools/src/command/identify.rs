@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use proprio::estimate::Constraint;
-use proprio::identification::{Identification, Options, identify};
-use proprio::model::Provenance;
+use proprio::criticism::Recording;
+use proprio::identification::{Identification, Options, fit_model, identify};
+use proprio::model::{Model, Provenance};
 use proprio::output;
 
 use super::{Error, json};
@@ -35,6 +36,14 @@ pub(crate) struct Identify {
     /// Without it values are free, as the device streams them: an unphysical one tells that the model lacks something.
     #[arg(long)]
     physical: bool,
+    /// Fit the effects that this model file names, physical unless --free
+    ///
+    /// The file's priors count, its values do not. With -o the values are written to a model file.
+    #[arg(short, long, value_name = "MODEL", conflicts_with_all = ["bus", "physical"])]
+    model: Option<PathBuf>,
+    /// With --model: values may be unphysical
+    #[arg(long, requires = "model")]
+    free: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -43,6 +52,9 @@ pub(crate) struct Identify {
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
         let mut progress = Progress::new("Identifying");
+        if let Some(path) = &self.model {
+            return self.run_model(&Model::load(path)?, progress);
+        }
         let constraint = if self.physical {
             Constraint::Physical
         } else {
@@ -65,6 +77,25 @@ impl Identify {
         } else {
             result.to_string()
         })
+    }
+
+    fn run_model(&self, model: &Model, mut progress: Progress) -> Result<String, Error> {
+        let constraint = if self.free { Constraint::Free } else { Constraint::Physical };
+        let recording = Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
+        let fitted = fit_model(&recording, model, constraint)?;
+        drop(progress);
+        for warning in &fitted.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.output {
+            if path.extension().is_some_and(|extension| extension == "json") {
+                output::write(path, &json(&fitted))?;
+            } else {
+                let provenance = Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
+                fitted.to_model(model, provenance)?.save(path)?;
+            }
+        }
+        Ok(if self.json { json(&fitted) } else { fitted.to_string() })
     }
 
     fn write(&self, path: &Path, result: &Identification) -> Result<(), Error> {

@@ -5,7 +5,11 @@
 //! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
 
 mod bus;
+mod deviation;
 mod leg;
+mod limb;
+mod model_fit;
+mod physical;
 mod result;
 mod to_model;
 
@@ -17,6 +21,7 @@ use proprio_core::go2::{LEGS, Leg};
 use crate::estimate::Constraint;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
+pub use model_fit::{Fitted, FittedJoint, FittedParameter, fit_model};
 pub use result::{Identification, JointFit, Samples};
 pub use to_model::NotAModel;
 
