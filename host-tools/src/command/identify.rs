@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use proprio::estimate::Constraint;
 use proprio::criticism::Recording;
-use proprio::identification::{Identification, Options, fit_model, identify};
+use proprio::identification::{FitOptions, Identification, Method, Options, fit_runs, identify};
 use proprio::model::{Model, Provenance};
 use proprio::output;
 
@@ -44,9 +44,40 @@ pub(crate) struct Identify {
     /// With --model: values may be unphysical
     #[arg(long, requires = "model")]
     free: bool,
+    /// With --model: also print what motion can tell at all, and what these logs do not tell
+    #[arg(long, requires = "model")]
+    base: bool,
+    /// With --model: friction with the CAD's bodies first, then inertia, then physical inertia
+    #[arg(long, requires = "model", conflicts_with = "free")]
+    stages: bool,
+    /// With --model: which equation the parameters are fitted to
+    #[arg(long, value_enum, default_value_t, requires = "model")]
+    method: Equation,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+/// Names of the equations on the command line.
+#[derive(Debug, Clone, Copy, Default, clap::ValueEnum)]
+enum Equation {
+    /// Integrated momentum: no accelerations
+    #[default]
+    Momentum,
+    /// Differences of energy: no accelerations, one row for all joints of a limb
+    Energy,
+    /// Torques at instants: accelerations by filtered differentiation
+    InverseDynamics,
+}
+
+impl From<Equation> for Method {
+    fn from(equation: Equation) -> Self {
+        match equation {
+            Equation::Momentum => Self::Momentum,
+            Equation::Energy => Self::Energy,
+            Equation::InverseDynamics => Self::InverseDynamics,
+        }
+    }
 }
 
 impl Identify {
@@ -80,9 +111,13 @@ impl Identify {
     }
 
     fn run_model(&self, model: &Model, mut progress: Progress) -> Result<String, Error> {
-        let constraint = if self.free { Constraint::Free } else { Constraint::Physical };
+        let options = FitOptions {
+            constraint: if self.free { Constraint::Free } else { Constraint::Physical },
+            method: self.method.into(),
+            stages: self.stages,
+        };
         let recording = Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
-        let fitted = fit_model(&recording, model, constraint)?;
+        let fitted = fit_runs(&recording, model, options)?;
         drop(progress);
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
@@ -95,7 +130,11 @@ impl Identify {
                 fitted.to_model(model, provenance)?.save(path)?;
             }
         }
-        Ok(if self.json { json(&fitted) } else { fitted.to_string() })
+        Ok(match (self.json, self.base) {
+            (true, _) => json(&fitted),
+            (false, true) => format!("{fitted}{}", fitted.identifiability()),
+            (false, false) => fitted.to_string(),
+        })
     }
 
     fn write(&self, path: &Path, result: &Identification) -> Result<(), Error> {

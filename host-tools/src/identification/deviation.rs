@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::limb::{LimbFit, scores};
+use super::limb::LimbFit;
 use super::physical::inverse;
 
 /// Standard deviations of a limb's parameters.
@@ -25,7 +25,7 @@ impl Deviations {
         let prior = fit.problem.prior_information(&fit.solution.theta);
         Self {
             independent: row_norms(&inverse),
-            blocks: sandwich(&inverse, &scores(fit), &prior),
+            blocks: sandwich(&inverse, &fit.scores(), &prior),
         }
     }
 

@@ -1,42 +1,104 @@
 //! What `proprio identify --model` does: the effects that a model file names, fitted to logs.
 
 mod result;
+mod words;
 
 use proprio_core::effect::EffectKind;
 use proprio_core::inertia::{INERTIAL, NAMES, UNITS};
 
 use super::deviation::Deviations;
-use super::limb::LimbFit;
+use super::limb::{How, LimbFit};
+use super::method::Method;
+use super::runs::{self, Run};
+use super::stages::{self, Stage, StageParameter};
 use crate::criticism::column::{BASE, Entry};
 use crate::criticism::velocity::VelocityGain;
 use crate::criticism::{CriticismError, Recording};
 use crate::estimate::{Constraint, ParameterEstimate, Status};
 use crate::model::{Limb, Model};
 use crate::parameter::name_at;
-pub use result::{Fitted, FittedJoint, FittedParameter, Held};
+pub use result::{Fitted, FittedJoint, FittedParameter, Place};
+
+/// How a model is fitted.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FitOptions {
+    /// Whether values may be unphysical.
+    pub constraint: Constraint,
+    /// By which equation.
+    pub method: Method,
+    /// Friction first, then inertia: see [`Stage`].
+    pub stages: bool,
+}
 
 /// Fits `model`, whose values are not looked at but whose priors are, to a recording.
 ///
 /// # Errors
 /// [`CriticismError::TooShort`] if no limb has enough samples.
-pub fn fit_model(
-    recording: &Recording,
-    model: &Model,
-    constraint: Constraint,
-) -> Result<Fitted, CriticismError> {
+pub fn fit_model(recording: &Recording, model: &Model, options: FitOptions) -> Result<Fitted, CriticismError> {
     let without = without_values(model);
-    let too_short = || CriticismError::TooShort { duration: recording.duration };
-    let mut fits = fit_limbs(recording, &without, constraint, None);
+    let mut how = How { constraint: options.constraint, method: options.method, tilt: None };
+    let mut fits = fit_limbs(recording, &without, how);
     if fits.is_empty() {
-        return Err(too_short());
+        return Err(CriticismError::TooShort { duration: recording.duration });
     }
     let mut tilt = None;
     if without.effect(EffectKind::BaseTilt, BASE).is_some() {
         let common = common_tilt(&fits);
         tilt = Some(common);
-        fits = fit_limbs(recording, &without, constraint, Some(common.map(|(value, _)| value)));
+        how.tilt = Some(common.map(|(value, _)| value));
+        fits = fit_limbs(recording, &without, how);
     }
-    Ok(Fitted::new(recording, &fits, tilt))
+    let stages = if options.stages { go_through_stages(&mut fits) } else { Vec::new() };
+    Ok(Fitted::new(recording, &fits, tilt, stages))
+}
+
+/// Fits `model` to each log on its own and to all together, and compares the runs.
+///
+/// # Errors
+/// As [`fit_model`]'s, and as [`Recording::read`]'s.
+pub fn fit_runs(recording: &Recording, model: &Model, options: FitOptions) -> Result<Fitted, CriticismError> {
+    let mut all = fit_model(recording, model, options)?;
+    if recording.logs.len() < 2 {
+        return Ok(all);
+    }
+    let (mut runs, mut fits) = (Vec::new(), Vec::new());
+    for log in &recording.logs {
+        let own = Recording::read(std::slice::from_ref(log), model, |_, _| {})?;
+        let fitted = fit_model(&own, model, options)?;
+        runs.push(Run::of(&own, &fitted));
+        fits.push(fitted);
+    }
+    all.consistency = runs::compare(&fits);
+    for disagreement in all.consistency.iter().filter(|c| !c.consistent) {
+        runs[disagreement.differs].disagreements += 1;
+    }
+    all.runs = runs;
+    Ok(all)
+}
+
+/// The steps of all limbs, parameter by parameter.
+fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
+    let mut parameters: [Vec<StageParameter>; 3] = Default::default();
+    let mut sums = [[0.0; 2]; 3];
+    for fit in fits {
+        let Some(stages) = fit.go_through_stages() else { continue };
+        for (n, solution) in stages.iter().enumerate() {
+            for rows in &fit.all {
+                sums[n][0] += rows.sum_of_squares(&solution.theta);
+                sums[n][1] += rows.count;
+            }
+            for (k, entry) in fit.criticism.columns.entries.iter().enumerate() {
+                if entry.effect.is_some() == (n == 0) {
+                    parameters[n].push(StageParameter {
+                        name: entry_name(fit.model, fit.limb, entry),
+                        value: fit.criticism.value(k, solution.theta[k]),
+                    });
+                }
+            }
+        }
+    }
+    let all = stages::NAMES.into_iter().zip(parameters).zip(sums);
+    all.map(|((name, parameters), [square, rows])| Stage { name, rms: (square / f64::max(rows, 1.0)).sqrt(), parameters }).collect()
 }
 
 /// The model with its effects and priors, but with no effect's value: an effect's shape is found anew.
@@ -57,13 +119,12 @@ pub(crate) fn without_values(model: &Model) -> Model {
 pub(crate) fn fit_limbs<'a>(
     recording: &'a Recording,
     model: &'a Model,
-    constraint: Constraint,
-    tilt: Option<[f64; 2]>,
+    how: How,
 ) -> Vec<LimbFit<'a>> {
     std::thread::scope(|scope| {
         let limbs = recording.limbs.iter();
         let work: Vec<_> = limbs
-            .map(|(limb, data)| scope.spawn(move || LimbFit::of(model, limb, data, constraint, tilt)))
+            .map(|(limb, data)| scope.spawn(move || LimbFit::of(model, limb, data, how)))
             .collect();
         let done = work.into_iter().map(|limb| {
             // A panic goes on.
@@ -138,9 +199,9 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
                     at_bound: fit.solution.held[k],
                 },
                 std_independent: independent,
-                held: entry.effect.map_or(
-                    Held::Body(fit.limb.bodies.start + entry.joint, entry.parameter),
-                    |effect| Held::Effect(effect, fit.limb.bodies.start + entry.joint, entry.parameter),
+                place: entry.effect.map_or(
+                    Place::Body(fit.limb.bodies.start + entry.joint, entry.parameter),
+                    |effect| Place::Effect(effect, fit.limb.bodies.start + entry.joint, entry.parameter),
                 ),
             }
         })
@@ -169,7 +230,7 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
                 at_bound: false,
             },
             std_independent: prior.std,
-            held: Held::Shape(effect, body, n),
+            place: Place::Shape(effect, body, n),
         })
     };
     let active = fit.criticism.active.iter().filter(|(_, joint)| *joint != BASE);
@@ -198,7 +259,7 @@ fn velocity_gains(fit: &LimbFit) -> Vec<FittedParameter> {
                 at_bound: false,
             },
             std_independent: std,
-            held: Held::Effect(effect, body, 0),
+            place: Place::Effect(effect, body, 0),
         })
     };
     fit.criticism.active.iter().filter_map(of).collect()

@@ -34,7 +34,7 @@ pub(crate) struct Problem {
     pub(crate) others: Vec<Bounded>,
     /// Rows of the data in units of the noise: the parameters, then the right-hand side.
     pub(crate) data: DMatrix<f64>,
-    /// Whether values may be unphysical: then nothing is bounded and the bodies' prior is its expansion about the CAD.
+    /// Whether bodies may be unphysical: then their prior is its expansion about the CAD.
     pub(crate) free: bool,
 }
 
@@ -89,13 +89,7 @@ impl Problem {
     /// The CAD's bodies, and what the others are taken to be.
     pub(crate) fn start(&self) -> DVector<f64> {
         let bodies = self.bodies.iter().flat_map(|(cad, _)| cad.0.iter().copied());
-        let others = self.others.iter().map(|o| {
-            if self.free {
-                o.mean
-            } else {
-                o.mean.max(o.lower).min(o.upper)
-            }
-        });
+        let others = self.others.iter().map(|o| o.mean.max(o.lower).min(o.upper));
         DVector::from_vec(bodies.chain(others).collect())
     }
 
@@ -154,7 +148,7 @@ impl Problem {
     }
 
     /// R and z of all rows, the prior expanded about θ.
-    fn expanded(&self, theta: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    pub(crate) fn expanded(&self, theta: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let (n, prior) = (self.parameters(), self.prior_rows(theta)?);
         let m = prior.nrows() + self.data.nrows();
         let mut rows = DMatrix::zeros(m, n + 1);
@@ -167,7 +161,7 @@ impl Problem {
     fn bounds(&self) -> Vec<[f64; 2]> {
         let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
         let bodies = std::iter::repeat_n(unbounded, INERTIAL * self.bodies.len());
-        let others = self.others.iter().map(|o| if self.free { unbounded } else { [o.lower, o.upper] });
+        let others = self.others.iter().map(|o| [o.lower, o.upper]);
         bodies.chain(others).collect()
     }
 

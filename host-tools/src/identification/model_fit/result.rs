@@ -8,12 +8,15 @@ use proprio_core::effect::EffectKind;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use serde::Serialize;
 
-use super::parameters;
+use super::{parameters, words};
 use crate::criticism::Recording;
 use crate::criticism::column::BASE;
 use crate::estimate::{LEGEND, ParameterEstimate, Status};
+use crate::identifiability::{BaseParameter, Identifiability, NullDirection};
 use crate::identification::NotAModel;
-use crate::identification::limb::{JointMisfit, LimbFit};
+use crate::identification::limb::{LimbFit, Misfit};
+use crate::identification::runs::{Consistency, Run};
+use crate::identification::stages::Stage;
 use crate::model::{Model, Provenance};
 use crate::table::Table;
 
@@ -30,6 +33,19 @@ pub struct Fitted {
     pub cad_rms: f64,
     /// The same on contiguous stretches of time that the fit has not seen, N m.
     pub held_out_rms: Option<f64>,
+    /// What motion can tell, and what these data say of it.
+    pub base_parameters: Vec<BaseParameter>,
+    /// What these data do not tell.
+    pub null_directions: Vec<NullDirection>,
+    /// The steps, where the fit went by steps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
+    /// Each log on its own, where there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<Run>,
+    /// Where the runs agree and where not, the worst first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub consistency: Vec<Consistency>,
     /// The logs.
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
@@ -46,12 +62,12 @@ pub struct FittedParameter {
     pub std_independent: f64,
     /// Where the model holds it.
     #[serde(skip)]
-    pub held: Held,
+    pub place: Place,
 }
 
 /// Where a model holds a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Held {
+pub enum Place {
     /// Parameter of a body.
     Body(usize, usize),
     /// Parameter of an effect at a joint.
@@ -60,10 +76,10 @@ pub enum Held {
     Shape(EffectKind, usize, usize),
 }
 
-/// How well a joint's torque is explained; N m, mean torque over a window.
+/// How well a joint's torque is explained; N m, mean torque over a window. By energy: a limb's power, W.
 #[derive(Debug, Clone, Serialize)]
 pub struct FittedJoint {
-    /// Which joint.
+    /// Which joint; by energy, which limb.
     pub joint: String,
     /// Windows in which it moves.
     pub windows: u64,
@@ -76,12 +92,20 @@ pub struct FittedJoint {
 }
 
 impl Fitted {
-    pub(super) fn new(recording: &Recording, fits: &[LimbFit], tilt: Option<[(f64, f64); 2]>) -> Self {
+    pub(super) fn new(recording: &Recording, fits: &[LimbFit], tilt: Option<[(f64, f64); 2]>, stages: Vec<Stage>) -> Self {
         let (mut parameters_of_all, mut joints, mut misfits) = (Vec::new(), Vec::new(), Vec::new());
+        let mut identifiability = Identifiability::default();
         for fit in fits {
+            identifiability.extend(Identifiability::of(fit));
             parameters_of_all.extend(parameters(fit));
-            for (joint, misfit) in fit.misfits().into_iter().enumerate() {
-                joints.push(joint_fit(fit.model.joint_name(fit.limb.bodies.start + joint), &misfit));
+            let groups = fit.misfits();
+            for (group, misfit) in groups.iter().copied().enumerate() {
+                // By energy all joints have one row.
+                let name = match groups.len() == fit.limb.bodies.len() {
+                    true => fit.model.joint_name(fit.limb.bodies.start + group),
+                    false => &fit.limb.name,
+                };
+                joints.push(joint_fit(name, &misfit));
                 misfits.push(misfit);
             }
         }
@@ -89,7 +113,7 @@ impl Fitted {
             parameters_of_all.extend(tilts(fit.model, tilt));
         }
         let windows: f64 = misfits.iter().map(|m| m.windows).sum();
-        let rms = |of: &dyn Fn(&JointMisfit) -> f64| (misfits.iter().map(of).sum::<f64>() / windows).sqrt();
+        let rms = |of: &dyn Fn(&Misfit) -> f64| (misfits.iter().map(of).sum::<f64>() / windows).sqrt();
         let held_out = misfits.iter().all(|m| m.held_out.is_some());
         Self {
             rms: rms(&|m| m.fit),
@@ -97,6 +121,11 @@ impl Fitted {
             held_out_rms: held_out.then(|| rms(&|m| m.held_out.unwrap_or(0.0))),
             parameters: parameters_of_all,
             joints,
+            base_parameters: identifiability.base_parameters,
+            null_directions: identifiability.null_directions,
+            stages,
+            runs: Vec::new(),
+            consistency: Vec::new(),
             logs: recording.logs.clone(),
             warnings: recording.warnings.clone(),
         }
@@ -114,17 +143,17 @@ impl Fitted {
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut to = model.clone();
         let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
-        for FittedParameter { estimate, held, .. } in &self.parameters {
+        for FittedParameter { estimate, place, .. } in &self.parameters {
             let fault = |joint: usize| {
                 let of = model.joint_name(joint).to_owned();
                 move |fault| NotAModel { of, fault }
             };
-            match *held {
-                Held::Body(body, n) => bodies[body][n] = Some((estimate.value, estimate.std)),
-                Held::Effect(effect, joint, n) => to
+            match *place {
+                Place::Body(body, n) => bodies[body][n] = Some((estimate.value, estimate.std)),
+                Place::Effect(effect, joint, n) => to
                     .set_parameter(effect, joint, n, estimate.value, Some(estimate.std))
                     .map_err(fault(joint))?,
-                Held::Shape(effect, joint, n) => {
+                Place::Shape(effect, joint, n) => {
                     to.set_parameter(effect, joint, n, estimate.value, None).map_err(fault(joint))?;
                 }
             }
@@ -144,7 +173,7 @@ impl Fitted {
     }
 }
 
-fn joint_fit(joint: &str, misfit: &JointMisfit) -> FittedJoint {
+fn joint_fit(joint: &str, misfit: &Misfit) -> FittedJoint {
     let rms = |square: f64| (square / misfit.windows.max(1.0)).sqrt();
     FittedJoint {
         joint: joint.to_owned(),
@@ -173,7 +202,7 @@ fn tilts(model: &Model, tilt: [(f64, f64); 2]) -> impl Iterator<Item = FittedPar
                 at_bound: false,
             },
             std_independent: std,
-            held: Held::Effect(effect, BASE, n),
+            place: Place::Effect(effect, BASE, n),
         }
     })
 }
@@ -209,6 +238,8 @@ impl fmt::Display for Fitted {
              rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
             LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
             inertial().count(),
-        )
+        )?;
+        words::stages(f, &self.stages)?;
+        words::runs(f, &self.runs, &self.consistency)
     }
 }
