@@ -9,10 +9,11 @@
 mod reduction;
 mod structural;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::estimate::Status;
+use crate::identification::deviation::Deviations;
 use crate::identification::limb::LimbFit;
 use crate::identification::model_fit::entry_name;
 use crate::identification::physical::inverse;
@@ -46,8 +47,10 @@ pub struct BaseParameter {
     pub unit: &'static str,
     /// Estimate.
     pub value: f64,
-    /// Standard deviation of the estimate.
+    /// Standard deviation of the estimate, the larger of the two ways.
     pub std: f64,
+    /// The same if residuals were independent.
+    pub std_independent: f64,
     /// The same by the data alone, without any prior; none if they leave it open.
     pub data_std: Option<f64>,
     /// Standard deviation before any data.
@@ -107,20 +110,15 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 }
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
-    let n = fit.solution.theta.len();
-    let spread = |factor: &DMatrix<f64>| {
-        let inverse = inverse(factor);
-        let of = |combination: &[f64]| {
-            (0..n).map(|c| combination.iter().enumerate().map(|(k, p)| p * inverse[(k, c)]).sum::<f64>().powi(2)).sum::<f64>().sqrt()
-        };
-        structure.combinations.iter().map(|p| of(p)).collect::<Vec<_>>()
-    };
-    let std = spread(&fit.solution.factor);
-    let prior = fit.problem.without_data().solve();
-    let prior_std = prior.map_or_else(|| vec![f64::INFINITY; std.len()], |prior| spread(&prior.factor));
+    let deviations = Deviations::of(fit);
+    let prior = fit.problem.without_data().solve().map(|prior| inverse(&prior.factor));
     let data_std = data_std(fit, structure);
     let parameter = |(r, combination): (usize, &Vec<f64>)| {
         let first = structure.independent[r];
+        let p = DVector::from_column_slice(combination);
+        let [std_independent, blocks] = deviations.of_combination(&p);
+        let std = std_independent.max(blocks);
+        let prior_std = prior.as_ref().map_or(f64::INFINITY, |prior| prior.tr_mul(&p).norm());
         let terms = combination.iter().enumerate().filter(|(_, c)| c.abs() > 1e-6);
         let mut terms: Vec<(usize, f64)> = terms.map(|(k, c)| (k, *c)).collect();
         terms.sort_by_key(|(k, _)| (*k != first, *k));
@@ -130,11 +128,12 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
             unit: entry.effect.map_or(proprio_core::inertia::UNITS[entry.parameter], |effect| {
                 effect.description().parameters[entry.parameter].unit
             }),
-            value: combination.iter().zip(fit.solution.theta.iter()).map(|(p, theta)| p * theta).sum(),
-            std: std[r],
+            value: p.dot(&fit.solution.theta),
+            std,
+            std_independent,
             data_std: data_std[r],
-            prior_std: prior_std[r],
-            status: Status::of(std[r], prior_std[r]),
+            prior_std,
+            status: Status::of(std, prior_std),
             terms: terms
                 .into_iter()
                 .map(|(k, coefficient)| Term { parameter: name(fit, k), coefficient })
@@ -248,6 +247,7 @@ mod tests {
             unit: "kg m",
             value: 0.0,
             std: 1.0,
+            std_independent: 1.0,
             data_std: None,
             prior_std: 1.0,
             status: Status::Prior,

@@ -10,55 +10,49 @@ use nalgebra::{DMatrix, DVector};
 use super::limb::LimbFit;
 use super::physical::inverse;
 
-/// Standard deviations of a limb's parameters.
+/// Roots of a limb's covariance: matrices S with covariance S Sᵀ.
 #[derive(Debug, Clone)]
 pub(crate) struct Deviations {
     /// If residuals are independent.
-    pub(crate) independent: DVector<f64>,
+    independent: DMatrix<f64>,
     /// By the spread over blocks.
-    pub(crate) blocks: DVector<f64>,
+    blocks: DMatrix<f64>,
 }
 
 impl Deviations {
     pub(crate) fn of(fit: &LimbFit) -> Self {
-        let inverse = inverse(&fit.solution.factor);
+        let independent = inverse(&fit.solution.factor);
         let prior = fit.problem.prior_information(&fit.solution.theta);
-        Self {
-            independent: row_norms(&inverse),
-            blocks: sandwich(&inverse, &fit.scores(), &prior),
-        }
+        let blocks = sandwich(&independent, &fit.scores(), &prior);
+        Self { independent, blocks }
     }
 
-    /// The larger of the two.
-    pub(crate) fn larger(&self) -> DVector<f64> {
-        self.independent.zip_map(&self.blocks, f64::max)
+    /// Standard deviations of parameter k if residuals are independent, and by the spread over blocks.
+    pub(crate) fn of_parameter(&self, k: usize) -> [f64; 2] {
+        [&self.independent, &self.blocks].map(|root| root.row(k).norm())
+    }
+
+    /// The same of a combination of all parameters.
+    pub(crate) fn of_combination(&self, combination: &DVector<f64>) -> [f64; 2] {
+        [&self.independent, &self.blocks].map(|root| root.tr_mul(combination).norm())
     }
 }
 
-/// Standard deviations from R⁻¹, each block's half gradient and the prior's rows.
-pub(crate) fn sandwich(
-    inverse: &DMatrix<f64>,
-    scores: &[DVector<f64>],
-    prior: &DMatrix<f64>,
-) -> DVector<f64> {
+/// A root of the covariance from R⁻¹, each block's half gradient and the prior's rows.
+fn sandwich(inverse: &DMatrix<f64>, scores: &[DVector<f64>], prior: &DMatrix<f64>) -> DMatrix<f64> {
     let count = scores.len() as f64;
     if scores.len() < 2 {
-        return row_norms(inverse);
+        return inverse.clone();
     }
-    let mean = scores.iter().fold(DVector::zeros(inverse.nrows()), |sum, s| sum + s) / count;
-    let mut squares = DVector::zeros(inverse.nrows());
-    for score in scores {
-        let moved: DVector<f64> = inverse * inverse.tr_mul(&(score - &mean));
-        squares += moved.component_mul(&moved) * (count / (count - 1.0));
+    let n = inverse.nrows();
+    let mean = scores.iter().fold(DVector::zeros(n), |sum, s| sum + s) / count;
+    let mut root = DMatrix::zeros(n, scores.len() + prior.nrows());
+    for (k, score) in scores.iter().enumerate() {
+        let moved = (score - &mean) * (count / (count - 1.0)).sqrt();
+        root.set_column(k, &moved);
     }
-    let prior = inverse * inverse.tr_mul(&prior.transpose());
-    let by_prior = row_norms(&prior);
-    squares += by_prior.component_mul(&by_prior);
-    squares.map(f64::sqrt)
-}
-
-fn row_norms(matrix: &DMatrix<f64>) -> DVector<f64> {
-    DVector::from_fn(matrix.nrows(), |k, _| matrix.row(k).norm())
+    root.columns_mut(scores.len(), prior.nrows()).copy_from(&prior.transpose());
+    inverse * inverse.tr_mul(&root)
 }
 
 #[cfg(test)]
@@ -88,10 +82,10 @@ mod tests {
             scores.push(DVector::from_element(1, sum));
         }
         let factor = triangle(DMatrix::from_element(1, 1, n.sqrt()));
-        let std = sandwich(&inverse(&factor), &scores, &DMatrix::zeros(0, 1))[0];
+        let std = sandwich(&inverse(&factor), &scores, &DMatrix::zeros(0, 1)).norm();
         let long_run = 1.0 / (1.0 - memory);
         let expected = long_run / n.sqrt();
         assert!((std / expected - 1.0).abs() < 0.15, "{std} {expected}");
-        assert!(std > 3.0 * row_norms(&inverse(&factor))[0]);
+        assert!(std > 3.0 * inverse(&factor)[(0, 0)].abs());
     }
 }

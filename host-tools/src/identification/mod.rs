@@ -6,7 +6,7 @@
 
 mod bus;
 mod data;
-mod deviation;
+pub(crate) mod deviation;
 mod leg;
 pub(crate) mod limb;
 mod method;

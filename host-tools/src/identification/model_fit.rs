@@ -138,9 +138,10 @@ pub(crate) fn fit_limbs<'a>(
 fn common_tilt(fits: &[LimbFit]) -> [(f64, f64); 2] {
     let mut sums = [[0.0; 2]; 2];
     for fit in fits {
-        let std = Deviations::of(fit).larger();
+        let deviations = Deviations::of(fit);
         for entry in fit.criticism.columns.of_effect(EffectKind::BaseTilt, BASE) {
-            let weight = std[entry].powi(-2);
+            let [independent, blocks] = deviations.of_parameter(entry);
+            let weight = independent.max(blocks).powi(-2);
             let sum = &mut sums[fit.criticism.columns.entries[entry].parameter];
             sum[0] += weight;
             sum[1] += weight * fit.value(entry);
@@ -177,7 +178,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
         .filter(|(_, entry)| entry.joint != BASE)
         .map(|(k, entry)| {
             let scale = fit.scale(k);
-            let [independent, blocks] = [&deviations.independent, &deviations.blocks].map(|s| s[k] * scale);
+            let [independent, blocks] = deviations.of_parameter(k).map(|std| std * scale);
             let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k] * scale);
             let std = independent.max(blocks);
             let unit = entry

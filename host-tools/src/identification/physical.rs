@@ -46,6 +46,7 @@ pub(crate) struct Solution {
     pub(crate) factor: DMatrix<f64>,
     /// Which parameters are held at a bound.
     pub(crate) held: Vec<bool>,
+    #[cfg(test)]
     pub(crate) iterations: usize,
 }
 
@@ -179,6 +180,7 @@ impl Problem {
                     theta,
                     factor: r,
                     held,
+                    #[cfg(test)]
                     iterations,
                 });
             }
@@ -319,6 +321,7 @@ mod tests {
             let problem = problem(&numbers, torque);
             let solution = problem.solve().unwrap();
             prop_assert!(body(&solution.theta, 0).is_physical());
+            prop_assert!(solution.iterations < MAX_ITERATIONS);
             for k in INERTIAL..INERTIAL + 2 {
                 prop_assert!((0.0..=0.5).contains(&solution.theta[k]));
             }
