@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::estimate::Constraint;
 use proprio::criticism::Recording;
+use proprio::estimate::Constraint;
 use proprio::identification::{FitOptions, Identification, Method, Options, fit_runs, identify};
 use proprio::model::{Model, Provenance};
 use proprio::output;
@@ -112,21 +112,30 @@ impl Identify {
 
     fn run_model(&self, model: &Model, mut progress: Progress) -> Result<String, Error> {
         let options = FitOptions {
-            constraint: if self.free { Constraint::Free } else { Constraint::Physical },
+            constraint: if self.free {
+                Constraint::Free
+            } else {
+                Constraint::Physical
+            },
             method: self.method.into(),
             stages: self.stages,
         };
-        let recording = Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
+        let recording =
+            Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
         let fitted = fit_runs(&recording, model, options)?;
         drop(progress);
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
         }
         if let Some(path) = &self.output {
-            if path.extension().is_some_and(|extension| extension == "json") {
+            if path
+                .extension()
+                .is_some_and(|extension| extension == "json")
+            {
                 output::write(path, &json(&fitted))?;
             } else {
-                let provenance = Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
+                let provenance =
+                    Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
                 fitted.to_model(model, provenance)?.save(path)?;
             }
         }

@@ -93,13 +93,20 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         let k = self.0.kinematics(base, &q, &dq);
         let regressor = self.0.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
         for (j, row) in torque.chunks_exact_mut(P).enumerate() {
-            row.iter_mut().zip(regressor.row(j).iter()).for_each(|(to, from)| *to = *from);
+            row.iter_mut()
+                .zip(regressor.row(j).iter())
+                .for_each(|(to, from)| *to = *from);
         }
     }
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {
-        let (q, dq) = (SVector::from_column_slice(q), SVector::from_column_slice(dq));
-        let (kinetic, potential) = self.0.energy_regressor::<P>(&self.0.kinematics(base, &q, &dq), base);
+        let (q, dq) = (
+            SVector::from_column_slice(q),
+            SVector::from_column_slice(dq),
+        );
+        let (kinetic, potential) = self
+            .0
+            .energy_regressor::<P>(&self.0.kinematics(base, &q, &dq), base);
         energy.copy_from_slice((kinetic + potential).as_slice());
     }
 

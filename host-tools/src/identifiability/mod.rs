@@ -2,7 +2,8 @@
 //!
 //! - *Base parameters* are the combinations of standard parameters that some motion can tell, with what these data say of
 //!   them: from the torque's rows in random states ([`structural`]).
-//! - *Null directions* are what these data do not tell: with every parameter measured in units of its prior's standard
+//! - *Null directions* are what cannot be told. Structural ones are the parameters that base parameters take in with others.
+//!   Beyond them, what these data do not tell: with every base parameter measured in units of its prior's standard
 //!   deviation, a rank-revealing factorisation of the data's triangle (QR with column pivoting: Golub & Van Loan §5.4)
 //!   leaves columns that are, within the noise, combinations of others.
 
@@ -64,7 +65,8 @@ pub struct BaseParameter {
 pub struct NullDirection {
     /// Its limb.
     pub limb: String,
-    /// What can change together and leave the torque as it is: each parameter in units of its prior's standard deviation.
+    /// What can change together and leave the torque as it is. Where structural, in SI; else each base parameter, named by its
+    /// first, in units of its prior's standard deviation.
     pub terms: Vec<Term>,
     /// Whether no motion at all would tell it.
     pub structural: bool,
@@ -84,9 +86,12 @@ pub struct Identifiability {
 impl Identifiability {
     pub(crate) fn of(fit: &LimbFit) -> Self {
         let structure = structural::of(fit);
+        let base_parameters = base_parameters(fit, &structure);
+        let mut null_directions = structural_directions(fit, &structure);
+        null_directions.extend(unseen_directions(fit, &structure, &base_parameters));
         Self {
-            base_parameters: base_parameters(fit, &structure),
-            null_directions: null_directions(fit, &structure),
+            base_parameters,
+            null_directions,
         }
     }
 
@@ -111,23 +116,34 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
     let deviations = Deviations::of(fit);
-    let prior = fit.problem.without_data().solve().map(|prior| inverse(&prior.factor));
+    let prior = fit
+        .problem
+        .without_data()
+        .solve()
+        .map(|prior| inverse(&prior.factor));
     let data_std = data_std(fit, structure);
     let parameter = |(r, combination): (usize, &Vec<f64>)| {
         let first = structure.independent[r];
         let p = DVector::from_column_slice(combination);
         let [std_independent, blocks] = deviations.of_combination(&p);
         let std = std_independent.max(blocks);
-        let prior_std = prior.as_ref().map_or(f64::INFINITY, |prior| prior.tr_mul(&p).norm());
-        let terms = combination.iter().enumerate().filter(|(_, c)| c.abs() > 1e-6);
+        let prior_std = prior
+            .as_ref()
+            .map_or(f64::INFINITY, |prior| prior.tr_mul(&p).norm());
+        let terms = combination
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.abs() > 1e-6);
         let mut terms: Vec<(usize, f64)> = terms.map(|(k, c)| (k, *c)).collect();
         terms.sort_by_key(|(k, _)| (*k != first, *k));
         let entry = &fit.criticism.columns.entries[first];
         BaseParameter {
             limb: fit.limb.name.clone(),
-            unit: entry.effect.map_or(proprio_core::inertia::UNITS[entry.parameter], |effect| {
-                effect.description().parameters[entry.parameter].unit
-            }),
+            unit: entry
+                .effect
+                .map_or(proprio_core::inertia::UNITS[entry.parameter], |effect| {
+                    effect.description().parameters[entry.parameter].unit
+                }),
             value: p.dot(&fit.solution.theta),
             std,
             std_independent,
@@ -136,11 +152,19 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
             status: Status::of(std, prior_std),
             terms: terms
                 .into_iter()
-                .map(|(k, coefficient)| Term { parameter: name(fit, k), coefficient })
+                .map(|(k, coefficient)| Term {
+                    parameter: name(fit, k),
+                    coefficient,
+                })
                 .collect(),
         }
     };
-    structure.combinations.iter().enumerate().map(parameter).collect()
+    structure
+        .combinations
+        .iter()
+        .enumerate()
+        .map(parameter)
+        .collect()
 }
 
 /// Standard deviations of the base parameters by the data alone: their columns and those of all else that is not analysed.
@@ -156,39 +180,85 @@ fn data_std(fit: &LimbFit, structure: &Reduction) -> Vec<Option<f64>> {
     let first = kept.len() - structure.independent.len();
     let told = (0..kept.len()).all(|k| triangle[(k, k)].abs() > 1e-12 * triangle.amax());
     let inverse = inverse(&triangle);
-    (first..kept.len()).map(|k| Some(inverse.row(k).norm()).filter(|std| told && std.is_finite())).collect()
+    (first..kept.len())
+        .map(|k| Some(inverse.row(k).norm()).filter(|std| told && std.is_finite()))
+        .collect()
 }
 
-fn null_directions(fit: &LimbFit, structure: &Reduction) -> Vec<NullDirection> {
-    let (n, scale) = (fit.solution.theta.len(), prior_std(fit));
-    let mut data = fit.problem.data.columns(0, n).into_owned();
-    for (k, scale) in scale.iter().enumerate() {
-        data.column_mut(k).scale_mut(*scale);
-    }
-    pivoted(&data, UNSEEN)
-        .into_iter()
-        .map(|direction| {
-            let mut terms: Vec<(usize, f64)> =
-                direction.iter().enumerate().filter(|(_, c)| c.abs() >= LEAST_SHARE).map(|(k, c)| (k, *c)).collect();
-            terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-            let whole: Vec<f64> = direction.iter().zip(&scale).map(|(c, scale)| c * scale).collect();
-            let names: Vec<String> = terms.iter().map(|(k, _)| spoken(&name(fit, *k))).collect();
-            NullDirection {
-                limb: fit.limb.name.clone(),
-                structural: structure.is_null(&whole, &scale),
-                words: words(&names),
-                terms: terms
-                    .into_iter()
-                    .map(|(k, coefficient)| Term { parameter: name(fit, k), coefficient })
-                    .collect(),
-            }
+/// What no motion tells: each dependent parameter with its share in the base parameters.
+fn structural_directions(fit: &LimbFit, structure: &Reduction) -> Vec<NullDirection> {
+    let dependent = structure
+        .analysed
+        .iter()
+        .filter(|k| !structure.independent.contains(k));
+    dependent
+        .map(|&d| {
+            let others = structure.independent.iter().zip(&structure.combinations);
+            let others = others
+                .map(|(&k, combination)| (k, -combination[d]))
+                .filter(|(_, c)| c.abs() > 1e-6);
+            direction(fit, [(d, 1.0)].into_iter().chain(others).collect(), true)
         })
         .collect()
 }
 
+/// What these data do not tell of what motion can tell: base parameters, and what is not analysed.
+fn unseen_directions(
+    fit: &LimbFit,
+    structure: &Reduction,
+    base: &[BaseParameter],
+) -> Vec<NullDirection> {
+    let (n, own) = (fit.solution.theta.len(), prior_std(fit));
+    let scale = |k: usize| {
+        let base = structure
+            .independent
+            .iter()
+            .position(|i| *i == k)
+            .map(|r| base[r].prior_std);
+        base.unwrap_or(own[k])
+    };
+    let kept: Vec<usize> = (0..n)
+        .filter(|k| structure.independent.contains(k) || !structure.analysed.contains(k))
+        .collect();
+    let mut data = DMatrix::zeros(fit.problem.data.nrows(), kept.len());
+    for (c, &k) in kept.iter().enumerate() {
+        data.set_column(c, &(fit.problem.data.column(k) * scale(k)));
+    }
+    pivoted(&data, UNSEEN)
+        .into_iter()
+        .map(|shares| {
+            let mut terms: Vec<(usize, f64)> = kept
+                .iter()
+                .copied()
+                .zip(shares)
+                .filter(|(_, c)| c.abs() >= LEAST_SHARE)
+                .collect();
+            terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+            direction(fit, terms, false)
+        })
+        .collect()
+}
+
+fn direction(fit: &LimbFit, terms: Vec<(usize, f64)>, structural: bool) -> NullDirection {
+    let names: Vec<String> = terms.iter().map(|(k, _)| spoken(&name(fit, *k))).collect();
+    let term = |(k, coefficient)| Term {
+        parameter: name(fit, k),
+        coefficient,
+    };
+    NullDirection {
+        limb: fit.limb.name.clone(),
+        structural,
+        words: words(&names),
+        terms: terms.into_iter().map(term).collect(),
+    }
+}
+
 /// `Ixx:FR_hip` as `FR_hip Ixx`.
 fn spoken(name: &str) -> String {
-    name.split_once(':').map_or_else(|| name.to_owned(), |(what, joint)| format!("{joint} {what}"))
+    name.split_once(':').map_or_else(
+        || name.to_owned(),
+        |(what, joint)| format!("{joint} {what}"),
+    )
 }
 
 fn words(names: &[String]) -> String {
@@ -198,7 +268,11 @@ fn words(names: &[String]) -> String {
         [one, other] => format!("{one} and {other} cannot be told apart"),
         [one, others @ ..] => {
             let named = others[..others.len().min(MOST_NAMED)].join(", ");
-            let more = if others.len() > MOST_NAMED { " and others" } else { "" };
+            let more = if others.len() > MOST_NAMED {
+                " and others"
+            } else {
+                ""
+            };
             format!("{one} cannot be told apart from {named}{more} together")
         }
     }
@@ -234,16 +308,26 @@ mod tests {
         let names = |n: usize| -> Vec<String> { (0..n).map(|k| format!("p{k}")).collect() };
         assert_eq!(words(&names(1)), "p0 does not show");
         assert_eq!(words(&names(2)), "p0 and p1 cannot be told apart");
-        assert_eq!(words(&names(3)), "p0 cannot be told apart from p1, p2 together");
+        assert_eq!(
+            words(&names(3)),
+            "p0 cannot be told apart from p1, p2 together"
+        );
         assert_eq!(spoken("armature:FR_hip"), "FR_hip armature");
     }
 
     #[test]
     fn a_combination_reads_as_a_sum() {
-        let term = |parameter: &str, coefficient| Term { parameter: parameter.to_owned(), coefficient };
+        let term = |parameter: &str, coefficient| Term {
+            parameter: parameter.to_owned(),
+            coefficient,
+        };
         let base = BaseParameter {
             limb: "FR".to_owned(),
-            terms: vec![term("hx:A", 1.0), term("m:B", -0.2130000001), term("m:C", 2.0)],
+            terms: vec![
+                term("hx:A", 1.0),
+                term("m:B", -0.2130000001),
+                term("m:C", 2.0),
+            ],
             unit: "kg m",
             value: 0.0,
             std: 1.0,

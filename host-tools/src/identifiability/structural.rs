@@ -41,19 +41,30 @@ impl Instant {
     }
 
     fn at(&self, t: f64) -> [f64; 2] {
-        [self.q + t * self.dq + 0.5 * t * t * self.ddq, self.dq + t * self.ddq]
+        [
+            self.q + t * self.dq + 0.5 * t * t * self.ddq,
+            self.dq + t * self.ddq,
+        ]
     }
 
     fn state(&self, t: f64) -> JointState<f64> {
         let [q, dq] = self.at(t);
-        JointState { temperature: self.temperature, ..JointState::reported(q, dq, self.tau) }
+        JointState {
+            temperature: self.temperature,
+            ..JointState::reported(q, dq, self.tau)
+        }
     }
 }
 
 pub(crate) fn of(fit: &LimbFit) -> Reduction {
     let columns = &fit.criticism.columns;
     let analysed: Vec<usize> = (0..columns.entries.len())
-        .filter(|&k| matches!(columns.entries[k].column, Column::Inertial(..) | Column::Own { .. }))
+        .filter(|&k| {
+            matches!(
+                columns.entries[k].column,
+                Column::Inertial(..) | Column::Own { .. }
+            )
+        })
         .collect();
     let (n, limb) = (columns.joints(), fit.criticism.rows());
     let width = INERTIAL * n;
@@ -63,11 +74,17 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
     let mut rows = DMatrix::zeros(states * n, analysed.len());
     for s in 0..states {
         let joints: Vec<Instant> = (0..n).map(|_| Instant::random(&mut random)).collect();
-        let motion = |t: f64| -> (Vec<f64>, Vec<f64>) { joints.iter().map(|joint| <(f64, f64)>::from(joint.at(t))).unzip() };
+        let motion = |t: f64| -> (Vec<f64>, Vec<f64>) {
+            joints
+                .iter()
+                .map(|joint| <(f64, f64)>::from(joint.at(t)))
+                .unzip()
+        };
         let regressors = |t: f64| {
             let (q, dq) = motion(t);
             let (mut momentum, mut rate) = (vec![0.0; n * width], vec![0.0; n * width]);
-            limb.body.regressors(&limb.base, &q, &dq, Some(&mut momentum), &mut rate);
+            limb.body
+                .regressors(&limb.base, &q, &dq, Some(&mut momentum), &mut rate);
             (momentum, rate)
         };
         let (before, now, after) = (regressors(-STEP), regressors(0.0), regressors(STEP));
@@ -78,7 +95,12 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
                         let at = j * width + INERTIAL * b + p;
                         (after.0[at] - before.0[at]) / (2.0 * STEP) + now.1[at]
                     }
-                    Column::Own { joint, effect, shape, n } if joint == j => {
+                    Column::Own {
+                        joint,
+                        effect,
+                        shape,
+                        n,
+                    } if joint == j => {
                         let term = |t: f64| effect.terms(&joints[j].state(t), shape)[n];
                         (term(STEP).boundary - term(-STEP).boundary) / (2.0 * STEP) + term(0.0).rate
                     }

@@ -29,13 +29,19 @@ impl Rows {
             }
             rows[(k, n)] = entry(factor.columns());
         }
-        Self { triangle: triangle(rows), count: factor.rows() }
+        Self {
+            triangle: triangle(rows),
+            count: factor.rows(),
+        }
     }
 
     /// Rows over θ and the right-hand side.
     pub(crate) fn of_rows(rows: &[Vec<f64>], columns: usize) -> Self {
         let matrix = DMatrix::from_fn(rows.len(), columns + 1, |r, c| rows[r][c]);
-        Self { triangle: triangle(matrix), count: rows.len() as f64 }
+        Self {
+            triangle: triangle(matrix),
+            count: rows.len() as f64,
+        }
     }
 
     /// Sum of squared residuals under θ.
@@ -56,9 +62,13 @@ impl Data {
     pub(crate) fn of_factors(columns: &Columns, factors: &BlockFactors) -> Self {
         let block = |block: &Vec<HeapFactor>| {
             let joints = block.iter().enumerate();
-            joints.map(|(joint, factor)| Rows::of_factor(columns, joint, factor)).collect()
+            joints
+                .map(|(joint, factor)| Rows::of_factor(columns, joint, factor))
+                .collect()
         };
-        Self { blocks: factors.blocks.iter().map(block).collect() }
+        Self {
+            blocks: factors.blocks.iter().map(block).collect(),
+        }
     }
 
     /// The groups of all chosen blocks together.
@@ -74,7 +84,10 @@ impl Data {
             for (k, part) in parts.iter().enumerate() {
                 rows.rows_mut(width * k, width).copy_from(&part.triangle);
             }
-            Rows { triangle: triangle(rows), count: parts.iter().map(|p| p.count).sum() }
+            Rows {
+                triangle: triangle(rows),
+                count: parts.iter().map(|p| p.count).sum(),
+            }
         };
         (0..groups).map(of).collect()
     }
@@ -85,7 +98,8 @@ pub(crate) fn stacked(groups: &[Rows], noise: &[f64]) -> DMatrix<f64> {
     let width = groups.first().map_or(1, |g| g.triangle.ncols());
     let mut rows = DMatrix::zeros(width * groups.len(), width);
     for (k, (group, noise)) in groups.iter().zip(noise).enumerate() {
-        rows.rows_mut(width * k, width).copy_from(&(&group.triangle / *noise));
+        rows.rows_mut(width * k, width)
+            .copy_from(&(&group.triangle / *noise));
     }
     triangle(rows)
 }

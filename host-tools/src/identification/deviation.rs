@@ -24,7 +24,10 @@ impl Deviations {
         let independent = inverse(&fit.solution.factor);
         let prior = fit.problem.prior_information(&fit.solution.theta);
         let blocks = sandwich(&independent, &fit.scores(), &prior);
-        Self { independent, blocks }
+        Self {
+            independent,
+            blocks,
+        }
     }
 
     /// Standard deviations of parameter k if residuals are independent, and by the spread over blocks.
@@ -51,7 +54,8 @@ fn sandwich(inverse: &DMatrix<f64>, scores: &[DVector<f64>], prior: &DMatrix<f64
         let moved = (score - &mean) * (count / (count - 1.0)).sqrt();
         root.set_column(k, &moved);
     }
-    root.columns_mut(scores.len(), prior.nrows()).copy_from(&prior.transpose());
+    root.columns_mut(scores.len(), prior.nrows())
+        .copy_from(&prior.transpose());
     inverse * inverse.tr_mul(&root)
 }
 

@@ -50,13 +50,21 @@ impl<'a> LimbFit<'a> {
     /// Fits the effects of `model`, whose values are not looked at.
     ///
     /// `None` if the recording is too short or the limb too large.
-    pub(crate) fn of(model: &'a Model, limb: &'a Limb, recording: &'a LimbRecording, how: How) -> Option<Self> {
+    pub(crate) fn of(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+        how: How,
+    ) -> Option<Self> {
         let mut criticism = LimbCriticism::new(model, limb, recording, false)?;
         if let Some(tilt) = how.tilt {
             criticism.corrections.tilt = tilt;
             criticism.rebuild();
         }
-        let momentum = How { method: Method::Momentum, ..how };
+        let momentum = How {
+            method: Method::Momentum,
+            ..how
+        };
         for _ in 1..MOST_PASSES {
             let fit = Self::at(model, limb, criticism, momentum)?;
             let steady = fit.is_steady();
@@ -74,16 +82,26 @@ impl<'a> LimbFit<'a> {
     }
 
     /// The fit with the corrections as they are.
-    fn at(model: &'a Model, limb: &'a Limb, mut criticism: LimbCriticism<'a>, how: How) -> Option<Self> {
+    fn at(
+        model: &'a Model,
+        limb: &'a Limb,
+        mut criticism: LimbCriticism<'a>,
+        how: How,
+    ) -> Option<Self> {
         // The derivatives are taken where the corrections are.
         for k in 0..criticism.columns.entries.len() {
             let entry = criticism.columns.entries[k];
-            if entry.effect.is_some_and(|effect| criticism.is_correction((effect, entry.joint))) {
+            if entry
+                .effect
+                .is_some_and(|effect| criticism.is_correction((effect, entry.joint)))
+            {
                 criticism.fit.theta[k] = 0.0;
             }
         }
         let data = match how.method {
-            Method::Momentum => Data::of_factors(&criticism.columns, &BlockFactors::of(&criticism.rows())),
+            Method::Momentum => {
+                Data::of_factors(&criticism.columns, &BlockFactors::of(&criticism.rows()))
+            }
             other => method::data(&criticism, other),
         };
         let all = data.sum(|_| true);
@@ -98,7 +116,9 @@ impl<'a> LimbFit<'a> {
         };
         let bodies = limb.bodies.clone();
         let mut problem = Problem {
-            bodies: bodies.map(|b| (model.robot().bodies()[b].inertia, model.cad_uncertainty(b))).collect(),
+            bodies: bodies
+                .map(|b| (model.robot().bodies()[b].inertia, model.cad_uncertainty(b)))
+                .collect(),
             others: others(&criticism, how),
             data: stacked(&all, &noise),
             free: how.constraint == Constraint::Free,
@@ -109,18 +129,31 @@ impl<'a> LimbFit<'a> {
             problem.data = stacked(&all, &noise);
             solution = problem.solve()?;
         }
-        Some(Self { model, limb, criticism, data, all, noise, problem, solution })
+        Some(Self {
+            model,
+            limb,
+            criticism,
+            data,
+            all,
+            noise,
+            problem,
+            solution,
+        })
     }
 
     /// Whether no correction would move by much.
     fn is_steady(&self) -> bool {
         let std = self.solution.std();
         let entries = self.criticism.columns.entries.iter().enumerate();
-        entries.filter(|(_, entry)| self.is_correction(entry)).all(|(k, _)| self.solution.theta[k].abs() <= STEADY * std[k])
+        entries
+            .filter(|(_, entry)| self.is_correction(entry))
+            .all(|(k, _)| self.solution.theta[k].abs() <= STEADY * std[k])
     }
 
     pub(crate) fn is_correction(&self, entry: &Entry) -> bool {
-        entry.effect.is_some_and(|effect| self.criticism.is_correction((effect, entry.joint)))
+        entry
+            .effect
+            .is_some_and(|effect| self.criticism.is_correction((effect, entry.joint)))
     }
 
     /// Entry k's value as the catalogue means it.
@@ -140,7 +173,11 @@ impl<'a> LimbFit<'a> {
     pub(crate) fn misfits(&self) -> Vec<Misfit> {
         let folds = FOLDS.min(self.data.blocks.len());
         let mut cad = self.problem.start();
-        cad.rows_mut(INERTIAL * self.problem.bodies.len(), self.problem.others.len()).fill(0.0);
+        cad.rows_mut(
+            INERTIAL * self.problem.bodies.len(),
+            self.problem.others.len(),
+        )
+        .fill(0.0);
         let mut misfits: Vec<Misfit> = self
             .all
             .iter()
@@ -154,8 +191,13 @@ impl<'a> LimbFit<'a> {
         for fold in (0..folds).filter(|_| folds > 1) {
             let train = self.data.sum(|b| self.criticism.fold(b) != fold);
             let test = self.data.sum(|b| self.criticism.fold(b) == fold);
-            let problem = Problem { data: stacked(&train, &self.noise), ..self.problem.clone() };
-            let Some(solution) = problem.solve() else { continue };
+            let problem = Problem {
+                data: stacked(&train, &self.noise),
+                ..self.problem.clone()
+            };
+            let Some(solution) = problem.solve() else {
+                continue;
+            };
             for (misfit, test) in misfits.iter_mut().zip(&test) {
                 *misfit.held_out.get_or_insert(0.0) += test.sum_of_squares(&solution.theta);
             }
@@ -171,7 +213,11 @@ impl<'a> LimbFit<'a> {
             let r = data.columns(0, n);
             r.tr_mul(&(r * &self.solution.theta - data.column(n)))
         };
-        let told = self.data.blocks.iter().filter(|block| block.iter().any(|rows| rows.count > 0.0));
+        let told = self
+            .data
+            .blocks
+            .iter()
+            .filter(|block| block.iter().any(|rows| rows.count > 0.0));
         told.map(of).collect()
     }
 }
@@ -200,16 +246,27 @@ fn others(criticism: &LimbCriticism, how: How) -> Vec<Bounded> {
     let of = |entry: &Entry| {
         let effect = entry.effect?;
         let parameter = &effect.description().parameters[entry.parameter];
-        let correction = criticism.corrections.get(effect, entry.joint, entry.parameter);
+        let correction = criticism
+            .corrections
+            .get(effect, entry.joint, entry.parameter);
         let known = how.tilt.is_some() && entry.joint == BASE
             || how.method != Method::Momentum && criticism.is_correction((effect, entry.joint));
         let [lower, upper] = match effect {
             _ if known => [0.0, 0.0],
             _ if how.constraint == Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],
-            EffectKind::TorqueGain => [1.0 / parameter.upper - correction, 1.0 / parameter.lower - correction],
-            _ => [parameter.lower, parameter.upper].map(|bound| bound - parameter.neutral - correction),
+            EffectKind::TorqueGain => [
+                1.0 / parameter.upper - correction,
+                1.0 / parameter.lower - correction,
+            ],
+            _ => [parameter.lower, parameter.upper]
+                .map(|bound| bound - parameter.neutral - correction),
         };
-        Some(Bounded { mean: entry.mean, std: entry.std, lower, upper })
+        Some(Bounded {
+            mean: entry.mean,
+            std: entry.std,
+            lower,
+            upper,
+        })
     };
     criticism.columns.entries.iter().filter_map(of).collect()
 }

@@ -44,20 +44,36 @@ pub(crate) fn data(criticism: &LimbCriticism, method: Method) -> Data {
             }
             _ => {
                 let all = torque_rows(criticism, window);
-                for (joint, row) in all.into_iter().enumerate().filter(|(j, _)| window.moves[*j]) {
+                for (joint, row) in all
+                    .into_iter()
+                    .enumerate()
+                    .filter(|(j, _)| window.moves[*j])
+                {
                     rows[block][joint].push(row);
                 }
             }
         }
     });
-    let block = |groups: &Vec<Vec<Vec<f64>>>| groups.iter().map(|rows| Rows::of_rows(rows, width)).collect();
-    Data { blocks: rows.iter().map(block).collect() }
+    let block = |groups: &Vec<Vec<Vec<f64>>>| {
+        groups
+            .iter()
+            .map(|rows| Rows::of_rows(rows, width))
+            .collect()
+    };
+    Data {
+        blocks: rows.iter().map(block).collect(),
+    }
 }
 
 /// The term of an effect's own column at sample k.
 fn term(criticism: &LimbCriticism, column: &Column, k: usize) -> Option<(usize, Term<f64>)> {
     match *column {
-        Column::Own { joint, effect, shape, n } => {
+        Column::Own {
+            joint,
+            effect,
+            shape,
+            n,
+        } => {
             let state = &criticism.motion.states[k * criticism.recording.joints + joint];
             Some((joint, effect.terms(state, shape)[n]))
         }
@@ -75,7 +91,12 @@ fn energy_row(criticism: &LimbCriticism, window: &Window) -> Vec<f64> {
     let mut energy = [vec![0.0; INERTIAL * n], vec![0.0; INERTIAL * n]];
     for (energy, k) in energy.iter_mut().zip([first, last]) {
         let at = k * n..(k + 1) * n;
-        limb.body.energy_regressor(&limb.base, &criticism.motion.q[at.clone()], &criticism.motion.dq[at], energy);
+        limb.body.energy_regressor(
+            &limb.base,
+            &criticism.motion.q[at.clone()],
+            &criticism.motion.dq[at],
+            energy,
+        );
     }
     for (e, entry) in criticism.columns.entries.iter().enumerate() {
         if let Column::Inertial(b, p) = entry.column {
@@ -83,9 +104,10 @@ fn energy_row(criticism: &LimbCriticism, window: &Window) -> Vec<f64> {
             continue;
         }
         for k in first + 1..=last {
-            let (Some((joint, before)), Some((_, now))) =
-                (term(criticism, &entry.column, k - 1), term(criticism, &entry.column, k))
-            else {
+            let (Some((joint, before)), Some((_, now))) = (
+                term(criticism, &entry.column, k - 1),
+                term(criticism, &entry.column, k),
+            ) else {
                 break;
             };
             let (slow, fast) = (speed(k - 1, joint), speed(k, joint));
@@ -96,7 +118,8 @@ fn energy_row(criticism: &LimbCriticism, window: &Window) -> Vec<f64> {
     for k in first + 1..=last {
         for joint in 0..n {
             let scale = criticism.corrections.torque_scale[joint];
-            let power = |k: usize| criticism.motion.states[k * n + joint].tau / scale * speed(k, joint);
+            let power =
+                |k: usize| criticism.motion.states[k * n + joint].tau / scale * speed(k, joint);
             row[width] += 0.5 * (time(k) - time(k - 1)) * (power(k - 1) + power(k));
         }
     }
@@ -109,7 +132,9 @@ fn energy_row(criticism: &LimbCriticism, window: &Window) -> Vec<f64> {
 fn torque_rows(criticism: &LimbCriticism, window: &Window) -> Vec<Vec<f64>> {
     let (n, [first, last]) = (criticism.recording.joints, window.samples);
     let width = criticism.columns.entries.len();
-    let times: Vec<f64> = (first..=last).map(|k| 1e-6 * criticism.recording.time_us[k] as f64).collect();
+    let times: Vec<f64> = (first..=last)
+        .map(|k| 1e-6 * criticism.recording.time_us[k] as f64)
+        .collect();
     let middle = (last - first) / 2;
     let line = |x: &dyn Fn(usize) -> f64| {
         let x: Vec<f64> = (first..=last).map(x).collect();
@@ -120,7 +145,11 @@ fn torque_rows(criticism: &LimbCriticism, window: &Window) -> Vec<Vec<f64>> {
     let part = |x: &[[f64; 2]], p: usize| -> Vec<f64> { x.iter().map(|x| x[p]).collect() };
     let limb = criticism.rows();
     let mut regressor = vec![0.0; n * INERTIAL * n];
-    limb.body.torque_regressor(&limb.base, [&part(&q, 0), &part(&dq, 0), &part(&dq, 1)], &mut regressor);
+    limb.body.torque_regressor(
+        &limb.base,
+        [&part(&q, 0), &part(&dq, 0), &part(&dq, 1)],
+        &mut regressor,
+    );
     (0..n)
         .map(|j| {
             let mut row = vec![0.0; width + 1];
@@ -128,7 +157,9 @@ fn torque_rows(criticism: &LimbCriticism, window: &Window) -> Vec<Vec<f64>> {
                 row[e] = match entry.column {
                     Column::Inertial(b, p) => regressor[j * INERTIAL * n + INERTIAL * b + p],
                     Column::Own { joint, .. } if joint == j => {
-                        let at = |k: usize| term(criticism, &entry.column, k).map_or(Term::zero(), |(_, term)| term);
+                        let at = |k: usize| {
+                            term(criticism, &entry.column, k).map_or(Term::zero(), |(_, term)| term)
+                        };
                         line(&|k| at(k).boundary)[1] + line(&|k| at(k).rate)[0]
                     }
                     _ => 0.0,

@@ -161,3 +161,6 @@ fn read(
     }
     reader.finish()
 }
+
+#[cfg(test)]
+mod tests;

@@ -34,12 +34,22 @@ pub struct FitOptions {
 ///
 /// # Errors
 /// [`CriticismError::TooShort`] if no limb has enough samples.
-pub fn fit_model(recording: &Recording, model: &Model, options: FitOptions) -> Result<Fitted, CriticismError> {
+pub fn fit_model(
+    recording: &Recording,
+    model: &Model,
+    options: FitOptions,
+) -> Result<Fitted, CriticismError> {
     let without = without_values(model);
-    let mut how = How { constraint: options.constraint, method: options.method, tilt: None };
+    let mut how = How {
+        constraint: options.constraint,
+        method: options.method,
+        tilt: None,
+    };
     let mut fits = fit_limbs(recording, &without, how);
     if fits.is_empty() {
-        return Err(CriticismError::TooShort { duration: recording.duration });
+        return Err(CriticismError::TooShort {
+            duration: recording.duration,
+        });
     }
     let mut tilt = None;
     if without.effect(EffectKind::BaseTilt, BASE).is_some() {
@@ -48,7 +58,11 @@ pub fn fit_model(recording: &Recording, model: &Model, options: FitOptions) -> R
         how.tilt = Some(common.map(|(value, _)| value));
         fits = fit_limbs(recording, &without, how);
     }
-    let stages = if options.stages { go_through_stages(&mut fits) } else { Vec::new() };
+    let stages = if options.stages {
+        go_through_stages(&mut fits)
+    } else {
+        Vec::new()
+    };
     Ok(Fitted::new(recording, &fits, tilt, stages))
 }
 
@@ -56,7 +70,11 @@ pub fn fit_model(recording: &Recording, model: &Model, options: FitOptions) -> R
 ///
 /// # Errors
 /// As [`fit_model`]'s, and as [`Recording::read`]'s.
-pub fn fit_runs(recording: &Recording, model: &Model, options: FitOptions) -> Result<Fitted, CriticismError> {
+pub fn fit_runs(
+    recording: &Recording,
+    model: &Model,
+    options: FitOptions,
+) -> Result<Fitted, CriticismError> {
     let mut all = fit_model(recording, model, options)?;
     if recording.logs.len() < 2 {
         return Ok(all);
@@ -81,7 +99,9 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
     let mut parameters: [Vec<StageParameter>; 3] = Default::default();
     let mut sums = [[0.0; 2]; 3];
     for fit in fits {
-        let Some(stages) = fit.go_through_stages() else { continue };
+        let Some(stages) = fit.go_through_stages() else {
+            continue;
+        };
         for (n, solution) in stages.iter().enumerate() {
             for rows in &fit.all {
                 sums[n][0] += rows.sum_of_squares(&solution.theta);
@@ -98,7 +118,12 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
         }
     }
     let all = stages::NAMES.into_iter().zip(parameters).zip(sums);
-    all.map(|((name, parameters), [square, rows])| Stage { name, rms: (square / f64::max(rows, 1.0)).sqrt(), parameters }).collect()
+    all.map(|((name, parameters), [square, rows])| Stage {
+        name,
+        rms: (square / f64::max(rows, 1.0)).sqrt(),
+        parameters,
+    })
+    .collect()
 }
 
 /// The model with its effects and priors, but with no effect's value: an effect's shape is found anew.
@@ -128,7 +153,8 @@ pub(crate) fn fit_limbs<'a>(
             .collect();
         let done = work.into_iter().map(|limb| {
             // A panic goes on.
-            limb.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            limb.join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         });
         done.flatten().collect()
     })
@@ -152,7 +178,11 @@ fn common_tilt(fits: &[LimbFit]) -> [(f64, f64); 2] {
 
 /// A parameter's name: `m:FR_hip`, `coulomb:FR_hip`, and beyond an effect's first parameter `stribeck.vs:FR_hip`.
 pub(crate) fn entry_name(model: &Model, limb: &Limb, entry: &Entry) -> String {
-    let joint = if entry.joint == BASE { BASE } else { limb.bodies.start + entry.joint };
+    let joint = if entry.joint == BASE {
+        BASE
+    } else {
+        limb.bodies.start + entry.joint
+    };
     let joint = model.joint_name(joint);
     match entry.effect {
         None => name_at(NAMES[entry.parameter], joint),
@@ -164,7 +194,14 @@ pub(crate) fn entry_name(model: &Model, limb: &Limb, entry: &Entry) -> String {
 pub(crate) fn parameter_name(effect: EffectKind, parameter: usize, joint: &str) -> String {
     match parameter {
         0 => name_at(effect.name(), joint),
-        n => name_at(&format!("{}.{}", effect.name(), effect.description().parameters[n].symbol), joint),
+        n => name_at(
+            &format!(
+                "{}.{}",
+                effect.name(),
+                effect.description().parameters[n].symbol
+            ),
+            joint,
+        ),
     }
 }
 
@@ -179,11 +216,13 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
         .map(|(k, entry)| {
             let scale = fit.scale(k);
             let [independent, blocks] = deviations.of_parameter(k).map(|std| std * scale);
-            let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k] * scale);
+            let prior_std = prior_std
+                .as_ref()
+                .map_or(f64::INFINITY, |std| std[k] * scale);
             let std = independent.max(blocks);
-            let unit = entry
-                .effect
-                .map_or(UNITS[entry.parameter], |effect| effect.description().parameters[entry.parameter].unit);
+            let unit = entry.effect.map_or(UNITS[entry.parameter], |effect| {
+                effect.description().parameters[entry.parameter].unit
+            });
             let mean = match k.checked_sub(INERTIAL * fit.problem.bodies.len()) {
                 Some(n) => fit.criticism.value(k, fit.problem.others[n].mean),
                 None => fit.problem.bodies[k / INERTIAL].0.0[k % INERTIAL],
@@ -202,7 +241,9 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
                 std_independent: independent,
                 place: entry.effect.map_or(
                     Place::Body(fit.limb.bodies.start + entry.joint, entry.parameter),
-                    |effect| Place::Effect(effect, fit.limb.bodies.start + entry.joint, entry.parameter),
+                    |effect| {
+                        Place::Effect(effect, fit.limb.bodies.start + entry.joint, entry.parameter)
+                    },
                 ),
             }
         })
@@ -234,7 +275,11 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
             place: Place::Shape(effect, body, n),
         })
     };
-    let active = fit.criticism.active.iter().filter(|(_, joint)| *joint != BASE);
+    let active = fit
+        .criticism
+        .active
+        .iter()
+        .filter(|(_, joint)| *joint != BASE);
     active.filter_map(of).collect()
 }
 

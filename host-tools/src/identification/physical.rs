@@ -89,7 +89,10 @@ impl Problem {
 
     /// The CAD's bodies, and what the others are taken to be.
     pub(crate) fn start(&self) -> DVector<f64> {
-        let bodies = self.bodies.iter().flat_map(|(cad, _)| cad.0.iter().copied());
+        let bodies = self
+            .bodies
+            .iter()
+            .flat_map(|(cad, _)| cad.0.iter().copied());
         let others = self.others.iter().map(|o| o.mean.max(o.lower).min(o.upper));
         DVector::from_vec(bodies.chain(others).collect())
     }
@@ -144,7 +147,9 @@ impl Problem {
     /// The prior's rows about θ without their right-hand side: times their transpose, the prior's information.
     pub(crate) fn prior_information(&self, theta: &DVector<f64>) -> DMatrix<f64> {
         let n = self.parameters();
-        let rows = self.prior_rows(theta).unwrap_or_else(|| DMatrix::zeros(n, n + 1));
+        let rows = self
+            .prior_rows(theta)
+            .unwrap_or_else(|| DMatrix::zeros(n, n + 1));
         rows.columns(0, n).into_owned()
     }
 
@@ -156,7 +161,10 @@ impl Problem {
         rows.rows_mut(0, n).copy_from(&prior);
         rows.rows_mut(n, self.data.nrows()).copy_from(&self.data);
         let r = triangle(rows);
-        Some((r.view((0, 0), (n, n)).into_owned(), r.view((0, n), (n, 1)).column(0).into_owned()))
+        Some((
+            r.view((0, 0), (n, n)).into_owned(),
+            r.view((0, n), (n, 1)).column(0).into_owned(),
+        ))
     }
 
     fn bounds(&self) -> Vec<[f64; 2]> {
@@ -234,7 +242,11 @@ fn within(
         let mut blocking = None;
         for k in (0..n).filter(|&k| !held[k]) {
             let step = target[k] - x[k];
-            let bound = if step < 0.0 { bounds[k][0] } else { bounds[k][1] };
+            let bound = if step < 0.0 {
+                bounds[k][0]
+            } else {
+                bounds[k][1]
+            };
             if step != 0.0 && (bound - x[k]) / step < share {
                 share = ((bound - x[k]) / step).max(0.0);
                 blocking = Some((k, bound));
@@ -250,7 +262,11 @@ fn within(
         let worst = (0..n)
             .filter(|&k| held[k] && bounds[k][0] < bounds[k][1])
             .map(|k| {
-                let inwards = if x[k] > bounds[k][0] { -slope[k] } else { slope[k] };
+                let inwards = if x[k] > bounds[k][0] {
+                    -slope[k]
+                } else {
+                    slope[k]
+                };
                 (k, inwards / r.column(k).norm())
             })
             .min_by(|a, b| a.1.total_cmp(&b.1));
@@ -279,7 +295,9 @@ fn solve_free(r: &DMatrix<f64>, z: &DVector<f64>, x: &DVector<f64>, held: &[bool
         .solve_upper_triangular(&reduced.view((0, f), (f, 1)));
     let mut target = x.clone();
     if let Some(solution) = solution {
-        free.iter().zip(solution.iter()).for_each(|(&k, value)| target[k] = *value);
+        free.iter()
+            .zip(solution.iter())
+            .for_each(|(&k, value)| target[k] = *value);
     }
     target
 }
@@ -302,10 +320,24 @@ mod tests {
         let n = INERTIAL + 2;
         let rows = numbers.len() / n;
         let data = DMatrix::from_fn(rows, n + 1, |r, c| {
-            if c < n { numbers[r * n + c] } else { torque * numbers[r * n] }
+            if c < n {
+                numbers[r * n + c]
+            } else {
+                torque * numbers[r * n]
+            }
         });
-        let other = Bounded { mean: 0.1, std: 1.0, lower: 0.0, upper: 0.5 };
-        Problem { bodies: vec![(cad(), 0.1)], others: vec![other; 2], data, free: false }
+        let other = Bounded {
+            mean: 0.1,
+            std: 1.0,
+            lower: 0.0,
+            upper: 0.5,
+        };
+        Problem {
+            bodies: vec![(cad(), 0.1)],
+            others: vec![other; 2],
+            data,
+            free: false,
+        }
     }
 
     proptest! {

@@ -68,14 +68,22 @@ pub struct RunValue {
 impl Run {
     pub(crate) fn of(recording: &Recording, fitted: &Fitted) -> Self {
         let size = |of: &dyn Fn(&crate::criticism::recording::LimbRecording) -> &[f64]| {
-            let (sum, n) = recording.limbs.iter().fold((0.0, 0), |(sum, n), (_, limb)| {
-                let x = of(limb);
-                (sum + x.iter().map(|x| x * x).sum::<f64>(), n + x.len())
-            });
+            let (sum, n) = recording
+                .limbs
+                .iter()
+                .fold((0.0, 0), |(sum, n), (_, limb)| {
+                    let x = of(limb);
+                    (sum + x.iter().map(|x| x * x).sum::<f64>(), n + x.len())
+                });
             (sum / n.max(1) as f64).sqrt()
         };
-        let warm = recording.limbs.iter().flat_map(|(_, limb)| &limb.temperature);
-        let (sum, n) = warm.filter(|t| t.is_finite()).fold((0.0, 0u64), |(sum, n), t| (sum + t, n + 1));
+        let warm = recording
+            .limbs
+            .iter()
+            .flat_map(|(_, limb)| &limb.temperature);
+        let (sum, n) = warm
+            .filter(|t| t.is_finite())
+            .fold((0.0, 0u64), |(sum, n), t| (sum + t, n + 1));
         Self {
             log: recording.logs.first().cloned().unwrap_or_default(),
             rms: fitted.rms,
@@ -90,7 +98,9 @@ impl Run {
 
 /// Compares runs parameter by parameter; those that fewer than two runs identify are left out. The worst first.
 pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
-    let Some(first) = runs.first() else { return Vec::new() };
+    let Some(first) = runs.first() else {
+        return Vec::new();
+    };
     let mut all = Vec::new();
     for parameter in &first.parameters {
         let name = &parameter.estimate.name;
@@ -99,8 +109,14 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
             .enumerate()
             .filter_map(|(run, fitted)| {
                 let estimate = fitted.parameter(name)?;
-                let counts = estimate.status == Status::Identified && !estimate.at_bound && estimate.std > 0.0;
-                counts.then_some(RunValue { run, value: estimate.value, std: estimate.std })
+                let counts = estimate.status == Status::Identified
+                    && !estimate.at_bound
+                    && estimate.std > 0.0;
+                counts.then_some(RunValue {
+                    run,
+                    value: estimate.value,
+                    std: estimate.std,
+                })
             })
             .collect();
         let most = (0..told.len())
@@ -126,7 +142,9 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
 
 /// The difference that one of so many tests passes by chance once in twenty times, in standard deviations.
 fn limit(tests: usize) -> f64 {
-    StudentsT::new(0.0, 1.0, FREEDOM).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - 0.5 * CHANCE / tests.max(1) as f64))
+    StudentsT::new(0.0, 1.0, FREEDOM).map_or(f64::INFINITY, |t| {
+        t.inverse_cdf(1.0 - 0.5 * CHANCE / tests.max(1) as f64)
+    })
 }
 
 /// How far one run is from the weighted mean of the others, in standard deviations.
@@ -145,7 +163,11 @@ mod tests {
     use super::*;
 
     fn run(run: usize, value: f64) -> RunValue {
-        RunValue { run, value, std: 0.1 }
+        RunValue {
+            run,
+            value,
+            std: 0.1,
+        }
     }
 
     #[test]
@@ -158,7 +180,11 @@ mod tests {
 
     #[test]
     fn more_tests_need_a_larger_difference() {
-        assert!((limit(1) - 2.086).abs() < 1e-3, "Student's t of 20 at 97.5 %: {}", limit(1));
+        assert!(
+            (limit(1) - 2.086).abs() < 1e-3,
+            "Student's t of 20 at 97.5 %: {}",
+            limit(1)
+        );
         assert!(limit(100) > 3.5);
     }
 }

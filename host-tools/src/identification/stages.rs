@@ -51,15 +51,26 @@ impl LimbFit<'_> {
         let (n, inertial) = (data.ncols() - 1, INERTIAL * self.problem.bodies.len());
         let cad = self.problem.start();
         let mut rows = DMatrix::zeros(data.nrows(), n - inertial + 1);
-        rows.columns_mut(0, n - inertial + 1).copy_from(&data.columns(inertial, n - inertial + 1));
+        rows.columns_mut(0, n - inertial + 1)
+            .copy_from(&data.columns(inertial, n - inertial + 1));
         let right = data.column(n) - data.columns(0, inertial) * cad.rows(0, inertial);
         rows.set_column(n - inertial, &right);
-        let friction = Problem { bodies: Vec::new(), others: self.wide_bounds(), data: rows, free: false };
+        let friction = Problem {
+            bodies: Vec::new(),
+            others: self.wide_bounds(),
+            data: rows,
+            free: false,
+        };
         let friction = friction.solve()?;
 
         let mut held = self.problem.clone();
         for (other, value) in held.others.iter_mut().zip(friction.theta.iter()) {
-            *other = Bounded { mean: *value, lower: *value, upper: *value, ..*other };
+            *other = Bounded {
+                mean: *value,
+                lower: *value,
+                upper: *value,
+                ..*other
+            };
         }
         held.free = true;
         let free = held.solve()?;
@@ -67,8 +78,14 @@ impl LimbFit<'_> {
         let consistent = held.solve()?;
 
         let mut first = consistent.clone();
-        first.theta.rows_mut(0, inertial).copy_from(&cad.rows(0, inertial));
-        first.held = vec![false; inertial].into_iter().chain(friction.held).collect();
+        first
+            .theta
+            .rows_mut(0, inertial)
+            .copy_from(&cad.rows(0, inertial));
+        first.held = vec![false; inertial]
+            .into_iter()
+            .chain(friction.held)
+            .collect();
         self.solution.theta = consistent.theta.clone();
         self.solution.held = first.held.clone();
         // Errors are those of all parameters together, friction's share included.
@@ -77,14 +94,24 @@ impl LimbFit<'_> {
     }
 
     fn wide_bounds(&self) -> Vec<Bounded> {
-        let effects = self.criticism.columns.entries.iter().filter_map(|entry| entry.effect);
+        let effects = self
+            .criticism
+            .columns
+            .entries
+            .iter()
+            .filter_map(|entry| entry.effect);
         let of = |(other, effect): (&Bounded, EffectKind)| {
             let [lower, upper] = match effect {
                 EffectKind::Viscous | EffectKind::Coulomb | EffectKind::Armature => [0.0, MOST],
                 EffectKind::Bias => [-MOST, MOST],
                 _ => return *other,
             };
-            Bounded { mean: 0.0, std: NO_PRIOR, lower, upper }
+            Bounded {
+                mean: 0.0,
+                std: NO_PRIOR,
+                lower,
+                upper,
+            }
         };
         self.problem.others.iter().zip(effects).map(of).collect()
     }

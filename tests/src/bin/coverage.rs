@@ -12,15 +12,15 @@
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use proprio::criticism::Recording;
 use proprio::criticism::recording::LimbRecording;
 use proprio::estimate::Status;
 use proprio::identification::{FitOptions, fit_model};
 use proprio::model::Model;
-use proprio::simulator::{Sensors, Simulation, SimulatedSample, HiddenEffect};
+use proprio::simulator::{HiddenEffect, Sensors, SimulatedSample, Simulation};
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use rand::{RngExt, SeedableRng};
@@ -59,8 +59,14 @@ struct Tally {
 }
 
 fn main() -> ExitCode {
-    let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|text| text.parse().ok()).collect();
-    let (seeds, seconds) = (numbers.first().copied().unwrap_or(500), numbers.get(1).copied().unwrap_or(60));
+    let numbers: Vec<u64> = std::env::args()
+        .skip(1)
+        .filter_map(|text| text.parse().ok())
+        .collect();
+    let (seeds, seconds) = (
+        numbers.first().copied().unwrap_or(500),
+        numbers.get(1).copied().unwrap_or(60),
+    );
     match study(seeds, seconds as f64) {
         Ok(tallies) => {
             print(&tallies, seeds, seconds);
@@ -75,7 +81,10 @@ fn main() -> ExitCode {
 
 /// All seeds, shared out among the processors.
 fn study(seeds: u64, seconds: f64) -> Result<BTreeMap<Noise, Tally>, Failure> {
-    let (next, tallies) = (AtomicU64::new(1), Mutex::new(BTreeMap::<Noise, Tally>::new()));
+    let (next, tallies) = (
+        AtomicU64::new(1),
+        Mutex::new(BTreeMap::<Noise, Tally>::new()),
+    );
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let work = || -> Result<(), Failure> {
         loop {
@@ -92,7 +101,9 @@ fn study(seeds: u64, seconds: f64) -> Result<BTreeMap<Noise, Tally>, Failure> {
     };
     std::thread::scope(|scope| {
         let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        threads.into_iter().try_for_each(|thread| thread.join().map_err(|_| "a worker panicked")?)
+        threads
+            .into_iter()
+            .try_for_each(|thread| thread.join().map_err(|_| "a worker panicked")?)
     })?;
     tallies.into_inner().map_err(|_| "a worker panicked".into())
 }
@@ -106,14 +117,23 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Tally, Failure> {
             .into_iter()
             .map(HiddenEffect::try_from)
             .collect::<Result<_, _>>()?,
-        sensors: if noise == Noise::Go2 { Sensors::default() } else { Sensors::ideal() },
+        sensors: if noise == Noise::Go2 {
+            Sensors::default()
+        } else {
+            Sensors::ideal()
+        },
         seed,
         ..Simulation::new(&[LEG])
     };
     let mut samples: Vec<SimulatedSample> = simulation.samples().collect::<Result<_, _>>()?;
     disturb(&mut samples, noise, seed, simulation.rate);
     let mut model = Model::default();
-    let limb = model.robot().limbs().into_iter().nth(LEG.index()).ok_or("no such limb")?;
+    let limb = model
+        .robot()
+        .limbs()
+        .into_iter()
+        .nth(LEG.index())
+        .ok_or("no such limb")?;
     for joint in limb.bodies.clone() {
         for effect in EFFECTS {
             model.add_effect(effect, joint);
@@ -126,12 +146,26 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Tally, Failure> {
         duration: seconds,
     };
     let fitted = fit_model(&recording, &model, FitOptions::default())?;
-    let truth: BTreeMap<String, f64> = simulation.truth().into_iter().map(|p| (p.name, p.value)).collect();
+    let truth: BTreeMap<String, f64> = simulation
+        .truth()
+        .into_iter()
+        .map(|p| (p.name, p.value))
+        .collect();
     let mut tally = Tally::default();
-    for base in fitted.base_parameters.iter().filter(|base| base.status == Status::Identified) {
-        let value: f64 = base.terms.iter().map(|t| t.coefficient * truth.get(&t.parameter).copied().unwrap_or(f64::NAN)).sum();
+    for base in fitted
+        .base_parameters
+        .iter()
+        .filter(|base| base.status == Status::Identified)
+    {
+        let value: f64 = base
+            .terms
+            .iter()
+            .map(|t| t.coefficient * truth.get(&t.parameter).copied().unwrap_or(f64::NAN))
+            .sum();
         let error = (base.value - value).abs();
-        let bound = base.data_std.ok_or("the data leave an identified parameter open")?;
+        let bound = base
+            .data_std
+            .ok_or("the data leave an identified parameter open")?;
         tally.add(&Tally {
             count: 1.0,
             within_95: f64::from(error <= NORMAL_95 * base.std),
@@ -163,7 +197,9 @@ fn disturb(samples: &mut [SimulatedSample], noise: Noise, seed: u64, rate: f64) 
 }
 
 fn recorded(samples: &[SimulatedSample]) -> LimbRecording {
-    let all = |of: &dyn Fn(&SimulatedSample) -> &Vec<f64>| samples.iter().flat_map(|s| of(s).iter().copied()).collect();
+    let all = |of: &dyn Fn(&SimulatedSample) -> &Vec<f64>| {
+        samples.iter().flat_map(|s| of(s).iter().copied()).collect()
+    };
     LimbRecording {
         joints: JOINTS_PER_LEG,
         time_us: samples.iter().map(|s| (s.t * 1e6).round() as u64).collect(),
@@ -189,9 +225,15 @@ impl Tally {
 
 fn print(tallies: &BTreeMap<Noise, Tally>, seeds: u64, seconds: u64) {
     println!("# Do the errors hold?\n");
-    println!("Made by `cargo run --release -p proprio-tests --bin coverage {seeds} {seconds}`: {seeds} seeds of a simulated FR leg, {seconds} s,");
-    println!("bodies 6 % off the CAD, typical friction; base parameters that are identified, all seeds together.\n");
-    println!("| noise | base parameters × seeds | within 3 σ | 95 % intervals cover | if residuals were taken as independent | variance / Cramér-Rao bound |");
+    println!(
+        "Made by `cargo run --release -p proprio-tests --bin coverage {seeds} {seconds}`: {seeds} seeds of a simulated FR leg, {seconds} s,"
+    );
+    println!(
+        "bodies 6 % off the CAD, typical friction; base parameters that are identified, all seeds together.\n"
+    );
+    println!(
+        "| noise | base parameters × seeds | within 3 σ | 95 % intervals cover | if residuals were taken as independent | variance / Cramér-Rao bound |"
+    );
     println!("|---|---|---|---|---|---|");
     for (noise, tally) in tallies {
         let percent = |x: f64| format!("{:.1} %", 100.0 * x / tally.count);

@@ -24,14 +24,23 @@ type Failure = Box<dyn std::error::Error>;
 
 const TRAIN: &str = "9.0hz_p25d1.2";
 const PREDICT: [&str; 3] = ["9.0hz_p25d5.0", "7.0hz_p25d5.0", "2.0hz_p25d3.0"];
-const ALL: [&str; 5] = ["9.0hz_p25d1.2", "9.0hz_p25d2.0", "9.0hz_p25d5.0", "7.0hz_p25d5.0", "2.0hz_p25d3.0"];
+const ALL: [&str; 5] = [
+    "9.0hz_p25d1.2",
+    "9.0hz_p25d2.0",
+    "9.0hz_p25d5.0",
+    "7.0hz_p25d5.0",
+    "2.0hz_p25d3.0",
+];
 /// Mean R² of the plain prototype, some of whose values are unphysical.
 const PROTOTYPE: [f64; 3] = [0.915, 0.906, 0.798];
 
 /// What is added to the four effects that every joint has, step by step.
 const STEPS: [(&str, &[&str]); 6] = [
     ("viscous, coulomb, armature, bias", &[]),
-    ("+ velocity_gain of FR_hip, FR_thigh", &["velocity_gain:FR_hip", "velocity_gain:FR_thigh"]),
+    (
+        "+ velocity_gain of FR_hip, FR_thigh",
+        &["velocity_gain:FR_hip", "velocity_gain:FR_thigh"],
+    ),
     ("+ elasticity", &["elasticity"]),
     ("+ delay", &["delay"]),
     ("+ stribeck", &["stribeck"]),
@@ -39,7 +48,9 @@ const STEPS: [(&str, &[&str]); 6] = [
 ];
 
 fn main() -> ExitCode {
-    let Some(folder) = recorded_logs() else { return ExitCode::SUCCESS };
+    let Some(folder) = recorded_logs() else {
+        return ExitCode::SUCCESS;
+    };
     match report(&folder) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -55,16 +66,28 @@ fn log(folder: &Path, name: &str) -> PathBuf {
 
 fn report(folder: &Path) -> Result<(), Failure> {
     println!("# Real logs, held out across files\n");
-    println!("Made by `cargo run --release -p proprio-tests --bin real_logs`. Fitted to `{TRAIN}` alone, every value physical;");
-    println!("mean R² over the twelve joints of mean torques over 20 ms windows in which the joint moves.\n");
-    println!("| model | held out in the same log, rms N m | {} | physical |", PREDICT.join(" | "));
+    println!(
+        "Made by `cargo run --release -p proprio-tests --bin real_logs`. Fitted to `{TRAIN}` alone, every value physical;"
+    );
+    println!(
+        "mean R² over the twelve joints of mean torques over 20 ms windows in which the joint moves.\n"
+    );
+    println!(
+        "| model | held out in the same log, rms N m | {} | physical |",
+        PREDICT.join(" | ")
+    );
     println!("|---|---|---|---|---|---|");
     let prototype = PROTOTYPE.map(|r2| format!("{r2:.3}"));
-    println!("| plain prototype (issue 3) | – | {} | no |", prototype.join(" | "));
+    println!(
+        "| plain prototype (issue 3) | – | {} | no |",
+        prototype.join(" | ")
+    );
     let model = Model::default();
     let train = Recording::read(&[log(folder, TRAIN)], &model, |_, _| {})?;
-    let others: Vec<Recording> =
-        PREDICT.iter().map(|name| Recording::read(&[log(folder, name)], &model, |_, _| {})).collect::<Result<_, _>>()?;
+    let others: Vec<Recording> = PREDICT
+        .iter()
+        .map(|name| Recording::read(&[log(folder, name)], &model, |_, _| {}))
+        .collect::<Result<_, _>>()?;
     let (mut model, mut last) = (model, None);
     for effect in EFFECTS {
         add(&mut model, effect.name())?;
@@ -73,13 +96,30 @@ fn report(folder: &Path) -> Result<(), Failure> {
         for effect in effects {
             add(&mut model, effect)?;
         }
-        let options = FitOptions { constraint: Constraint::Physical, ..FitOptions::default() };
+        let options = FitOptions {
+            constraint: Constraint::Physical,
+            ..FitOptions::default()
+        };
         let fitted = fit_model(&train, &model, options)?;
-        let filled = fitted.to_model(&model, Provenance::of(&train.logs).map_err(|(log, e)| format!("{log}: {e}"))?)?;
-        let all: Vec<Vec<f64>> = others.iter().map(|other| r2(other, &filled)).collect::<Result<_, _>>()?;
+        let filled = fitted.to_model(
+            &model,
+            Provenance::of(&train.logs).map_err(|(log, e)| format!("{log}: {e}"))?,
+        )?;
+        let all: Vec<Vec<f64>> = others
+            .iter()
+            .map(|other| r2(other, &filled))
+            .collect::<Result<_, _>>()?;
         let means: Vec<String> = all.iter().map(|r2| format!("{:.3}", mean(r2))).collect();
         let held_out = fitted.held_out_rms.unwrap_or(f64::NAN);
-        println!("| {words} | {held_out:.4} | {} | {} |", means.join(" | "), if is_physical(&filled, &fitted) { "yes" } else { "NO" });
+        println!(
+            "| {words} | {held_out:.4} | {} | {} |",
+            means.join(" | "),
+            if is_physical(&filled, &fitted) {
+                "yes"
+            } else {
+                "NO"
+            }
+        );
         last = Some((fitted, all));
     }
     if let Some((fitted, all)) = last {
@@ -91,17 +131,27 @@ fn report(folder: &Path) -> Result<(), Failure> {
             println!("| {} | {} |", joint.joint, cells.join(" | "));
         }
         println!("\n| parameter | value | std | prior | status |\n|---|---|---|---|---|");
-        for p in fitted.parameters.iter().map(|p| &p.estimate).filter(|p| !p.is_inertial()) {
+        for p in fitted
+            .parameters
+            .iter()
+            .map(|p| &p.estimate)
+            .filter(|p| !p.is_inertial())
+        {
             let status = format!("{:?}", p.status).to_lowercase();
             let bound = if p.at_bound { ", at its bound" } else { "" };
-            println!("| {} ({}) | {:.4} | {:.4} | {:.4} ± {:.4} | {status}{bound} |", p.name, p.unit, p.value, p.std, p.prior, p.prior_std);
+            println!(
+                "| {} ({}) | {:.4} | {:.4} | {:.4} ± {:.4} | {status}{bound} |",
+                p.name, p.unit, p.value, p.std, p.prior, p.prior_std
+            );
         }
     }
     precision(folder)
 }
 
 fn add(model: &mut Model, text: &str) -> Result<(), Failure> {
-    let (name, joint) = text.split_once(':').map_or((text, None), |(name, joint)| (name, Some(joint)));
+    let (name, joint) = text
+        .split_once(':')
+        .map_or((text, None), |(name, joint)| (name, Some(joint)));
     let effect = EffectKind::from_name(name).ok_or("no such effect")?;
     for joint in model.robot().place(effect, joint)? {
         model.add_effect(effect, joint);
@@ -117,7 +167,11 @@ fn mean(x: &[f64]) -> f64 {
 fn r2(recording: &Recording, model: &Model) -> Result<Vec<f64>, Failure> {
     let comparison = compare(recording, model, Values::Given)?;
     let of = |fit: Option<f64>| fit.map_or(f64::NAN, |fit| 1.0 - (1.0 - fit / 100.0).powi(2));
-    Ok(comparison.joints.iter().map(|joint| of(joint.fit_percent)).collect())
+    Ok(comparison
+        .joints
+        .iter()
+        .map(|joint| of(joint.fit_percent))
+        .collect())
 }
 
 /// Whether every body could exist and every effect is within its bounds.
@@ -125,15 +179,24 @@ fn is_physical(model: &Model, fitted: &Fitted) -> bool {
     let bodies = (0..model.robot().bodies().len()).all(|b| model.inertia(b).is_physical());
     let effects = model.effects().iter().all(|e| {
         let parameters = e.effect.description().parameters.iter().zip(&e.estimates);
-        parameters.flat_map(|(p, estimate)| estimate.map(|e| (p.lower..=p.upper).contains(&e.value))).all(|within| within)
+        parameters
+            .flat_map(|(p, estimate)| estimate.map(|e| (p.lower..=p.upper).contains(&e.value)))
+            .all(|within| within)
     });
-    bodies && effects && fitted.parameters.iter().all(|p| p.estimate.value.is_finite())
+    bodies
+        && effects
+        && fitted
+            .parameters
+            .iter()
+            .all(|p| p.estimate.value.is_finite())
 }
 
 /// Differences between `f32` and `f64` in units of the standard deviation: the device's estimator on each log.
 fn precision(folder: &Path) -> Result<(), Failure> {
     println!("\n## f32 against f64\n");
-    println!("The device's estimator (four legs of 42 parameters, free) on each log: differences in standard deviations.\n");
+    println!(
+        "The device's estimator (four legs of 42 parameters, free) on each log: differences in standard deviations.\n"
+    );
     println!("| log | largest | its parameter | root mean square |\n|---|---|---|---|");
     for name in ALL {
         let (mut worst, mut which, mut squares, mut count) = (0.0f64, String::new(), 0.0, 0);
@@ -149,7 +212,10 @@ fn precision(folder: &Path) -> Result<(), Failure> {
                 }
             }
         }
-        println!("| {name} | {worst:.1e} | {which} | {:.1e} |", (squares / f64::from(count)).sqrt());
+        println!(
+            "| {name} | {worst:.1e} | {which} | {:.1e} |",
+            (squares / f64::from(count)).sqrt()
+        );
     }
     Ok(())
 }
@@ -162,8 +228,17 @@ fn solve<T: Real>(
     from: impl Fn(T) -> f64,
 ) -> Result<(Vec<f64>, Vec<f64>), Failure> {
     let mut reader = LogReader::open(log, Selection::Motion)?;
-    let settings = Settings { window_us: 20_000, max_gap_us: 10_000 };
-    let mut window: LegWindow<T> = Window::new(go2::leg(leg), Transform::identity(), EFFECTS, plausible(leg), settings);
+    let settings = Settings {
+        window_us: 20_000,
+        max_gap_us: 10_000,
+    };
+    let mut window: LegWindow<T> = Window::new(
+        go2::leg(leg),
+        Transform::identity(),
+        EFFECTS,
+        plausible(leg),
+        settings,
+    );
     let mut factors = LegFactors::<T>::default();
     while let Some(row) = reader.next_row()? {
         let sample = row.sample(leg);
@@ -174,7 +249,9 @@ fn solve<T: Real>(
             tau: sample.tau.map(&to),
         };
         if window.push(&sample) == Push::Closed {
-            factors.fold_window(window.rows()).map_err(|e| e.to_string())?;
+            factors
+                .fold_window(window.rows())
+                .map_err(|e| e.to_string())?;
         }
     }
     let mut solver = LegSolver::<T>::default();

@@ -92,7 +92,12 @@ pub struct FittedJoint {
 }
 
 impl Fitted {
-    pub(super) fn new(recording: &Recording, fits: &[LimbFit], tilt: Option<[(f64, f64); 2]>, stages: Vec<Stage>) -> Self {
+    pub(super) fn new(
+        recording: &Recording,
+        fits: &[LimbFit],
+        tilt: Option<[(f64, f64); 2]>,
+        stages: Vec<Stage>,
+    ) -> Self {
         let (mut parameters_of_all, mut joints, mut misfits) = (Vec::new(), Vec::new(), Vec::new());
         let mut identifiability = Identifiability::default();
         for fit in fits {
@@ -113,7 +118,8 @@ impl Fitted {
             parameters_of_all.extend(tilts(fit.model, tilt));
         }
         let windows: f64 = misfits.iter().map(|m| m.windows).sum();
-        let rms = |of: &dyn Fn(&Misfit) -> f64| (misfits.iter().map(of).sum::<f64>() / windows).sqrt();
+        let rms =
+            |of: &dyn Fn(&Misfit) -> f64| (misfits.iter().map(of).sum::<f64>() / windows).sqrt();
         let held_out = misfits.iter().all(|m| m.held_out.is_some());
         Self {
             rms: rms(&|m| m.fit),
@@ -133,7 +139,10 @@ impl Fitted {
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        self.parameters.iter().map(|p| &p.estimate).find(|p| p.name == name)
+        self.parameters
+            .iter()
+            .map(|p| &p.estimate)
+            .find(|p| p.name == name)
     }
 
     /// `model` with these values and `provenance`.
@@ -143,7 +152,10 @@ impl Fitted {
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut to = model.clone();
         let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
-        for FittedParameter { estimate, place, .. } in &self.parameters {
+        for FittedParameter {
+            estimate, place, ..
+        } in &self.parameters
+        {
             let fault = |joint: usize| {
                 let of = model.joint_name(joint).to_owned();
                 move |fault| NotAModel { of, fault }
@@ -154,7 +166,8 @@ impl Fitted {
                     .set_parameter(effect, joint, n, estimate.value, Some(estimate.std))
                     .map_err(fault(joint))?,
                 Place::Shape(effect, joint, n) => {
-                    to.set_parameter(effect, joint, n, estimate.value, None).map_err(fault(joint))?;
+                    to.set_parameter(effect, joint, n, estimate.value, None)
+                        .map_err(fault(joint))?;
                 }
             }
         }
@@ -165,7 +178,10 @@ impl Fitted {
                     numbers.map(|n| n.map_or(0.0, |(_, std)| std)),
                 );
                 to.set_body(body, &InertialParameters(SVector::from(value)), Some(&std))
-                    .map_err(|fault| NotAModel { of: model.joint_name(body).to_owned(), fault })?;
+                    .map_err(|fault| NotAModel {
+                        of: model.joint_name(body).to_owned(),
+                        fault,
+                    })?;
             }
         }
         to.set_provenance(provenance);
@@ -215,11 +231,17 @@ impl fmt::Display for Fitted {
         for FittedParameter { estimate, .. } in &self.parameters {
             if !estimate.is_inertial() {
                 let prior = crate::table::with_std(estimate.prior, estimate.prior_std);
-                table.row([estimate.name.clone(), estimate.unit.to_owned(), estimate.cell(), prior]);
+                table.row([
+                    estimate.name.clone(),
+                    estimate.unit.to_owned(),
+                    estimate.cell(),
+                    prior,
+                ]);
             }
         }
         writeln!(f, "{table}")?;
-        let rms = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+        let rms =
+            |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
         let mut table = Table::default();
         table.row(["joint", "rms", "held-out", "CAD's"].map(str::to_owned));
         for joint in &self.joints {
@@ -230,7 +252,9 @@ impl fmt::Display for Fitted {
         table.row(["all".to_owned()].into_iter().chain(errors));
         write!(f, "{table}")?;
         let inertial = || self.parameters.iter().filter(|p| p.estimate.is_inertial());
-        let identified = inertial().filter(|p| p.estimate.status == Status::Identified).count();
+        let identified = inertial()
+            .filter(|p| p.estimate.status == Status::Identified)
+            .count();
         writeln!(
             f,
             "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give;\n{}\n\
