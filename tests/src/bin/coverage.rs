@@ -56,7 +56,12 @@ struct Tally {
     independent_95: f64,
     /// Squares of the error over the Cramér-Rao bound.
     over_bound: f64,
+    /// Errors in standard deviations, with their sign: far from zero on average is a bias.
+    off: f64,
 }
+
+/// Tallies by the base parameter's first standard parameter.
+type Tallies = BTreeMap<(Noise, String), Tally>;
 
 fn main() -> ExitCode {
     let numbers: Vec<u64> = std::env::args()
@@ -64,7 +69,7 @@ fn main() -> ExitCode {
         .filter_map(|text| text.parse().ok())
         .collect();
     let (seeds, seconds) = (
-        numbers.first().copied().unwrap_or(500),
+        numbers.first().copied().unwrap_or(20),
         numbers.get(1).copied().unwrap_or(60),
     );
     match study(seeds, seconds as f64) {
@@ -80,11 +85,8 @@ fn main() -> ExitCode {
 }
 
 /// All seeds, shared out among the processors.
-fn study(seeds: u64, seconds: f64) -> Result<BTreeMap<Noise, Tally>, Failure> {
-    let (next, tallies) = (
-        AtomicU64::new(1),
-        Mutex::new(BTreeMap::<Noise, Tally>::new()),
-    );
+fn study(seeds: u64, seconds: f64) -> Result<Tallies, Failure> {
+    let (next, tallies) = (AtomicU64::new(1), Mutex::new(Tallies::new()));
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let work = || -> Result<(), Failure> {
         loop {
@@ -93,9 +95,11 @@ fn study(seeds: u64, seconds: f64) -> Result<BTreeMap<Noise, Tally>, Failure> {
                 return Ok(());
             }
             for noise in [Noise::Go2, Noise::White, Noise::Memory] {
-                let tally = one(seed, seconds, noise)?;
+                let told = one(seed, seconds, noise)?;
                 let mut tallies = tallies.lock().map_err(|_| "a worker panicked")?;
-                tallies.entry(noise).or_default().add(&tally);
+                for (name, tally) in told {
+                    tallies.entry((noise, name)).or_default().add(&tally);
+                }
             }
         }
     };
@@ -109,7 +113,7 @@ fn study(seeds: u64, seconds: f64) -> Result<BTreeMap<Noise, Tally>, Failure> {
 }
 
 /// One seed.
-fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Tally, Failure> {
+fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Vec<(String, Tally)>, Failure> {
     let simulation = Simulation {
         duration: seconds,
         inertia_error: INERTIA_ERROR,
@@ -151,7 +155,7 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Tally, Failure> {
         .into_iter()
         .map(|p| (p.name, p.value))
         .collect();
-    let mut tally = Tally::default();
+    let mut all = Vec::new();
     for base in fitted
         .base_parameters
         .iter()
@@ -166,15 +170,17 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Tally, Failure> {
         let bound = base
             .data_std
             .ok_or("the data leave an identified parameter open")?;
-        tally.add(&Tally {
+        let tally = Tally {
             count: 1.0,
             within_95: f64::from(error <= NORMAL_95 * base.std),
             within_3: f64::from(error <= 3.0 * base.std),
             independent_95: f64::from(error <= NORMAL_95 * base.std_independent),
             over_bound: (error / bound).powi(2),
-        });
+            off: (base.value - value) / base.std,
+        };
+        all.push((base.terms[0].parameter.clone(), tally));
     }
-    Ok(tally)
+    Ok(all)
 }
 
 /// Adds noise to exact torques.
@@ -214,16 +220,34 @@ fn recorded(samples: &[SimulatedSample]) -> LimbRecording {
 }
 
 impl Tally {
+    fn cells(&self) -> String {
+        let percent = |x: f64| format!("{:.1} %", 100.0 * x / self.count);
+        format!(
+            "{} | {} | {} | {} | {:.3} | {:+.2}",
+            self.count,
+            percent(self.within_3),
+            percent(self.within_95),
+            percent(self.independent_95),
+            self.over_bound / self.count,
+            self.off / self.count
+        )
+    }
+
     fn add(&mut self, other: &Self) {
         self.count += other.count;
         self.within_95 += other.within_95;
         self.within_3 += other.within_3;
         self.independent_95 += other.independent_95;
         self.over_bound += other.over_bound;
+        self.off += other.off;
     }
 }
 
-fn print(tallies: &BTreeMap<Noise, Tally>, seeds: u64, seconds: u64) {
+/// What [`Tally::cells`] says.
+const HEADING: &str = "number | within 3 σ | 95 % intervals cover | were residuals taken as independent | variance / \
+                       Cramér-Rao bound | mean error, σ";
+
+fn print(tallies: &Tallies, seeds: u64, seconds: u64) {
     println!("# Do the errors hold?\n");
     println!(
         "Made by `cargo run --release -p proprio-tests --bin coverage {seeds} {seconds}`: {seeds} seeds of a simulated FR leg, {seconds} s,"
@@ -231,19 +255,18 @@ fn print(tallies: &BTreeMap<Noise, Tally>, seeds: u64, seconds: u64) {
     println!(
         "bodies 6 % off the CAD, typical friction; base parameters that are identified, all seeds together.\n"
     );
-    println!(
-        "| noise | base parameters × seeds | within 3 σ | 95 % intervals cover | if residuals were taken as independent | variance / Cramér-Rao bound |"
-    );
-    println!("|---|---|---|---|---|---|");
-    for (noise, tally) in tallies {
-        let percent = |x: f64| format!("{:.1} %", 100.0 * x / tally.count);
-        println!(
-            "| {noise:?} | {} | {} | {} | {} | {:.3} |",
-            tally.count,
-            percent(tally.within_3),
-            percent(tally.within_95),
-            percent(tally.independent_95),
-            tally.over_bound / tally.count
-        );
+    println!("| noise | {HEADING} |\n|---|---|---|---|---|---|---|");
+    for noise in [Noise::Go2, Noise::White, Noise::Memory] {
+        let mut sum = Tally::default();
+        tallies
+            .iter()
+            .filter(|((kind, _), _)| *kind == noise)
+            .for_each(|(_, tally)| sum.add(tally));
+        println!("| {noise:?} | {} |", sum.cells());
+    }
+    println!("\nBase parameter by base parameter, named by its first standard parameter:\n");
+    println!("| noise | parameter | {HEADING} |\n|---|---|---|---|---|---|---|---|");
+    for ((noise, name), tally) in tallies {
+        println!("| {noise:?} | {name} | {} |", tally.cells());
     }
 }
