@@ -12,11 +12,12 @@ use crate::criticism::Recording;
 use crate::criticism::recording::LimbRecording;
 use crate::estimate::Status;
 use crate::model::{Model, Provenance};
-use crate::simulator::{Hide, Sensors, SimulatedSample, Simulation};
+use crate::simulator::{HiddenEffect, Hide, Sensors, SimulatedSample, Simulation};
 
 /// A front right leg with typical friction and what else is hidden, 20 s.
 fn simulation(hide: &[&str], seed: u64) -> Simulation {
-    let mut effects = crate::simulator::typical(&[Leg::FR]);
+    let typical = crate::parameter::typical_effects(&[Leg::FR]).into_iter();
+    let mut effects: Vec<HiddenEffect> = typical.flat_map(HiddenEffect::try_from).collect();
     for text in hide {
         let hide: Hide = text.parse().unwrap();
         effects.extend(hide.on(&[Leg::FR]).unwrap());
@@ -79,7 +80,7 @@ fn truth(simulation: &Simulation) -> BTreeMap<String, f64> {
 fn hidden_effects_of_every_form_come_out_of_one_fit() {
     let hidden = [
         "velocity_gain:FR_hip=1.09",
-        "elasticity:FR_calf=0.004",
+        "elasticity:FR_calf=250",
         "stribeck:FR_thigh=0.5,vs=0.3",
         "delay:FR_thigh=0.004",
     ];
@@ -165,8 +166,10 @@ fn what_motion_can_tell_of_a_leg_and_what_not() {
             .iter()
             .map(|t| t.coefficient * truth[&t.parameter])
             .sum();
+        // Windows see a reversal's dry friction only to a few per cent; the coverage study says how errors hold.
+        let close = (5.0 * base.std).max(0.03 * value.abs());
         assert!(
-            (base.value - value).abs() < 5.0 * base.std,
+            (base.value - value).abs() < close,
             "{}: {} {value} ±{}",
             base.expression(),
             base.value,
