@@ -47,7 +47,7 @@ pub enum Status {
 }
 
 impl Status {
-    fn of(std: f64, prior_std: f64) -> Self {
+    pub(crate) fn of(std: f64, prior_std: f64) -> Self {
         match std / prior_std {
             ratio if ratio <= 0.5 => Self::Identified,
             ratio if ratio <= 0.99 => Self::Prior,
@@ -184,7 +184,7 @@ impl ParameterEstimate {
             .any(|(name, _)| Some(*name) == what)
     }
 
-    fn cell(&self) -> String {
+    pub(crate) fn cell(&self) -> String {
         let mark = match self.status {
             _ if self.at_bound => "(b)",
             Status::Identified => "   ",

@@ -3,6 +3,7 @@
 pub mod criticism;
 pub mod device;
 pub mod estimate;
+pub mod identifiability;
 pub mod identification;
 pub mod log;
 pub mod model;

@@ -6,7 +6,7 @@ use clap::Args;
 use proprio::criticism::Recording;
 use proprio::criticism::comparison::series_of;
 use proprio::estimate::Constraint;
-use proprio::identification::{Identification, Options, identify};
+use proprio::identification::{FitOptions, Identification, Method, Options, fit_runs, identify};
 use proprio::model::{Model, Provenance};
 use proprio::output;
 use proprio::report::pages;
@@ -40,16 +40,58 @@ pub(crate) struct Identify {
     #[arg(long)]
     physical: bool,
     /// Also write a report with plots: one page, no network needed
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
     html: Option<PathBuf>,
+    /// Fit the effects that this model file names, physical unless --free
+    ///
+    /// The file's priors count, its values do not. With -o the values are written to a model file.
+    #[arg(short, long, value_name = "MODEL", conflicts_with_all = ["bus", "physical"])]
+    model: Option<PathBuf>,
+    /// With --model: values may be unphysical
+    #[arg(long, requires = "model")]
+    free: bool,
+    /// With --model: also print what motion can tell at all, and what these logs do not tell
+    #[arg(long, requires = "model")]
+    base: bool,
+    /// With --model: friction with the CAD's bodies first, then inertia, then physical inertia
+    #[arg(long, requires = "model", conflicts_with = "free")]
+    stages: bool,
+    /// With --model: which equation the parameters are fitted to
+    #[arg(long, value_enum, default_value_t, requires = "model")]
+    method: Equation,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
+/// Names of the equations on the command line.
+#[derive(Debug, Clone, Copy, Default, clap::ValueEnum)]
+enum Equation {
+    /// Integrated momentum: no accelerations
+    #[default]
+    Momentum,
+    /// Differences of energy: no accelerations, one row for all joints of a limb
+    Energy,
+    /// Torques at instants: accelerations by filtered differentiation
+    InverseDynamics,
+}
+
+impl From<Equation> for Method {
+    fn from(equation: Equation) -> Self {
+        match equation {
+            Equation::Momentum => Self::Momentum,
+            Equation::Energy => Self::Energy,
+            Equation::InverseDynamics => Self::InverseDynamics,
+        }
+    }
+}
+
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
         let mut progress = Progress::new("Identifying");
+        if let Some(path) = &self.model {
+            return self.run_model(&Model::load(path)?, progress);
+        }
         let constraint = if self.physical {
             Constraint::Physical
         } else {
@@ -74,6 +116,42 @@ impl Identify {
             json(&result)
         } else {
             result.to_string()
+        })
+    }
+
+    fn run_model(&self, model: &Model, mut progress: Progress) -> Result<String, Error> {
+        let options = FitOptions {
+            constraint: if self.free {
+                Constraint::Free
+            } else {
+                Constraint::Physical
+            },
+            method: self.method.into(),
+            stages: self.stages,
+        };
+        let recording =
+            Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
+        let fitted = fit_runs(&recording, model, options)?;
+        drop(progress);
+        for warning in &fitted.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.output {
+            if path
+                .extension()
+                .is_some_and(|extension| extension == "json")
+            {
+                output::write(path, &json(&fitted))?;
+            } else {
+                let provenance =
+                    Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
+                fitted.to_model(model, provenance)?.save(path)?;
+            }
+        }
+        Ok(match (self.json, self.base) {
+            (true, _) => json(&fitted),
+            (false, true) => format!("{fitted}{}", fitted.identifiability()),
+            (false, false) => fitted.to_string(),
         })
     }
 

@@ -7,25 +7,25 @@
 //! 5. `selection`, [`diagnosis`]: forward-backward selection, look-alikes, verdict.
 //! 6. [`residual`], [`comparison`]: where and when a model fails, against baselines.
 
-mod blocks;
-mod column;
+pub(crate) mod blocks;
+pub(crate) mod column;
 pub mod comparison;
 mod contact;
 pub mod diagnosis;
 mod foot;
 pub mod gate;
-mod limb;
-mod motion;
+pub(crate) mod limb;
+pub(crate) mod motion;
 pub mod recording;
 pub mod residual;
-mod rigid_body;
-mod rows;
+pub(crate) mod rigid_body;
+pub(crate) mod rows;
 mod scan;
 mod selection;
 mod series;
 mod speed;
-mod triangle;
-mod velocity;
+pub(crate) mod triangle;
+pub(crate) mod velocity;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, diagnose};

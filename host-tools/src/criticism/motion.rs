@@ -150,7 +150,7 @@ impl Motion {
 }
 
 /// Value and slope at sample k of the straight line through the samples around it.
-fn local_line(t: &[f64], x: &[f64], k: usize, width: usize) -> [f64; 2] {
+pub(crate) fn local_line(t: &[f64], x: &[f64], k: usize, width: usize) -> [f64; 2] {
     // The same number on both sides: then a curvature does not tilt the line.
     let half = width.min(k).min(t.len() - 1 - k);
     if half == 0 {

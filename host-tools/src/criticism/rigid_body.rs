@@ -32,6 +32,12 @@ pub(crate) trait RigidBody: Send + Sync {
         rate: &mut [f64],
     );
 
+    /// W with W θ = H q̈ + C q̇ + g (N m per unit of each parameter) at a position, velocity and acceleration.
+    fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]);
+
+    /// The row h with h θ = kinetic and potential energy (J per unit of each parameter).
+    fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]);
+
     /// Takes inertial parameters, ten per body.
     fn set_inertia(&mut self, theta: &[f64]);
 }
@@ -80,6 +86,28 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         let (p, r) = self.0.momentum_and_rate(&self.0.kinematics(base, &q, &dq));
         momentum.copy_from_slice(p.as_slice());
         rate.copy_from_slice(r.as_slice());
+    }
+
+    fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
+        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
+        let k = self.0.kinematics(base, &q, &dq);
+        let regressor = self.0.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
+        for (j, row) in torque.chunks_exact_mut(P).enumerate() {
+            row.iter_mut()
+                .zip(regressor.row(j).iter())
+                .for_each(|(to, from)| *to = *from);
+        }
+    }
+
+    fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {
+        let (q, dq) = (
+            SVector::from_column_slice(q),
+            SVector::from_column_slice(dq),
+        );
+        let (kinetic, potential) = self
+            .0
+            .energy_regressor::<P>(&self.0.kinematics(base, &q, &dq), base);
+        energy.copy_from_slice((kinetic + potential).as_slice());
     }
 
     fn set_inertia(&mut self, theta: &[f64]) {

@@ -5,8 +5,16 @@
 //! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
 
 mod bus;
+mod data;
+pub(crate) mod deviation;
 mod leg;
+pub(crate) mod limb;
+mod method;
+pub(crate) mod model_fit;
+pub(crate) mod physical;
 mod result;
+mod runs;
+mod stages;
 mod to_model;
 
 use std::path::{Path, PathBuf};
@@ -17,7 +25,11 @@ use proprio_core::go2::{LEGS, Leg};
 use crate::estimate::Constraint;
 use crate::log::{LogError, LogReader, Selection, Warning};
 use leg::LegIdentifier;
+pub use method::Method;
+pub use model_fit::{FitOptions, Fitted, FittedJoint, FittedParameter, Place, fit_model, fit_runs};
 pub use result::{Identification, JointFit, Samples};
+pub use runs::{Consistency, Run, RunValue};
+pub use stages::{Stage, StageParameter};
 pub use to_model::NotAModel;
 
 /// How to identify.
@@ -149,3 +161,6 @@ fn read(
     }
     reader.finish()
 }
+
+#[cfg(test)]
+mod tests;
