@@ -151,6 +151,7 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Vec<(String, Tally)>, Fa
         }
     }
     let recording = Recording {
+        gates: Vec::new(),
         logs: Vec::new(),
         limbs: vec![(limb, recorded(&samples))],
         warnings: Vec::new(),
