@@ -116,7 +116,7 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
                 &theta[INERTIAL * b..INERTIAL * (b + 1)],
             ))
         };
-        self.0 = self.0.clone().with_inertia(&std::array::from_fn(body));
+        self.0 = self.0.with_inertia(&std::array::from_fn(body));
     }
 }
 
