@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use proprio::criticism::comparison::Values;
+use proprio::criticism::comparison::ValuesFrom;
 use proprio::criticism::{Recording, compare};
 use proprio::estimate::Constraint;
 use proprio::identification::{FitOptions, Fitted, fit_model};
@@ -171,7 +171,7 @@ fn mean(x: &[f64]) -> f64 {
 
 /// R² of each joint's torque.
 fn r2(recording: &Recording, model: &Model) -> Result<Vec<f64>, Failure> {
-    let comparison = compare(recording, model, Values::Given)?;
+    let comparison = compare(recording, model, ValuesFrom::Given)?;
     let of = |fit: Option<f64>| fit.map_or(f64::NAN, |fit| 1.0 - (1.0 - fit / 100.0).powi(2));
     Ok(comparison
         .joints
