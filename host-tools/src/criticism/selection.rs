@@ -13,7 +13,9 @@ const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
 const LEAST_GAIN: f64 = 0.02;
 /// Most effects that a limb is given.
-const MOST_STEPS: usize = 24;
+const MOST_STEPS: usize = 16;
+/// Most times that the data are gone over again.
+const MOST_POLISHES: usize = 2;
 /// Going over the data again may make the held-out error larger by this factor.
 const MOST_RISE: f64 = 1.01;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
@@ -87,6 +89,14 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
     Some(simplest.unwrap_or(first).place)
 }
 
+/// Held-out sum of squares in units of these noises.
+fn weighted(rss: &[Vec<f64>], noise: &[f64]) -> f64 {
+    let squares = total(rss).into_iter().zip(noise);
+    squares
+        .map(|(square, noise)| square / (noise * noise))
+        .sum()
+}
+
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
     let joints = rss.first().map_or(0, Vec::len);
     (0..joints)
@@ -108,12 +118,15 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         .iter()
         .find(|j| j.significant)
         .map(|j| j.candidate.place);
+    let mut polishes = 0;
     let mut polished = false;
     loop {
         match next {
             Some(place) => {
+                let noise = limb.fit.noise.clone();
+                let before = weighted(&limb.fit.rss, &noise);
                 limb.add(place);
-                if limb.is_physical(place) {
+                if limb.is_physical(place) && weighted(&limb.fit.rss, &noise) < before {
                     steps.push(Step {
                         place,
                         rss: total(&limb.fit.rss),
@@ -125,8 +138,8 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                     refused.push(place);
                 }
             }
-            None if !polished => {
-                polished = true;
+            None if !polished && polishes < MOST_POLISHES => {
+                (polished, polishes) = (true, polishes + 1);
                 if !polish(limb, &mut steps, &mut refused) {
                     break;
                 }
@@ -155,23 +168,21 @@ fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Pla
     if !limb.scan_shapes() && !limb.is_linearised() {
         return false;
     }
-    let weighted = |rss: &[Vec<f64>], noise: &[f64]| -> f64 {
-        total(rss)
-            .iter()
-            .zip(noise)
-            .map(|(square, noise)| square / (noise * noise))
-            .sum()
-    };
-    let (noise, corrections) = (limb.fit.noise.clone(), limb.corrections.clone());
-    let before = weighted(&limb.fit.rss, &noise);
+    let (fit, corrections, columns) = (
+        limb.fit.clone(),
+        limb.corrections.clone(),
+        limb.columns.clone(),
+    );
+    let noise = &fit.noise;
+    let before = weighted(&limb.fit.rss, noise);
     limb.relinearise();
-    if weighted(&limb.fit.rss, &noise) > MOST_RISE * before {
+    if weighted(&limb.fit.rss, noise) > MOST_RISE * before {
         let misled = steps
             .iter()
             .rposition(|step| limb.is_correction(step.place));
         if let Some(misled) = misled {
             let place = steps.remove(misled).place;
-            limb.corrections = corrections;
+            (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
             limb.remove(place);
             refused.push(place);
         }

@@ -188,6 +188,10 @@ impl LimbCriticism<'_> {
     /// Takes an effect out of the model.
     pub(crate) fn remove(&mut self, place: Place) {
         self.active.retain(|p| *p != place);
+        for entry in self.columns.of_effect(place.0, place.1) {
+            // Else it would be taken into the corrections that start anew.
+            self.fit.theta[entry] = 0.0;
+        }
         if place.0 == EffectKind::Payload {
             self.loads[place.1] = self.coms[place.1];
             return self.rebuild();
