@@ -49,7 +49,7 @@ use crate::{Real, scalar::real};
 pub const MAX_COLUMNS: usize = 2;
 
 /// Most parameters of an effect.
-pub const MAX_PARAMETERS: usize = 4;
+pub const MAX_PARAMETERS: usize = 5;
 
 /// What is known of one joint at one instant; SI, joint side.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,5 @@
 //! A load on a body: a point mass m at the body's centre of mass and, to first order, away from it: h is the first moment
-//! about that centre, in the axes of the joint frame.
+//! about that centre, in the axes of the joint frame; I is what its inertia has beyond a point mass, the same about all axes.
 
 use super::{Description, Effect, Form, Parameter, Prior};
 use crate::go2::Actuator;
@@ -17,6 +17,7 @@ impl Effect for Payload {
             Parameter::new("hx", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hy", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hz", "kg m", f64::NEG_INFINITY, f64::INFINITY),
+            Parameter::new("I", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
         ],
         words: "a mass on this body that the model does not have",
         look_alikes: &[
@@ -32,7 +33,11 @@ impl Effect for Payload {
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {
-        let std = if parameter == 0 { 0.5 } else { 0.03 };
+        let std = match parameter {
+            0 => 0.5,
+            4 => 0.005,
+            _ => 0.03,
+        };
         Prior { mean: 0.0, std }
     }
 }

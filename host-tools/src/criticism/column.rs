@@ -40,7 +40,8 @@ pub(crate) enum Column {
     },
     /// Motion of a joint's link by this effect.
     Motion { joint: usize, effect: EffectKind },
-    /// A point mass at a body's centre of mass (0), or its first moment along x, y, z (1–3).
+    /// A point mass at a body's centre of mass (0), its first moment along x, y, z (1–3), or the
+    /// same inertia about all axes (4).
     Load { body: usize, n: usize },
     /// All that a joint's torque is made of.
     Scale(usize),

@@ -42,7 +42,7 @@ const LEAST_NOISE: f64 = 0.1;
 /// A force weaker than this is not told from what the model has wrong, N.
 const LEAST_FORCE: f64 = 1.0;
 /// Size of the mean force in units of its standard deviation from which on it counts.
-const LEAST_Z: f64 = 4.5;
+const LEAST_Z: f64 = 4.0;
 /// Least share of the residuals' sum of squares that the other joints must predict.
 const LEAST_GAIN: f64 = 0.3;
 /// Least share of the windows that are no swing in which the ground pushes: any other effect pulls as often.

@@ -127,7 +127,7 @@ impl<'a> LimbCriticism<'a> {
             if let (EffectKind::Payload, [Some(mass), moment @ ..]) = (e.effect, &e.estimates)
                 && mass.value >= LEAST_LOAD
             {
-                for (axis, h) in moment.iter().enumerate() {
+                for (axis, h) in moment.iter().enumerate().take(3) {
                     self.loads[joint][axis] += h.map_or(0.0, |h| h.value) / mass.value;
                 }
             }
@@ -306,7 +306,7 @@ impl<'a> LimbCriticism<'a> {
         if mass < LEAST_LOAD {
             return;
         }
-        for (axis, entry) in moment.iter().enumerate() {
+        for (axis, entry) in moment.iter().enumerate().take(3) {
             self.loads[body][axis] += std::mem::take(&mut self.fit.theta[*entry]) / mass;
         }
     }
@@ -378,7 +378,7 @@ impl<'a> LimbCriticism<'a> {
                 .is_none();
             match estimate {
                 // The load is where its first moment is zero.
-                _ if effect == EffectKind::Payload && entry.parameter > 0 => 0.0,
+                _ if effect == EffectKind::Payload && (1..=3).contains(&entry.parameter) => 0.0,
                 Some(estimate) if is_column => {
                     estimate.value - effect.description().parameters[entry.parameter].neutral
                 }

@@ -338,8 +338,12 @@ impl Slopes {
 }
 
 /// The inertial parameters of a point mass of 1 kg at `com` (n = 0), or how they change with its first moment (1 kg m) along
-/// x, y or z (n = 1 to 3).
+/// x, y or z (n = 1 to 3), or the same
+/// inertia about all axes (n = 4).
 fn load(com: &Vector3<f64>, n: usize) -> [f64; INERTIAL] {
+    if n == 4 {
+        return [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
+    }
     let (mass, away) = match n {
         0 => (1.0, *com),
         n => (0.0, Vector3::ith(n - 1, 1.0)),

@@ -12,6 +12,8 @@ const LEAST_Z: f64 = 4.5;
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
 const LEAST_GAIN: f64 = 0.02;
+/// A more general effect must gain this share more than its special case.
+const LEAST_SHARE: f64 = 0.05;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
 /// Most times that the data are gone over again.
@@ -80,13 +82,33 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
             .map(|(a, b)| a - b)
             .collect();
         let (difference, error) = sum_and_error(&differences);
-        difference < error
+        let worth = if is_special_case(c.place, first.place) {
+            LEAST_SHARE * first.gain().0
+        } else {
+            0.0
+        };
+        difference < error.max(worth)
     };
-    let simplest = candidates
-        .iter()
-        .filter(as_good)
-        .min_by_key(|c| c.entries.len());
-    Some(simplest.unwrap_or(first).place)
+    let mut simplest = first;
+    for candidate in candidates.iter().filter(as_good) {
+        if candidate.entries.len() < simplest.entries.len() {
+            simplest = candidate;
+        }
+    }
+    Some(simplest.place)
+}
+
+/// Whether the first effect is the second with one parameter less.
+fn is_special_case(simple: Place, general: Place) -> bool {
+    let joint = simple.1 == general.1;
+    joint
+        && matches!(
+            (simple.0, general.0),
+            (
+                EffectKind::Coulomb | EffectKind::Bias,
+                EffectKind::AsymmetricCoulomb
+            ) | (EffectKind::Bias, EffectKind::Spring)
+        )
 }
 
 /// Held-out sum of squares in units of these noises.

@@ -3,7 +3,9 @@
 //! Over a stretch of time, ∫q̇ dt must be Δq. If q̇ is reported with a gain g, late by d and through a filter, its
 //! expansion in slow motion is q̇_reported = g (q̇ − d q̈ + c q⃛) + o, so that
 //!
-//!     ∫q̇ dt = g Δq − g d Δq̇ + g c Δq̈ + o Δt
+//! ```text
+//! ∫q̇ dt = g Δq − g d Δq̇ + g c Δq̈ + o Δt
+//! ```
 //!
 //! is linear in what is sought. Without the second and third column a filter's roll-off or a late stamp would pass for a
 //! gain: a sine of 9 Hz filtered at 4 ms loses 2.5 %. All columns come from the *position*, smoothed by a local parabola,

@@ -139,7 +139,7 @@ impl LimbCriticism<'_> {
             EffectKind::VelocityGain => correction + value,
             EffectKind::TorqueGain => 1.0 / (correction + value),
             // The first moment about the body's centre of mass of a load that is taken to be elsewhere.
-            EffectKind::Payload if entry.parameter > 0 => {
+            EffectKind::Payload if (1..=3).contains(&entry.parameter) => {
                 let mass = self.columns.of_effect(effect, entry.joint)[0];
                 let away = self.loads[entry.joint] - self.coms[entry.joint];
                 value + self.fit.theta[mass] * away[entry.parameter - 1]

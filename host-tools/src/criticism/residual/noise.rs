@@ -5,7 +5,9 @@
 //! noise is not white: the readings at its ends belong to two windows, with opposite signs, so that neighbours are
 //! correlated, an MA(1) process with autocovariances γ0, γ1. The second difference d of such noise has
 //!
-//!     E d(t) d(t) = 6 γ0 − 8 γ1,   lag 1: −4 γ0 + 7 γ1,   lag 2: γ0 − 4 γ1,   lag 3: γ1,
+//! ```text
+//! E d(t) d(t) = 6 γ0 − 8 γ1,   lag 1: −4 γ0 + 7 γ1,   lag 2: γ0 − 4 γ1,   lag 3: γ1,
+//! ```
 //!
 //! and what a smooth structure leaves in d is alike at lags this short: a constant s. From the four sample autocovariances γ0,
 //! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
