@@ -93,7 +93,7 @@ where
         self.restart(prior);
     }
 
-    /// Begins the solution for the data that [`data_mut`](Self::data_mut) holds.
+    /// Begins the solution for the data that `data_mut` holds.
     pub fn restart<E>(&mut self, prior: &LimbPrior<T, E, B>)
     where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
