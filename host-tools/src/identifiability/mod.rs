@@ -1,7 +1,7 @@
 //! What a motion can tell and what it cannot, in words.
 //!
 //! - *Base parameters* are the combinations of standard parameters that some motion can tell, with what these data say of
-//!   them: from the torque's rows in random states ([`structural`]).
+//!   them: from the torque's rows in random states (`structural`).
 //! - *Null directions* are what cannot be told. Structural ones are the parameters that base parameters take in with others.
 //!   Beyond them, what these data do not tell: with every base parameter measured in units of its prior's standard
 //!   deviation, a rank-revealing factorisation of the data's triangle (QR with column pivoting: Golub & Van Loan §5.4)
