@@ -19,7 +19,7 @@ use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use proprio_core::effect::EffectKind;
 
-use super::blocks::{BlockFactors, HeapFactor, empty};
+use super::blocks::{HeapFactor, empty, sum};
 use super::foot::Foot;
 use super::limb::{FOLDS, LimbCriticism};
 use super::triangle::Triangle;
@@ -266,14 +266,13 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        let folds = BlockFactors { blocks: folds };
         let all: Vec<usize> = (0..columns.entries.len()).collect();
         let solve = |fold: usize| {
-            let train = folds.sum(columns, |other| other != fold);
+            let train = sum(&folds, columns, |other| other != fold);
             Triangle::new(columns, &self.limb.prior, &train, &self.noise, &all, &[])
                 .solve(all.len(), &[])
         };
-        (0..folds.blocks.len()).map(solve).collect()
+        (0..folds.len()).map(solve).collect()
     }
 
     /// Says of each window what it is.

@@ -8,7 +8,7 @@ use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
-use super::blocks::{BlockFactors, HeapFactor};
+use super::blocks::{self, BlockFactors, HeapFactor};
 use super::column::{BASE, Columns, Entry, columns_of};
 use super::motion::{Corrections, Motion};
 use super::recording::LimbRecording;
@@ -23,6 +23,9 @@ use crate::model::{Limb, Model};
 
 /// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
 pub(crate) const FOLDS: usize = 8;
+
+/// Times that the noise's kind and the shapes are found from the fit that they give.
+const NOISE_ROUNDS: usize = 2;
 
 /// A load lighter than this is nowhere in particular, kg.
 const LEAST_LOAD: f64 = 0.01;
@@ -55,8 +58,11 @@ pub(crate) struct LimbCriticism<'a> {
     loads: Vec<Vector3<f64>>,
     /// How many neighbouring windows of each joint say the same thing.
     pub(crate) memory: Vec<f64>,
-    /// Each fold's own data, and the data of all others.
+    /// Of each joint, the correlation of the noise of neighbouring windows.
+    pub(crate) correlation: Vec<f64>,
+    /// Each fold's own data, as whitened rows and as they are, and the data of all others.
     pub(crate) tests: Vec<Vec<HeapFactor>>,
+    plain_tests: Vec<Vec<HeapFactor>>,
     trains: Vec<Vec<HeapFactor>>,
     pub(crate) all: Vec<HeapFactor>,
     pub(crate) fit: Fit,
@@ -95,14 +101,19 @@ impl<'a> LimbCriticism<'a> {
             coms: coms(model, limb),
             loads: coms(model, limb),
             memory: vec![1.0; recording.joints],
+            correlation: vec![0.0; recording.joints],
             tests: Vec::new(),
+            plain_tests: Vec::new(),
             trains: Vec::new(),
             all: Vec::new(),
             fit: Fit::default(),
         };
         criticism.take_effects();
         criticism.rebuild();
-        if criticism.scan_shapes() {
+        for _ in 0..NOISE_ROUNDS {
+            if !criticism.scan_shapes() {
+                break;
+            }
             criticism.rebuild();
         }
         Some(criticism)
@@ -333,21 +344,24 @@ impl<'a> LimbCriticism<'a> {
         self.columns = columns;
         self.motion = Motion::new(self.recording, &self.corrections);
         self.body.set_inertia(&self.fit.theta);
-        let factors = BlockFactors::of(&self.rows());
+        let factors = self.block_factors();
         let folds = FOLDS.min(self.blocks.count);
-        let fold = |b: usize| self.fold(b);
-        self.tests = (0..folds)
-            .map(|f| factors.sum(&self.columns, |b| fold(b) == f))
-            .collect();
-        let tests = BlockFactors {
-            blocks: std::mem::take(&mut self.tests),
+        let by_fold = |blocks: &[Vec<HeapFactor>]| -> Vec<Vec<HeapFactor>> {
+            let of = |f| blocks::sum(blocks, &self.columns, |b| self.fold(b) == f);
+            (0..folds).map(of).collect()
         };
+        let (tests, plain_tests) = (by_fold(&factors.blocks), by_fold(&factors.plain));
         self.trains = (0..folds)
-            .map(|f| tests.sum(&self.columns, |other| other != f))
+            .map(|f| blocks::sum(&tests, &self.columns, |other| other != f))
             .collect();
-        self.all = tests.sum(&self.columns, |_| true);
-        self.tests = tests.blocks;
+        self.all = blocks::sum(&tests, &self.columns, |_| true);
+        (self.tests, self.plain_tests) = (tests, plain_tests);
         self.refit();
+    }
+
+    /// The recording as factors, with the present columns and corrections.
+    pub(crate) fn block_factors(&self) -> BlockFactors {
+        BlockFactors::of(&self.rows(), &self.correlation)
     }
 
     /// The fold that a block of time belongs to.

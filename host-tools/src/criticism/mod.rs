@@ -2,7 +2,8 @@
 //!
 //! 1. [`recording`]: logs in memory, limb by limb; [`gate`] says what is wrong with the data before a model is blamed.
 //! 2. `motion`, `column`, `rows`: the momentum equation over windows, with a column for every effect of the catalogue.
-//! 3. `blocks`: one square-root factor per block of time; from here on the data are not needed.
+//! 3. `whitening`, `blocks`: rows made independent of their neighbours, one square-root factor per block of time; from here on
+//!    the data are not needed.
 //! 4. `triangle`, `limb`: the weighted least squares of a limb, its held-out error, and what each effect would add.
 //! 5. `selection`, [`diagnosis`]: forward-backward selection, look-alikes, verdict.
 //! 6. [`residual`], [`comparison`]: where and when a model fails, against baselines.
@@ -26,6 +27,7 @@ mod series;
 mod speed;
 pub(crate) mod triangle;
 pub(crate) mod velocity;
+mod whitening;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, diagnose};

@@ -6,9 +6,14 @@
 use proprio_core::effect::EffectKind;
 
 use super::limb::{LimbCriticism, Place};
+use super::whitening::{Whitening, neighbour_correlation};
 
 /// Windows that a scan looks at, spread over the recording.
 const MOST_WINDOWS: usize = 3000;
+/// Windows that follow one another are looked at in runs of this many.
+const RUN: usize = 100;
+/// A correlation of neighbours that differs by less is the same.
+const CORRELATION_STEP: f64 = 0.03;
 /// Multiples of the gear ratio that cogging is looked for at.
 const MULTIPLES: usize = 48;
 /// Rounds of refinement, each a third as wide as the last.
@@ -23,17 +28,11 @@ struct Looked {
 }
 
 impl LimbCriticism<'_> {
-    /// Measures how long the residuals remember that all effects together leave, and sets the shape of every effect that has one, in the model or not, to the best on the present residuals. True if one
-    /// has changed so that the data have to be gone over again.
+    /// Finds of what kind the noise is, and sets the shape of every effect that has one, in the model or not, to the best on
+    /// the present residuals. True if something has changed so that the data have to be gone over again.
     pub(crate) fn scan_shapes(&mut self) -> bool {
         let looked = self.look(&self.fit.theta);
-        let saturated = self.look(&self.saturated());
-        self.memory = saturated
-            .windows
-            .iter()
-            .map(|windows| memory(windows))
-            .collect();
-        let mut changed = false;
+        let mut changed = self.take_noise();
         for joint in 0..self.recording.joints {
             for effect in [
                 EffectKind::Stribeck,
@@ -59,6 +58,26 @@ impl LimbCriticism<'_> {
         changed
     }
 
+    /// Finds of what kind the noise is: the residuals that all effects together leave. True if neighbours are otherwise
+    /// correlated than the rows were whitened for.
+    fn take_noise(&mut self) -> bool {
+        let mut saturated = self.look(&self.saturated()).windows;
+        let correlation: Vec<f64> = saturated.iter().map(|w| neighbour_correlation(w)).collect();
+        let is_other = |(a, b): (&f64, &f64)| (a - b).abs() > CORRELATION_STEP;
+        let changed = correlation.iter().zip(&self.correlation).any(is_other);
+        if changed {
+            self.correlation = correlation;
+        }
+        for (windows, &correlation) in saturated.iter_mut().zip(&self.correlation) {
+            let mut whitening = Whitening::new(correlation);
+            for (samples, residual) in windows.iter_mut() {
+                whitening.whiten(*samples, std::slice::from_mut(residual));
+            }
+        }
+        self.memory = saturated.iter().map(|windows| memory(windows)).collect();
+        changed
+    }
+
     fn look(&self, theta: &[f64]) -> Looked {
         let stride = (self
             .all
@@ -73,7 +92,7 @@ impl LimbCriticism<'_> {
         let mut count = 0;
         self.rows().for_each_window(|window| {
             count += 1;
-            if window.block.is_none() || count % stride != 0 {
+            if window.block.is_none() || (count / RUN) % stride != 0 {
                 return;
             }
             for (joint, list) in windows

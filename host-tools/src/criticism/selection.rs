@@ -128,7 +128,7 @@ fn total(rss: &[Vec<f64>]) -> Vec<f64> {
 
 /// What each effect would add to the model as it is, and that model's held-out sums of squares.
 pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
-    (judge(limb, limb.candidates(None)), total(&limb.fit.rss))
+    (judge(limb, limb.candidates(None)), limb.fit.held_out_squares.clone())
 }
 
 /// Goes the whole way for one limb.
@@ -151,7 +151,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                 if limb.is_physical(place) && weighted(&limb.fit.rss, &noise) < before {
                     steps.push(Step {
                         place,
-                        rss: total(&limb.fit.rss),
+                        rss: limb.fit.held_out_squares.clone(),
                         removed: false,
                     });
                     polished = false;
@@ -210,7 +210,7 @@ fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Pla
         }
     }
     if let Some(step) = steps.last_mut() {
-        step.rss = total(&limb.fit.rss);
+        step.rss = limb.fit.held_out_squares.clone();
     }
     true
 }
@@ -223,7 +223,7 @@ fn prune(limb: &mut LimbCriticism, steps: &mut Vec<Step>) {
             limb.remove(place);
             steps.push(Step {
                 place,
-                rss: total(&limb.fit.rss),
+                rss: limb.fit.held_out_squares.clone(),
                 removed: true,
             });
         }

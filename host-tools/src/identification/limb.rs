@@ -11,7 +11,6 @@ use proprio_core::inertia::INERTIAL;
 use super::data::{Data, Rows, stacked};
 use super::method::{self, Method};
 use super::physical::{Bounded, Problem, Solution};
-use crate::criticism::blocks::BlockFactors;
 use crate::criticism::column::{BASE, Entry};
 use crate::criticism::limb::{FOLDS, LimbCriticism};
 use crate::criticism::recording::LimbRecording;
@@ -100,7 +99,7 @@ impl<'a> LimbFit<'a> {
         }
         let data = match how.method {
             Method::Momentum => {
-                Data::of_factors(&criticism.columns, &BlockFactors::of(&criticism.rows()))
+                Data::of_factors(&criticism.columns, &criticism.block_factors())
             }
             other => method::data(&criticism, other),
         };

@@ -114,6 +114,9 @@ impl LimbCriticism<'_> {
             std.push(independent.max(spread));
         }
         let freedom = group.len() as f64;
+        if std::env::var("PDBG").is_ok_and(|p| place.0.name() == p) {
+            eprintln!("DBG {:?} fall {:.1} memory {:.2} inflation {:.2} value {:?} std {:?} independent {:?} corr {:?} noise {:?}", place, trial.fall, memory, inflation, trial.value, std, trial.std, self.correlation, self.fit.noise);
+        }
         let z = (trial.fall / memory - (freedom - 1.0)).max(0.0).sqrt() / inflation;
         Some(Candidate {
             place,

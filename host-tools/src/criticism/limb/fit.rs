@@ -1,6 +1,6 @@
 //! The limb's model fitted: to all data, to all folds but one, and with everything that the catalogue has.
 
-use super::super::blocks::HeapFactor;
+use super::super::blocks::{self, HeapFactor};
 use super::super::column::Entry;
 use super::super::motion::Corrections;
 use super::super::triangle::{Triangle, misfit};
@@ -17,12 +17,14 @@ pub(crate) struct Fit {
     pub(crate) theta: Vec<f64>,
     /// Standard deviations of the active entries, if residuals are independent; zero for the others.
     pub(crate) std: Vec<f64>,
-    /// Noise of each joint: root mean square of its residuals, N m.
+    /// Noise of each joint: root mean square of its whitened residuals, N m.
     pub(crate) noise: Vec<f64>,
     /// θ of each fold by the data of all others.
     pub(crate) held_out: Vec<Vec<f64>>,
-    /// Sum of squared residuals \[fold\] \[joint\] of the fold's own data under that θ, (N m)².
+    /// Sum of squared whitened residuals \[fold\] \[joint\] of the fold's own data under that θ, (N m)².
     pub(crate) rss: Vec<Vec<f64>>,
+    /// Sum of squared residuals of each joint, as they are, of all folds, each under the θ of the others, (N m)².
+    pub(crate) held_out_squares: Vec<f64>,
 }
 
 impl LimbCriticism<'_> {
@@ -60,29 +62,41 @@ impl LimbCriticism<'_> {
                 .iter()
                 .zip(triangle.std())
                 .for_each(|(&k, std)| fit.std[k] = std);
-            noise = self.residuals(&fit.theta, active.len());
+            noise = self.residuals(&self.all, &fit.theta, active.len());
             self.prior.hold(&fit.theta);
         }
         fit.held_out = self.solve_folds(&active, &noise);
         fit.rss = self.score(&fit.held_out);
+        fit.held_out_squares = self.held_out_squares(&fit.held_out);
         fit.noise = noise;
         self.fit = fit;
     }
 
     /// Root mean square of each joint's residuals under θ, of which so many entries were fitted, N m.
-    pub(super) fn residuals(&self, theta: &[f64], fitted: usize) -> Vec<f64> {
+    fn residuals(&self, data: &[HeapFactor], theta: &[f64], fitted: usize) -> Vec<f64> {
         let of = |(joint, factor): (usize, &HeapFactor)| {
             let square = misfit(&self.columns, joint, factor, theta);
             let freedom = (factor.rows() - fitted as f64 / self.recording.joints as f64).max(1.0);
             (square / freedom).sqrt().max(1e-3 * torque_size(factor))
         };
-        self.all.iter().enumerate().map(of).collect()
+        data.iter().enumerate().map(of).collect()
+    }
+
+    /// Each joint's sum of squared residuals, as they are, of all folds under their θ, (N m)².
+    pub(super) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
+        let mut squares = vec![0.0; self.recording.joints];
+        for (test, theta) in self.plain_tests.iter().zip(theta) {
+            let fold = self.score_fold(test, theta);
+            squares.iter_mut().zip(fold).for_each(|(sum, x)| *sum += x);
+        }
+        squares
     }
 
     /// Each joint's noise floor: what even all effects of the catalogue together, each within its prior, leave of its
     /// torque, N m.
     pub(crate) fn floor(&self) -> Vec<f64> {
-        self.residuals(&self.saturated(), self.columns.entries.len())
+        let all = blocks::sum(&self.plain_tests, &self.columns, |_| true);
+        self.residuals(&all, &self.saturated(), self.columns.entries.len())
     }
 
     /// θ with all effects of the catalogue in the model.
