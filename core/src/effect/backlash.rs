@@ -1,15 +1,13 @@
-//! Play between motor and link: the link rests on one side of a gap or on the other, as the torque pushes it.
+//! Play between motor and link: the link rests on one side of a gap or on the other, as the torque pushes it, and crosses it
+//! when the torque changes its sign.
 //!
-//! q_link = q − ½ gap s(τ), with s going from −1 to 1 through a line of width `TORQUE`.
+//! q_link = q + gap x, with x from −½ to ½.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
-use crate::{Real, go2::Actuator, scalar::real};
+use crate::{Real, go2::Actuator};
 
 /// See the module.
 pub(super) struct Backlash;
-
-/// Transmitted torque at which the link has crossed the gap, N m.
-const TORQUE: f64 = 0.2;
 
 impl Effect for Backlash {
     const DESCRIPTION: Description = Description {
@@ -32,12 +30,6 @@ impl Effect for Backlash {
     }
 
     fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
-        let half = real::<T>(0.5);
-        let x = state.load / real(TORQUE);
-        if x.abs() < T::one() {
-            [-half * x, -half * state.load_rate / real(TORQUE)]
-        } else {
-            [-half * x.signum(), T::zero()]
-        }
+        state.play
     }
 }

@@ -64,10 +64,14 @@ pub struct JointState<T> {
     pub speed: T,
     /// Speed below which [`speed`](Self::speed) may be noise, rad/s.
     pub speed_noise: T,
-    /// The torque that the gear transmits, N m: the motor's, smoothed where later samples are known.
+    /// The torque that the gear transmits, N m: the motor's; where later samples are known, smoothed and without what turns the
+    /// rotor and rubs before the gear.
     pub load: T,
     /// Its rate, N m/s.
     pub load_rate: T,
+    /// Position (rad) and velocity (rad/s) of the link against the motor, per radian of the play between them; where later
+    /// samples are not known, the side that the torque pushes it to.
+    pub play: [T; 2],
     /// The motor's temperature, °C; not finite where it is not known.
     pub temperature: T,
 }
@@ -86,6 +90,7 @@ impl<T: Real> JointState<T> {
             speed_noise: real(STANDING_NOISE),
             load: tau,
             load_rate: T::zero(),
+            play: [real::<T>(-0.5) * tau.signum(), T::zero()],
             temperature: real(f64::NAN),
         }
     }

@@ -10,7 +10,7 @@ use proprio_core::spatial::Transform;
 
 use super::blocks::{self, BlockFactors, HeapFactor};
 use super::column::{BASE, Columns, Entry, columns_of};
-use super::motion::{Corrections, Motion};
+use super::motion::{Corrections, Motion, MotorSide};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
 use super::rows::{self, Blocks};
@@ -342,8 +342,8 @@ impl<'a> LimbCriticism<'a> {
         let columns = Columns::new(ends.collect(), model.chain(rest).collect());
         self.fit.theta = self.carried(&columns);
         self.columns = columns;
-        self.motion = Motion::new(self.recording, &self.corrections);
         self.body.set_inertia(&self.fit.theta);
+        self.motion = Motion::new(self.recording, &self.corrections, &self.motors());
         let factors = self.block_factors();
         let folds = FOLDS.min(self.blocks.count);
         let by_fold = |blocks: &[Vec<HeapFactor>]| -> Vec<Vec<HeapFactor>> {
@@ -357,6 +357,44 @@ impl<'a> LimbCriticism<'a> {
         self.all = blocks::sum(&tests, &self.columns, |_| true);
         (self.tests, self.plain_tests) = (tests, plain_tests);
         self.refit();
+    }
+
+    /// What the motors take up, as far as the model knows: as fitted, and before there is a fit as the catalogue expects it.
+    fn motors(&self) -> Vec<MotorSide> {
+        let value = |effect: EffectKind, joint: usize| {
+            if !self.active.contains(&(effect, joint)) {
+                return 0.0;
+            }
+            let (mean, _) = self.catalogue_prior((effect, joint), 0);
+            let fitted = self.columns.of_effect(effect, joint);
+            let fitted = fitted.first().and_then(|&k| self.fit.theta.get(k));
+            match fitted {
+                Some(value) if !self.fit.noise.is_empty() => *value,
+                _ => mean,
+            }
+        };
+        let of = |joint: usize| MotorSide {
+            armature: value(EffectKind::Armature, joint),
+            viscous: value(EffectKind::Viscous, joint),
+            coulomb: value(EffectKind::Coulomb, joint),
+            bias: value(EffectKind::Bias, joint),
+            link: self.inertia_at(joint),
+        };
+        (0..self.recording.joints).map(of).collect()
+    }
+
+    /// The inertia that a joint turns with the others at rest, in the middle of its range in this recording, kg m².
+    fn inertia_at(&self, joint: usize) -> f64 {
+        let n = self.recording.joints;
+        let count = self.recording.len().max(1) as f64;
+        let mean = |j: usize| self.recording.q.iter().skip(j).step_by(n).sum::<f64>() / count;
+        let q: Vec<f64> = (0..n).map(mean).collect();
+        let mut dq = vec![0.0; n];
+        dq[joint] = 1.0;
+        let (mut momentum, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        self.body
+            .momentum_and_rate(&self.base, &q, &dq, &mut momentum, &mut rate);
+        momentum[joint].max(1e-4)
     }
 
     /// The recording as factors, with the present columns and corrections.

@@ -17,6 +17,7 @@ mod foot;
 pub mod gate;
 pub(crate) mod limb;
 pub(crate) mod motion;
+mod play;
 pub mod recording;
 pub mod residual;
 pub(crate) mod rigid_body;

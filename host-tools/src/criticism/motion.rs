@@ -7,6 +7,7 @@
 
 use proprio_core::effect::{EffectKind, JointState};
 
+use super::play::play;
 use super::recording::LimbRecording;
 use super::speed;
 
@@ -85,8 +86,31 @@ pub(crate) struct Motion {
     pub(crate) dq: Vec<f64>,
 }
 
+/// What of a joint's torque the motor itself takes up, before the gear hands the rest to the link.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct MotorSide {
+    /// Rotor inertia at the joint, kg m².
+    pub(crate) armature: f64,
+    /// N m s/rad.
+    pub(crate) viscous: f64,
+    /// N m.
+    pub(crate) coulomb: f64,
+    /// N m.
+    pub(crate) bias: f64,
+    /// What the gear turns, in a middle pose, kg m².
+    pub(crate) link: f64,
+}
+
+/// A play that is looked for where none is known yet, rad.
+const TYPICAL_PLAY: f64 = 0.01;
+
 impl Motion {
-    pub(crate) fn new(recording: &LimbRecording, corrections: &Corrections) -> Self {
+    /// The motion of a limb whose motors take up as much of the torque as `motors` say.
+    pub(crate) fn new(
+        recording: &LimbRecording,
+        corrections: &Corrections,
+        motors: &[MotorSide],
+    ) -> Self {
         let (n, samples) = (recording.joints, recording.len());
         let mut motion = Self {
             states: vec![JointState::reported(0.0, 0.0, 0.0); n * samples],
@@ -95,7 +119,13 @@ impl Motion {
         };
         for stretch in recording.stretches() {
             for joint in 0..n {
-                motion.fill(recording, corrections, stretch.clone(), joint);
+                motion.fill(
+                    recording,
+                    corrections,
+                    motors[joint],
+                    stretch.clone(),
+                    joint,
+                );
             }
         }
         motion
@@ -105,6 +135,7 @@ impl Motion {
         &mut self,
         recording: &LimbRecording,
         corrections: &Corrections,
+        motor: MotorSide,
         stretch: std::ops::Range<usize>,
         joint: usize,
     ) {
@@ -118,10 +149,18 @@ impl Motion {
         let (q, dq) = (channel(&recording.q), channel(&recording.dq));
         let speeds = speed::near_standstill(&times, &q, SPEED_NOISE);
         let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
-        let (compliance, gap) = (corrections.compliance[joint], corrections.gap[joint]);
+        let load = transmitted(&times, &tau, &dq, &speeds, motor);
+        let gap = corrections.gap[joint];
+        let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
+        let smooth: Vec<[f64; 2]> = (0..times.len())
+            .map(|k| local_line(&times, &load, k, TORQUE_WIDTH))
+            .collect();
+        let load: Vec<f64> = smooth.iter().map(|[load, _]| *load).collect();
+        let play = play(&times, &load, motor.link, tried);
+        let compliance = corrections.compliance[joint];
         for (k, sample) in stretch.clone().enumerate() {
             let speed = speeds[k];
-            let [load, load_rate] = local_line(&times, &tau, k, TORQUE_WIDTH);
+            let [load, load_rate] = smooth[k];
             let at = sample * n + joint;
             let state = JointState {
                 q: q[k] - corrections.encoder_offset[joint],
@@ -131,6 +170,7 @@ impl Motion {
                 speed_noise: SPEED_NOISE,
                 load,
                 load_rate,
+                play: play[k],
                 temperature: recording.temperature[at],
             };
             let [mut q, mut dq] = [state.q, state.dq];
@@ -147,6 +187,17 @@ impl Motion {
             (self.states[at], self.q[at], self.dq[at]) = (state, q, dq);
         }
     }
+}
+
+/// The torque that the gear hands to the link: what is reported less what turns the rotor and rubs before the gear, N m.
+fn transmitted(t: &[f64], tau: &[f64], dq: &[f64], speed: &[f64], motor: MotorSide) -> Vec<f64> {
+    let of = |k: usize| {
+        let [_, acceleration] = local_line(t, dq, k, TORQUE_WIDTH);
+        let sign = (speed[k] / SPEED_NOISE).clamp(-1.0, 1.0);
+        let taken = motor.armature * acceleration + motor.viscous * dq[k];
+        tau[k] - taken - motor.coulomb * sign - motor.bias
+    };
+    (0..t.len()).map(of).collect()
 }
 
 /// Value and slope at sample k of the straight line through the samples around it.

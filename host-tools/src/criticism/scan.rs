@@ -16,6 +16,8 @@ const RUN: usize = 100;
 const CORRELATION_STEP: f64 = 0.03;
 /// Multiples of the gear ratio that cogging is looked for at.
 const MULTIPLES: usize = 48;
+/// Limits that a saturation is looked for at, evenly up to the largest torque.
+const LIMITS: u32 = 40;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
 
@@ -147,7 +149,10 @@ impl LimbCriticism<'_> {
             }
             fall
         };
-        let grid = self.grid(windows, place);
+        if place.0 == EffectKind::Saturation {
+            return self.best_limit(windows, place, &residual, &basis);
+        }
+        let grid = self.grid(place);
         let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
         let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]))?;
         let (mut shape, mut most) = (grid[best], falls[best]);
@@ -169,25 +174,66 @@ impl LimbCriticism<'_> {
         Some(shape)
     }
 
+    /// The limit under which the share of the limited torque that is not explained is least.
+    ///
+    /// The excess over the limit itself is a column of which a small limit makes the measured torque: judged by its fall
+    /// alone the smallest limit would always be the best.
+    fn best_limit(
+        &self,
+        windows: &[([usize; 2], f64)],
+        place: Place,
+        residual: &[f64],
+        basis: &[Vec<f64>],
+    ) -> Option<f64> {
+        let torque = self.column(windows, place, 0.0, 0);
+        let most = torque.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let unexplained = |limit: f64| {
+            let excess = self.column(windows, place, limit, 0);
+            let difference = |a: &[f64]| -> Vec<f64> {
+                a.iter()
+                    .zip(&excess)
+                    .map(|(a, excess)| a - excess)
+                    .collect()
+            };
+            let (limited, mut left) = (difference(&torque), difference(residual));
+            for b in basis {
+                let share = dot(b, &left);
+                left.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+            }
+            dot(&left, &left) / dot(&limited, &limited)
+        };
+        let grid = (1..LIMITS).map(|k| most * f64::from(k) / f64::from(LIMITS));
+        let judged = grid.map(|limit| (limit, unexplained(limit)));
+        let (mut limit, mut least) = judged.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let mut step = 0.5 * most / f64::from(LIMITS);
+        for _ in 0..ROUNDS {
+            for other in [limit - step, limit + step] {
+                let left = unexplained(other);
+                if left < least {
+                    (limit, least) = (other, left);
+                }
+            }
+            step /= 3.0;
+        }
+        Some(limit)
+    }
+
+    /// How many different shapes of an effect are tried, so that chance alone makes one of them look good.
+    pub(crate) fn shapes_tried(&self, place: Place) -> f64 {
+        match place.0 {
+            _ if self.is_shape_given(place) => 1.0,
+            EffectKind::Cogging => MULTIPLES as f64,
+            // Neighbouring speeds and limits look much the same.
+            _ => 4.0,
+        }
+    }
+
     /// The shapes to try.
-    fn grid(&self, windows: &[([usize; 2], f64)], (effect, joint): Place) -> Vec<f64> {
+    fn grid(&self, (effect, joint): Place) -> Vec<f64> {
         match effect {
             EffectKind::Cogging => (1..=MULTIPLES)
                 .map(|k| k as f64 * self.gear(joint))
                 .collect(),
-            EffectKind::Saturation => {
-                let n = self.recording.joints;
-                let mut torques: Vec<f64> = windows
-                    .iter()
-                    .map(|(samples, _)| self.motion.states[samples[0] * n + joint].tau.abs())
-                    .collect();
-                torques.sort_by(f64::total_cmp);
-                // A motor that gives less than this of what it reports would show in everything it does.
-                let most = torques.last().copied().unwrap_or(0.0);
-                (1..20)
-                    .map(|k| most * (0.5 + 0.025 * f64::from(k)))
-                    .collect()
-            }
             _ => (0..12).map(|k| 0.01 * 1.45f64.powi(k)).collect(),
         }
     }

@@ -11,13 +11,15 @@ const LEAST_Z: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
-const LEAST_GAIN: f64 = 0.02;
+const LEAST_GAIN: f64 = 0.005;
 /// A more general effect must gain this share more than its special case.
 const LEAST_SHARE: f64 = 0.05;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
 /// Most times that the data are gone over again.
-const MOST_POLISHES: usize = 2;
+const MOST_POLISHES: usize = 6;
+/// They are gone over once more while that makes the held-out error smaller by this factor.
+const WORTH_POLISHING: f64 = 0.98;
 /// Going over the data again may make the held-out error larger by this factor.
 const MOST_RISE: f64 = 1.01;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
@@ -128,104 +130,157 @@ fn total(rss: &[Vec<f64>]) -> Vec<f64> {
 
 /// What each effect would add to the model as it is, and that model's held-out sums of squares.
 pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
-    (judge(limb, limb.candidates(None)), limb.fit.held_out_squares.clone())
+    (
+        judge(limb, limb.candidates(None)),
+        limb.fit.held_out_squares.clone(),
+    )
 }
 
 /// Goes the whole way for one limb.
 pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let (first, start) = first(limb);
-    let mut steps: Vec<Step> = Vec::new();
-    let mut refused: Vec<Place> = Vec::new();
-    let mut next = first
-        .iter()
-        .find(|j| j.significant)
-        .map(|j| j.candidate.place);
-    let mut polishes = 0;
-    let mut polished = false;
+    let significant = first.iter().find(|j| j.significant);
+    let mut next = significant.map(|j| j.candidate.place);
+    let mut walk = Walk {
+        limb,
+        steps: Vec::new(),
+        refused: Vec::new(),
+        polishes: 0,
+    };
+    let mut is_settled = false;
     loop {
         match next {
             Some(place) => {
-                let noise = limb.fit.noise.clone();
-                let before = weighted(&limb.fit.rss, &noise);
-                limb.add(place);
-                if limb.is_physical(place) && weighted(&limb.fit.rss, &noise) < before {
-                    steps.push(Step {
-                        place,
-                        rss: limb.fit.held_out_squares.clone(),
-                        removed: false,
-                    });
-                    polished = false;
-                } else {
-                    limb.remove(place);
-                    refused.push(place);
+                if walk.take(place) {
+                    // What a wrong shape leaves looks like other effects.
+                    is_settled = place.0.description().parameters.iter().any(|p| p.shape);
+                    if is_settled {
+                        walk.settle();
+                    }
                 }
             }
-            None if !polished && polishes < MOST_POLISHES => {
-                (polished, polishes) = (true, polishes + 1);
-                if !polish(limb, &mut steps, &mut refused) {
-                    break;
-                }
-            }
+            None if !is_settled && walk.settle() => is_settled = true,
             None => break,
         }
-        next = None;
-        if steps.len() < MOST_STEPS {
-            let candidates = limb.candidates(None);
-            let is_good = |c: &&Candidate| !refused.contains(&c.place) && is_significant(limb, c);
-            next = best(&candidates.iter().filter(is_good).collect::<Vec<_>>());
-        }
+        next = walk.next();
     }
-    prune(limb, &mut steps);
+    walk.prune();
     Path {
         first,
         after_velocity: start.clone(),
         start,
-        steps,
+        steps: walk.steps,
     }
 }
 
-/// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where they
-/// are used. False if there is no reason to. An effect whose derivative misled is taken out again.
-fn polish(limb: &mut LimbCriticism, steps: &mut Vec<Step>, refused: &mut Vec<Place>) -> bool {
-    if !limb.scan_shapes() && !limb.is_linearised() {
-        return false;
+/// A limb's way so far.
+struct Walk<'a, 'b> {
+    limb: &'a mut LimbCriticism<'b>,
+    steps: Vec<Step>,
+    /// Effects that did not keep what they promised.
+    refused: Vec<Place>,
+    polishes: usize,
+}
+
+impl Walk<'_, '_> {
+    /// The effect to be taken next.
+    fn next(&self) -> Option<Place> {
+        if self.steps.len() >= MOST_STEPS {
+            return None;
+        }
+        let candidates = self.limb.candidates(None);
+        let is_good =
+            |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
+        best(&candidates.iter().filter(is_good).collect::<Vec<_>>())
     }
-    let (fit, corrections, columns) = (
-        limb.fit.clone(),
-        limb.corrections.clone(),
-        limb.columns.clone(),
-    );
-    let noise = &fit.noise;
-    let before = weighted(&limb.fit.rss, noise);
-    limb.relinearise();
-    if weighted(&limb.fit.rss, noise) > MOST_RISE * before {
-        let misled = steps
+
+    fn push(&mut self, place: Place, removed: bool) {
+        self.steps.push(Step {
+            place,
+            rss: self.limb.fit.held_out_squares.clone(),
+            removed,
+        });
+    }
+
+    /// Takes an effect into the model, if it keeps what it promised.
+    fn take(&mut self, place: Place) -> bool {
+        let noise = self.limb.fit.noise.clone();
+        let before = weighted(&self.limb.fit.rss, &noise);
+        self.limb.add(place);
+        let keeps = self.limb.is_physical(place) && weighted(&self.limb.fit.rss, &noise) < before;
+        if keeps {
+            self.push(place, false);
+        } else {
+            self.limb.remove(place);
+            self.refused.push(place);
+        }
+        keeps
+    }
+
+    /// Goes over the data again while it helps. False if there was no reason to.
+    fn settle(&mut self) -> bool {
+        let mut did = false;
+        while self.polishes < MOST_POLISHES {
+            self.polishes += 1;
+            match self.polish() {
+                None => break,
+                Some(change) => {
+                    did = true;
+                    if change > WORTH_POLISHING {
+                        break;
+                    }
+                }
+            }
+        }
+        did
+    }
+
+    /// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where
+    /// they are used. The factor by which the held-out sum of squares changes; `None` if there is no reason to. An effect whose
+    /// derivative misled is taken out again.
+    fn polish(&mut self) -> Option<f64> {
+        let limb = &mut *self.limb;
+        if !limb.scan_shapes() && !limb.is_linearised() {
+            return None;
+        }
+        let (fit, corrections, columns) = (
+            limb.fit.clone(),
+            limb.corrections.clone(),
+            limb.columns.clone(),
+        );
+        limb.relinearise();
+        // Not the whitened rows' sums: they may have been whitened for another noise.
+        let (before, after) = (&fit.held_out_squares, &limb.fit.held_out_squares);
+        let ratios = after
             .iter()
-            .rposition(|step| limb.is_correction(step.place));
-        if let Some(misled) = misled {
-            let place = steps.remove(misled).place;
+            .zip(before)
+            .map(|(after, before)| after / before);
+        let mut change = ratios.sum::<f64>() / before.len() as f64;
+        let is_linearised = |step: &Step| limb.is_correction(step.place);
+        if change > MOST_RISE
+            && let Some(misled) = self.steps.iter().rposition(is_linearised)
+        {
+            let place = self.steps.remove(misled).place;
             (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
             limb.remove(place);
-            refused.push(place);
+            self.refused.push(place);
+            // All else is to be judged again without it.
+            change = 0.0;
         }
+        if let Some(step) = self.steps.last_mut() {
+            step.rss = self.limb.fit.held_out_squares.clone();
+        }
+        Some(change)
     }
-    if let Some(step) = steps.last_mut() {
-        step.rss = limb.fit.held_out_squares.clone();
-    }
-    true
-}
 
-/// Takes out again what has become superfluous.
-fn prune(limb: &mut LimbCriticism, steps: &mut Vec<Step>) {
-    let added: Vec<Place> = steps.iter().map(|step| step.place).collect();
-    for place in added {
-        if limb.is_superfluous(place) {
-            limb.remove(place);
-            steps.push(Step {
-                place,
-                rss: limb.fit.held_out_squares.clone(),
-                removed: true,
-            });
+    /// Takes out again what has become superfluous.
+    fn prune(&mut self) {
+        let added: Vec<Place> = self.steps.iter().map(|step| step.place).collect();
+        for place in added {
+            if self.limb.is_superfluous(place) {
+                self.limb.remove(place);
+                self.push(place, true);
+            }
         }
     }
 }

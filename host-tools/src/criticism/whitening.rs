@@ -144,7 +144,9 @@ mod tests {
             .collect();
         // Edges and windows have the same variance: −1 of 3.
         assert!((neighbour_correlation(&windows) + 1.0 / 3.0).abs() < 0.03);
-        let slow: Vec<_> = (0..4000).map(|k| ([k, k + 1], (1e-2 * k as f64).sin())).collect();
+        let slow: Vec<_> = (0..4000)
+            .map(|k| ([k, k + 1], (1e-2 * k as f64).sin()))
+            .collect();
         assert_eq!(neighbour_correlation(&slow), 0.0);
     }
 }

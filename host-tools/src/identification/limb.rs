@@ -98,9 +98,7 @@ impl<'a> LimbFit<'a> {
             }
         }
         let data = match how.method {
-            Method::Momentum => {
-                Data::of_factors(&criticism.columns, &criticism.block_factors())
-            }
+            Method::Momentum => Data::of_factors(&criticism.columns, &criticism.block_factors()),
             other => method::data(&criticism, other),
         };
         let all = data.sum(|_| true);

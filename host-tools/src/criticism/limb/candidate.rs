@@ -5,8 +5,11 @@ use proprio_core::effect::{EffectKind, Form, Parameter};
 use super::super::blocks::HeapFactor;
 use super::super::column::BASE;
 use super::super::diagnosis::ParameterReport;
-use super::super::triangle::Triangle;
+use super::super::triangle::{Triangle, misfit};
 use super::{LimbCriticism, Place};
+
+/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
+const REACH: f64 = 0.3;
 
 /// What an effect would add.
 #[derive(Debug, Clone)]
@@ -114,10 +117,8 @@ impl LimbCriticism<'_> {
             std.push(independent.max(spread));
         }
         let freedom = group.len() as f64;
-        if std::env::var("PDBG").is_ok_and(|p| place.0.name() == p) {
-            eprintln!("DBG {:?} fall {:.1} memory {:.2} inflation {:.2} value {:?} std {:?} independent {:?} corr {:?} noise {:?}", place, trial.fall, memory, inflation, trial.value, std, trial.std, self.correlation, self.fit.noise);
-        }
-        let z = (trial.fall / memory - (freedom - 1.0)).max(0.0).sqrt() / inflation;
+        let chance = freedom - 1.0 + 2.0 * self.shapes_tried(place).ln();
+        let z = (trial.fall / memory - chance).max(0.0).sqrt() / inflation;
         Some(Candidate {
             place,
             entries: group.to_vec(),
@@ -219,13 +220,24 @@ impl LimbCriticism<'_> {
             &candidate.entries,
             &candidate.value,
             &candidate.std,
-        )
+        ) && (candidate.place.0 != EffectKind::Saturation || self.leaves_less(candidate))
+    }
+
+    /// Whether a limit of the torque explains more than it takes away: what is beyond the limit is no longer measured, and a
+    /// limit of nothing would leave nothing to explain.
+    fn leaves_less(&self, candidate: &Candidate) -> bool {
+        let joint = candidate.place.1;
+        let mut excess = vec![0.0; self.columns.entries.len()];
+        let torque = misfit(&self.columns, joint, &self.all[joint], &excess);
+        excess[candidate.entries[0]] = 1.0;
+        let limited = misfit(&self.columns, joint, &self.all[joint], &excess);
+        let sum = |rss: &[Vec<f64>]| -> f64 { rss.iter().map(|fold| fold[joint]).sum() };
+        sum(&candidate.rss) * torque < sum(&self.fit.rss) * limited
     }
 
     fn within(&self, place: Place, entries: &[usize], value: &[f64], std: &[f64]) -> bool {
         let parameters = place.0.description().parameters;
-        if place.0.description().form == Form::Inertia && value[0] < 2.0 * std[0] {
-            // A first moment without a mass is no load.
+        if place.0.description().form == Form::Inertia && !is_load(value, std) {
             return false;
         }
         entries
@@ -252,6 +264,15 @@ impl LimbCriticism<'_> {
         let std = entries.iter().map(|&k| self.fit.std[k]).collect::<Vec<_>>();
         self.within(place, &entries, &value, &std)
     }
+}
+
+/// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
+/// a mass is none. At most [`REACH`] away.
+fn is_load(value: &[f64], std: &[f64]) -> bool {
+    let heaviest = value[0] + 2.0 * std[0];
+    let moments = value.iter().zip(std).skip(1).take(3);
+    let smallest = moments.map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2));
+    heaviest > 0.0 && smallest.sum::<f64>().sqrt() <= REACH * heaviest
 }
 
 /// Standard deviation of an estimate from its values without each fold in turn (Efron & Tibshirani 1993, ch. 11).
