@@ -13,7 +13,7 @@ use super::column::{BASE, Columns, Entry, columns_of};
 use super::motion::{Corrections, Motion};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
-use super::rows::{self, Blocks};
+use super::rows::{self, Blocks, Windows};
 use super::triangle::Prior;
 use super::velocity::VelocityGain;
 pub(crate) use candidate::{Candidate, sum_and_error};
@@ -49,6 +49,8 @@ pub(crate) struct LimbCriticism<'a> {
     shapes: Vec<(Place, f64)>,
     pub(crate) columns: Columns,
     pub(crate) motion: Motion,
+    /// The windows' rows, as they were when the data were last gone over.
+    pub(crate) windows: Windows,
     /// The CAD's centres of mass, m.
     coms: Vec<Vector3<f64>>,
     /// Where a load on each body is taken to be, m: at its centre of mass until it is known better.
@@ -92,6 +94,7 @@ impl<'a> LimbCriticism<'a> {
                 q: Vec::new(),
                 dq: Vec::new(),
             },
+            windows: Windows::default(),
             coms: coms(model, limb),
             loads: coms(model, limb),
             memory: vec![1.0; recording.joints],
@@ -333,21 +336,21 @@ impl<'a> LimbCriticism<'a> {
         self.columns = columns;
         self.motion = Motion::new(self.recording, &self.corrections);
         self.body.set_inertia(&self.fit.theta);
-        let factors = BlockFactors::of(&self.rows());
-        let folds = FOLDS.min(self.blocks.count);
-        let fold = |b: usize| self.fold(b);
-        self.tests = (0..folds)
-            .map(|f| factors.sum(&self.columns, |b| fold(b) == f))
-            .collect();
-        let tests = BlockFactors {
-            blocks: std::mem::take(&mut self.tests),
-        };
-        self.trains = (0..folds)
-            .map(|f| tests.sum(&self.columns, |other| other != f))
-            .collect();
-        self.all = tests.sum(&self.columns, |_| true);
+        self.windows = Windows::of(&self.rows());
+        let tests = self.fold_windows(|_| true);
+        (self.trains, self.all) = tests.without_each(&self.columns);
         self.tests = tests.blocks;
         self.refit();
+    }
+
+    /// The factors of each fold's chosen windows, which are told by their place in time.
+    pub(crate) fn fold_windows(&self, chosen: impl Fn(usize) -> bool) -> BlockFactors {
+        let mut factors = BlockFactors::none(&self.columns, FOLDS.min(self.blocks.count));
+        let mut buffer = Vec::new();
+        for (_, window) in (self.windows.iter().enumerate()).filter(|(w, _)| chosen(*w)) {
+            factors.fold(&window, self.fold(window.block), &mut buffer);
+        }
+        factors
     }
 
     /// The fold that a block of time belongs to.

@@ -67,6 +67,9 @@ impl LimbCriticism<'_> {
         fit.rss = self.score(&fit.held_out);
         fit.noise = noise;
         self.fit = fit;
+        let mut windows = std::mem::take(&mut self.windows);
+        windows.follow(&self.rows());
+        self.windows = windows;
     }
 
     /// Root mean square of each joint's residuals under θ, of which so many entries were fitted, N m.
