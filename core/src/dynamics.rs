@@ -16,6 +16,9 @@ use crate::spatial::{Force, Motion, Transform};
 use crate::tree::{Kinematics, Tree};
 use nalgebra::{Cholesky, Const, SMatrix, SVector, Vector3};
 
+mod derivatives;
+pub use derivatives::MomentumDerivatives;
+
 impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     /// Inverse dynamics τ = H a + C v + g (N m) by recursive Newton-Euler.
     ///
@@ -45,31 +48,6 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         v: &SVector<T, V>,
     ) -> SVector<T, V> {
         self.newton_euler(kinematics, v, &SVector::zeros(), false)
-    }
-
-    /// The two sides of the momentum equation for the tree's own inertias: H q̇ (N m s) and g − Cᵀ q̇ (N m).
-    ///
-    /// What [`momentum_regressor`](Self::momentum_regressor) and
-    /// [`momentum_rate_regressor`](Self::momentum_rate_regressor) give times the tree's parameters, without the matrices.
-    pub fn momentum_and_rate(&self, k: &Kinematics<T, B, V>) -> (SVector<T, V>, SVector<T, V>) {
-        let (mut momentum, mut rate) = (SVector::zeros(), SVector::zeros());
-        let bodies = self.bodies().iter().zip(&k.velocity).zip(&k.gravity);
-        let carried: [(Force<T>, Force<T>); B] = {
-            let mut forces = bodies.map(|((body, velocity), gravity)| {
-                let lift = Motion::new(Vector3::zeros(), -*gravity);
-                (
-                    body.inertia.momentum(velocity),
-                    body.inertia.momentum(&lift),
-                )
-            });
-            core::array::from_fn(|_| forces.next().unwrap_or((Force::zero(), Force::zero())))
-        };
-        self.for_each_pair(|b, c| {
-            let (s, (h, weight)) = (&k.subspace[b][c], &carried[b]);
-            momentum[c] += s.dot(h);
-            rate[c] += s.dot(weight) - k.subspace_rate[b][c].dot(h);
-        });
-        (momentum, rate)
     }
 
     fn newton_euler(

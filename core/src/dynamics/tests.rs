@@ -5,7 +5,7 @@ use crate::inertia::tests::physical;
 use crate::spatial::Transform;
 use crate::spatial::tests::transform;
 use crate::tree::{Joint, Kinematics, Tree};
-use nalgebra::{Matrix3, Rotation3, SMatrix, SVector};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use proptest::prelude::*;
 use std::prelude::rust_2024::*;
 
@@ -142,8 +142,83 @@ fn check<const B: usize, const V: usize, const P: usize>(
     Ok(())
 }
 
+/// Derivatives against central differences of the regressors' products.
+fn check_derivatives<const N: usize, const P: usize>(
+    m: &Moving<N, N>,
+) -> Result<(), TestCaseError> {
+    const STEP: f64 = 1e-5;
+    let theta = m.tree.parameters::<P>();
+    let at = |base: &Transform<f64>, q: SVector<f64, N>, v: SVector<f64, N>| {
+        let k = m.tree.kinematics(base, &q, &v);
+        (
+            m.tree.momentum_regressor::<P>(&k) * theta,
+            m.tree.momentum_rate_regressor::<P>(&k) * theta,
+        )
+    };
+    let d = m.tree.momentum_derivatives(&m.kinematics());
+    let (p, r) = at(&m.base, m.q, m.v);
+    let close = 1e-6 * (1.0 + p.norm() + r.norm() + d.rate_by_position.norm());
+    let check = |ahead: (SVector<f64, N>, SVector<f64, N>),
+                 behind: (SVector<f64, N>, SVector<f64, N>),
+                 p: SVector<f64, N>,
+                 r: SVector<f64, N>| {
+        let (by_p, by_r) = (
+            (ahead.0 - behind.0) / (2.0 * STEP),
+            (ahead.1 - behind.1) / (2.0 * STEP),
+        );
+        prop_assert!((by_p - p).norm() < close, "{by_p} {p}");
+        prop_assert!((by_r - r).norm() < close, "{by_r} {r}");
+        Ok(())
+    };
+    for c in 0..N {
+        let step = SVector::from_fn(|row, _| if row == c { STEP } else { 0.0 });
+        check(
+            at(&m.base, m.q + step, m.v),
+            at(&m.base, m.q - step, m.v),
+            d.momentum_by_position.column(c).into_owned(),
+            d.rate_by_position.column(c).into_owned(),
+        )?;
+        check(
+            at(&m.base, m.q, m.v + step),
+            at(&m.base, m.q, m.v - step),
+            d.momentum_by_velocity.column(c).into_owned(),
+            -d.momentum_by_position.row(c).transpose(),
+        )?;
+    }
+    for axis in 0..3 {
+        let turned = |by: f64| Transform {
+            rotation: m.base.rotation * Rotation3::new(Vector3::ith(axis, by)).matrix(),
+            ..m.base
+        };
+        check(
+            at(&turned(STEP), m.q, m.v),
+            at(&turned(-STEP), m.q, m.v),
+            SVector::zeros(),
+            d.rate_by_base.column(axis).into_owned(),
+        )?;
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn derivatives_of_a_pinned_leg(case in case()) {
+        check_derivatives::<3, 30>(&Moving::new(go2::leg(Leg::FL), &case))?;
+    }
+
+    #[test]
+    fn derivatives_of_the_pinned_robot(case in case()) {
+        check_derivatives::<12, 120>(&Moving::new(go2::pinned(), &case))?;
+    }
+
+    #[test]
+    fn derivatives_with_a_sliding_joint(case in case()) {
+        let mut bodies = *go2::leg::<f64>(Leg::FL).bodies();
+        bodies[1].joint = Joint::Prismatic(Vector3::new(0.6, 0.0, 0.8));
+        check_derivatives::<3, 30>(&Moving::new(Tree::new(bodies).unwrap(), &case))?;
+    }
 
     #[test]
     fn identities_of_a_pinned_leg(case in case()) {

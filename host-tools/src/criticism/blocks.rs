@@ -3,18 +3,15 @@
 use proprio_core::factor::{Factor, packed_len};
 
 use super::column::Columns;
-use super::rows::Limb;
+use super::rows::{Limb, Window};
 use super::whitening::Whitening;
 
 /// A factor whose numbers lie on the heap.
 pub(crate) type HeapFactor = Factor<f64, Vec<f64>>;
 
-/// Of each block of time, a factor per joint.
+/// Of each block of time, or of each fold, a factor of whitened rows per joint.
 pub(crate) struct BlockFactors {
-    /// Of whitened rows: what fits and tests are made with.
     pub(crate) blocks: Vec<Vec<HeapFactor>>,
-    /// Of the rows as they are: their sums of squares are errors in N m.
-    pub(crate) plain: Vec<Vec<HeapFactor>>,
 }
 
 /// An empty factor.
@@ -23,52 +20,117 @@ pub(crate) fn empty(columns: usize) -> HeapFactor {
         .expect("the storage has the length asked for")
 }
 
-impl BlockFactors {
-    /// Folds in the windows of a limb, the noise of whose joints has this correlation from window to window.
-    pub(crate) fn of(limb: &Limb, correlation: &[f64]) -> Self {
-        let none = || {
-            limb.columns
-                .of_joint
-                .iter()
-                .map(|c| empty(c.len()))
-                .collect()
-        };
-        let mut blocks: Vec<Vec<HeapFactor>> = (0..limb.blocks.count).map(|_| none()).collect();
-        let mut plain = blocks.clone();
-        let mut whitening: Vec<Whitening> =
-            correlation.iter().map(|&c| Whitening::new(c)).collect();
-        let mut buffer = Vec::new();
-        limb.for_each_window(|window| {
-            let Some(block) = window.block else { return };
-            for joint in 0..window.rows.len() {
-                if !window.moves[joint] {
-                    continue;
-                }
-                // A recording's numbers are finite; a row that overflows is left out.
-                buffer.clone_from(&window.rows[joint]);
-                let _ = plain[block][joint].update(&mut buffer);
-                buffer.clone_from(&window.rows[joint]);
-                whitening[joint].whiten(window.samples, &mut buffer);
-                let _ = blocks[block][joint].update(&mut buffer);
-            }
-        });
-        Self { blocks, plain }
+/// Empty factors of all joints.
+fn nothing(columns: &Columns) -> Vec<HeapFactor> {
+    columns.of_joint.iter().map(|c| empty(c.len())).collect()
+}
+
+/// Folds factors of the same columns into others.
+fn merge(sums: &mut [HeapFactor], factors: &[HeapFactor]) {
+    for (sum, factor) in sums.iter_mut().zip(factors) {
+        let mut scratch = vec![0.0; factor.columns() + 1];
+        // Same columns and finite numbers: cannot fail.
+        let _ = sum.merge(factor, |c| c, 1.0, &mut scratch);
     }
 }
 
-/// The sum of some blocks' factors.
-pub(crate) fn sum(
-    blocks: &[Vec<HeapFactor>],
-    columns: &Columns,
-    chosen: impl Fn(usize) -> bool,
-) -> Vec<HeapFactor> {
-    let mut sums: Vec<HeapFactor> = columns.of_joint.iter().map(|c| empty(c.len())).collect();
-    for (_, block) in blocks.iter().enumerate().filter(|(b, _)| chosen(*b)) {
-        for (sum, factor) in sums.iter_mut().zip(block) {
-            let mut scratch = vec![0.0; factor.columns() + 1];
-            // Same columns and finite numbers: cannot fail.
-            let _ = sum.merge(factor, |c| c, 1.0, &mut scratch);
+impl BlockFactors {
+    /// `count` blocks without data.
+    pub(crate) fn none(columns: &Columns, count: usize) -> Self {
+        Self {
+            blocks: (0..count).map(|_| nothing(columns)).collect(),
         }
     }
-    sums
+
+    /// The windows of a limb, block by block; of each joint, the noise of neighbouring ones has this correlation.
+    pub(crate) fn of(limb: &Limb, correlation: &[f64]) -> Self {
+        let mut factors = Self::none(limb.columns, limb.blocks.count);
+        let mut whitening = Whitening::of_joints(correlation);
+        let mut buffer = Vec::new();
+        limb.for_each_window(|window| {
+            factors.fold(window, window.block, &mut whitening, &mut buffer);
+        });
+        factors
+    }
+
+    /// Folds in the rows of a window whose joints move; windows come in the order of time. `buffer` is used up.
+    pub(crate) fn fold(
+        &mut self,
+        window: &Window,
+        block: usize,
+        whitening: &mut [Whitening],
+        buffer: &mut Vec<f64>,
+    ) {
+        for (joint, factor) in self.blocks[block].iter_mut().enumerate() {
+            if window.moves[joint] {
+                buffer.clear();
+                buffer.extend_from_slice(window.row(joint));
+                whitening[joint].whiten(window.samples, buffer);
+                // A recording's numbers are finite; a row that overflows is left out.
+                let _ = factor.update(buffer);
+            }
+        }
+    }
+
+    /// Of each block, the sum of all others; and the sum of all.
+    pub(crate) fn without_each(
+        &self,
+        columns: &Columns,
+    ) -> (Vec<Vec<HeapFactor>>, Vec<HeapFactor>) {
+        // What comes after each block and what comes before it: no block is merged more than twice.
+        let mut after = vec![nothing(columns)];
+        for block in self.blocks.iter().skip(1).rev() {
+            let mut sum = after[after.len() - 1].clone();
+            merge(&mut sum, block);
+            after.push(sum);
+        }
+        let (mut before, mut without) = (nothing(columns), Vec::new());
+        for (block, mut rest) in self.blocks.iter().zip(after.into_iter().rev()) {
+            merge(&mut rest, &before);
+            without.push(rest);
+            merge(&mut before, block);
+        }
+        (without, before)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+
+    #[test]
+    fn the_sum_without_a_block_is_that_of_all_others_rows() {
+        let columns = Columns::new(vec![1], Vec::new());
+        let width = columns.of_joint[0].len();
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut row = || -> Vec<f64> {
+            let number = |_| f64::from(random.next_u32()) / f64::from(u32::MAX) - 0.5;
+            (0..=width).map(number).collect()
+        };
+        let rows: Vec<Vec<f64>> = (0..100).map(|_| row()).collect();
+        let theta = row();
+        let fold = |chosen: &dyn Fn(usize) -> bool| {
+            let mut factor = empty(width);
+            for k in (0..rows.len()).filter(|&k| chosen(k % 5)) {
+                factor.update(&mut rows[k].clone()).unwrap();
+            }
+            factor
+        };
+        let factors = BlockFactors {
+            blocks: (0..5).map(|b| vec![fold(&|of| of == b)]).collect(),
+        };
+        let (without, all) = factors.without_each(&columns);
+        let same = |a: &HeapFactor, b: &HeapFactor| {
+            let (x, y) = (a.sum_of_squares(&theta), b.sum_of_squares(&theta));
+            assert!((x - y).abs() < 1e-10 * y && a.rows() == b.rows(), "{x} {y}");
+        };
+        same(&all[0], &fold(&|_| true));
+        for (b, sum) in without.iter().enumerate() {
+            same(&sum[0], &fold(&|of| of != b));
+        }
+        assert_eq!(without.len(), 5);
+    }
 }

@@ -19,9 +19,10 @@ use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
 use proprio_core::effect::EffectKind;
 
-use super::blocks::{HeapFactor, empty, sum};
+use super::blocks::HeapFactor;
 use super::foot::Foot;
 use super::limb::{FOLDS, LimbCriticism};
+use super::rows;
 use super::triangle::Triangle;
 pub(crate) use report::{LeftOut, leave_out_contact, reason, words};
 
@@ -96,9 +97,6 @@ impl Contact {
 struct Window {
     fold: usize,
     samples: [usize; 2],
-    /// Each joint's row: columns, then the mean torque.
-    rows: Vec<Vec<f64>>,
-    moves: Vec<bool>,
     jacobian: Matrix3xX<f64>,
 }
 
@@ -128,23 +126,20 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     fn new(limb: &'a LimbCriticism<'a>) -> Option<Self> {
         let foot = Foot::of(limb.model, limb.limb)?;
-        let (n, rows) = (limb.recording.joints, limb.rows());
-        let mut windows = Vec::new();
-        rows.for_each_window(|window| {
-            let Some(block) = window.block else { return };
+        let (n, base) = (limb.recording.joints, limb.rows().base);
+        let of = |window: rows::Window| {
             let [first, last] = window.samples;
             let mean = |j: usize| {
                 let sum: f64 = (first..=last).map(|k| limb.motion.q[k * n + j]).sum();
                 sum / (last - first + 1) as f64
             };
-            windows.push(Window {
-                fold: limb.fold(block),
+            Window {
+                fold: limb.fold(window.block),
                 samples: window.samples,
-                rows: window.rows.to_vec(),
-                moves: window.moves.to_vec(),
-                jacobian: foot.jacobian(&rows.base, &(0..n).map(mean).collect::<Vec<_>>()),
-            });
-        });
+                jacobian: foot.jacobian(&base, &(0..n).map(mean).collect::<Vec<_>>()),
+            }
+        };
+        let windows: Vec<Window> = limb.windows.iter().map(of).collect();
         // Two joints or fewer cannot vouch for each other.
         if n < 3 || windows.len() < 10 * SHORTEST || limb.tests.len() < FOLDS {
             return None;
@@ -221,12 +216,13 @@ impl<'a> Search<'a> {
             .iter()
             .map(|theta| self.limb.columns.combined(theta))
             .collect();
-        let residual = |(row, theta): (&Vec<f64>, &Vec<f64>)| {
-            let predicted: f64 = row.iter().zip(theta).map(|(x, theta)| x * theta).sum();
-            row.last().unwrap_or(&0.0) - predicted
+        let of = |window: rows::Window| {
+            let theta = &theta[self.limb.fold(window.block)];
+            (theta.iter().enumerate())
+                .map(|(joint, theta)| window.residual(joint, theta))
+                .collect()
         };
-        let of = |w: &Window| w.rows.iter().zip(&theta[w.fold]).map(residual).collect();
-        self.windows.iter().map(of).collect()
+        self.limb.windows.iter().map(of).collect()
     }
 
     /// Standard deviation of each joint's `residuals` from a quantile of their size, which is `normal` for a normal variable.
@@ -254,25 +250,14 @@ impl<'a> Search<'a> {
     /// effect explains is left to a force.
     fn fit_swing(&self) -> Vec<Vec<f64>> {
         let columns = &self.limb.columns;
-        let none = || columns.of_joint.iter().map(|c| empty(c.len())).collect();
-        let mut folds: Vec<Vec<HeapFactor>> = self.limb.tests.iter().map(|_| none()).collect();
-        let mut buffer = Vec::new();
-        for (window, phase) in self.windows.iter().zip(&self.phases) {
-            for (joint, factor) in folds[window.fold].iter_mut().enumerate() {
-                if window.moves[joint] && *phase == Phase::Swing {
-                    buffer.clone_from(&window.rows[joint]);
-                    // A recording's numbers are finite; a row that overflows is left out.
-                    let _ = factor.update(&mut buffer);
-                }
-            }
-        }
+        let folds = self.limb.fold_windows(|w| self.phases[w] == Phase::Swing);
         let all: Vec<usize> = (0..columns.entries.len()).collect();
-        let solve = |fold: usize| {
-            let train = sum(&folds, columns, |other| other != fold);
-            Triangle::new(columns, &self.limb.prior, &train, &self.noise, &all, &[])
+        let solve = |train: &Vec<HeapFactor>| {
+            Triangle::new(columns, &self.limb.prior, train, &self.noise, &all, &[])
                 .solve(all.len(), &[])
         };
-        (0..folds.len()).map(solve).collect()
+        let (trains, _) = folds.without_each(columns);
+        trains.iter().map(solve).collect()
     }
 
     /// Says of each window what it is.

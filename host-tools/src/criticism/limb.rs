@@ -8,14 +8,16 @@ use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
-use super::blocks::{self, BlockFactors, HeapFactor};
+use super::blocks::{BlockFactors, HeapFactor};
 use super::column::{BASE, Columns, Entry, columns_of};
+use super::dot::dot;
 use super::motion::{Corrections, Motion, MotorSide};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
-use super::rows::{self, Blocks};
+use super::rows::{self, Blocks, Windows};
 use super::triangle::Prior;
 use super::velocity::VelocityGain;
+use super::whitening::Whitening;
 pub(crate) use candidate::{Candidate, sum_and_error};
 pub(crate) use fit::Fit;
 
@@ -52,6 +54,8 @@ pub(crate) struct LimbCriticism<'a> {
     shapes: Vec<(Place, f64)>,
     pub(crate) columns: Columns,
     pub(crate) motion: Motion,
+    /// The windows' rows, as they were when the data were last gone over.
+    pub(crate) windows: Windows,
     /// The CAD's centres of mass, m.
     coms: Vec<Vector3<f64>>,
     /// Where a load on each body is taken to be, m: at its centre of mass until it is known better.
@@ -60,9 +64,8 @@ pub(crate) struct LimbCriticism<'a> {
     pub(crate) memory: Vec<f64>,
     /// Of each joint, the correlation of the noise of neighbouring windows.
     pub(crate) correlation: Vec<f64>,
-    /// Each fold's own data, as whitened rows and as they are, and the data of all others.
+    /// Each fold's own data as whitened rows, and the data of all others.
     pub(crate) tests: Vec<Vec<HeapFactor>>,
-    plain_tests: Vec<Vec<HeapFactor>>,
     trains: Vec<Vec<HeapFactor>>,
     pub(crate) all: Vec<HeapFactor>,
     pub(crate) fit: Fit,
@@ -98,12 +101,12 @@ impl<'a> LimbCriticism<'a> {
                 q: Vec::new(),
                 dq: Vec::new(),
             },
+            windows: Windows::default(),
             coms: coms(model, limb),
             loads: coms(model, limb),
             memory: vec![1.0; recording.joints],
             correlation: vec![0.0; recording.joints],
             tests: Vec::new(),
-            plain_tests: Vec::new(),
             trains: Vec::new(),
             all: Vec::new(),
             fit: Fit::default(),
@@ -344,19 +347,35 @@ impl<'a> LimbCriticism<'a> {
         self.columns = columns;
         self.body.set_inertia(&self.fit.theta);
         self.motion = Motion::new(self.recording, &self.corrections, &self.motors());
-        let factors = self.block_factors();
-        let folds = FOLDS.min(self.blocks.count);
-        let by_fold = |blocks: &[Vec<HeapFactor>]| -> Vec<Vec<HeapFactor>> {
-            let of = |f| blocks::sum(blocks, &self.columns, |b| self.fold(b) == f);
-            (0..folds).map(of).collect()
-        };
-        let (tests, plain_tests) = (by_fold(&factors.blocks), by_fold(&factors.plain));
-        self.trains = (0..folds)
-            .map(|f| blocks::sum(&tests, &self.columns, |other| other != f))
-            .collect();
-        self.all = blocks::sum(&tests, &self.columns, |_| true);
-        (self.tests, self.plain_tests) = (tests, plain_tests);
+        self.windows = Windows::of(&self.rows());
+        self.refold();
+    }
+
+    /// Makes the factors of the windows anew: after the noise is known better.
+    pub(crate) fn refold(&mut self) {
+        let mut windows = std::mem::take(&mut self.windows);
+        windows.follow(&self.rows());
+        self.windows = windows;
+        let tests = self.fold_windows(|_| true);
+        (self.trains, self.all) = tests.without_each(&self.columns);
+        self.tests = tests.blocks;
         self.refit();
+    }
+
+    /// The factors of each fold's chosen windows, which are told by their place in time.
+    pub(crate) fn fold_windows(&self, chosen: impl Fn(usize) -> bool) -> BlockFactors {
+        let mut factors = BlockFactors::none(&self.columns, FOLDS.min(self.blocks.count));
+        let mut whitening = Whitening::of_joints(&self.correlation);
+        let mut buffer = Vec::new();
+        for (_, window) in (self.windows.iter().enumerate()).filter(|(w, _)| chosen(*w)) {
+            factors.fold(
+                &window,
+                self.fold(window.block),
+                &mut whitening,
+                &mut buffer,
+            );
+        }
+        factors
     }
 
     /// What the motors take up, as far as the model knows: as fitted, and before there is a fit as the catalogue expects it.
@@ -389,15 +408,22 @@ impl<'a> LimbCriticism<'a> {
         let count = self.recording.len().max(1) as f64;
         let mean = |j: usize| self.recording.q.iter().skip(j).step_by(n).sum::<f64>() / count;
         let q: Vec<f64> = (0..n).map(mean).collect();
-        let mut dq = vec![0.0; n];
-        dq[joint] = 1.0;
-        let (mut momentum, mut rate) = (vec![0.0; n], vec![0.0; n]);
-        self.body
-            .momentum_and_rate(&self.base, &q, &dq, &mut momentum, &mut rate);
-        momentum[joint].max(1e-4)
+        let torque = |acceleration: f64| -> f64 {
+            let mut ddq = vec![0.0; n];
+            ddq[joint] = acceleration;
+            let width = INERTIAL * n;
+            let mut rows = vec![0.0; n * width];
+            self.body
+                .torque_regressor(&self.base, [&q, &vec![0.0; n], &ddq], &mut rows);
+            dot(
+                &rows[joint * width..(joint + 1) * width],
+                &self.fit.theta[..width],
+            )
+        };
+        (torque(1.0) - torque(0.0)).max(1e-4)
     }
 
-    /// The recording as factors, with the present columns and corrections.
+    /// The recording as factors of blocks of time, with the present columns and corrections.
     pub(crate) fn block_factors(&self) -> BlockFactors {
         BlockFactors::of(&self.rows(), &self.correlation)
     }

@@ -13,6 +13,7 @@ pub(crate) mod column;
 pub mod comparison;
 mod contact;
 pub mod diagnosis;
+mod dot;
 mod foot;
 pub mod gate;
 pub(crate) mod limb;

@@ -1,5 +1,6 @@
 //! A limb's rigid body behind one interface, whatever its number of joints.
 
+use proprio_core::dynamics::MomentumDerivatives;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
@@ -12,7 +13,8 @@ use crate::model::{Limb, Model};
 ///
 /// Matrices are row-major, n × 10 n: joint by joint, the ten parameters of each body.
 pub(crate) trait RigidBody: Send + Sync {
-    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter.
+    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter. And how they
+    /// change with the motion, at the current inertias.
     fn regressors(
         &self,
         base: &Transform<f64>,
@@ -20,16 +22,7 @@ pub(crate) trait RigidBody: Send + Sync {
         dq: &[f64],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
-    );
-
-    /// H q̇ (N m s) and g − Cᵀ q̇ (N m) for the current inertias.
-    fn momentum_and_rate(
-        &self,
-        base: &Transform<f64>,
-        q: &[f64],
-        dq: &[f64],
-        momentum: &mut [f64],
-        rate: &mut [f64],
+        slopes: Option<&mut Slopes>,
     );
 
     /// W with W θ = H q̈ + C q̇ + g (N m per unit of each parameter) at a position, velocity and acceleration.
@@ -42,6 +35,64 @@ pub(crate) trait RigidBody: Send + Sync {
     fn set_inertia(&mut self, theta: &[f64]);
 }
 
+/// Derivatives of a limb's momentum H q̇ and rate g − Cᵀ q̇ by position, by velocity and by the base's attitude.
+#[derive(Debug, Clone)]
+pub(crate) struct Slopes {
+    joints: usize,
+    /// Of momentum and rate by \[position, velocity\]: row j, column i is joint j's by joint i's, row-major.
+    momentum: [Vec<f64>; 2],
+    rate: [Vec<f64>; 2],
+    /// Of the rate by the base's turning about its x, y and z axis: three numbers per joint.
+    base: Vec<f64>,
+}
+
+impl Slopes {
+    /// Room for a limb of so many joints.
+    pub(crate) fn of(joints: usize) -> Self {
+        let square = || vec![0.0; joints * joints];
+        Self {
+            joints,
+            momentum: [square(), square()],
+            rate: [square(), square()],
+            base: vec![0.0; 3 * joints],
+        }
+    }
+
+    /// Derivative of joint j's momentum and rate as joint `moved`'s link moves by \[position, velocity\].
+    pub(crate) fn along(
+        &self,
+        moved: usize,
+        [position, velocity]: [f64; 2],
+        j: usize,
+    ) -> (f64, f64) {
+        let at = j * self.joints + moved;
+        (
+            position * self.momentum[0][at] + velocity * self.momentum[1][at],
+            position * self.rate[0][at] + velocity * self.rate[1][at],
+        )
+    }
+
+    /// Derivative of joint j's rate by the base's turning about its own axis, N m/rad.
+    pub(crate) fn by_base(&self, axis: usize, j: usize) -> f64 {
+        self.base[3 * j + axis]
+    }
+
+    fn set<const B: usize>(&mut self, d: &MomentumDerivatives<f64, B>) {
+        for j in 0..B {
+            for i in 0..B {
+                let at = j * B + i;
+                self.momentum[0][at] = d.momentum_by_position[(j, i)];
+                self.momentum[1][at] = d.momentum_by_velocity[(j, i)];
+                self.rate[0][at] = d.rate_by_position[(j, i)];
+                self.rate[1][at] = -d.momentum_by_position[(i, j)];
+            }
+            for axis in 0..3 {
+                self.base[3 * j + axis] = d.rate_by_base[(j, axis)];
+            }
+        }
+    }
+}
+
 struct Dynamics<const B: usize, const P: usize>(Tree<f64, B, B>);
 
 impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
@@ -52,6 +103,7 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         dq: &[f64],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
+        slopes: Option<&mut Slopes>,
     ) {
         let (q, dq) = (
             SVector::from_column_slice(q),
@@ -69,23 +121,9 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         if let Some(momentum) = momentum {
             copy(momentum, &self.0.momentum_regressor::<P>(&k));
         }
-    }
-
-    fn momentum_and_rate(
-        &self,
-        base: &Transform<f64>,
-        q: &[f64],
-        dq: &[f64],
-        momentum: &mut [f64],
-        rate: &mut [f64],
-    ) {
-        let (q, dq) = (
-            SVector::from_column_slice(q),
-            SVector::from_column_slice(dq),
-        );
-        let (p, r) = self.0.momentum_and_rate(&self.0.kinematics(base, &q, &dq));
-        momentum.copy_from_slice(p.as_slice());
-        rate.copy_from_slice(r.as_slice());
+        if let Some(slopes) = slopes {
+            slopes.set(&self.0.momentum_derivatives(&k));
+        }
     }
 
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {

@@ -7,17 +7,19 @@
 //! ```
 //!
 //! all divided by the window's length. What changes the motion (velocity_gain, encoder_offset, elasticity, backlash) or
-//! gravity (base_tilt) is no torque of its own; its column is the derivative of the rigid body's part, here by central
-//! differences at the inertias that the limb has been given.
+//! gravity (base_tilt) is no torque of its own; its column is the derivative of the rigid body's part at the inertias that
+//! the limb has been given.
 
 use nalgebra::{Rotation3, Vector3};
+use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
 use super::column::{Column, Columns};
+use super::dot::dot;
 use super::motion::Motion;
 use super::recording::LimbRecording;
-use super::rigid_body::RigidBody;
+use super::rigid_body::{RigidBody, Slopes};
 
 /// Length of a window, µs.
 pub(crate) const WINDOW_US: u64 = 20_000;
@@ -25,8 +27,8 @@ pub(crate) const WINDOW_US: u64 = 20_000;
 const GUARD_US: u64 = 40_000;
 /// Slower than this a joint may be held by friction, whose torque is then anything up to its limit, rad/s.
 const REST: f64 = 0.02;
-/// Step of central differences, rad and rad/s.
-const STEP: f64 = 1e-4;
+/// Columns of a load: its mass, its first moment, and the same inertia about all axes.
+const LOAD_COLUMNS: usize = 5;
 
 /// How time is cut into blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,18 +63,102 @@ impl Blocks {
     }
 }
 
-/// One closed window of a limb.
+/// One closed window of a limb, within a block.
 pub(crate) struct Window<'a> {
     /// Its middle, s since the recording's start.
     pub(crate) t: f64,
-    /// Its block, if it belongs to one.
-    pub(crate) block: Option<usize>,
-    /// Each joint's row: its columns, then the mean torque, N m.
-    pub(crate) rows: &'a [Vec<f64>],
+    /// Its block.
+    pub(crate) block: usize,
     /// Whether each joint moves: rows of one at rest say nothing of friction.
     pub(crate) moves: &'a [bool],
     /// First and last sample.
     pub(crate) samples: [usize; 2],
+    /// All joints' rows, one after the other.
+    rows: &'a [f64],
+    /// Where each joint's row starts.
+    starts: &'a [usize],
+}
+
+impl Window<'_> {
+    /// A joint's row: its columns, then the mean torque, N m.
+    pub(crate) fn row(&self, joint: usize) -> &[f64] {
+        &self.rows[self.starts[joint]..self.starts[joint + 1]]
+    }
+
+    /// A joint's columns and its mean torque, N m.
+    pub(crate) fn equation(&self, joint: usize) -> (&[f64], f64) {
+        match self.row(joint).split_last() {
+            Some((torque, columns)) => (columns, *torque),
+            None => (&[], 0.0),
+        }
+    }
+
+    /// A joint's mean torque less what its columns times `theta` make of it, N m.
+    pub(crate) fn residual(&self, joint: usize, theta: &[f64]) -> f64 {
+        let (columns, torque) = self.equation(joint);
+        torque - dot(columns, theta)
+    }
+}
+
+/// The windows of a limb with their rows, so that they are made but once.
+#[derive(Default)]
+pub(crate) struct Windows {
+    starts: Vec<usize>,
+    rows: Vec<f64>,
+    moves: Vec<bool>,
+    /// Middle, block and samples.
+    list: Vec<(f64, usize, [usize; 2])>,
+}
+
+impl Windows {
+    pub(crate) fn of(limb: &Limb) -> Self {
+        let mut windows = Self {
+            starts: limb.starts(),
+            ..Self::default()
+        };
+        limb.for_each_window(|window| {
+            windows.rows.extend_from_slice(window.rows);
+            windows.moves.extend_from_slice(window.moves);
+            windows.list.push((window.t, window.block, window.samples));
+        });
+        windows
+    }
+
+    /// Writes what depends on the model so far anew: the columns of the torques' scales.
+    pub(crate) fn follow(&mut self, limb: &Limb) {
+        let joints = self.starts.len().saturating_sub(1);
+        let width = self.starts.last().copied().unwrap_or(0);
+        for rows in self.rows.chunks_exact_mut(width.max(1)) {
+            for j in 0..joints {
+                limb.write_scale(j, &mut rows[self.starts[j]..self.starts[j + 1]]);
+            }
+        }
+    }
+
+    /// How many.
+    pub(crate) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Window w, in the order of time.
+    pub(crate) fn get(&self, w: usize) -> Window<'_> {
+        let joints = self.starts.len().saturating_sub(1);
+        let width = self.starts.last().copied().unwrap_or(0);
+        let (t, block, samples) = self.list[w];
+        Window {
+            t,
+            block,
+            samples,
+            moves: &self.moves[w * joints..(w + 1) * joints],
+            rows: &self.rows[w * width..(w + 1) * width],
+            starts: &self.starts,
+        }
+    }
+
+    /// All, in the order of time.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Window<'_>> {
+        (0..self.len()).map(|w| self.get(w))
+    }
 }
 
 /// A limb as rows are made of it.
@@ -94,29 +180,54 @@ pub(crate) struct Limb<'a> {
     pub(crate) left_out: &'a [[usize; 2]],
 }
 
-/// Numbers of one instant for all columns: of each joint what enters by its difference, and what is integrated.
+/// Numbers of one instant for all joints' columns, joint after joint: what enters by its difference, and what is integrated.
 #[derive(Clone)]
 struct Instant {
-    boundary: Vec<Vec<f64>>,
-    rate: Vec<Vec<f64>>,
+    boundary: Vec<f64>,
+    rate: Vec<f64>,
 }
 
-/// Derivatives of the rigid body's momentum and rate by each joint's position and velocity.
-struct Slopes {
-    /// \[position, velocity\] \[joint that moves\] → (momentum, rate) of all joints.
-    by: [Vec<(Vec<f64>, Vec<f64>)>; 2],
+/// What is the same at all instants, and room for what is not.
+struct Workspace {
+    /// Inertial parameters per unit of each of a load's columns, body by body.
+    loads: Vec<[[f64; INERTIAL]; LOAD_COLUMNS]>,
+    /// W_m and W_g − W_c, row-major.
+    momentum: Vec<f64>,
+    rate: Vec<f64>,
+    /// Whether a column needs them.
+    with_slopes: bool,
+    slopes: Slopes,
 }
 
 impl Limb<'_> {
-    /// Calls `visit` for each window.
+    /// Where each joint's row starts among all joints' numbers, and where the last one ends.
+    fn starts(&self) -> Vec<usize> {
+        let mut starts = vec![0];
+        for columns in &self.columns.of_joint {
+            starts.push(starts[starts.len() - 1] + columns.len() + 1);
+        }
+        starts
+    }
+
+    fn workspace(&self) -> Workspace {
+        let n = self.columns.joints();
+        let needs = |c: &Column| matches!(c, Column::Motion { .. } | Column::Gravity(_));
+        Workspace {
+            loads: (self.loads.iter())
+                .map(|com| std::array::from_fn(|n| load(com, n)))
+                .collect(),
+            momentum: vec![0.0; INERTIAL * n * n],
+            rate: vec![0.0; INERTIAL * n * n],
+            with_slopes: self.columns.of_joint.iter().flatten().any(needs),
+            slopes: Slopes::of(n),
+        }
+    }
+
+    /// Calls `visit` for each window that lies in a block.
     pub(crate) fn for_each_window(&self, mut visit: impl FnMut(&Window)) {
         let n = self.columns.joints();
-        let zero: Vec<Vec<f64>> = self
-            .columns
-            .of_joint
-            .iter()
-            .map(|c| vec![0.0; c.len() + 1])
-            .collect();
+        let (starts, mut workspace) = (self.starts(), self.workspace());
+        let zero = vec![0.0; starts[n]];
         let mut now = Instant {
             boundary: zero.clone(),
             rate: zero.clone(),
@@ -125,18 +236,17 @@ impl Limb<'_> {
         let (mut start, mut sum, mut rows) = (zero.clone(), zero.clone(), zero);
         let (mut rest, mut moves) = (vec![0.0; n], vec![false; n]);
         let begin = self.recording.time_us.first().copied().unwrap_or(0);
+        let since = |k: usize| self.recording.time_us[k] - begin;
         for stretch in self.recording.stretches() {
             let mut first = stretch.start;
             for k in stretch.clone() {
-                let since = |k: usize| self.recording.time_us[k] - begin;
                 let edge = k == first || since(k) - since(first) >= WINDOW_US;
-                self.measure(k, edge, &mut now);
+                self.measure(k, edge, &starts, &mut workspace, &mut now);
                 if k > first {
                     let half = 0.5e-6 * (since(k) - since(k - 1)) as f64;
-                    for (sum, (a, b)) in sum.iter_mut().zip(before.rate.iter().zip(&now.rate)) {
-                        for (sum, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
-                            *sum += half * (a + b);
-                        }
+                    let rates = before.rate.iter().zip(&now.rate);
+                    for (sum, (a, b)) in sum.iter_mut().zip(rates) {
+                        *sum += half * (a + b);
                     }
                     for (j, rest) in rest.iter_mut().enumerate() {
                         if self.motion.states[k * n + j].speed.abs() < REST {
@@ -145,31 +255,30 @@ impl Limb<'_> {
                     }
                 }
                 if edge {
-                    if k > first {
+                    let block = self.blocks.of_window(since(first), since(k));
+                    let block = block.filter(|_| k > first && !self.is_left_out(first, k));
+                    if let Some(block) = block {
                         let length = 1e-6 * (since(k) - since(first)) as f64;
+                        let ends = now.boundary.iter().zip(&start);
+                        for (row, ((end, start), sum)) in rows.iter_mut().zip(ends.zip(&sum)) {
+                            *row = (end - start + sum) / length;
+                        }
                         for j in 0..n {
-                            let ends = now.boundary[j].iter().zip(&start[j]);
-                            for (row, ((end, start), sum)) in
-                                rows[j].iter_mut().zip(ends.zip(&sum[j]))
-                            {
-                                *row = (end - start + sum) / length;
-                            }
                             moves[j] = rest[j] < 0.5 * length;
+                            self.scale(j, &mut rows[starts[j]..starts[j + 1]]);
                         }
                         visit(&Window {
                             t: 0.5e-6 * (since(first) + since(k)) as f64,
-                            block: self
-                                .blocks
-                                .of_window(since(first), since(k))
-                                .filter(|_| !self.is_left_out(first, k)),
+                            block,
                             rows: &rows,
+                            starts: &starts,
                             moves: &moves,
                             samples: [first, k],
                         });
                     }
                     first = k;
                     std::mem::swap(&mut start, &mut now.boundary);
-                    sum.iter_mut().for_each(|sum| sum.fill(0.0));
+                    sum.fill(0.0);
                     rest.fill(0.0);
                 }
                 std::mem::swap(&mut before, &mut now);
@@ -183,157 +292,107 @@ impl Limb<'_> {
         self.left_out.get(next).is_some_and(|range| range[0] < last)
     }
 
-    /// All columns at sample k; those that enter by their difference only at a window's edge.
-    fn measure(&self, k: usize, edge: bool, out: &mut Instant) {
+    /// Puts a joint's row, made of true torques, to the scale of the reported one.
+    fn scale(&self, joint: usize, row: &mut [f64]) {
+        let columns = self.columns.of_joint[joint].len();
+        let scale = self.torque_scale[joint];
+        row[..columns].iter_mut().for_each(|x| *x *= scale);
+        self.write_scale(joint, row);
+    }
+
+    /// Writes the column of a joint's torque scale: all that the model so far makes of the other columns.
+    fn write_scale(&self, joint: usize, row: &mut [f64]) {
+        let columns = &self.columns.of_joint[joint];
+        let row = &mut row[..columns.len()];
+        if let Some(c) = columns.iter().position(|c| *c == Column::Scale(joint)) {
+            row[c] = 0.0;
+            row[c] = dot(&self.model[joint], row) / self.torque_scale[joint];
+        }
+    }
+
+    /// All columns of sample k but those of the scale; those that enter by their difference only at a window's edge.
+    fn measure(
+        &self,
+        k: usize,
+        edge: bool,
+        starts: &[usize],
+        workspace: &mut Workspace,
+        out: &mut Instant,
+    ) {
         let n = self.columns.joints();
         let at = k * n..(k + 1) * n;
-        let (states, q, dq) = (
-            &self.motion.states[at.clone()],
-            &self.motion.q[at.clone()],
-            &self.motion.dq[at],
-        );
-        let width = INERTIAL * n;
-        let (mut momentum, mut rate) = (vec![0.0; n * width], vec![0.0; n * width]);
+        let Workspace {
+            momentum,
+            rate,
+            slopes,
+            ..
+        } = workspace;
         self.body.regressors(
             &self.base,
-            q,
-            dq,
+            &self.motion.q[at.clone()],
+            &self.motion.dq[at.clone()],
             edge.then_some(&mut momentum[..]),
-            &mut rate,
+            rate,
+            workspace.with_slopes.then_some(slopes),
         );
-        let slopes = self
-            .has(|c| matches!(c, Column::Motion { .. }))
-            .then(|| self.slopes(q, dq));
-        let tilts = self
-            .has(|c| matches!(c, Column::Gravity(_)))
-            .then(|| self.tilts(q, dq));
+        let states = &self.motion.states[at];
         for j in 0..n {
-            let (boundaries, rates) = (&mut out.boundary[j], &mut out.rate[j]);
-            for (c, column) in self.columns.of_joint[j].iter().enumerate() {
-                let (boundary, rate) = match *column {
-                    Column::Inertial(b, parameter) => {
-                        let at = j * width + b * INERTIAL + parameter;
-                        (momentum[at], rate[at])
-                    }
-                    Column::Load { body, n } => {
-                        let at = j * width + body * INERTIAL;
-                        let load = load(&self.loads[body], n);
-                        (dot(&load, &momentum[at..]), dot(&load, &rate[at..]))
-                    }
-                    Column::Own {
-                        joint,
-                        effect,
-                        shape,
-                        n,
-                    } => {
-                        let term = effect.terms(&states[joint], shape)[n];
-                        (term.boundary, term.rate)
-                    }
-                    Column::Motion { joint, effect } => match &slopes {
-                        Some(slopes) => slopes.along(joint, effect.motion(&states[joint]), j),
-                        None => (0.0, 0.0),
-                    },
-                    Column::Gravity(axis) => {
-                        (0.0, tilts.as_ref().map_or(0.0, |tilts| tilts[axis][j]))
-                    }
-                    // Made of the others below.
-                    Column::Scale(_) => (0.0, 0.0),
-                };
-                (boundaries[c], rates[c]) = (boundary, rate);
-            }
-            let torque = [dot(&self.model[j], boundaries), dot(&self.model[j], rates)];
-            for numbers in [&mut *boundaries, &mut *rates] {
-                numbers.iter_mut().for_each(|x| *x *= self.torque_scale[j]);
-            }
-            let own = |c: &Column| *c == Column::Scale(j);
-            if let Some(c) = self.columns.of_joint[j].iter().position(own) {
-                [boundaries[c], rates[c]] = torque;
-            }
+            let row = starts[j]..starts[j + 1];
+            let (boundaries, rates) = (&mut out.boundary[row.clone()], &mut out.rate[row]);
+            self.measure_joint(j, states, workspace, boundaries, rates);
             let last = rates.len() - 1;
             (boundaries[last], rates[last]) = (0.0, states[j].tau);
         }
     }
 
-    fn has(&self, kind: impl Fn(&Column) -> bool) -> bool {
-        self.columns.of_joint.iter().flatten().any(kind)
-    }
-
-    fn slopes(&self, q: &[f64], dq: &[f64]) -> Slopes {
-        let n = q.len();
-        let difference = |ahead: &[f64], behind: &[f64]| -> Vec<f64> {
-            ahead
-                .iter()
-                .zip(behind)
-                .map(|(a, b)| (a - b) / (2.0 * STEP))
-                .collect()
-        };
-        let at = |q: &[f64], dq: &[f64]| {
-            let (mut p, mut r) = (vec![0.0; n], vec![0.0; n]);
-            self.body
-                .momentum_and_rate(&self.base, q, dq, &mut p, &mut r);
-            (p, r)
-        };
-        let moved = |x: &[f64], joint: usize, by: f64| -> Vec<f64> {
-            x.iter()
-                .enumerate()
-                .map(|(j, x)| if j == joint { x + by } else { *x })
-                .collect()
-        };
-        let by_q = (0..n).map(|joint| {
-            let (ahead, behind) = (
-                at(&moved(q, joint, STEP), dq),
-                at(&moved(q, joint, -STEP), dq),
-            );
-            (
-                difference(&ahead.0, &behind.0),
-                difference(&ahead.1, &behind.1),
-            )
-        });
-        let by_dq = (0..n).map(|joint| {
-            let (ahead, behind) = (
-                at(q, &moved(dq, joint, STEP)),
-                at(q, &moved(dq, joint, -STEP)),
-            );
-            (
-                difference(&ahead.0, &behind.0),
-                difference(&ahead.1, &behind.1),
-            )
-        });
-        Slopes {
-            by: [by_q.collect(), by_dq.collect()],
-        }
-    }
-
-    /// Derivative of the rate of all joints by turning the base about its x and its y axis.
-    fn tilts(&self, q: &[f64], dq: &[f64]) -> [Vec<f64>; 2] {
-        [Vector3::x(), Vector3::y()].map(|axis| {
-            let at = |by: f64| {
-                let (mut p, mut r) = (vec![0.0; q.len()], vec![0.0; q.len()]);
-                self.body.momentum_and_rate(
-                    &turned(&self.base, &(axis * by)),
-                    q,
-                    dq,
-                    &mut p,
-                    &mut r,
-                );
-                r
+    /// The columns of joint j.
+    fn measure_joint(
+        &self,
+        j: usize,
+        states: &[JointState<f64>],
+        workspace: &Workspace,
+        boundaries: &mut [f64],
+        rates: &mut [f64],
+    ) {
+        let width = INERTIAL * self.columns.joints();
+        let (momentum, rate) = (
+            &workspace.momentum[j * width..],
+            &workspace.rate[j * width..],
+        );
+        let slopes = &workspace.slopes;
+        // An effect's columns stand side by side and come from one evaluation.
+        let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
+        for (c, column) in self.columns.of_joint[j].iter().enumerate() {
+            (boundaries[c], rates[c]) = match *column {
+                Column::Inertial(b, parameter) => {
+                    let at = b * INERTIAL + parameter;
+                    (momentum[at], rate[at])
+                }
+                Column::Load { body, n } => {
+                    let (load, at) = (&workspace.loads[body][n], body * INERTIAL);
+                    (dot(load, &momentum[at..]), dot(load, &rate[at..]))
+                }
+                Column::Own {
+                    joint,
+                    effect,
+                    shape,
+                    n,
+                } => {
+                    let terms = match known {
+                        Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
+                        _ => effect.terms(&states[joint], shape),
+                    };
+                    known = Some((effect, shape, terms));
+                    (terms[n].boundary, terms[n].rate)
+                }
+                Column::Motion { joint, effect } => {
+                    slopes.along(joint, effect.motion(&states[joint]), j)
+                }
+                Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
+                // Made of the others when the window closes.
+                Column::Scale(_) => (0.0, 0.0),
             };
-            at(STEP)
-                .iter()
-                .zip(at(-STEP))
-                .map(|(a, b)| (a - b) / (2.0 * STEP))
-                .collect()
-        })
-    }
-}
-
-impl Slopes {
-    /// Derivative of joint j's momentum and rate as joint `joint`'s link moves by \[position, velocity\].
-    fn along(&self, joint: usize, motion: [f64; 2], j: usize) -> (f64, f64) {
-        let parts = self.by.iter().zip(motion);
-        parts.fold((0.0, 0.0), |(p, r), (by, x)| {
-            (p + x * by[joint].0[j], r + x * by[joint].1[j])
-        })
+        }
     }
 }
 
@@ -365,10 +424,6 @@ fn load(com: &Vector3<f64>, n: usize) -> [f64; INERTIAL] {
         i(1, 2),
         i(2, 2),
     ]
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// A base turned about its own axes by a small rotation vector, rad.

@@ -5,6 +5,7 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::dot::dot;
 use super::limb::{LimbCriticism, Place};
 use super::whitening::{Whitening, neighbour_correlation};
 
@@ -31,10 +32,13 @@ struct Looked {
 
 impl LimbCriticism<'_> {
     /// Finds of what kind the noise is, and sets the shape of every effect that has one, in the model or not, to the best on
-    /// the present residuals. True if something has changed so that the data have to be gone over again.
+    /// the present residuals. True if one has changed so that the data have to be gone over again.
     pub(crate) fn scan_shapes(&mut self) -> bool {
+        if self.take_noise() {
+            self.refold();
+        }
         let looked = self.look(&self.fit.theta);
-        let mut changed = self.take_noise();
+        let mut changed = false;
         for joint in 0..self.recording.joints {
             for effect in [
                 EffectKind::Stribeck,
@@ -92,27 +96,19 @@ impl LimbCriticism<'_> {
         let theta = self.columns.combined(theta);
         let mut windows = vec![Vec::new(); self.recording.joints];
         let mut count = 0;
-        self.rows().for_each_window(|window| {
+        for window in self.windows.iter() {
             count += 1;
-            if window.block.is_none() || (count / RUN) % stride != 0 {
-                return;
+            if (count / RUN) % stride != 0 {
+                continue;
             }
             for (joint, list) in windows
                 .iter_mut()
                 .enumerate()
                 .filter(|(j, _)| window.moves[*j])
             {
-                let Some((torque, columns)) = window.rows[joint].split_last() else {
-                    continue;
-                };
-                let predicted: f64 = columns
-                    .iter()
-                    .zip(&theta[joint])
-                    .map(|(x, theta)| x * theta)
-                    .sum();
-                list.push((window.samples, torque - predicted));
+                list.push((window.samples, window.residual(joint, &theta[joint])));
             }
-        });
+        }
         Looked { windows }
     }
 
@@ -124,8 +120,8 @@ impl LimbCriticism<'_> {
         if self.active.contains(&place) {
             // What the effect explains with its present shape is for the new shape to explain.
             let entries = self.columns.of_effect(place.0, place.1);
-            for (n, entry) in entries.into_iter().enumerate() {
-                let column = self.column(windows, place, self.shape(place), n);
+            let columns = self.columns(windows, place, self.shape(place));
+            for (column, entry) in columns.into_iter().zip(entries) {
                 let value = self.fit.theta[entry];
                 residual
                     .iter_mut()
@@ -135,14 +131,15 @@ impl LimbCriticism<'_> {
         }
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for effect in BASIS {
-            let column = self.column(windows, (effect, place.1), 1.0, 0);
-            basis.extend(orthonormal(column, &basis));
+            for column in self.columns(windows, (effect, place.1), 1.0) {
+                basis.extend(orthonormal(column, &basis));
+            }
         }
-        let fall = |shape: f64| {
+        let explained = |columns: Vec<Vec<f64>>| {
             let mut all = basis.clone();
             let mut fall = 0.0;
-            for n in 0..place.0.columns() {
-                if let Some(direction) = orthonormal(self.column(windows, place, shape, n), &all) {
+            for column in columns {
+                if let Some(direction) = orthonormal(column, &all) {
                     fall += dot(&direction, &residual).powi(2);
                     all.push(direction);
                 }
@@ -152,8 +149,14 @@ impl LimbCriticism<'_> {
         if place.0 == EffectKind::Saturation {
             return self.best_limit(windows, place, &residual, &basis);
         }
+        let fall = |shape: f64| explained(self.columns(windows, place, shape));
         let grid = self.grid(place);
-        let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
+        let falls: Vec<f64> = match place.0 {
+            EffectKind::Cogging => (self.harmonics(windows, place.1).into_iter())
+                .map(explained)
+                .collect(),
+            _ => grid.iter().map(|&shape| fall(shape)).collect(),
+        };
         let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]))?;
         let (mut shape, mut most) = (grid[best], falls[best]);
         let neighbour = if best + 1 < grid.len() {
@@ -185,10 +188,10 @@ impl LimbCriticism<'_> {
         residual: &[f64],
         basis: &[Vec<f64>],
     ) -> Option<f64> {
-        let torque = self.column(windows, place, 0.0, 0);
+        let torque = self.columns(windows, place, 0.0).swap_remove(0);
         let most = torque.iter().fold(0.0f64, |most, x| most.max(x.abs()));
         let unexplained = |limit: f64| {
-            let excess = self.column(windows, place, limit, 0);
+            let excess = self.columns(windows, place, limit).swap_remove(0);
             let difference = |a: &[f64]| -> Vec<f64> {
                 a.iter()
                     .zip(&excess)
@@ -238,31 +241,69 @@ impl LimbCriticism<'_> {
         }
     }
 
-    /// Column n of an effect over windows, as their rows have it.
-    fn column(
+    /// The columns of an effect over windows, as their rows have them.
+    fn columns(
         &self,
         windows: &[([usize; 2], f64)],
         (effect, joint): Place,
         shape: f64,
-        n: usize,
-    ) -> Vec<f64> {
+    ) -> Vec<Vec<f64>> {
         let joints = self.recording.joints;
-        let term = |k: usize| effect.terms(&self.motion.states[k * joints + joint], shape)[n];
-        let over = |first: usize, last: usize| {
+        let mut columns = vec![Vec::with_capacity(windows.len()); effect.columns()];
+        for &([first, last], _) in windows {
+            let term = |k: usize| effect.terms(&self.motion.states[k * joints + joint], shape);
             let (start, end) = (term(first), term(last));
-            let mut sum = end.boundary - start.boundary;
-            let (mut before, mut time) = (start.rate, self.recording.time_us[first]);
-            for k in first + 1..=last {
-                let (rate, now) = (term(k).rate, self.recording.time_us[k]);
-                sum += 0.5e-6 * (now - time) as f64 * (before + rate);
-                (before, time) = (rate, now);
+            let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
+            for k in first..=last {
+                let weight = self.weight([first, last], k);
+                for (sum, term) in sums.iter_mut().zip(term(k)) {
+                    *sum += weight * term.rate;
+                }
             }
-            sum / (1e-6 * (time - self.recording.time_us[first]) as f64)
-        };
-        windows
-            .iter()
-            .map(|([first, last], _)| over(*first, *last))
-            .collect()
+            let length = self.length([first, last]);
+            for (column, sum) in columns.iter_mut().zip(sums) {
+                column.push(sum / length);
+            }
+        }
+        columns
+    }
+
+    /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
+    /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
+    fn harmonics(&self, windows: &[([usize; 2], f64)], joint: usize) -> Vec<Vec<Vec<f64>>> {
+        let (joints, gear) = (self.recording.joints, self.gear(joint));
+        let mut columns = vec![vec![Vec::with_capacity(windows.len()); 2]; MULTIPLES];
+        for &([first, last], _) in windows {
+            let mut sums = [[0.0; 2]; MULTIPLES];
+            for k in first..=last {
+                let state = &self.motion.states[k * joints + joint];
+                let [sin, cos] = EffectKind::Cogging.terms(state, gear).map(|term| term.rate);
+                let weight = self.weight([first, last], k);
+                let (mut s, mut c) = (weight * sin, weight * cos);
+                for sum in &mut sums {
+                    sum[0] += s;
+                    sum[1] += c;
+                    (s, c) = (s * cos + c * sin, c * cos - s * sin);
+                }
+            }
+            let length = self.length([first, last]);
+            for (columns, sums) in columns.iter_mut().zip(sums) {
+                columns[0].push(sums[0] / length);
+                columns[1].push(sums[1] / length);
+            }
+        }
+        columns
+    }
+
+    /// The time that sample k stands for in the integral over a window (trapezoidal rule), s.
+    fn weight(&self, [first, last]: [usize; 2], k: usize) -> f64 {
+        let time = &self.recording.time_us;
+        0.5e-6 * (time[(k + 1).min(last)] - time[k.saturating_sub(1).max(first)]) as f64
+    }
+
+    /// A window's length, s.
+    fn length(&self, [first, last]: [usize; 2]) -> f64 {
+        1e-6 * (self.recording.time_us[last] - self.recording.time_us[first]) as f64
     }
 }
 
@@ -307,8 +348,4 @@ fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
     }
     x.iter_mut().for_each(|x| *x /= length);
     Some(x)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

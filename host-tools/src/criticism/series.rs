@@ -118,36 +118,28 @@ impl LimbCriticism<'_> {
             })
             .collect();
         let warm = self.recording.temperature.iter().all(|t| t.is_finite());
-        self.rows().for_each_window(|window| {
-            let Some(block) = window.block else { return };
-            let theta = &theta[self.fold(block).min(theta.len() - 1)];
+        for window in self.windows.iter() {
+            let theta = &theta[self.fold(window.block).min(theta.len() - 1)];
             let [first, last] = window.samples;
             let mean = |x: &dyn Fn(usize) -> f64| {
                 let inner: f64 = (first + 1..last).map(x).sum();
                 (inner + 0.5 * (x(first) + x(last))) / (last - first) as f64
             };
             for (j, series) in all.iter_mut().enumerate().filter(|(j, _)| window.moves[*j]) {
-                let Some((torque, columns)) = window.rows[j].split_last() else {
-                    continue;
-                };
-                let predicted: f64 = columns
-                    .iter()
-                    .zip(&theta[j])
-                    .map(|(x, theta)| x * theta)
-                    .sum();
+                let (torque, residual) = (window.equation(j).1, window.residual(j, &theta[j]));
                 series.t.push(window.t);
                 series.q.push(mean(&|k| self.motion.states[k * n + j].q));
                 series.dq.push(mean(&|k| self.motion.states[k * n + j].dq));
-                series.tau.push(*torque);
-                series.predicted.push(predicted);
-                series.residual.push(torque - predicted);
+                series.tau.push(torque);
+                series.predicted.push(torque - residual);
+                series.residual.push(residual);
                 if warm {
                     series
                         .temperature
                         .push(mean(&|k| self.motion.states[k * n + j].temperature));
                 }
             }
-        });
+        }
         all
     }
 }

@@ -7,6 +7,7 @@
 
 use super::blocks::HeapFactor;
 use super::column::Columns;
+use super::dot::dot;
 
 /// Priors and what they are of.
 pub(crate) struct Prior {
@@ -73,25 +74,21 @@ impl Triangle {
     ) -> Self {
         let order: Vec<usize> = active.iter().chain(rest).copied().collect();
         let n = order.len();
-        let mut rows = Vec::new();
+        let m: usize = data.iter().map(HeapFactor::columns).sum();
+        // Column-major: reflections go column by column.
+        let mut rows = vec![0.0; m * (n + 1)];
+        let mut first = 0;
         for (joint, factor) in data.iter().enumerate() {
-            let place: Vec<Option<usize>> = order
-                .iter()
-                .map(|&entry| columns.place(joint, entry))
-                .collect();
-            for k in 0..factor.columns() {
-                let row = factor.row(k);
-                let at = |column: usize| {
-                    if column < k {
-                        0.0
-                    } else {
-                        row[column - k] / noise[joint]
-                    }
-                };
-                let mut full: Vec<f64> = place.iter().map(|p| p.map_or(0.0, at)).collect();
-                full.push(at(factor.columns()));
-                rows.push(full);
+            let weight = 1.0 / noise[joint];
+            let places = order.iter().map(|&entry| columns.place(joint, entry));
+            for (c, place) in places.chain([Some(factor.columns())]).enumerate() {
+                let Some(place) = place else { continue };
+                let column = &mut rows[c * m + first..][..factor.columns().min(place + 1)];
+                for (k, x) in column.iter_mut().enumerate() {
+                    *x = factor.row(k)[place - k] * weight;
+                }
             }
+            first += factor.columns();
         }
         let mut triangle = Self {
             order,
@@ -99,7 +96,7 @@ impl Triangle {
             r: vec![0.0; n * (n + 1)],
         };
         triangle.set_prior(columns, prior);
-        triangle.fold(&rows);
+        triangle.fold(&mut rows, m);
         triangle
     }
 
@@ -122,18 +119,14 @@ impl Triangle {
         }
     }
 
-    /// Reflects `rows` into the triangle.
-    fn fold(&mut self, rows: &[Vec<f64>]) {
-        let (n, m) = (self.order.len(), rows.len());
-        let mut x: Vec<Vec<f64>> = (0..=n)
-            .map(|c| rows.iter().map(|row| row[c]).collect())
-            .collect();
-        let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    /// Reflects `m` rows, column-major, into the triangle; they are used up.
+    fn fold(&mut self, rows: &mut [f64], m: usize) {
+        let n = self.order.len();
         for k in 0..n {
-            let (head, tail) = x.split_at_mut(k + 1);
-            let v = &head[k];
+            let (head, tail) = rows.split_at_mut((k + 1) * m);
+            let v = &head[k * m..];
             let below = dot(v, v);
-            if below == 0.0 || m == 0 {
+            if below == 0.0 {
                 continue;
             }
             let diagonal = self.r[k + k * n];
@@ -142,7 +135,7 @@ impl Triangle {
             let v0 = diagonal - pivot;
             let scale = 2.0 / (v0 * v0 + below);
             self.r[k + k * n] = pivot;
-            for (c, column) in tail.iter_mut().enumerate() {
+            for (c, column) in tail.chunks_exact_mut(m).enumerate() {
                 let at = k + (k + 1 + c) * n;
                 let share = scale * (v0 * self.r[at] + dot(v, column));
                 self.r[at] -= share * v0;
@@ -256,10 +249,6 @@ fn inverse_norms(upper: &[Vec<f64>]) -> Vec<f64> {
         }
     }
     squares.iter().map(|s: &f64| s.sqrt()).collect()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn norm(a: &[f64]) -> f64 {

@@ -46,6 +46,11 @@ impl Whitening {
         }
     }
 
+    /// One for each joint.
+    pub(crate) fn of_joints(correlation: &[f64]) -> Vec<Self> {
+        correlation.iter().map(|&c| Self::new(c)).collect()
+    }
+
     /// Makes of the row of a window from sample `first` to `last` one whose noise is independent of those before.
     pub(crate) fn whiten(&mut self, [first, last]: [usize; 2], row: &mut [f64]) {
         if self.correlation == 0.0 {

@@ -84,7 +84,7 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
             let (q, dq) = motion(t);
             let (mut momentum, mut rate) = (vec![0.0; n * width], vec![0.0; n * width]);
             limb.body
-                .regressors(&limb.base, &q, &dq, Some(&mut momentum), &mut rate);
+                .regressors(&limb.base, &q, &dq, Some(&mut momentum), &mut rate, None);
             (momentum, rate)
         };
         let (before, now, after) = (regressors(-STEP), regressors(0.0), regressors(STEP));

@@ -35,7 +35,7 @@ pub(crate) fn data(criticism: &LimbCriticism, method: Method) -> Data {
     let groups = if method == Method::Energy { 1 } else { n };
     let mut rows = vec![vec![Vec::new(); groups]; criticism.blocks.count];
     criticism.rows().for_each_window(|window| {
-        let Some(block) = window.block else { return };
+        let block = window.block;
         match method {
             Method::Energy => {
                 if window.moves.iter().any(|moves| *moves) {

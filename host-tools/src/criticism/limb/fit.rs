@@ -1,6 +1,6 @@
 //! The limb's model fitted: to all data, to all folds but one, and with everything that the catalogue has.
 
-use super::super::blocks::{self, HeapFactor};
+use super::super::blocks::HeapFactor;
 use super::super::column::Entry;
 use super::super::motion::Corrections;
 use super::super::triangle::{Triangle, misfit};
@@ -62,7 +62,7 @@ impl LimbCriticism<'_> {
                 .iter()
                 .zip(triangle.std())
                 .for_each(|(&k, std)| fit.std[k] = std);
-            noise = self.residuals(&self.all, &fit.theta, active.len());
+            noise = self.residuals(&fit.theta, active.len());
             self.prior.hold(&fit.theta);
         }
         fit.held_out = self.solve_folds(&active, &noise);
@@ -73,21 +73,31 @@ impl LimbCriticism<'_> {
     }
 
     /// Root mean square of each joint's residuals under θ, of which so many entries were fitted, N m.
-    fn residuals(&self, data: &[HeapFactor], theta: &[f64], fitted: usize) -> Vec<f64> {
+    fn residuals(&self, theta: &[f64], fitted: usize) -> Vec<f64> {
         let of = |(joint, factor): (usize, &HeapFactor)| {
             let square = misfit(&self.columns, joint, factor, theta);
             let freedom = (factor.rows() - fitted as f64 / self.recording.joints as f64).max(1.0);
             (square / freedom).sqrt().max(1e-3 * torque_size(factor))
         };
-        data.iter().enumerate().map(of).collect()
+        self.all.iter().enumerate().map(of).collect()
     }
 
-    /// Each joint's sum of squared residuals, as they are, of all folds under their θ, (N m)².
+    /// Each joint's sum of squared residuals as they are, not whitened, each fold's under its θ, (N m)².
     pub(super) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
+        let theta: Vec<Vec<Vec<f64>>> = theta
+            .iter()
+            .map(|theta| self.columns.combined(theta))
+            .collect();
         let mut squares = vec![0.0; self.recording.joints];
-        for (test, theta) in self.plain_tests.iter().zip(theta) {
-            let fold = self.score_fold(test, theta);
-            squares.iter_mut().zip(fold).for_each(|(sum, x)| *sum += x);
+        for window in self.windows.iter() {
+            let theta = &theta[self.fold(window.block)];
+            for (j, square) in squares
+                .iter_mut()
+                .enumerate()
+                .filter(|(j, _)| window.moves[*j])
+            {
+                *square += window.residual(j, &theta[j]).powi(2);
+            }
         }
         squares
     }
@@ -95,8 +105,14 @@ impl LimbCriticism<'_> {
     /// Each joint's noise floor: what even all effects of the catalogue together, each within its prior, leave of its
     /// torque, N m.
     pub(crate) fn floor(&self) -> Vec<f64> {
-        let all = blocks::sum(&self.plain_tests, &self.columns, |_| true);
-        self.residuals(&all, &self.saturated(), self.columns.entries.len())
+        let theta = self.saturated();
+        let squares = self.held_out_squares(&vec![theta; self.tests.len()]);
+        let fitted = self.columns.entries.len() as f64 / self.recording.joints as f64;
+        let of = |(square, factor): (f64, &HeapFactor)| {
+            let freedom = (factor.rows() - fitted).max(1.0);
+            (square / freedom).sqrt().max(1e-3 * torque_size(factor))
+        };
+        squares.into_iter().zip(&self.all).map(of).collect()
     }
 
     /// θ with all effects of the catalogue in the model.
