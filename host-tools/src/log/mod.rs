@@ -13,6 +13,7 @@ mod checks;
 mod columns;
 mod error;
 mod joint;
+pub(crate) mod periods;
 mod reader;
 mod writer;
 
