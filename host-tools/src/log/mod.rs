@@ -13,7 +13,6 @@ mod checks;
 mod columns;
 mod error;
 mod joint;
-pub(crate) mod periods;
 mod reader;
 mod writer;
 
