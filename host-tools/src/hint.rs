@@ -50,7 +50,9 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Robot(error) => model::of_robot(error),
         Error::UnknownName(unknown) => model::of_name(unknown),
         Error::Export(error) => model::of_export(error),
-        Error::NotAModel(_) => Some("add --physical, or name a .json file".to_owned()),
+        Error::NotAModel(_) => Some(
+            "add --physical (with --model: leave out --free), or name a .json file".to_owned(),
+        ),
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
         Error::NotADemo(_) => Some("name another directory: `proprio demo -o DIR`".to_owned()),
         Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),

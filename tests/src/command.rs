@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 /// The `proprio` binary of the profile under test; built on first use, since cargo builds a package's binaries only for
 /// that package's own tests.
@@ -74,6 +75,20 @@ pub fn done(folder: &Path, arguments: &[&str]) -> String {
         stderr(&output)
     );
     stdout(&output)
+}
+
+/// An empty folder that goes away with the value.
+pub fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder can be made")
+}
+
+/// A folder with the `log.csv` that `simulate` makes of these arguments.
+pub fn simulated(arguments: &str) -> TempDir {
+    let folder = folder();
+    let arguments: Vec<&str> = arguments.split_whitespace().collect();
+    let fixed = ["simulate", "-o", "log.csv"];
+    done(folder.path(), &[&fixed[..], &arguments].concat());
+    folder
 }
 
 /// A JSON text.

@@ -3,11 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{done, json, parameter, proprio, recorded_logs, stderr, stdout};
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().unwrap()
-}
+use proprio_tests::command::{
+    done, folder, json, parameter, proprio, recorded_logs, simulated, stderr, stdout,
+};
 
 #[test]
 fn help_tells_each_command_with_an_example() {
@@ -205,18 +203,7 @@ fn every_hidden_parameter_is_in_the_truth() {
 
 #[test]
 fn a_rigid_robot_without_hidden_effects_shows_none() {
-    let folder = folder();
-    let arguments = [
-        "simulate",
-        "--legs",
-        "FL",
-        "--noise",
-        "0",
-        "--unquantised",
-        "-o",
-        "log.csv",
-    ];
-    done(folder.path(), &arguments);
+    let folder = simulated("--legs FL --noise 0 --unquantised");
     let result = json(&done(folder.path(), &["identify", "log.csv", "--json"]));
     for (effect, most) in [
         ("coulomb", 2e-3),
@@ -314,19 +301,7 @@ fn several_logs_are_one_data_set() {
 
 #[test]
 fn hearing_the_log_over_the_bus_changes_less_than_its_error() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--typical",
-            "--legs",
-            "RR",
-            "--unquantised",
-            "-o",
-            "log.csv",
-        ],
-    );
+    let folder = simulated("--typical --legs RR --unquantised");
     let [exact, heard] = [
         &["identify", "log.csv", "--json"][..],
         &["identify", "log.csv", "--json", "--bus"],

@@ -4,27 +4,11 @@ use std::fs;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use proprio_tests::command::{binary, done, proprio, stderr};
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().unwrap()
-}
+use proprio_tests::command::{binary, done, folder, proprio, simulated, stderr};
 
 #[test]
 fn output_files_hold_what_json_prints() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--legs",
-            "FR",
-            "--duration",
-            "3",
-            "-o",
-            "log.csv",
-        ],
-    );
+    let folder = simulated("--legs FR --duration 3");
     let printed = done(
         folder.path(),
         &["identify", "log.csv", "--json", "-o", "robot.json"],
@@ -63,19 +47,7 @@ fn a_seed_makes_the_same_files_twice() {
 
 #[test]
 fn a_reader_that_stops_early_is_no_error() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--legs",
-            "FR",
-            "--duration",
-            "3",
-            "-o",
-            "log.csv",
-        ],
-    );
+    let folder = simulated("--legs FR --duration 3");
     let mut child = std::process::Command::new(binary())
         .args(["identify", "log.csv", "--json"])
         .current_dir(folder.path())
@@ -120,11 +92,7 @@ fn ctrl_c_leaves_no_half_file() {
 /// A rigid robot has no friction, so that half of the free estimates are negative: no model holds those.
 #[test]
 fn a_physical_fit_becomes_a_model_that_exports() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &["simulate", "--duration", "4", "-o", "log.csv"],
-    );
+    let folder = simulated("--duration 4");
     let free = proprio(folder.path(), &["identify", "log.csv", "-o", "go2.toml"]);
     assert_eq!(free.status.code(), Some(1));
     assert!(stderr(&free).contains("--physical"), "{}", stderr(&free));

@@ -1,25 +1,10 @@
 //! `proprio replay` into a device in its own process, and into ports that are not there.
 
-use proprio_tests::command::{done, json, parameter, proprio, stderr};
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().unwrap()
-}
+use proprio_tests::command::{done, json, parameter, proprio, simulated, stderr};
 
 #[test]
 fn a_device_in_this_process_says_what_identify_says() {
-    let folder = folder();
-    let simulate = [
-        "simulate",
-        "--typical",
-        "--legs",
-        "FR,RL",
-        "--duration",
-        "6",
-        "--repeats",
-        "0.05",
-    ];
-    done(folder.path(), &[&simulate[..], &["-o", "log.csv"]].concat());
+    let folder = simulated("--typical --legs FR,RL --duration 6 --repeats 0.05");
     let here = json(&done(
         folder.path(),
         &["identify", "log.csv", "--json", "--bus"],
@@ -62,20 +47,7 @@ fn a_device_in_this_process_says_what_identify_says() {
 /// A hidden effect, found by the device, added on the running device, and then in its estimate.
 #[test]
 fn a_hidden_effect_is_named_by_the_device_and_added_to_it() {
-    let folder = folder();
-    let simulate = [
-        "simulate",
-        "--typical",
-        "--legs",
-        "FR",
-        "--duration",
-        "24",
-        "--hide",
-        "quadratic_drag:FR_calf=0.05",
-        "-o",
-        "log.csv",
-    ];
-    done(folder.path(), &simulate);
+    let folder = simulated("--typical --legs FR --duration 24 --hide quadratic_drag:FR_calf=0.05");
     let replay = ["replay", "log.csv", "--json", "--to", "desktop"];
     let before = json(&done(folder.path(), &replay));
     let best = before["diagnoses"]
@@ -124,17 +96,7 @@ fn a_hidden_effect_is_named_by_the_device_and_added_to_it() {
 
 #[test]
 fn an_effect_that_is_not_on_the_device_is_refused_with_those_that_are() {
-    let folder = folder();
-    let simulate = [
-        "simulate",
-        "--legs",
-        "FR",
-        "--duration",
-        "2",
-        "-o",
-        "log.csv",
-    ];
-    done(folder.path(), &simulate);
+    let folder = simulated("--legs FR --duration 2");
     for (wish, expected) in [
         ("cogging", "it has viscous, coulomb"),
         ("colomb", "coulomb"),
@@ -150,19 +112,7 @@ fn an_effect_that_is_not_on_the_device_is_refused_with_those_that_are() {
 
 #[test]
 fn a_port_that_is_not_there_is_told_and_a_board_needs_bus_adapters() {
-    let folder = folder();
-    done(
-        folder.path(),
-        &[
-            "simulate",
-            "--legs",
-            "FR",
-            "--duration",
-            "2",
-            "-o",
-            "log.csv",
-        ],
-    );
+    let folder = simulated("--legs FR --duration 2");
     let output = proprio(
         folder.path(),
         &["replay", "log.csv", "--to", "/dev/no-such-port"],

@@ -5,12 +5,7 @@ use std::path::Path;
 
 use proprio::model::{Model, Robot};
 use proprio_core::go2;
-use proprio_tests::command::{proprio, stderr, stdout};
-use tempfile::TempDir;
-
-fn folder() -> TempDir {
-    tempfile::tempdir().unwrap()
-}
+use proprio_tests::command::{folder, proprio, stderr, stdout};
 
 fn done(folder: &Path, arguments: &[&str]) -> String {
     let output = proprio(folder, arguments);

@@ -35,6 +35,9 @@ pub(crate) struct Demo {
     /// Where log, model and report go
     #[arg(short, long, value_name = "DIR", default_value = "proprio-demo")]
     output: PathBuf,
+    /// Where the report goes [default: report.html in DIR]
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
     /// Seed of the motion, of the bodies and of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -129,7 +132,10 @@ struct Tour {
 
 impl Demo {
     pub(crate) fn run(self) -> Result<String, Error> {
-        let files = Files::prepare(&self.output)?;
+        let mut files = Files::prepare(&self.output)?;
+        if let Some(path) = self.html {
+            files.report = path;
+        }
         // First, so that what an interrupted demo leaves is known to be a demo's.
         output::write(&files.tour, TOUR)?;
         let report = tour(files, self.seed)?;
@@ -186,6 +192,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
     let after = compare(&recording, &model, ValuesFrom::Auto)?;
     let found = best.map(|best| best.name());
     let down = after
+        .yardsticks
         .noise_floor_rms
         .is_some_and(|floor| after.rms <= DOWN_TO_NOISE * floor);
     Ok(Report {
@@ -195,7 +202,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
         found,
         before_rms: before.rms,
         after_rms: after.rms,
-        noise_floor_rms: after.noise_floor_rms,
+        noise_floor_rms: after.yardsticks.noise_floor_rms,
         hidden: Parameter {
             name: hidden.place(),
             unit: HIDDEN.0.description().parameters[0].unit,
@@ -310,9 +317,9 @@ fn write_comparison(f: &mut fmt::Formatter<'_>, comparison: &Comparison) -> fmt:
             |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
         table.row([
             joint.joint.clone(),
-            format!("{:.4}", joint.rms),
-            number(joint.fit_percent, 1),
-            number(joint.noise_floor_rms, 4),
+            format!("{:.4}", joint.scores.rms),
+            number(joint.scores.fit_percent, 1),
+            number(joint.yardsticks.noise_floor_rms, 4),
         ]);
     }
     writeln!(f, "{table}\n{}.", comparison.headline())?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use proprio::criticism::Recording;
-use proprio::criticism::comparison::series_of;
+use proprio::criticism::comparison::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
 use proprio::identification::{FitOptions, Identification, Method, Options, fit_runs, identify};
 use proprio::model::{Model, Provenance};
@@ -40,7 +40,7 @@ pub(crate) struct Identify {
     #[arg(long)]
     physical: bool,
     /// Also write a report with plots: one page, no network needed
-    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Fit the effects that this model file names, physical unless --free
     ///
@@ -106,8 +106,11 @@ impl Identify {
         for warning in &result.warnings {
             eprintln!("warning: {warning}");
         }
-        if let Some(path) = &self.output {
-            self.write(path, &result)?;
+        if let Some(path) = self.json_file() {
+            output::write(path, &json(&result))?;
+        }
+        if let Some(path) = self.model_file() {
+            result.to_model(self.provenance()?)?.save(path)?;
         }
         if let Some(path) = &self.html {
             write_page(path, &result)?;
@@ -136,17 +139,21 @@ impl Identify {
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
         }
-        if let Some(path) = &self.output {
-            if path
-                .extension()
-                .is_some_and(|extension| extension == "json")
-            {
-                output::write(path, &json(&fitted))?;
-            } else {
-                let provenance =
-                    Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
-                fitted.to_model(model, provenance)?.save(path)?;
-            }
+        // An unphysical fit is no model; a JSON file alone takes it.
+        let filled = match (self.model_file(), &self.html) {
+            (None, None) => None,
+            _ => Some(fitted.to_model(model, self.provenance()?)?),
+        };
+        if let Some(path) = self.json_file() {
+            output::write(path, &json(&fitted))?;
+        }
+        if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
+            filled.save(path)?;
+        }
+        if let (Some(path), Some(filled)) = (&self.html, &filled) {
+            let comparison = compare(&recording, filled, ValuesFrom::Given)?;
+            let page = pages::fit(&fitted, &comparison).map_err(unreadable)?;
+            page.write(path)?;
         }
         Ok(match (self.json, self.base) {
             (true, _) => json(&fitted),
@@ -155,17 +162,24 @@ impl Identify {
         })
     }
 
-    fn write(&self, path: &Path, result: &Identification) -> Result<(), Error> {
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "json")
-        {
-            return Ok(output::write(path, &json(result))?);
-        }
-        let provenance =
-            Provenance::of(&self.logs).map_err(|(log, e)| Error::Unreadable(log, e))?;
-        Ok(result.to_model(provenance)?.save(path)?)
+    /// `-o`, if it names what --json prints.
+    fn json_file(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|path| is_json(path))
     }
+
+    /// `-o`, if it names a model file.
+    fn model_file(&self) -> Option<&Path> {
+        self.output.as_deref().filter(|path| !is_json(path))
+    }
+
+    fn provenance(&self) -> Result<Provenance, Error> {
+        Provenance::of(&self.logs).map_err(unreadable)
+    }
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "json")
 }
 
 /// Writes the report: torque under the CAD and under what was identified, window by window.

@@ -1,8 +1,8 @@
 //! `proprio replay`: a log played into a device as motor-bus bytes.
 
 mod effects;
+mod report;
 
-use std::fmt;
 use std::path::PathBuf;
 
 use clap::error::ErrorKind;
@@ -10,18 +10,12 @@ use clap::{Args, ValueEnum};
 use proprio::device::replay::{self, ReplayError, bus_step};
 use proprio::device::serial::SerialDevice;
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
-use proprio::estimate::{self, LEGEND, ParameterEstimate, effect_table};
-use proprio::identification::IdentificationError;
-use proprio::log::{JointId, LogReader, Selection, leg_named};
-use proprio::table::{Table, with_std};
-use proprio_core::estimator::EFFECTS;
+use proprio::log::{LogReader, Selection, leg_named};
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::{
-    Changed, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters,
-};
-use serde::Serialize;
+use proprio_core::wire::DeviceMessage;
 
-use effects::{Answer, Found, Wish};
+use effects::Wish;
+use report::{Report, Told};
 
 use super::{Error, json};
 use crate::progress::Progress;
@@ -67,58 +61,6 @@ enum Scalar {
     F32,
     /// Double precision
     F64,
-}
-
-/// What came back.
-#[derive(Debug, Serialize)]
-struct Report {
-    board: String,
-    firmware: String,
-    scalar_bits: u8,
-    load_unit: String,
-    parameters: Vec<ParameterEstimate>,
-    legs: Vec<LegReport>,
-    /// What became of `--add` and `--drop`.
-    changes: Vec<Answer>,
-    /// What the device found of each effect at each joint, each joint's best first.
-    diagnoses: Vec<Found>,
-    counters: Counters,
-    warnings: Vec<String>,
-}
-
-#[derive(Debug, Serialize)]
-struct LegReport {
-    leg: &'static str,
-    /// Samples played.
-    played: u32,
-    windows: u32,
-    /// Each joint's noise: standard deviation of a window's mean torque, N m.
-    noise: [f32; 3],
-}
-
-/// The last that the device told.
-#[derive(Default)]
-struct Told {
-    estimates: [Option<Estimate>; LEGS],
-    diagnoses: Vec<Diagnosis>,
-    changes: Vec<Changed>,
-    counters: Counters,
-}
-
-impl Told {
-    fn hear(&mut self, message: DeviceMessage) {
-        match message {
-            DeviceMessage::Estimate(estimate) => {
-                if let Some(slot) = self.estimates.get_mut(usize::from(estimate.leg)) {
-                    *slot = Some(estimate);
-                }
-            }
-            DeviceMessage::Counters(counters) => self.counters = counters,
-            DeviceMessage::Diagnosis(diagnosis) => self.diagnoses.push(diagnosis),
-            DeviceMessage::Changed(changed) => self.changes.push(changed),
-            DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
-        }
-    }
 }
 
 impl Replay {
@@ -245,159 +187,6 @@ fn replay(
     });
     replay::replay(played.map(Ok), device, told)?;
     failed.map_or(Ok(()), Err)
-}
-
-impl Report {
-    fn new(
-        hello: &Hello,
-        told: Told,
-        legs: &[Leg],
-        played: u32,
-        mut warnings: Vec<String>,
-    ) -> Result<Self, Error> {
-        let mut parameters = Vec::new();
-        let mut reports = Vec::new();
-        for &leg in legs {
-            let counters = &told.counters.legs[leg.index()];
-            let name = leg.name();
-            let Some(estimate) = &told.estimates[leg.index()] else {
-                let (samples, windows) = (counters.samples, counters.windows);
-                return Err(Error::NoEstimate {
-                    leg: name,
-                    played,
-                    samples,
-                    windows,
-                });
-            };
-            if counters.samples != played {
-                let arrived = counters.samples;
-                warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
-            }
-            let active = effects::of_masks(leg, &estimate.effects, hello);
-            let estimates = estimate::of_device(leg, &active, &estimate.values, &estimate.std);
-            parameters
-                .extend(estimates.map_err(|source| IdentificationError::Solve { leg, source })?);
-            let (windows, noise) = (estimate.windows, estimate.noise);
-            reports.push(LegReport {
-                leg: name,
-                played,
-                windows,
-                noise,
-            });
-        }
-        Ok(Self {
-            board: hello.board.to_string(),
-            firmware: hello.firmware.to_string(),
-            scalar_bits: hello.capacities.scalar_bits,
-            load_unit: hello.load_unit.to_string(),
-            parameters,
-            legs: reports,
-            changes: told
-                .changes
-                .iter()
-                .filter_map(|c| Answer::new(c, hello))
-                .collect(),
-            diagnoses: effects::found(&told.diagnoses, hello),
-            counters: told.counters,
-            warnings,
-        })
-    }
-}
-
-/// What one leg's counters are called and how to read them.
-type Count = (&'static str, fn(&LegCounters) -> u32);
-const COUNTS: [Count; 10] = [
-    ("replies", |c| c.replies),
-    ("bad CRC", |c| c.bad_crc),
-    ("short", |c| c.short),
-    ("unused", |c| c.unused_replies),
-    ("samples", |c| c.samples),
-    ("repeated", |c| c.repeated),
-    ("late", |c| c.late),
-    ("rejected", |c| c.rejected),
-    ("gaps", |c| c.gaps),
-    ("windows", |c| c.windows),
-];
-
-impl fmt::Display for Report {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            board,
-            firmware,
-            scalar_bits,
-            ..
-        } = self;
-        writeln!(f, "{board}, firmware {firmware}, {scalar_bits}-bit:\n")?;
-        let legs = || {
-            self.legs
-                .iter()
-                .filter_map(|leg| leg_named(leg.leg).ok().map(|l| (l, leg)))
-        };
-        let rows = legs().flat_map(|(leg, report)| {
-            let noise = report.noise.map(|noise| [format!("{noise:.4}")]);
-            JointId::of(leg).into_iter().zip(noise)
-        });
-        writeln!(
-            f,
-            "{}{LEGEND}\n",
-            effect_table(&self.parameters, [["noise", "N m"]], rows)
-        )?;
-
-        self.effects(f)?;
-        let mut table = Table::default();
-        let names = COUNTS.map(|(name, _)| name.to_owned());
-        table.row(
-            [String::from("leg"), String::from("played")]
-                .into_iter()
-                .chain(names),
-        );
-        for (leg, report) in legs() {
-            let counters = &self.counters.legs[leg.index()];
-            let counts = COUNTS.map(|(_, count)| count(counters).to_string());
-            let first = [report.leg.to_owned(), report.played.to_string()];
-            table.row(first.into_iter().chain(counts));
-        }
-        write!(f, "{table}")?;
-        let load = &self.counters.load;
-        if load.ticks > 0 {
-            let (unit, mean) = (&self.load_unit, load.total / u64::from(load.ticks));
-            let (worst, over) = (load.worst, load.over_budget);
-            writeln!(
-                f,
-                "\n{unit} per tick: {mean} mean, {worst} worst; {over} of {} over budget",
-                load.ticks
-            )?;
-        }
-        Ok(())
-    }
-}
-
-impl Report {
-    /// What the device was asked, the effects it has beside the usual ones, and what it finds of all of them.
-    fn effects(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.changes
-            .iter()
-            .try_for_each(|answer| write!(f, "{answer}"))?;
-        let usual = |name: &str| EFFECTS.iter().any(|effect| name.starts_with(effect.name()));
-        let added = self
-            .parameters
-            .iter()
-            .filter(|p| !p.is_inertial() && !usual(&p.name));
-        let mut table = Table::default();
-        for parameter in added {
-            let value = with_std(parameter.value, parameter.std);
-            table.row([parameter.name.clone(), value, parameter.unit.to_owned()]);
-        }
-        write!(f, "{table}")?;
-        if self.diagnoses.is_empty() {
-            return Ok(());
-        }
-        let table = effects::table(&self.diagnoses);
-        writeln!(
-            f,
-            "\nThe device finds, on data held out from the fit:\n\n{table}"
-        )
-    }
 }
 
 fn parse_adapter(text: &str) -> Result<(Leg, String), String> {

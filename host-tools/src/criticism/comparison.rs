@@ -31,18 +31,9 @@ pub struct Comparison {
     pub joints: Vec<JointComparison>,
     /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
     pub rms: f64,
-    /// The same of predicting zero.
-    pub zero_rms: f64,
-    /// The same of the CAD's rigid body without any effect.
-    pub cad_rms: f64,
-    /// The same of the model without the effects that were added last, if they have no value yet.
-    pub before_rms: Option<f64>,
-    /// Error that no model can take away, over all joints, N m; none if a joint's is not known.
-    pub noise_floor_rms: Option<f64>,
-    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
-    pub noise_floor_is_upper_bound: bool,
-    /// Share of the square error above that, %.
-    pub above_noise_percent: Option<f64>,
+    /// What that is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
     /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
@@ -69,35 +60,34 @@ pub struct Comparison {
     pub baselines: Vec<(&'static str, Vec<JointSeries>)>,
 }
 
+/// What a model's rms is to be measured against, of a joint or of all.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Yardsticks {
+    /// The rms of predicting zero, N m.
+    pub zero_rms: f64,
+    /// The rms of the CAD's rigid body without any effect, N m.
+    pub cad_rms: f64,
+    /// The rms of the model without the effects that were added last, if they have no value yet, N m.
+    pub before_rms: Option<f64>,
+    /// Error that no model can take away, N m; none for fewer than 100 windows, or of all joints if one has none.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
+}
+
 /// One joint.
 #[derive(Debug, Clone, Serialize)]
 pub struct JointComparison {
     /// Which.
     pub joint: String,
-    /// Windows.
-    pub n: usize,
-    /// Root mean square of measured − predicted, N m.
-    pub rms: f64,
-    /// 100 (1 − ‖measured − predicted‖ / ‖measured − its mean‖), as MATLAB's `compare`.
-    pub fit_percent: Option<f64>,
-    /// Variance accounted for, %.
-    pub vaf_percent: Option<f64>,
-    /// Mean of measured − predicted, N m.
-    pub bias: f64,
-    /// Largest |measured − predicted|, N m.
-    pub max: f64,
-    /// The rms of predicting zero.
-    pub zero_rms: f64,
-    /// The rms of the CAD's rigid body without any effect.
-    pub cad_rms: f64,
-    /// The rms of the model without the effects that were added last, if they have no value yet.
-    pub before_rms: Option<f64>,
-    /// Error that no model can take away, N m; none for fewer than 100 windows.
-    pub noise_floor_rms: Option<f64>,
-    /// Whether the true floor may be lower.
-    pub noise_floor_is_upper_bound: bool,
-    /// Share of the square error above that, %.
-    pub above_noise_percent: Option<f64>,
+    /// How well the model does.
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// What that is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
     /// Whether the error is white; none for too short a series.
     pub white: Option<bool>,
     /// What of the motion the error is not independent of.
@@ -163,29 +153,17 @@ pub fn compare(
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let criticism = residual::criticise(&views);
     let joints: Vec<JointComparison> = (0..series.len())
-        .map(|k| JointComparison {
-            cad_rms: cad[k].rms(),
-            before_rms: before.as_ref().map(|before| before[k].rms()),
-            ..JointComparison::of(&series[k], &criticism[k])
+        .map(|k| {
+            let before = before.as_ref().map(|before| before[k].rms());
+            JointComparison::of(&series[k], &criticism[k], cad[k].rms(), before)
         })
         .collect();
     let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
-    let over_all = |rms: &dyn Fn(&JointComparison) -> f64| over_all(&joints, rms);
-    let rms = over_all(&|j| j.rms);
-    let floors = joints.iter().all(|j| j.noise_floor_rms.is_some());
-    let floor = floors.then(|| over_all(&|j| j.noise_floor_rms.unwrap_or(0.0)));
-    let above = |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
+    let rms = over_all(&joints, &|j| j.scores.rms);
     Ok(Comparison {
         data: recording.gates.clone(),
         rms,
-        zero_rms: over_all(&|j| j.zero_rms),
-        cad_rms: over_all(&|j| j.cad_rms),
-        before_rms: before
-            .is_some()
-            .then(|| over_all(&|j| j.before_rms.unwrap_or(0.0))),
-        noise_floor_rms: floor,
-        noise_floor_is_upper_bound: joints.iter().any(|j| j.noise_floor_is_upper_bound),
-        above_noise_percent: floor.map(above),
+        yardsticks: Yardsticks::over_all(&joints, rms),
         added: added.iter().map(name).collect(),
         effects,
         fitted,
@@ -217,31 +195,52 @@ fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
 /// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
 fn over_all(joints: &[JointComparison], rms: &dyn Fn(&JointComparison) -> f64) -> f64 {
     let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
-        (sum + rms(j).powi(2) * j.n as f64, n + j.n)
+        (sum + rms(j).powi(2) * j.scores.n as f64, n + j.scores.n)
     });
     (sum / n.max(1) as f64).sqrt()
 }
 
+impl Yardsticks {
+    /// Of all joints together, where the model's rms over all of them is `rms`.
+    fn over_all(joints: &[JointComparison], rms: f64) -> Self {
+        let all = |of: &dyn Fn(&Self) -> f64| over_all(joints, &|j| of(&j.yardsticks));
+        let all_known = |of: &dyn Fn(&Self) -> Option<f64>| {
+            let known = joints.iter().all(|j| of(&j.yardsticks).is_some());
+            known.then(|| all(&|y| of(y).unwrap_or(0.0)))
+        };
+        let floor = all_known(&|y| y.noise_floor_rms);
+        let above =
+            |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
+        Self {
+            zero_rms: all(&|y| y.zero_rms),
+            cad_rms: all(&|y| y.cad_rms),
+            before_rms: all_known(&|y| y.before_rms),
+            noise_floor_rms: floor,
+            noise_floor_is_upper_bound: joints
+                .iter()
+                .any(|j| j.yardsticks.noise_floor_is_upper_bound),
+            above_noise_percent: floor.map(above),
+        }
+    }
+}
+
 impl JointComparison {
-    /// One joint, without the baselines that are models.
-    fn of(series: &JointSeries, criticism: &Criticism) -> Self {
+    /// One joint, beside the rms of the CAD and of the model before.
+    fn of(series: &JointSeries, criticism: &Criticism, cad: f64, before: Option<f64>) -> Self {
         let scores = Scores::of(&series.view());
         let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
         let dependent = criticism.independence.iter().filter(|i| !i.independent);
         Self {
             joint: series.joint.clone(),
-            n: scores.n,
-            rms: scores.rms,
-            fit_percent: scores.fit_percent,
-            vaf_percent: scores.vaf_percent,
-            bias: scores.bias,
-            max: scores.max,
-            zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
-            cad_rms: scores.rms,
-            before_rms: None,
-            noise_floor_rms: criticism.noise.map(|noise| noise.rms),
-            noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
-            above_noise_percent: criticism.above_noise_percent,
+            scores,
+            yardsticks: Yardsticks {
+                zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
+                cad_rms: cad,
+                before_rms: before,
+                noise_floor_rms: criticism.noise.map(|noise| noise.rms),
+                noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
+                above_noise_percent: criticism.above_noise_percent,
+            },
             white: criticism.whiteness.as_ref().map(|w| w.white),
             depends_on: dependent.map(|i| i.input).collect(),
         }

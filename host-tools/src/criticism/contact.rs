@@ -42,7 +42,8 @@ const LEAST_SWING: f64 = 0.1;
 const LEAST_NOISE: f64 = 0.1;
 /// A force weaker than this is not told from what the model has wrong, N.
 const LEAST_FORCE: f64 = 1.0;
-/// Size of the mean force in units of its standard deviation from which on it counts.
+/// Size of the mean force in units of its standard deviation from which on it counts. Four legs are tested, not a hundred
+/// candidates: chance gives one of them this much once in ten thousand logs.
 const LEAST_Z: f64 = 4.0;
 /// Least share of the residuals' sum of squares that the other joints must predict.
 const LEAST_GAIN: f64 = 0.3;

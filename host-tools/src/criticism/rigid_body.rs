@@ -3,9 +3,9 @@
 use proprio_core::dynamics::MomentumDerivatives;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
-use proprio_core::tree::Tree;
+use proprio_core::tree::{Kinematics, Tree};
 
-use nalgebra::SVector;
+use nalgebra::{SMatrix, SVector};
 
 use crate::model::{Limb, Model};
 
@@ -95,6 +95,22 @@ impl Slopes {
 
 struct Dynamics<const B: usize, const P: usize>(Tree<f64, B, B>);
 
+impl<const B: usize, const P: usize> Dynamics<B, P> {
+    fn kinematics(&self, base: &Transform<f64>, q: &[f64], dq: &[f64]) -> Kinematics<f64, B, B> {
+        let [q, dq] = [q, dq].map(SVector::from_column_slice);
+        self.0.kinematics(base, &q, &dq)
+    }
+}
+
+/// Row by row.
+fn copy<const B: usize, const P: usize>(to: &mut [f64], from: &SMatrix<f64, B, P>) {
+    for (j, row) in to.chunks_exact_mut(P).enumerate() {
+        row.iter_mut()
+            .zip(from.row(j).iter())
+            .for_each(|(to, from)| *to = *from);
+    }
+}
+
 impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
     fn regressors(
         &self,
@@ -105,18 +121,7 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         rate: &mut [f64],
         slopes: Option<&mut Slopes>,
     ) {
-        let (q, dq) = (
-            SVector::from_column_slice(q),
-            SVector::from_column_slice(dq),
-        );
-        let k = self.0.kinematics(base, &q, &dq);
-        let copy = |to: &mut [f64], from: &nalgebra::SMatrix<f64, B, P>| {
-            for (j, row) in to.chunks_exact_mut(P).enumerate() {
-                row.iter_mut()
-                    .zip(from.row(j).iter())
-                    .for_each(|(to, from)| *to = *from);
-            }
-        };
+        let k = self.kinematics(base, q, dq);
         copy(rate, &self.0.momentum_rate_regressor::<P>(&k));
         if let Some(momentum) = momentum {
             copy(momentum, &self.0.momentum_regressor::<P>(&k));
@@ -130,21 +135,12 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         let [q, dq, ddq] = motion.map(SVector::from_column_slice);
         let k = self.0.kinematics(base, &q, &dq);
         let regressor = self.0.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
-        for (j, row) in torque.chunks_exact_mut(P).enumerate() {
-            row.iter_mut()
-                .zip(regressor.row(j).iter())
-                .for_each(|(to, from)| *to = *from);
-        }
+        copy(torque, &regressor);
     }
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {
-        let (q, dq) = (
-            SVector::from_column_slice(q),
-            SVector::from_column_slice(dq),
-        );
-        let (kinetic, potential) = self
-            .0
-            .energy_regressor::<P>(&self.0.kinematics(base, &q, &dq), base);
+        let k = self.kinematics(base, q, dq);
+        let (kinetic, potential) = self.0.energy_regressor::<P>(&k, base);
         energy.copy_from_slice((kinetic + potential).as_slice());
     }
 

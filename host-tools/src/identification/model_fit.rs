@@ -260,20 +260,12 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
         let n = parameters.iter().position(|p| p.shape)?;
         let body = fit.limb.bodies.start + joint;
         let prior = fit.model.robot().parameter_prior(effect, body, n);
-        Some(FittedParameter {
-            estimate: ParameterEstimate {
-                name: parameter_name(effect, n, fit.model.joint_name(body)),
-                unit: parameters[n].unit,
-                value: fit.criticism.shape((effect, joint)),
-                std: prior.std,
-                prior: prior.mean,
-                prior_std: prior.std,
-                status: Status::Prior,
-                at_bound: false,
-            },
-            std_independent: prior.std,
-            place: Place::Shape(effect, body, n),
-        })
+        let value = fit.criticism.shape((effect, joint));
+        let mut shape =
+            FittedParameter::of_effect(fit.model, (effect, body, n), (value, prior.std), prior);
+        shape.estimate.status = Status::Prior;
+        shape.place = Place::Shape(effect, body, n);
+        Some(shape)
     };
     let active = fit
         .criticism
@@ -292,21 +284,13 @@ fn velocity_gains(fit: &LimbFit) -> Vec<FittedParameter> {
         let body = fit.limb.bodies.start + joint;
         let prior = fit.model.effect_prior(effect, body).prior;
         let gain = VelocityGain::of(fit.criticism.recording, joint, fit.criticism.blocks);
-        let (value, std) = gain.map_or((prior.mean, prior.std), |gain| (gain.value, gain.std));
-        Some(FittedParameter {
-            estimate: ParameterEstimate {
-                name: parameter_name(effect, 0, fit.model.joint_name(body)),
-                unit: effect.description().parameters[0].unit,
-                value,
-                std,
-                prior: prior.mean,
-                prior_std: prior.std,
-                status: Status::of(std, prior.std),
-                at_bound: false,
-            },
-            std_independent: std,
-            place: Place::Effect(effect, body, 0),
-        })
+        let told = gain.map_or((prior.mean, prior.std), |gain| (gain.value, gain.std));
+        Some(FittedParameter::of_effect(
+            fit.model,
+            (effect, body, 0),
+            told,
+            prior,
+        ))
     };
     fit.criticism.active.iter().filter_map(of).collect()
 }

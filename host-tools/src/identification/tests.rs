@@ -9,7 +9,6 @@ use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use super::runs;
 use super::*;
 use crate::criticism::Recording;
-use crate::criticism::recording::LimbRecording;
 use crate::estimate::Status;
 use crate::model::{Model, Provenance};
 use crate::simulator::{HiddenEffect, Hide, Sensors, SimulatedSample, Simulation};
@@ -31,27 +30,7 @@ fn simulation(hide: &[&str], seed: u64) -> Simulation {
 
 fn recording(simulation: &Simulation) -> Recording {
     let samples: Vec<SimulatedSample> = simulation.samples().map(Result::unwrap).collect();
-    let all = |of: &dyn Fn(&SimulatedSample) -> &Vec<f64>| {
-        samples.iter().flat_map(|s| of(s).iter().copied()).collect()
-    };
-    let limb = LimbRecording {
-        joints: JOINTS_PER_LEG,
-        time_us: samples.iter().map(|s| (s.t * 1e6).round() as u64).collect(),
-        starts: vec![0],
-        q: all(&|s| &s.q),
-        dq: all(&|s| &s.dq),
-        tau: all(&|s| &s.tau),
-        temperature: vec![f64::NAN; JOINTS_PER_LEG * samples.len()],
-        foot: vec![f64::NAN; samples.len()],
-        repeated: 0,
-    };
-    Recording {
-        gates: Vec::new(),
-        logs: Vec::new(),
-        limbs: vec![(Model::default().robot().limbs().swap_remove(0), limb)],
-        warnings: Vec::new(),
-        duration: simulation.duration,
-    }
+    Recording::from_samples(&Model::default(), &Leg::FR.joint_names(), &samples)
 }
 
 /// The four effects at every joint of the leg, and more.

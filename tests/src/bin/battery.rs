@@ -1,12 +1,11 @@
 //! How often `diagnose` names what was hidden: `cargo run --release -p proprio-tests --bin battery`.
 //!
-//! Prints the table of all cases, and ends with status 1 if a case did not go as `tests/battery/cases.csv` says. `-- --accept`
-//! writes both, of the cases run; `-- --quick` runs every eleventh case; `-- --case coulomb:FR_calf:2:1` shows one; `-- --only TEXT` those whose
-//! name has TEXT.
+//! Prints the table of all cases, and ends with status 1 if a case did not go as `tests/battery/cases.csv` says.
 
 use std::process::ExitCode;
 use std::time::Instant;
 
+use clap::Parser;
 use proprio::criticism::diagnose;
 use proprio_tests::battery::case::{self, Case};
 use proprio_tests::battery::outcome::{self, Bench, Outcome};
@@ -15,32 +14,44 @@ use proprio_tests::battery::{self, mujoco, record, table};
 /// Of how many cases --quick runs one.
 const QUICK: usize = 11;
 
+/// How often `diagnose` names what was hidden
+#[derive(Debug, Parser)]
+struct Arguments {
+    /// Run every eleventh case
+    #[arg(long)]
+    quick: bool,
+    /// Run the cases whose name has TEXT
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Write the table and tests/battery/cases.csv of the cases run, instead of comparing with them
+    #[arg(long)]
+    accept: bool,
+    /// Show everything about one case, such as coulomb:FR_calf:2:1
+    #[arg(long, value_name = "NAME", exclusive = true)]
+    case: Option<Case>,
+}
+
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let has = |name: &str| arguments.iter().any(|a| a == name);
-    let after = |name: &str| {
-        let at = arguments.iter().position(|a| a == name)?;
-        arguments.get(at + 1)
-    };
-    if let Some(name) = after("--case") {
-        return show(name);
+    let arguments = Arguments::parse();
+    if let Some(case) = arguments.case {
+        return show(&case);
     }
     let mut cases = case::all();
-    if let Some(text) = after("--only") {
+    if let Some(text) = &arguments.only {
         cases.retain(|case| case.to_string().contains(text.as_str()));
     }
-    if has("--quick") {
+    if arguments.quick {
         cases = cases.into_iter().step_by(QUICK).collect();
     }
     let outcomes = run(&cases);
-    let mujoco = if after("--only").is_none() {
+    let mujoco = if arguments.only.is_none() {
         mujoco::run()
     } else {
         Vec::new()
     };
     println!("{}", table::text(&outcomes, &mujoco));
     let all: Vec<Outcome> = outcomes.iter().chain(&mujoco).cloned().collect();
-    if has("--accept") {
+    if arguments.accept {
         let written = std::fs::write(record::path(), record::text(&all))
             .and_then(|()| std::fs::write(table::path(), table::text(&outcomes, &mujoco)));
         if let Err(error) = written {
@@ -74,18 +85,11 @@ fn run(cases: &[Case]) -> Vec<Outcome> {
 }
 
 /// Everything about one case.
-fn show(name: &str) -> ExitCode {
-    let case: Case = match name.parse() {
-        Ok(case) => case,
-        Err(error) => {
-            eprintln!("battery: {error}");
-            return ExitCode::from(2);
-        }
-    };
+fn show(case: &Case) -> ExitCode {
     for effect in &case.hidden {
         println!("hidden {} = {:?}", effect.place(), effect.values());
     }
-    match diagnose(&outcome::record(&case), &case.model()) {
+    match diagnose(&outcome::record(case), &case.model()) {
         Ok(diagnosis) => {
             println!("{diagnosis}\n{}", diagnosis.ladder());
             for candidate in diagnosis.candidates.iter().take(12) {
@@ -97,6 +101,6 @@ fn show(name: &str) -> ExitCode {
         }
         Err(error) => println!("{error}"),
     }
-    println!("{:#?}", Bench::default().run(&case));
+    println!("{:#?}", Bench::default().run(case));
     ExitCode::SUCCESS
 }

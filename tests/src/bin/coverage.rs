@@ -16,7 +16,6 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use proprio::criticism::Recording;
-use proprio::criticism::recording::LimbRecording;
 use proprio::estimate::Status;
 use proprio::identification::{FitOptions, fit_model};
 use proprio::model::Model;
@@ -150,13 +149,7 @@ fn one(seed: u64, seconds: f64, noise: Noise) -> Result<Vec<(String, Tally)>, Fa
             model.add_effect(effect, joint);
         }
     }
-    let recording = Recording {
-        gates: Vec::new(),
-        logs: Vec::new(),
-        limbs: vec![(limb, recorded(&samples))],
-        warnings: Vec::new(),
-        duration: seconds,
-    };
+    let recording = Recording::from_samples(&model, &LEG.joint_names(), &samples);
     let fitted = fit_model(&recording, &model, FitOptions::default())?;
     let truth: BTreeMap<String, f64> = simulation
         .truth()
@@ -207,23 +200,6 @@ fn disturb(samples: &mut [SimulatedSample], noise: Noise, seed: u64, rate: f64) 
             *state = keep * *state + (1.0 - keep * keep).sqrt() * new;
             *tau += NOISE * *state;
         }
-    }
-}
-
-fn recorded(samples: &[SimulatedSample]) -> LimbRecording {
-    let all = |of: &dyn Fn(&SimulatedSample) -> &Vec<f64>| {
-        samples.iter().flat_map(|s| of(s).iter().copied()).collect()
-    };
-    LimbRecording {
-        joints: JOINTS_PER_LEG,
-        time_us: samples.iter().map(|s| (s.t * 1e6).round() as u64).collect(),
-        starts: vec![0],
-        q: all(&|s| &s.q),
-        dq: all(&|s| &s.dq),
-        tau: all(&|s| &s.tau),
-        temperature: vec![f64::NAN; JOINTS_PER_LEG * samples.len()],
-        foot: vec![f64::NAN; samples.len()],
-        repeated: 0,
     }
 }
 

@@ -176,7 +176,7 @@ fn r2(recording: &Recording, model: &Model) -> Result<Vec<f64>, Failure> {
     Ok(comparison
         .joints
         .iter()
-        .map(|joint| of(joint.fit_percent))
+        .map(|joint| of(joint.scores.fit_percent))
         .collect())
 }
 

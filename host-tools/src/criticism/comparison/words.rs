@@ -21,7 +21,7 @@ impl Comparison {
 
     /// One line: how large the error is, and how large it was.
     pub fn headline(&self) -> String {
-        let mut text = match self.before_rms {
+        let mut text = match self.yardsticks.before_rms {
             Some(before) => format!(
                 "{} added: rms {before:.4} → {:.4} N m ({:+.0} %)",
                 grouped(&self.added),
@@ -33,13 +33,16 @@ impl Comparison {
         let _ = write!(
             text,
             "; {:.4} with the CAD alone, {:.4} with nothing",
-            self.cad_rms, self.zero_rms
+            self.yardsticks.cad_rms, self.yardsticks.zero_rms
         );
-        if let (Some(floor), Some(above)) = (self.noise_floor_rms, self.above_noise_percent) {
+        if let (Some(floor), Some(above)) = (
+            self.yardsticks.noise_floor_rms,
+            self.yardsticks.above_noise_percent,
+        ) {
             let _ = write!(
                 text,
                 "; noise floor {}{floor:.4}: {above:.0} % of the square error is above it",
-                if self.noise_floor_is_upper_bound {
+                if self.yardsticks.noise_floor_is_upper_bound {
                     "at most "
                 } else {
                     ""
@@ -72,7 +75,7 @@ impl Comparison {
 
     fn write_scores(&self, to: &mut String) -> fmt::Result {
         let mut table = Table::default();
-        let before = self.before_rms.is_some();
+        let before = self.yardsticks.before_rms.is_some();
         let heads = [
             "joint", "rms", "fit %", "VAF %", "bias", "max", "floor", "above %", "zero", "CAD",
         ];
@@ -101,15 +104,20 @@ impl Comparison {
         let blank = || String::new();
         let mut cells = vec!["all".to_owned(), rms(self.rms)];
         cells.extend([blank(), blank(), blank(), blank()]);
-        let upper_bound = self.noise_floor_is_upper_bound;
+        let upper_bound = self.yardsticks.noise_floor_is_upper_bound;
         cells.push(
-            self.noise_floor_rms
+            self.yardsticks
+                .noise_floor_rms
                 .map_or_else(blank, |x| floor(x, upper_bound)),
         );
-        cells.push(self.above_noise_percent.map_or_else(blank, whole));
-        cells.extend([rms(self.zero_rms), rms(self.cad_rms)]);
+        cells.push(
+            self.yardsticks
+                .above_noise_percent
+                .map_or_else(blank, whole),
+        );
+        cells.extend([rms(self.yardsticks.zero_rms), rms(self.yardsticks.cad_rms)]);
         if before {
-            cells.push(self.before_rms.map_or_else(blank, rms));
+            cells.push(self.yardsticks.before_rms.map_or_else(blank, rms));
         }
         cells
     }
@@ -191,20 +199,26 @@ fn cells(joint: &JointComparison, before: bool) -> Vec<String> {
     let percent = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.1}"));
     let mut cells = vec![
         joint.joint.clone(),
-        rms(joint.rms),
-        percent(joint.fit_percent),
-        percent(joint.vaf_percent),
-        format!("{:+.3}", joint.bias),
-        rms(joint.max),
-        joint.noise_floor_rms.map_or("-".to_owned(), |x| {
-            floor(x, joint.noise_floor_is_upper_bound)
-        }),
-        joint.above_noise_percent.map_or("-".to_owned(), whole),
-        rms(joint.zero_rms),
-        rms(joint.cad_rms),
+        rms(joint.scores.rms),
+        percent(joint.scores.fit_percent),
+        percent(joint.scores.vaf_percent),
+        format!("{:+.3}", joint.scores.bias),
+        rms(joint.scores.max),
+        joint
+            .yardsticks
+            .noise_floor_rms
+            .map_or("-".to_owned(), |x| {
+                floor(x, joint.yardsticks.noise_floor_is_upper_bound)
+            }),
+        joint
+            .yardsticks
+            .above_noise_percent
+            .map_or("-".to_owned(), whole),
+        rms(joint.yardsticks.zero_rms),
+        rms(joint.yardsticks.cad_rms),
     ];
     if before {
-        cells.push(joint.before_rms.map_or("-".to_owned(), rms));
+        cells.push(joint.yardsticks.before_rms.map_or("-".to_owned(), rms));
     }
     cells.push(left(joint));
     cells

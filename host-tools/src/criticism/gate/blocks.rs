@@ -9,9 +9,6 @@ pub(super) trait Merge: Default + Clone {
     fn merge(&mut self, other: &Self);
 }
 
-/// The first length of a block, s: several times the correlation time of anything a leg does.
-const FIRST_LENGTH: f64 = 2.0;
-
 /// Blocks held at most; even. Half as many already give a standard error to 13 %.
 const MOST: usize = 64;
 
@@ -23,9 +20,10 @@ pub(super) struct Blocks<S> {
 }
 
 impl<S: Merge> Blocks<S> {
-    pub(super) fn new() -> Self {
+    /// Blocks of `length` s at first.
+    pub(super) fn of_length(length: f64) -> Self {
         Self {
-            length: FIRST_LENGTH,
+            length,
             blocks: Vec::new(),
         }
     }
@@ -48,6 +46,23 @@ impl<S: Merge> Blocks<S> {
         merged(&self.blocks)
     }
 
+    /// Each block for which `is_empty` does not hold, and all others added up.
+    pub(super) fn each_and_rest(&self, is_empty: impl Fn(&S) -> bool) -> Vec<(S, S)> {
+        let used: Vec<S> = self
+            .blocks
+            .iter()
+            .filter(|&s| !is_empty(s))
+            .cloned()
+            .collect();
+        (0..used.len())
+            .map(|b| {
+                let mut rest = merged(&used[..b]);
+                rest.merge(&merged(&used[b + 1..]));
+                (used[b].clone(), rest)
+            })
+            .collect()
+    }
+
     /// An estimate from everything, its standard error by the delete-one-block jackknife (Efron 1982), and the number of
     /// blocks it comes from. Blocks for which `is_empty` holds do not count; none without an estimate or with fewer than
     /// three blocks.
@@ -56,24 +71,14 @@ impl<S: Merge> Blocks<S> {
         is_empty: impl Fn(&S) -> bool,
         estimate: impl Fn(&S) -> Option<[f64; N]>,
     ) -> Option<([f64; N], [f64; N], usize)> {
-        let used: Vec<S> = self
-            .blocks
-            .iter()
-            .filter(|&s| !is_empty(s))
-            .cloned()
-            .collect();
-        let count = used.len();
+        let blocks = self.each_and_rest(is_empty);
+        let count = blocks.len();
         if count < 3 {
             return None;
         }
-        let value = estimate(&merged(&used))?;
-        let without: Option<Vec<[f64; N]>> = (0..count)
-            .map(|b| {
-                let mut rest = merged(&used[..b]);
-                rest.merge(&merged(&used[b + 1..]));
-                estimate(&rest)
-            })
-            .collect();
+        let value = estimate(&self.total())?;
+        let without: Option<Vec<[f64; N]>> =
+            blocks.iter().map(|(_, rest)| estimate(rest)).collect();
         let without = without?;
         let error = std::array::from_fn(|i| {
             let mean = without.iter().map(|v| v[i]).sum::<f64>() / count as f64;
@@ -97,6 +102,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const LENGTH: f64 = 2.0;
+
     #[derive(Debug, Clone, Default, PartialEq)]
     struct Mean {
         count: f64,
@@ -115,7 +122,7 @@ mod tests {
         #[test]
         fn the_total_is_that_of_all_samples(mut times in prop::collection::vec(0.0..20_000.0, 1..200)) {
             times.sort_by(f64::total_cmp);
-            let mut blocks = Blocks::<Mean>::new();
+            let mut blocks = Blocks::<Mean>::of_length(LENGTH);
             for &t in &times {
                 blocks.at(t).merge(&Mean { count: 1.0, sum: t.round() });
             }
@@ -129,9 +136,9 @@ mod tests {
     #[test]
     fn the_error_of_a_mean_is_its_standard_error() {
         let values = [1.0, 4.0, 2.0, 8.0, 5.0];
-        let mut blocks = Blocks::<Mean>::new();
+        let mut blocks = Blocks::<Mean>::of_length(LENGTH);
         for (b, &sum) in values.iter().enumerate() {
-            *blocks.at(FIRST_LENGTH * (b as f64 + 0.5)) = Mean { count: 1.0, sum };
+            *blocks.at(LENGTH * (b as f64 + 0.5)) = Mean { count: 1.0, sum };
         }
         let mean = |s: &Mean| Some([s.sum / s.count]);
         let ([value], [error], _) = blocks.jackknife(|s| s.count == 0.0, mean).unwrap();

@@ -5,10 +5,10 @@
 //! what to do about it ([`Finding`]). Memory does not grow with the log.
 
 mod blocks;
-mod quantum;
+pub(super) mod quantum;
 mod sampling;
 mod saturation;
-mod velocity;
+pub(super) mod velocity;
 mod words;
 
 use serde::Serialize;
@@ -21,7 +21,7 @@ pub use words::{Finding, Gate};
 use quantum::Differences;
 use sampling::{Arrival, Sampling};
 use saturation::Torques;
-use velocity::{AROUND, Parabola, STEP, Trail, VelocityCheck};
+use velocity::{Parabola, Times, VelocityCheck};
 
 /// A joint whose readings are to be judged.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,11 +81,7 @@ pub struct GateReport {
 #[derive(Debug, Clone)]
 pub struct DataGates {
     sampling: Sampling,
-    /// Times of the last samples, s since the first, and how many there are since the last gap.
-    times: [f64; AROUND],
-    held: usize,
-    /// When the next stretch of the velocity check ends, s.
-    next_end: f64,
+    times: Times,
     joints: Vec<JointGate>,
 }
 
@@ -93,7 +89,6 @@ pub struct DataGates {
 struct JointGate {
     joint: Joint,
     last: Option<Reading>,
-    trail: Trail,
     velocity: VelocityCheck,
     differences: [Differences; 3],
     torques: Torques,
@@ -112,6 +107,9 @@ struct Motion {
     all: u64,
 }
 
+/// The first length of a block of the velocity check, s: several times the correlation time of anything a leg does.
+const BLOCK: f64 = 2.0;
+
 /// A joint slower than this, rad/s, rests: three times the noise of a Go2's velocity.
 const AT_REST: f64 = 0.1;
 
@@ -120,9 +118,7 @@ impl DataGates {
     pub fn new(joints: impl IntoIterator<Item = Joint>) -> Self {
         Self {
             sampling: Sampling::new(),
-            times: [0.0; AROUND],
-            held: 0,
-            next_end: 0.0,
+            times: Times::default(),
             joints: joints.into_iter().map(JointGate::new).collect(),
         }
     }
@@ -135,41 +131,20 @@ impl DataGates {
         assert_eq!(readings.len(), self.joints.len(), "one reading per joint");
         let mut pairs = self.joints.iter().zip(readings);
         let repeated = pairs.all(|(joint, reading)| joint.repeats(reading));
-        let since = match self.sampling.push(time_us, repeated) {
+        let (since, anew) = match self.sampling.push(time_us, repeated) {
             Arrival::Skip => return,
-            Arrival::Anew => {
-                self.held = 0;
-                0.0
-            }
-            Arrival::After(since) => since,
+            Arrival::Anew => (0.0, true),
+            Arrival::After(since) => (since, false),
         };
-        self.times.rotate_left(1);
-        self.times[AROUND - 1] = self.sampling.now();
-        self.held = (self.held + 1).min(AROUND);
+        let end = self.times.push(self.sampling.now(), anew);
         for (joint, reading) in self.joints.iter_mut().zip(readings) {
             joint.push(since, reading);
-        }
-        self.end_stretch();
-    }
-
-    /// Ends a stretch of the velocity check when it is time to.
-    fn end_stretch(&mut self) {
-        if self.held == 1 {
-            for joint in &mut self.joints {
+            if anew {
                 joint.interrupt();
             }
-            self.next_end = 0.0;
-        }
-        let middle = self.times[AROUND / 2];
-        if self.held < AROUND || middle < self.next_end {
-            return;
-        }
-        self.next_end = middle + STEP;
-        let Some(parabola) = Parabola::at(&self.times) else {
-            return;
-        };
-        for joint in &mut self.joints {
-            joint.end_stretch(&self.times, &parabola);
+            if let Some(around) = &end {
+                joint.end_stretch(around);
+            }
         }
     }
 
@@ -192,8 +167,7 @@ impl JointGate {
             torques: Torques::new(joint.effort),
             joint,
             last: None,
-            trail: Trail::default(),
-            velocity: VelocityCheck::new(),
+            velocity: VelocityCheck::over_blocks_of(BLOCK),
             differences: std::array::from_fn(|_| Differences::new()),
             motion: Motion::default(),
             range: [f64::INFINITY, f64::NEG_INFINITY],
@@ -209,7 +183,7 @@ impl JointGate {
     }
 
     fn push(&mut self, since: f64, reading: &Reading) {
-        self.trail.push(since, reading.q, reading.dq);
+        self.velocity.push(since, reading.q, reading.dq);
         if let Some(last) = self.last {
             self.differences[0].push(reading.q - last.q);
             self.differences[1].push(reading.dq - last.dq);
@@ -234,8 +208,8 @@ impl JointGate {
         (self.motion.square, self.motion.samples) = (0.0, 0.0);
     }
 
-    fn end_stretch(&mut self, times: &[f64; AROUND], parabola: &Parabola) {
-        self.velocity.push(self.trail.middle(times, parabola));
+    fn end_stretch(&mut self, around: &Parabola) {
+        self.velocity.end_stretch(around);
         let Motion {
             square, samples, ..
         } = self.motion;

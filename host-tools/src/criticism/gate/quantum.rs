@@ -5,7 +5,7 @@ const KEPT: usize = 1024;
 
 /// Differences between successive distinct readings: a sample of them, spread evenly over the log.
 #[derive(Debug, Clone)]
-pub(super) struct Differences {
+pub(in super::super) struct Differences {
     kept: Vec<f64>,
     /// One of this many is kept.
     stride: u32,
@@ -13,7 +13,7 @@ pub(super) struct Differences {
 }
 
 impl Differences {
-    pub(super) fn new() -> Self {
+    pub(in super::super) fn new() -> Self {
         Self {
             kept: Vec::new(),
             stride: 1,
@@ -21,7 +21,7 @@ impl Differences {
         }
     }
 
-    pub(super) fn push(&mut self, difference: f64) {
+    pub(in super::super) fn push(&mut self, difference: f64) {
         if difference == 0.0 {
             return;
         }
@@ -42,7 +42,7 @@ impl Differences {
     }
 
     /// The largest step of which all differences are multiples; none where there is no such step.
-    pub(super) fn quantum(&self) -> Option<f64> {
+    pub(in super::super) fn quantum(&self) -> Option<f64> {
         let mut sorted = self.kept.clone();
         sorted.sort_by(f64::total_cmp);
         if sorted.len() < LEAST {

@@ -19,15 +19,15 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use super::blocks::{Blocks, Merge};
 
 /// Samples around a point through which a parabola goes.
-pub(super) const AROUND: usize = 9;
+const AROUND: usize = 9;
 
 /// Time between the ends of stretches, s, and how many of it make a stretch of 0.2 s.
-pub(super) const STEP: f64 = 0.05;
+const STEP: f64 = 0.05;
 const STEPS: usize = 4;
 
 /// What is known of a joint at an instant, from positions alone except for the integral.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Point {
+struct Point {
     t: f64,
     integral: f64,
     q: f64,
@@ -35,17 +35,46 @@ pub(super) struct Point {
     ddq: f64,
 }
 
+/// The times of the last samples, which all joints share, and when stretches end.
+#[derive(Debug, Clone, Default)]
+pub(in super::super) struct Times {
+    /// s since the log's first sample.
+    last: [f64; AROUND],
+    /// How many there are since the last gap.
+    held: usize,
+    /// When the next stretch ends, s.
+    next_end: f64,
+}
+
+impl Times {
+    /// Takes a sample's time, s; `anew`: it is the first, or the first after a gap. The parabola around the middle of the
+    /// last samples, if a stretch ends there.
+    pub(in super::super) fn push(&mut self, now: f64, anew: bool) -> Option<Parabola> {
+        if anew {
+            (self.held, self.next_end) = (0, 0.0);
+        }
+        self.last.rotate_left(1);
+        self.last[AROUND - 1] = now;
+        self.held = (self.held + 1).min(AROUND);
+        let middle = self.last[AROUND / 2];
+        if self.held < AROUND || middle < self.next_end {
+            return None;
+        }
+        self.next_end = middle + STEP;
+        Parabola::at(&self.last)
+    }
+}
+
 /// A joint's motion around the present: the last positions and integrals of the velocity.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Trail {
+struct Trail {
     q: [f64; AROUND],
     integral: [f64; AROUND],
     last_dq: f64,
 }
 
 impl Trail {
-    /// Takes a sample `dt` seconds after the last; 0 starts anew.
-    pub(super) fn push(&mut self, dt: f64, q: f64, dq: f64) {
+    fn push(&mut self, dt: f64, q: f64, dq: f64) {
         self.q.rotate_left(1);
         self.integral.rotate_left(1);
         self.q[AROUND - 1] = q;
@@ -53,11 +82,10 @@ impl Trail {
         self.last_dq = dq;
     }
 
-    /// The middle of the trail; `times` are those of its samples, s.
-    pub(super) fn middle(&self, times: &[f64; AROUND], fit: &Parabola) -> Point {
+    fn middle(&self, fit: &Parabola) -> Point {
         let [q, dq, ddq] = fit.through(&self.q);
         Point {
-            t: times[AROUND / 2],
+            t: fit.middle,
             integral: self.integral[AROUND / 2],
             q,
             dq,
@@ -68,13 +96,15 @@ impl Trail {
 
 /// The least-squares parabola through values at given times: its value, slope and curvature at the middle one.
 #[derive(Debug, Clone)]
-pub(super) struct Parabola {
+pub(in super::super) struct Parabola {
+    /// s.
+    middle: f64,
     weights: SMatrix<f64, 3, AROUND>,
 }
 
 impl Parabola {
     /// None if the times do not carry a parabola.
-    pub(super) fn at(times: &[f64; AROUND]) -> Option<Self> {
+    fn at(times: &[f64; AROUND]) -> Option<Self> {
         let middle = times[AROUND / 2];
         let scale = times[AROUND - 1] - times[0];
         let basis = SMatrix::<f64, AROUND, 3>::from_fn(|row, power| {
@@ -87,7 +117,7 @@ impl Parabola {
         weights
             .iter()
             .all(|w| w.is_finite())
-            .then_some(Self { weights })
+            .then_some(Self { middle, weights })
     }
 
     fn through(&self, values: &[f64; AROUND]) -> [f64; 3] {
@@ -107,6 +137,34 @@ struct Sums {
     count: f64,
     square: SMatrix<f64, COLUMNS, COLUMNS>,
     product: SVector<f64, COLUMNS>,
+    /// Σ (∫q̇ dt − Δq)².
+    excess: f64,
+}
+
+impl Sums {
+    /// Gain, lag and offset; `quantum` is that of the position, rad.
+    fn solve(&self, quantum: f64) -> Option<[f64; 3]> {
+        let mut square = self.square;
+        square[(0, 0)] -= self.count * quantum * quantum / 6.0;
+        let scale = square
+            .diagonal()
+            .map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
+        let scaled = SMatrix::from_diagonal(&scale) * square * SMatrix::from_diagonal(&scale)
+            + SMatrix::identity() * 1e-9;
+        let x = scaled
+            .cholesky()?
+            .solve(&self.product.component_mul(&scale));
+        let x = x.component_mul(&scale);
+        let gain = 1.0 + x[0];
+        (gain > 0.0).then_some([gain, -x[1] / gain, x[3]])
+    }
+
+    /// Σ (∫q̇ dt / gain − Δq)².
+    fn misfit(&self, gain: f64) -> f64 {
+        let (moved, product) = (self.square[(0, 0)], self.product[0]);
+        let integral = self.excess + 2.0 * product + moved;
+        integral / (gain * gain) - 2.0 * (product + moved) / gain + moved
+    }
 }
 
 impl Merge for Sums {
@@ -114,12 +172,14 @@ impl Merge for Sums {
         self.count += other.count;
         self.square += other.square;
         self.product += other.product;
+        self.excess += other.excess;
     }
 }
 
 /// What the stretches of a joint say of its reported velocity.
 #[derive(Debug, Clone)]
-pub(super) struct VelocityCheck {
+pub(in super::super) struct VelocityCheck {
+    trail: Trail,
     recent: [Point; STEPS],
     held: usize,
     sums: Blocks<Sums>,
@@ -168,21 +228,29 @@ impl VelocityGain {
 }
 
 impl VelocityCheck {
-    pub(super) fn new() -> Self {
+    /// A check whose errors come from the spread over blocks of time of `length` s.
+    pub(in super::super) fn over_blocks_of(length: f64) -> Self {
         Self {
+            trail: Trail::default(),
             recent: [Point::default(); STEPS],
             held: 0,
-            sums: Blocks::new(),
+            sums: Blocks::of_length(length),
         }
     }
 
     /// A gap: no stretch reaches over it.
-    pub(super) fn interrupt(&mut self) {
+    pub(in super::super) fn interrupt(&mut self) {
         self.held = 0;
     }
 
-    /// Takes the end of a stretch, one [`STEP`] after the last.
-    pub(super) fn push(&mut self, end: Point) {
+    /// Takes a sample `dt` seconds after the last; 0 starts anew.
+    pub(in super::super) fn push(&mut self, dt: f64, q: f64, dq: f64) {
+        self.trail.push(dt, q, dq);
+    }
+
+    /// A stretch ends in the middle of the last samples.
+    pub(in super::super) fn end_stretch(&mut self, around: &Parabola) {
+        let end = self.trail.middle(around);
         if self.held == STEPS {
             self.add(&self.recent[0].clone(), &end);
         } else {
@@ -205,30 +273,17 @@ impl VelocityCheck {
         sums.count += 1.0;
         sums.square += x * x.transpose();
         sums.product += x * y;
+        sums.excess += y * y;
     }
 
     /// The verdict; `quantum` is that of the position, rad. None where the joint hardly moves.
-    pub(super) fn result(&self, quantum: f64) -> Option<VelocityGain> {
+    pub(in super::super) fn result(&self, quantum: f64) -> Option<VelocityGain> {
         let total = self.sums.total();
         // Rms of Δq below half a degree is noise, play and creep.
         if total.square[(0, 0)] < total.count * 0.01f64.powi(2) {
             return None;
         }
-        let solve = |sums: &Sums| {
-            let mut square = sums.square;
-            square[(0, 0)] -= sums.count * quantum * quantum / 6.0;
-            let scale = square
-                .diagonal()
-                .map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
-            let scaled = SMatrix::from_diagonal(&scale) * square * SMatrix::from_diagonal(&scale)
-                + SMatrix::identity() * 1e-9;
-            let x = scaled
-                .cholesky()?
-                .solve(&sums.product.component_mul(&scale));
-            let x = x.component_mul(&scale);
-            let gain = 1.0 + x[0];
-            (gain > 0.0).then_some([gain, -x[1] / gain, x[3]])
-        };
+        let solve = |sums: &Sums| sums.solve(quantum);
         let (value, std, blocks) = self.sums.jackknife(|sums| sums.count == 0.0, solve)?;
         Some(VelocityGain {
             gain: value[0],
@@ -241,118 +296,24 @@ impl VelocityCheck {
             blocks,
         })
     }
+
+    /// What the gain does where it was not found: 1 − Σ (∫q̇ dt / g − Δq)² over that with g = 1, each block with the gain of
+    /// all others; and its error, from the spread over blocks. None where a block's others have no verdict.
+    pub(in super::super) fn held_out_gain(&self, quantum: f64) -> Option<[f64; 2]> {
+        let blocks = self.sums.each_and_rest(|sums| sums.count == 0.0);
+        let (mut falls, mut before) = (Vec::new(), 0.0);
+        for (own, rest) in &blocks {
+            let [gain, ..] = rest.solve(quantum)?;
+            falls.push(own.misfit(1.0) - own.misfit(gain));
+            before += own.misfit(1.0);
+        }
+        let n = falls.len() as f64;
+        let fall: f64 = falls.iter().sum();
+        let scatter: f64 = falls.iter().map(|x| (x - fall / n).powi(2)).sum();
+        (before > 0.0 && n > 1.0)
+            .then(|| [fall / before, (scatter * n / (n - 1.0)).sqrt() / before])
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{DataGates, Joint, Reading};
-    use super::*;
-    use proptest::prelude::*;
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
-    use rand_distr::{Distribution, Normal};
-
-    /// How a sensor reports a motion.
-    #[derive(Debug, Clone, Copy)]
-    struct Sensor {
-        gain: f64,
-        lag: f64,
-        offset: f64,
-        /// Time constant of a first-order filter of the velocity, s.
-        filter: f64,
-    }
-
-    /// A chirp to 9 Hz as a Go2 would log it: quanta, noise, 5 % repeats.
-    fn check(seed: u64, seconds: f64, sensor: Sensor) -> VelocityGain {
-        let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let noise = Normal::new(0.0, 0.035).unwrap();
-        let mut gates = DataGates::new([Joint {
-            name: "FR_hip".into(),
-            effort: 23.7,
-        }]);
-        let round = |x: f64, quantum: f64| (x / quantum).round() * quantum;
-        let phase = |t: f64| 0.6 * t + 0.5 * 56.0 / seconds * t * t;
-        let frequency = |t: f64| 0.6 + 56.0 / seconds * t;
-        let mut reading = None;
-        for k in 0..(seconds * 500.0) as u64 {
-            let t = k as f64 * 2e-3;
-            // A filter turns and shrinks a sine; a chirp this slow is one at each moment.
-            let (late, w) = (t - sensor.lag, frequency(t - sensor.lag));
-            let (cosine, sine) = (phase(late).cos(), phase(late).sin());
-            let x = w * sensor.filter;
-            let filtered = 0.3 * w * (cosine + x * sine) / (1.0 + x * x);
-            let new = Reading {
-                q: round(0.3 * phase(t).sin(), 3.028e-5),
-                dq: round(
-                    sensor.gain * filtered + sensor.offset + noise.sample(&mut random),
-                    3.876e-3,
-                ),
-                tau: 0.0,
-                temperature: None,
-            };
-            if k % 20 != 7 {
-                reading = Some(new);
-            }
-            gates.push(2000 * k, &[reading.unwrap_or(new)]);
-        }
-        gates.report().joints[0].velocity.unwrap()
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
-
-        /// Gain, lag and offset come back within their errors, whatever the filter.
-        #[test]
-        fn a_sensor_is_recognised(
-            seed in 0u64..1000,
-            gain in 0.8..1.25f64,
-            lag in -4e-3..4e-3f64,
-            offset in -0.1..0.1f64,
-            filter in 0.0..4e-3f64,
-        ) {
-            let found = check(seed, 20.0, Sensor { gain, lag, offset, filter });
-            // 9 blocks of freedom: five errors are one in a thousand; and the expansion's own error is (ω d)³/6 ≈ 2 %.
-            prop_assert!((found.gain / gain - 1.0).abs() < 5.0 * found.gain_std + 0.01, "{found:?}");
-            prop_assert!((found.lag - lag - filter).abs() < 5.0 * found.lag_std + 3e-4, "{found:?}");
-            prop_assert!((found.offset - offset).abs() < 5.0 * found.offset_std + 5e-3, "{found:?}");
-        }
-    }
-
-    /// A sensor without fault is never blamed, though it filters; one that reads 5 % too high always is.
-    #[test]
-    fn only_a_real_gain_is_significant() {
-        let sensor = |gain| Sensor {
-            gain,
-            lag: 1e-3,
-            offset: 0.02,
-            filter: 3e-3,
-        };
-        for seed in 0..100 {
-            let good = check(seed, 10.0, sensor(1.01));
-            assert!(!good.differs_from(1.0, 12), "seed {seed}: {good:?}");
-            let bad = check(seed, 10.0, sensor(1.05));
-            assert!(bad.differs_from(1.0, 12), "seed {seed}: {bad:?}");
-        }
-    }
-
-    #[test]
-    fn a_joint_at_rest_has_no_verdict() {
-        let mut gates = DataGates::new([Joint {
-            name: "FR_hip".into(),
-            effort: 23.7,
-        }]);
-        for k in 0..10_000u64 {
-            let reading = Reading {
-                q: 3e-5 * (k % 3) as f64,
-                dq: 0.01 * (k % 5) as f64,
-                tau: 1.0,
-                temperature: Some(30.0),
-            };
-            gates.push(2000 * k, &[reading]);
-        }
-        let report = gates.report();
-        assert_eq!(report.joints[0].velocity, None);
-        assert_eq!(report.joints[0].moving_percent, 0.0);
-        assert_eq!(report.joints[0].temperature, Some([30.0, 30.0]));
-    }
-}
+mod tests;

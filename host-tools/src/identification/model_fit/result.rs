@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use nalgebra::SVector;
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use serde::Serialize;
 
@@ -63,6 +63,31 @@ pub struct FittedParameter {
     /// Where the model holds it.
     #[serde(skip)]
     pub place: Place,
+}
+
+impl FittedParameter {
+    /// What is told of parameter `n` of an effect without a column: value and standard deviation.
+    pub(super) fn of_effect(
+        model: &Model,
+        (effect, joint, n): (EffectKind, usize, usize),
+        (value, std): (f64, f64),
+        prior: Prior,
+    ) -> Self {
+        Self {
+            estimate: ParameterEstimate {
+                name: super::parameter_name(effect, n, model.joint_name(joint)),
+                unit: effect.description().parameters[n].unit,
+                value,
+                std,
+                prior: prior.mean,
+                prior_std: prior.std,
+                status: Status::of(std, prior.std),
+                at_bound: false,
+            },
+            std_independent: std,
+            place: Place::Effect(effect, joint, n),
+        }
+    }
 }
 
 /// Where a model holds a parameter.
@@ -204,23 +229,9 @@ fn joint_fit(joint: &str, misfit: &Misfit) -> FittedJoint {
 fn tilts(model: &Model, tilt: [(f64, f64); 2]) -> impl Iterator<Item = FittedParameter> {
     let effect = EffectKind::BaseTilt;
     let known = [0, 1].map(|n| model.robot().parameter_prior(effect, 0, n));
-    tilt.into_iter().enumerate().map(move |(n, (value, std))| {
-        let prior = known[n];
-        FittedParameter {
-            estimate: ParameterEstimate {
-                name: super::parameter_name(effect, n, "base"),
-                unit: effect.description().parameters[n].unit,
-                value,
-                std,
-                prior: prior.mean,
-                prior_std: prior.std,
-                status: Status::of(std, prior.std),
-                at_bound: false,
-            },
-            std_independent: std,
-            place: Place::Effect(effect, BASE, n),
-        }
-    })
+    tilt.into_iter()
+        .enumerate()
+        .map(move |(n, told)| FittedParameter::of_effect(model, (effect, BASE, n), told, known[n]))
 }
 
 /// The effects of every joint with their errors, and how much of the torque they explain.

@@ -34,7 +34,7 @@ pub fn comparison(comparison: &Comparison) -> Result<Page, Unreadable> {
 pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section> {
     let name = "model";
     let mut sections = vec![
-        waterfall::section(ladder, comparison.noise_floor_rms),
+        waterfall::section(ladder, comparison.yardsticks.noise_floor_rms),
         torques(&comparison.series, &comparison.baselines, name),
         residuals(&comparison.series, name),
         correlations(&comparison.criticism, name),
@@ -53,10 +53,15 @@ fn ladder(comparison: &Comparison) -> Vec<Step> {
         rms,
     };
     let mut steps = vec![
-        step("no model", comparison.zero_rms),
-        step("CAD", comparison.cad_rms),
+        step("no model", comparison.yardsticks.zero_rms),
+        step("CAD", comparison.yardsticks.cad_rms),
     ];
-    steps.extend(comparison.before_rms.map(|rms| step("before", rms)));
+    steps.extend(
+        comparison
+            .yardsticks
+            .before_rms
+            .map(|rms| step("before", rms)),
+    );
     let last = if comparison.added.is_empty() || comparison.added.len() > 3 {
         "model".to_owned()
     } else {

@@ -1,10 +1,12 @@
 //! The page of `identify`.
 
+use std::path::PathBuf;
+
 use super::{Unreadable, correlations, header, residuals, torques};
-use crate::criticism::comparison::JointSeries;
-use crate::criticism::residual;
+use crate::criticism::comparison::{Comparison, JointSeries};
+use crate::criticism::residual::{self, Criticism};
 use crate::estimate::{ParameterEstimate, Status};
-use crate::identification::Identification;
+use crate::identification::{Fitted, Identification};
 use crate::report::Page;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};
@@ -19,38 +21,86 @@ pub fn identification(
     series: &[JointSeries],
 ) -> Result<Page, Unreadable> {
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-    let criticism = residual::criticise(&views);
-    let identified = result.parameters.iter();
-    let identified = identified
-        .filter(|p| p.status == Status::Identified)
-        .count();
-    let mut findings = vec![format!(
-        "Torque error {:.4} N m rms{}; {:.4} with the CAD alone. {identified} of {} parameters are identified.",
-        result.rms,
-        result.held_out_rms.map_or(String::new(), |rms| format!(
-            ", {rms:.4} on data the fit has not seen"
-        )),
-        result.urdf_rms,
-        result.parameters.len(),
-    )];
-    findings.extend(result.warnings.iter().cloned());
-    let name = "identified";
-    let step = |label: &str, rms| Step {
-        label: label.to_owned(),
-        rms,
+    let identified = Identified {
+        rms: result.rms,
+        held_out_rms: result.held_out_rms,
+        cad_rms: result.urdf_rms,
+        parameters: result.parameters.iter().collect(),
+        warnings: &result.warnings,
+        logs: &result.logs,
     };
-    let ladder = [step("CAD", result.urdf_rms), step(name, result.rms)];
-    let rows: Vec<ParameterRow> = result.parameters.iter().map(row).collect();
-    Ok(Page {
-        header: header("What was identified", findings, &result.logs)?,
-        sections: vec![
-            waterfall::section(&ladder, None),
-            torques(series, &[("CAD", cad)], name),
-            residuals(series, name),
-            correlations(&criticism, name),
-            parameters::section(&rows),
-        ],
-    })
+    identified.page(series, &[("CAD", cad)], &residual::criticise(&views))
+}
+
+/// The same of a model's own effects: `comparison` is that of the model that the fit became.
+///
+/// # Errors
+/// If a log cannot be read any more.
+pub fn fit(fitted: &Fitted, comparison: &Comparison) -> Result<Page, Unreadable> {
+    let identified = Identified {
+        rms: comparison.rms,
+        held_out_rms: None,
+        cad_rms: comparison.yardsticks.cad_rms,
+        parameters: fitted.parameters.iter().map(|p| &p.estimate).collect(),
+        warnings: &fitted.warnings,
+        logs: &fitted.logs,
+    };
+    let Comparison {
+        series,
+        baselines,
+        criticism,
+        ..
+    } = comparison;
+    identified.page(series, baselines, criticism)
+}
+
+/// What both ways to identify tell; errors in N m.
+struct Identified<'a> {
+    rms: f64,
+    held_out_rms: Option<f64>,
+    cad_rms: f64,
+    parameters: Vec<&'a ParameterEstimate>,
+    warnings: &'a [String],
+    logs: &'a [PathBuf],
+}
+
+impl Identified<'_> {
+    fn page(
+        &self,
+        series: &[JointSeries],
+        baselines: &[(&'static str, Vec<JointSeries>)],
+        criticism: &[Criticism],
+    ) -> Result<Page, Unreadable> {
+        let is_identified = |p: &&&ParameterEstimate| p.status == Status::Identified;
+        let mut findings = vec![format!(
+            "Torque error {:.4} N m rms{}; {:.4} with the CAD alone. {} of {} parameters are identified.",
+            self.rms,
+            self.held_out_rms.map_or(String::new(), |rms| format!(
+                ", {rms:.4} on data the fit has not seen"
+            )),
+            self.cad_rms,
+            self.parameters.iter().filter(is_identified).count(),
+            self.parameters.len(),
+        )];
+        findings.extend(self.warnings.iter().cloned());
+        let name = "identified";
+        let step = |label: &str, rms| Step {
+            label: label.to_owned(),
+            rms,
+        };
+        let ladder = [step("CAD", self.cad_rms), step(name, self.rms)];
+        let rows: Vec<ParameterRow> = self.parameters.iter().map(|p| row(p)).collect();
+        Ok(Page {
+            header: header("What was identified", findings, self.logs)?,
+            sections: vec![
+                waterfall::section(&ladder, None),
+                torques(series, baselines, name),
+                residuals(series, name),
+                correlations(criticism, name),
+                parameters::section(&rows),
+            ],
+        })
+    }
 }
 
 fn row(p: &ParameterEstimate) -> ParameterRow {

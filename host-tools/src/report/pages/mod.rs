@@ -18,7 +18,7 @@ use crate::model::Provenance;
 
 pub use compare::comparison;
 pub use diagnose::diagnosis;
-pub use identify::identification;
+pub use identify::{fit, identification};
 
 /// A log that cannot be read any more: its path, and why.
 pub type Unreadable = (String, io::Error);

@@ -1,0 +1,188 @@
+//! The effects of a model: which, where, what is known of them.
+
+use proprio_core::effect::{EffectKind, MAX_PARAMETERS, Prior};
+use proprio_core::estimator::EffectPrior;
+
+use super::possible::{Impossible, deviation, in_bounds, possible, rounded};
+use super::{Estimate, Model};
+
+/// An effect that the model has at one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModelEffect {
+    /// Which effect.
+    pub effect: EffectKind,
+    /// Index of the joint; [`BASE`] for an effect of the base.
+    pub joint: usize,
+    /// Its parameters in the order of the catalogue, once identified.
+    pub estimates: [Option<Estimate>; MAX_PARAMETERS],
+    /// What its first parameter is taken to be before any data, if not what the catalogue says.
+    pub prior: Option<Prior>,
+    /// Whether it is what was added last: `compare` shows the error before and after it.
+    pub just_added: bool,
+}
+
+impl ModelEffect {
+    /// The first parameter, once identified.
+    pub fn estimate(&self) -> Option<Estimate> {
+        self.estimates[0]
+    }
+}
+
+/// Stands for a joint where an effect is the base's: `base` in files.
+pub const BASE: usize = usize::MAX;
+
+impl Model {
+    /// All effects of the model: by joint, in the order of the catalogue.
+    pub fn effects(&self) -> &[ModelEffect] {
+        &self.effects
+    }
+
+    /// The effects at one joint, in the order of the catalogue.
+    pub fn effects_of(&self, joint: usize) -> Vec<&ModelEffect> {
+        self.effects.iter().filter(|e| e.joint == joint).collect()
+    }
+
+    /// The effect at a joint, if the model has it.
+    pub fn effect(&self, effect: EffectKind, joint: usize) -> Option<&ModelEffect> {
+        let found = |e: &&ModelEffect| e.effect == effect && e.joint == joint;
+        self.effects.iter().find(found)
+    }
+
+    /// Adds an effect without a value. False if the model has it already; then nothing changes.
+    pub fn add_effect(&mut self, effect: EffectKind, joint: usize) -> bool {
+        if self.effect(effect, joint).is_some() {
+            return false;
+        }
+        self.effects.push(ModelEffect {
+            effect,
+            joint,
+            estimates: [None; MAX_PARAMETERS],
+            prior: None,
+            just_added: false,
+        });
+        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        self.effects.sort_by_key(|e| (e.joint, place(e.effect)));
+        true
+    }
+
+    /// Adds effects, and says of these alone that they were added last. Returns those that the model did not have; if it had
+    /// all, nothing changes.
+    pub fn add_last(&mut self, places: &[(EffectKind, usize)]) -> Vec<(EffectKind, usize)> {
+        let mut added = Vec::new();
+        for &(effect, joint) in places {
+            if self.add_effect(effect, joint) {
+                added.push((effect, joint));
+            }
+        }
+        if !added.is_empty() {
+            for e in &mut self.effects {
+                e.just_added = added.contains(&(e.effect, e.joint));
+            }
+        }
+        added
+    }
+
+    /// Sets an effect's identified value (rounded as [`set_body`](Self::set_body) does), adding the effect if necessary.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the value is out of the effect's bounds; then nothing changes.
+    pub fn set_effect(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        self.set_parameter(effect, joint, 0, value, std)
+    }
+
+    /// Sets one parameter of an effect, by its place in the catalogue's description, as [`set_effect`](Self::set_effect)
+    /// does the first.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the value is out of the parameter's bounds; then nothing changes.
+    pub fn set_parameter(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        parameter: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        let (value, std) = (rounded(value), std.map(rounded));
+        self.place_parameter(effect, joint, parameter, value, std)
+    }
+
+    /// [`set_parameter`](Self::set_parameter) to the last digit.
+    pub(super) fn place_parameter(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        parameter: usize,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        in_bounds(effect, parameter, value)?;
+        let std = std.map(deviation).transpose()?;
+        self.entry(effect, joint).estimates[parameter] = Some(Estimate { value, std });
+        Ok(())
+    }
+
+    /// Sets what an effect at a joint is taken to be before any data, adding the effect if necessary.
+    ///
+    /// # Errors
+    /// [`Impossible`] if the mean is out of the effect's bounds or the standard deviation is not positive.
+    pub fn set_effect_prior(
+        &mut self,
+        effect: EffectKind,
+        joint: usize,
+        prior: Prior,
+    ) -> Result<(), Impossible> {
+        let prior = possible(effect, prior)?;
+        self.entry(effect, joint).prior = Some(prior);
+        Ok(())
+    }
+
+    /// Sets what an effect is taken to be before any data at all joints that do not say otherwise.
+    ///
+    /// # Errors
+    /// As [`set_effect_prior`](Self::set_effect_prior).
+    pub fn set_general_prior(
+        &mut self,
+        effect: EffectKind,
+        prior: Prior,
+    ) -> Result<(), Impossible> {
+        let prior = possible(effect, prior)?;
+        self.effect_priors.retain(|(kind, _)| *kind != effect);
+        self.effect_priors.push((effect, prior));
+        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        self.effect_priors.sort_by_key(|(kind, _)| place(*kind));
+        Ok(())
+    }
+
+    /// Takes an effect away; false if the model does not have it.
+    pub fn remove_effect(&mut self, effect: EffectKind, joint: usize) -> bool {
+        let before = self.effects.len();
+        self.effects
+            .retain(|e| (e.effect, e.joint) != (effect, joint));
+        self.effects.len() < before
+    }
+
+    /// What an effect is taken to be at a joint before any data: what the file says of this joint, of all joints, or the
+    /// catalogue for the joint's motor.
+    pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> EffectPrior {
+        let own = self.effect(effect, joint).and_then(|e| e.prior);
+        let general = self.effect_priors.iter().find(|(kind, _)| *kind == effect);
+        let prior = own
+            .or(general.map(|(_, prior)| *prior))
+            .unwrap_or_else(|| self.robot.effect_prior(effect, joint));
+        EffectPrior::of(effect, prior)
+    }
+
+    pub(super) fn entry(&mut self, effect: EffectKind, joint: usize) -> &mut ModelEffect {
+        self.add_effect(effect, joint);
+        let found = |e: &ModelEffect| e.effect == effect && e.joint == joint;
+        let index = self.effects.iter().position(found).unwrap_or_default();
+        &mut self.effects[index]
+    }
+}

@@ -1,0 +1,37 @@
+//! The built-in robot against the core's.
+
+use super::*;
+
+#[test]
+fn the_go2_falls_apart_into_its_legs() {
+    let robot = Robot::go2();
+    let limbs = robot.limbs();
+    assert_eq!(limbs.len(), 4);
+    for (limb, leg) in limbs.iter().zip(Leg::ALL) {
+        assert_eq!(limb.name, leg.name());
+        let cad = |b: usize| robot.bodies()[b].inertia;
+        assert_eq!(robot.limb_tree::<3>(limb, cad), Some(go2::leg(leg)));
+        assert_eq!(robot.limb_tree::<4>(limb, cad), None);
+    }
+    assert_eq!(robot.subtree(4), 4..6);
+    assert_eq!(
+        robot.joint("FR_knee").unwrap_err().nearest(),
+        Some("FR_calf")
+    );
+}
+
+#[test]
+fn the_go2_has_the_priors_of_the_core() {
+    let robot = Robot::go2();
+    for (joint, body) in robot.bodies().iter().enumerate() {
+        for &effect in EffectKind::ALL {
+            let actuator = &ACTUATORS[joint % JOINTS_PER_LEG];
+            assert_eq!(robot.effect_prior(effect, joint), effect.prior(actuator));
+        }
+        let motorless = Body {
+            motor: None,
+            ..body.clone()
+        };
+        assert!(robot.moved_inertia(joint) >= motorless.inertia.rotational_inertia().min());
+    }
+}
