@@ -20,8 +20,10 @@ const MOST_STEPS: usize = 16;
 const MOST_POLISHES: usize = 6;
 /// They are gone over once more while that makes the held-out error smaller by this factor.
 const WORTH_POLISHING: f64 = 0.98;
-/// Going over the data again may make the held-out error larger by this factor.
+/// Going over the data again may make the held-out sum of squares larger by this factor,
 const MOST_RISE: f64 = 1.01;
+/// unless an effect keeps at least this share of what its derivative promised.
+const LEAST_KEPT: f64 = 0.5;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -121,6 +123,12 @@ fn weighted(rss: &[Vec<f64>], noise: &[f64]) -> f64 {
         .sum()
 }
 
+/// The factor by which sums of squares differ, mean over joints.
+fn mean_ratio(a: &[f64], b: &[f64]) -> f64 {
+    let ratios = a.iter().zip(b).map(|(a, b)| a / b.max(f64::MIN_POSITIVE));
+    ratios.sum::<f64>() / a.len().max(1) as f64
+}
+
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
     let joints = rss.first().map_or(0, Vec::len);
     (0..joints)
@@ -146,6 +154,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         steps: Vec::new(),
         refused: Vec::new(),
         polishes: 0,
+        start: start.clone(),
     };
     let mut is_settled = false;
     loop {
@@ -180,6 +189,8 @@ struct Walk<'a, 'b> {
     /// Effects that did not keep what they promised.
     refused: Vec<Place>,
     polishes: usize,
+    /// Held-out sums of squares before the first step, (N m)².
+    start: Vec<f64>,
 }
 
 impl Walk<'_, '_> {
@@ -250,22 +261,28 @@ impl Walk<'_, '_> {
         );
         limb.relinearise();
         // Not the whitened rows' sums: they may have been whitened for another noise.
-        let (before, after) = (&fit.held_out_squares, &limb.fit.held_out_squares);
-        let ratios = after
+        let after = &limb.fit.held_out_squares;
+        let mut change = mean_ratio(after, &fit.held_out_squares);
+        let misled = self
+            .steps
             .iter()
-            .zip(before)
-            .map(|(after, before)| after / before);
-        let mut change = ratios.sum::<f64>() / before.len() as f64;
-        let is_linearised = |step: &Step| limb.is_correction(step.place);
-        if change > MOST_RISE
-            && let Some(misled) = self.steps.iter().rposition(is_linearised)
+            .rposition(|step| limb.is_correction(step.place));
+        if let Some(misled) = misled
+            && change > MOST_RISE
         {
-            let place = self.steps.remove(misled).place;
-            (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
-            limb.remove(place);
-            self.refused.push(place);
-            // All else is to be judged again without it.
-            change = 0.0;
+            let step = &self.steps[misled];
+            let without = misled
+                .checked_sub(1)
+                .map_or(&self.start, |before| &self.steps[before].rss);
+            let promised = 1.0 - mean_ratio(&step.rss, without);
+            if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
+                let place = self.steps.remove(misled).place;
+                (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
+                limb.remove(place);
+                self.refused.push(place);
+                // All else is to be judged again without it.
+                change = 0.0;
+            }
         }
         if let Some(step) = self.steps.last_mut() {
             step.rss = self.limb.fit.held_out_squares.clone();
