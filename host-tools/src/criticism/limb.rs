@@ -13,9 +13,10 @@ use super::column::{BASE, Columns, Entry, columns_of};
 use super::motion::{Corrections, Motion};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
-use super::rows::{self, Blocks, Windows};
+use super::rows::{self, Blocks};
 use super::triangle::Prior;
 use super::velocity::VelocityGain;
+use super::windows::Windows;
 pub(crate) use candidate::{Candidate, sum_and_error};
 pub(crate) use fit::Fit;
 
@@ -89,11 +90,7 @@ impl<'a> LimbCriticism<'a> {
             corrections: Corrections::none(recording.joints),
             shapes: Vec::new(),
             columns: Columns::default(),
-            motion: Motion {
-                states: Vec::new(),
-                q: Vec::new(),
-                dq: Vec::new(),
-            },
+            motion: Motion::default(),
             windows: Windows::default(),
             coms: coms(model, limb),
             loads: coms(model, limb),
@@ -334,6 +331,8 @@ impl<'a> LimbCriticism<'a> {
         let columns = Columns::new(ends.collect(), model.chain(rest).collect());
         self.fit.theta = self.carried(&columns);
         self.columns = columns;
+        // Long ones would not fit in memory twice.
+        (self.motion, self.windows) = Default::default();
         self.motion = Motion::new(self.recording, &self.corrections);
         self.body.set_inertia(&self.fit.theta);
         self.windows = Windows::of(&self.rows());

@@ -1,7 +1,7 @@
 //! Where a model is wrong, and which physical effect it lacks (`design.md` §6).
 //!
 //! 1. [`recording`]: logs in memory, limb by limb; [`gate`] says what is wrong with the data before a model is blamed.
-//! 2. `motion`, `column`, `rows`: the momentum equation over windows, with a column for every effect of the catalogue.
+//! 2. `motion`, `column`, `rows`, `windows`: the momentum equation over windows, with a column for every effect of the catalogue.
 //! 3. `blocks`: one square-root factor per block of time; from here on the data are not needed.
 //! 4. `triangle`, `limb`: the weighted least squares of a limb, its held-out error, and what each effect would add.
 //! 5. `selection`, [`diagnosis`]: forward-backward selection, look-alikes, verdict.
@@ -27,6 +27,7 @@ mod series;
 mod speed;
 pub(crate) mod triangle;
 pub(crate) mod velocity;
+pub(crate) mod windows;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, diagnose};

@@ -34,8 +34,12 @@ impl LimbCriticism<'_> {
             .iter()
             .map(|windows| memory(windows))
             .collect();
+        let longest = looked.windows.iter().map(Vec::len).max().unwrap_or(0);
+        let stride = (longest / MOST_WINDOWS).max(1);
         let mut changed = false;
         for joint in 0..self.recording.joints {
+            let windows = looked.windows[joint].iter().step_by(stride);
+            let scanned: Vec<([usize; 2], f64)> = windows.copied().collect();
             for effect in [
                 EffectKind::Stribeck,
                 EffectKind::Cogging,
@@ -47,7 +51,7 @@ impl LimbCriticism<'_> {
                 {
                     continue;
                 }
-                let Some(best) = self.best_shape(&looked.windows[joint], place) else {
+                let Some(best) = self.best_shape(&scanned, place) else {
                     continue;
                 };
                 let before = self.shape(place);
@@ -61,22 +65,9 @@ impl LimbCriticism<'_> {
     }
 
     fn look(&self, theta: &[f64]) -> Looked {
-        let stride = (self
-            .all
-            .iter()
-            .map(|f| f.rows() as usize)
-            .max()
-            .unwrap_or(0)
-            / MOST_WINDOWS)
-            .max(1);
         let theta = self.columns.combined(theta);
         let mut windows = vec![Vec::new(); self.recording.joints];
-        let mut count = 0;
         for window in self.windows.iter() {
-            count += 1;
-            if count % stride != 0 {
-                continue;
-            }
             for (joint, list) in windows
                 .iter_mut()
                 .enumerate()
