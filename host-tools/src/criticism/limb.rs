@@ -331,8 +331,8 @@ impl<'a> LimbCriticism<'a> {
         let columns = Columns::new(ends.collect(), model.chain(rest).collect());
         self.fit.theta = self.carried(&columns);
         self.columns = columns;
-        // Long ones would not fit in memory twice.
-        (self.motion, self.windows) = Default::default();
+        // Before new ones come: memory need not hold both.
+        self.forget_windows();
         self.motion = Motion::new(self.recording, &self.corrections);
         self.body.set_inertia(&self.fit.theta);
         self.windows = Windows::of(&self.rows());
@@ -340,6 +340,11 @@ impl<'a> LimbCriticism<'a> {
         (self.trains, self.all) = tests.without_each(&self.columns);
         self.tests = tests.blocks;
         self.refit();
+    }
+
+    /// Forgets what grows with the recording's length; the factors stay.
+    pub(crate) fn forget_windows(&mut self) {
+        (self.motion, self.windows) = Default::default();
     }
 
     /// The factors of each fold's chosen windows, which are told by their place in time.

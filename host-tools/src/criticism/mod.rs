@@ -16,6 +16,7 @@ mod dot;
 mod foot;
 pub mod gate;
 pub(crate) mod limb;
+mod limbs;
 pub(crate) mod motion;
 pub mod recording;
 pub mod residual;

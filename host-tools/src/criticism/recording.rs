@@ -15,10 +15,10 @@ use crate::simulator::SimulatedSample;
 pub use limb::{LimbRecording, MAX_GAP_US};
 use pieces::Pieces;
 
-/// Most samples of a limb that are kept, about eight minutes at 500 Hz: what a diagnosis holds in memory.
-const MOST_SAMPLES: usize = 250_000;
-/// Length of the pieces that a longer recording is thinned to, µs: much longer than anything residuals remember.
-const PIECE_US: u64 = 5_000_000;
+/// Most samples of a limb that are kept, about four minutes at 500 Hz: a diagnosis then fits in 200 MB.
+const MOST_SAMPLES: usize = 130_000;
+/// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
+const PIECE_US: u64 = 2_000_000;
 
 /// Logs of one robot.
 #[derive(Debug, Clone)]

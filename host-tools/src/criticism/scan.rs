@@ -172,7 +172,7 @@ impl LimbCriticism<'_> {
         shape: f64,
     ) -> Vec<Vec<f64>> {
         let joints = self.recording.joints;
-        let mut columns = vec![Vec::with_capacity(windows.len()); effect.columns()];
+        let mut columns = vec![Vec::new(); effect.columns()];
         for &([first, last], _) in windows {
             let term = |k: usize| effect.terms(&self.motion.states[k * joints + joint], shape);
             let (start, end) = (term(first), term(last));
@@ -195,7 +195,7 @@ impl LimbCriticism<'_> {
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
     fn harmonics(&self, windows: &[([usize; 2], f64)], joint: usize) -> Vec<Vec<Vec<f64>>> {
         let (joints, gear) = (self.recording.joints, self.gear(joint));
-        let mut columns = vec![vec![Vec::with_capacity(windows.len()); 2]; MULTIPLES];
+        let mut columns = vec![vec![Vec::new(); 2]; MULTIPLES];
         for &([first, last], _) in windows {
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
