@@ -3,8 +3,9 @@
 use proprio_core::factor::{Factor, packed_len};
 
 use super::column::Columns;
-use super::rows::{Limb, Window};
+use super::rows::Limb;
 use super::whitening::Whitening;
+use super::windows::Window;
 
 /// A factor whose numbers lie on the heap.
 pub(crate) type HeapFactor = Factor<f64, Vec<f64>>;

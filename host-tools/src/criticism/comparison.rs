@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::limb::{FOLDS, LimbCriticism};
+use super::limbs::of_each_limb;
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
@@ -282,22 +283,7 @@ fn all_series(
         let values = values::of(&criticism, model, predict);
         Some((criticism.series(predict, &names), values))
     };
-    let mut limbs = Vec::new();
-    std::thread::scope(|scope| {
-        let of = &of;
-        let work: Vec<_> = recording
-            .limbs
-            .iter()
-            .map(|(limb, _)| scope.spawn(move || of(limb)))
-            .collect();
-        for limb in work {
-            // A panic goes on.
-            limbs.push(
-                limb.join()
-                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-            );
-        }
-    });
+    let limbs = of_each_limb(recording, of);
     let (series, values): (Vec<_>, Vec<_>) = limbs.into_iter().flatten().unzip();
     let series: Vec<JointSeries> = series.into_iter().flatten().collect();
     if series.iter().all(|series| series.t.is_empty()) {

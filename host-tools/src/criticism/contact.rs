@@ -22,8 +22,8 @@ use proprio_core::effect::EffectKind;
 use super::blocks::HeapFactor;
 use super::foot::Foot;
 use super::limb::{FOLDS, LimbCriticism};
-use super::rows;
 use super::triangle::Triangle;
+use super::windows;
 pub(crate) use report::{LeftOut, leave_out_contact, reason, words};
 
 /// Coefficient of friction of the ground at most: rubber on dry concrete.
@@ -128,7 +128,7 @@ impl<'a> Search<'a> {
     fn new(limb: &'a LimbCriticism<'a>) -> Option<Self> {
         let foot = Foot::of(limb.model, limb.limb)?;
         let (n, base) = (limb.recording.joints, limb.rows().base);
-        let of = |window: rows::Window| {
+        let of = |window: windows::Window| {
             let [first, last] = window.samples;
             let mean = |j: usize| {
                 let sum: f64 = (first..=last).map(|k| limb.motion.q[k * n + j]).sum();
@@ -217,7 +217,7 @@ impl<'a> Search<'a> {
             .iter()
             .map(|theta| self.limb.columns.combined(theta))
             .collect();
-        let of = |window: rows::Window| {
+        let of = |window: windows::Window| {
             let theta = &theta[self.limb.fold(window.block)];
             (theta.iter().enumerate())
                 .map(|(joint, theta)| window.residual(joint, theta))

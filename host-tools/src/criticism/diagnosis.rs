@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::CriticismError;
+use super::limbs::of_each_limb;
 use super::recording::Recording;
 use crate::model::Model;
 use report::report;
@@ -135,22 +136,8 @@ pub struct JointError {
 /// # Errors
 /// [`CriticismError`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, CriticismError> {
-    let mut walked = Vec::new();
-    std::thread::scope(|scope| {
-        let walks: Vec<_> = recording
-            .limbs
-            .iter()
-            .map(|(limb, _)| scope.spawn(move || walk(recording, model, limb)))
-            .collect();
-        for walk in walks {
-            // A panic goes on.
-            walked.push(
-                walk.join()
-                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-            );
-        }
-    });
-    let walked: Vec<Walked> = walked.into_iter().flatten().collect();
+    let walks = of_each_limb(recording, |limb| walk(recording, model, limb));
+    let walked: Vec<Walked> = walks.into_iter().flatten().collect();
     if walked.is_empty() {
         return Err(CriticismError::TooShort {
             duration: recording.duration,

@@ -14,10 +14,11 @@ use super::dot::dot;
 use super::motion::{Corrections, Motion, MotorSide};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
-use super::rows::{self, Blocks, Windows};
+use super::rows::{self, Blocks};
 use super::triangle::Prior;
 use super::velocity::VelocityGain;
 use super::whitening::Whitening;
+use super::windows::Windows;
 pub(crate) use candidate::{Candidate, sum_and_error};
 pub(crate) use fit::Fit;
 
@@ -96,11 +97,7 @@ impl<'a> LimbCriticism<'a> {
             corrections: Corrections::none(recording.joints),
             shapes: Vec::new(),
             columns: Columns::default(),
-            motion: Motion {
-                states: Vec::new(),
-                q: Vec::new(),
-                dq: Vec::new(),
-            },
+            motion: Motion::default(),
             windows: Windows::default(),
             coms: coms(model, limb),
             loads: coms(model, limb),
@@ -345,6 +342,8 @@ impl<'a> LimbCriticism<'a> {
         let columns = Columns::new(ends.collect(), model.chain(rest).collect());
         self.fit.theta = self.carried(&columns);
         self.columns = columns;
+        // Before new ones come: memory need not hold both.
+        self.forget_windows();
         self.body.set_inertia(&self.fit.theta);
         self.motion = Motion::new(self.recording, &self.corrections, &self.motors());
         self.windows = Windows::of(&self.rows());
@@ -360,6 +359,11 @@ impl<'a> LimbCriticism<'a> {
         (self.trains, self.all) = tests.without_each(&self.columns);
         self.tests = tests.blocks;
         self.refit();
+    }
+
+    /// Forgets what grows with the recording's length; the factors stay.
+    pub(crate) fn forget_windows(&mut self) {
+        (self.motion, self.windows) = Default::default();
     }
 
     /// The factors of each fold's chosen windows, which are told by their place in time.

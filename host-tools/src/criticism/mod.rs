@@ -1,7 +1,7 @@
 //! Where a model is wrong, and which physical effect it lacks (`design.md` §6).
 //!
 //! 1. [`recording`]: logs in memory, limb by limb; [`gate`] says what is wrong with the data before a model is blamed.
-//! 2. `motion`, `column`, `rows`: the momentum equation over windows, with a column for every effect of the catalogue.
+//! 2. `motion`, `column`, `rows`, `windows`: the momentum equation over windows, with a column for every effect of the catalogue.
 //! 3. `whitening`, `blocks`: rows made independent of their neighbours, one square-root factor per block of time; from here on
 //!    the data are not needed.
 //! 4. `triangle`, `limb`: the weighted least squares of a limb, its held-out error, and what each effect would add.
@@ -17,6 +17,7 @@ mod dot;
 mod foot;
 pub mod gate;
 pub(crate) mod limb;
+mod limbs;
 pub(crate) mod motion;
 mod play;
 pub mod recording;
@@ -30,6 +31,7 @@ mod speed;
 pub(crate) mod triangle;
 pub(crate) mod velocity;
 mod whitening;
+pub(crate) mod windows;
 
 pub use comparison::{Comparison, compare};
 pub use diagnosis::{Diagnosis, diagnose};

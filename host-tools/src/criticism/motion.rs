@@ -77,6 +77,7 @@ impl Corrections {
 }
 
 /// A limb's motion, sample by sample, joint by joint.
+#[derive(Default)]
 pub(crate) struct Motion {
     /// What effects see of each joint; the motor's side.
     pub(crate) states: Vec<JointState<f64>>,

@@ -1,5 +1,8 @@
 //! Logs in memory, limb by limb: what the criticism goes over more than once.
 
+mod limb;
+mod pieces;
+
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -9,81 +12,13 @@ use super::gate::{DataGates, GateReport, Joint, Reading};
 use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
 use crate::simulator::SimulatedSample;
+pub use limb::{LimbRecording, MAX_GAP_US};
+use pieces::Pieces;
 
-/// Two samples further apart than this are not bridged, µs.
-pub const MAX_GAP_US: u64 = 10_000;
-
-/// What was recorded of one limb: samples of all its joints, repeats left out, logs one after the other.
-#[derive(Debug, Clone, Default)]
-pub struct LimbRecording {
-    /// Number of joints.
-    pub joints: usize,
-    /// When, µs; starts again with each log, later.
-    pub time_us: Vec<u64>,
-    /// First sample of each stretch without a gap, ascending; the first is 0.
-    pub starts: Vec<usize>,
-    /// Position, rad, sample by sample, joint by joint; and so the others.
-    pub q: Vec<f64>,
-    /// Velocity, rad/s.
-    pub dq: Vec<f64>,
-    /// Motor torque, N m.
-    pub tau: Vec<f64>,
-    /// Motor temperature, °C; not a number where not recorded.
-    pub temperature: Vec<f64>,
-    /// The foot's sensor, in its own unit, where recorded.
-    pub foot: Vec<f64>,
-    /// Samples that repeat the one before, left out.
-    pub repeated: u64,
-}
-
-impl LimbRecording {
-    /// Number of samples.
-    pub fn len(&self) -> usize {
-        self.time_us.len()
-    }
-
-    /// Whether there is no sample.
-    pub fn is_empty(&self) -> bool {
-        self.time_us.is_empty()
-    }
-
-    /// The stretches without a gap.
-    pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
-        let ends = self.starts.iter().skip(1).copied().chain([self.len()]);
-        self.starts
-            .iter()
-            .copied()
-            .zip(ends)
-            .map(|(start, end)| start..end)
-    }
-
-    /// Adds a sample; `new_log` where nothing is continuous with what came before.
-    fn push(&mut self, time_us: u64, sample: [&[f64]; 4], foot: f64, new_log: bool) {
-        let n = self.joints;
-        let [q, dq, tau, temperature] = sample;
-        if let Some(&last) = self.time_us.last() {
-            let same = |old: &[f64], new: &[f64]| old[old.len() - n..] == *new;
-            if time_us <= last {
-                return;
-            }
-            if !new_log && same(&self.q, q) && same(&self.dq, dq) && same(&self.tau, tau) {
-                self.repeated += 1;
-                return;
-            }
-            if new_log || time_us - last > MAX_GAP_US {
-                self.starts.push(self.time_us.len());
-            }
-        } else {
-            self.starts.push(0);
-        }
-        self.time_us.push(time_us);
-        self.q.extend_from_slice(q);
-        self.dq.extend_from_slice(dq);
-        self.tau.extend_from_slice(tau);
-        self.temperature.extend_from_slice(temperature);
-        self.foot.push(foot);
-    }
-}
+/// Most samples of a limb that are kept, about four minutes at 500 Hz: a diagnosis then fits in 200 MB.
+const MOST_SAMPLES: usize = 130_000;
+/// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
+const PIECE_US: u64 = 2_000_000;
 
 /// Logs of one robot.
 #[derive(Debug, Clone)]
@@ -132,7 +67,7 @@ impl Recording {
             duration: 0.0,
             gates: Vec::new(),
         };
-        let mut offset_us = 0;
+        let (mut offset_us, mut pieces) = (0, Pieces::all());
         for path in logs {
             let mut reader = LogReader::open(path, Selection::Everything)?;
             let recorded = reader.columns().joints();
@@ -146,7 +81,8 @@ impl Recording {
                 let start_us = *first.get_or_insert(row.time_us);
                 last_us = row.time_us.saturating_sub(start_us);
                 gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
-                for (n, (place, joints)) in limbs.iter().enumerate() {
+                let kept = pieces.keep(offset_us + last_us);
+                for (n, (place, joints)) in limbs.iter().enumerate().filter(|_| kept) {
                     let channels = [row.q(), row.dq(), row.tau(), row.temp()];
                     for (to, from) in buffer.iter_mut().zip(channels) {
                         to.clear();
@@ -166,6 +102,7 @@ impl Recording {
                 }
                 rows += 1;
                 if rows.is_multiple_of(1024) {
+                    pieces.thin(&mut recording.limbs);
                     let (done, total) = reader.progress();
                     progress(done, total);
                 }
@@ -182,6 +119,8 @@ impl Recording {
             recording.duration += last_us as f64 * 1e-6;
             offset_us += last_us + BETWEEN_LOGS_US;
         }
+        let warning = pieces.warning(recording.duration);
+        recording.warnings.extend(warning);
         if recording.limbs.is_empty() {
             return Err(CriticismError::NoLimb {
                 logs: logs.to_vec(),

@@ -11,8 +11,6 @@ use super::whitening::{Whitening, neighbour_correlation};
 
 /// Windows that a scan looks at, spread over the recording.
 const MOST_WINDOWS: usize = 3000;
-/// Windows that follow one another are looked at in runs of this many.
-const RUN: usize = 100;
 /// A correlation of neighbours that differs by less is the same.
 const CORRELATION_STEP: f64 = 0.03;
 /// Multiples of the gear ratio that cogging is looked for at.
@@ -38,8 +36,12 @@ impl LimbCriticism<'_> {
             self.refold();
         }
         let looked = self.look(&self.fit.theta);
+        let longest = looked.windows.iter().map(Vec::len).max().unwrap_or(0);
+        let stride = (longest / MOST_WINDOWS).max(1);
         let mut changed = false;
         for joint in 0..self.recording.joints {
+            let windows = looked.windows[joint].iter().step_by(stride);
+            let scanned: Vec<([usize; 2], f64)> = windows.copied().collect();
             for effect in [
                 EffectKind::Stribeck,
                 EffectKind::Cogging,
@@ -51,7 +53,7 @@ impl LimbCriticism<'_> {
                 {
                     continue;
                 }
-                let Some(best) = self.best_shape(&looked.windows[joint], place) else {
+                let Some(best) = self.best_shape(&scanned, place) else {
                     continue;
                 };
                 let before = self.shape(place);
@@ -85,22 +87,9 @@ impl LimbCriticism<'_> {
     }
 
     fn look(&self, theta: &[f64]) -> Looked {
-        let stride = (self
-            .all
-            .iter()
-            .map(|f| f.rows() as usize)
-            .max()
-            .unwrap_or(0)
-            / MOST_WINDOWS)
-            .max(1);
         let theta = self.columns.combined(theta);
         let mut windows = vec![Vec::new(); self.recording.joints];
-        let mut count = 0;
         for window in self.windows.iter() {
-            count += 1;
-            if (count / RUN) % stride != 0 {
-                continue;
-            }
             for (joint, list) in windows
                 .iter_mut()
                 .enumerate()
@@ -249,7 +238,7 @@ impl LimbCriticism<'_> {
         shape: f64,
     ) -> Vec<Vec<f64>> {
         let joints = self.recording.joints;
-        let mut columns = vec![Vec::with_capacity(windows.len()); effect.columns()];
+        let mut columns = vec![Vec::new(); effect.columns()];
         for &([first, last], _) in windows {
             let term = |k: usize| effect.terms(&self.motion.states[k * joints + joint], shape);
             let (start, end) = (term(first), term(last));
@@ -272,7 +261,7 @@ impl LimbCriticism<'_> {
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
     fn harmonics(&self, windows: &[([usize; 2], f64)], joint: usize) -> Vec<Vec<Vec<f64>>> {
         let (joints, gear) = (self.recording.joints, self.gear(joint));
-        let mut columns = vec![vec![Vec::with_capacity(windows.len()); 2]; MULTIPLES];
+        let mut columns = vec![vec![Vec::new(); 2]; MULTIPLES];
         for &([first, last], _) in windows {
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {

@@ -15,7 +15,7 @@ use super::data::{Data, Rows};
 use crate::criticism::column::Column;
 use crate::criticism::limb::LimbCriticism;
 use crate::criticism::motion::local_line;
-use crate::criticism::rows::Window;
+use crate::criticism::windows::Window;
 
 /// Which equation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use super::super::contact;
 use super::super::recording::Recording;
 use super::super::residual;
 use super::super::selection::Judged;
-use super::super::series::{JointSeries, Predict};
+use super::super::series::JointSeries;
 use super::{CandidateReport, Diagnosis, JointError, PathStep, Verdict, Walked, words};
 use crate::model::Model;
 
@@ -61,7 +61,7 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
     let rms = |rss: f64, n: f64| (rss / n).sqrt();
     let (mut joints, mut floor, mut windows) = (Vec::new(), 0.0, 0.0);
     for limb in walked {
-        let floors = limb.criticism.floor();
+        let floors = &limb.floor;
         let last = limb
             .path
             .steps
@@ -83,7 +83,7 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
     }
     let path = path(walked, model, windows);
     let start: f64 = walked.iter().flat_map(|limb| &limb.path.start).sum();
-    let outside_catalogue = outside(walked, model);
+    let outside_catalogue = outside(walked);
     let still: Vec<&str> = joints
         .iter()
         .filter(|j| j.n < LEAST_WINDOWS)
@@ -225,16 +225,10 @@ fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
 }
 
 /// What the catalogue's effects leave, joint by joint, where it is more than noise.
-fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
-    let series: Vec<JointSeries> = walked
-        .iter()
-        .flat_map(|limb| {
-            let joints = 0..limb.criticism.recording.joints;
-            let names: Vec<String> = joints.map(|j| limb.name(j, model)).collect();
-            limb.criticism.series(Predict::HeldOut, &names)
-        })
+fn outside(walked: &[Walked]) -> Vec<String> {
+    let views: Vec<_> = (walked.iter().flat_map(|limb| &limb.series))
+        .map(JointSeries::view)
         .collect();
-    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let left = residual::criticise(&views).into_iter().filter(|joint| {
         joint.structure_remains()
             && joint

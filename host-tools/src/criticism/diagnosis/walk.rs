@@ -8,6 +8,7 @@ use super::super::limb::{FOLDS, LimbCriticism, Place};
 use super::super::recording::Recording;
 use super::super::rows::Blocks;
 use super::super::selection::{self, Judged, Path};
+use super::super::series::{JointSeries, Predict};
 use super::super::velocity::VelocityGain;
 use super::{Alternative, CandidateReport, ParameterReport};
 use crate::model::{Limb, Model};
@@ -18,6 +19,10 @@ pub(super) struct Walked<'a> {
     pub(super) contact: Option<LeftOut>,
     pub(super) velocity: Vec<(usize, VelocityGain)>,
     pub(super) path: Path,
+    /// Each joint's noise floor, N m.
+    pub(super) floor: Vec<f64>,
+    /// What the model at the end of the path says of time it has not seen.
+    pub(super) series: Vec<JointSeries>,
 }
 
 /// Walks one limb; `None` if its recording is too short for folds.
@@ -71,11 +76,19 @@ pub(super) fn walk<'a>(
     if let Some(contact) = &contact {
         path.start.clone_from(&contact.before);
     }
+    let names: Vec<String> = (limb.bodies.clone())
+        .map(|body| model.joint_name(body).to_owned())
+        .collect();
+    let series = criticism.series(Predict::HeldOut, &names);
+    let floor = criticism.floor();
+    criticism.forget_windows();
     Some(Walked {
         criticism,
         contact,
         velocity,
         path,
+        series,
+        floor,
     })
 }
 

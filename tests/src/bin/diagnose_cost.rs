@@ -1,0 +1,91 @@
+//! Measures what a diagnosis costs on the desktop: `cargo run --release -p proprio-tests --bin diagnose_cost [LOG]`.
+//!
+//! Without a log: 20 s of twelve joints at 500 Hz, simulated, friction in the model, the whole catalogue tried. Processor time
+//! of all threads and the process's largest memory, as Linux counts them (`proc(5)`), against the budget: 2 s on two cores and
+//! 200 MB. Waiting for a busy machine does not count. Ends with status 1 above the budget; a given log has none.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use proprio::criticism::{Recording, diagnose};
+use proprio::model::Model;
+use proprio_core::effect::EffectKind;
+use proprio_tests::command;
+
+type Failure = Box<dyn std::error::Error>;
+
+/// 2 s on two cores.
+const MOST_SECONDS: f64 = 4.0;
+const MOST_MEGABYTES: f64 = 200.0;
+/// What the kernel counts processor time in (USER_HZ), s.
+const TICK: f64 = 0.01;
+
+fn main() -> ExitCode {
+    match measure() {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("diagnose_cost: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn measure() -> Result<bool, Failure> {
+    let folder = tempfile::tempdir()?;
+    let given = std::env::args_os().nth(1).map(PathBuf::from);
+    let log = given.clone().unwrap_or_else(|| {
+        let arguments = [
+            "simulate",
+            "--typical",
+            "--hide",
+            "load_friction:FR_calf=0.1",
+        ];
+        command::done(folder.path(), &arguments);
+        folder.path().join("simulated.csv")
+    });
+    let mut model = Model::default();
+    let friction = [
+        EffectKind::Viscous,
+        EffectKind::Coulomb,
+        EffectKind::Armature,
+        EffectKind::Bias,
+    ];
+    let joints = model.robot().bodies().len();
+    for effect in friction {
+        let places: Vec<_> = (0..joints).map(|joint| (effect, joint)).collect();
+        model.add_last(&places);
+    }
+    let begin = std::time::Instant::now();
+    let recording = Recording::read(&[log], &model, |_, _| {})?;
+    let diagnosis = diagnose(&recording, &model)?;
+    let wall = begin.elapsed().as_secs_f64();
+    let (Some(seconds), Some(megabytes)) = (processor_time(), peak_memory()) else {
+        println!("diagnose: {wall:.2} s; this system does not say what of it was processor time");
+        return Ok(true);
+    };
+    println!(
+        "diagnose {:.0} s of {joints} joints, {} candidates: {wall:.2} s, {seconds:.2} s of processor time (budget {MOST_SECONDS} s), \
+         {megabytes:.0} MB at most (budget {MOST_MEGABYTES} MB)",
+        recording.duration,
+        diagnosis.candidates.len()
+    );
+    Ok(given.is_some() || (seconds <= MOST_SECONDS && megabytes <= MOST_MEGABYTES))
+}
+
+/// Processor time of this process so far, in user and in kernel mode, s.
+fn processor_time() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name, in brackets, may hold blanks; the times are the 14th and the 15th field.
+    let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |field: usize| fields.get(field - 3)?.parse::<f64>().ok();
+    Some((ticks(14)? + ticks(15)?) * TICK)
+}
+
+/// Most memory that this process has had in RAM, MB.
+fn peak_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kilobytes: f64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(kilobytes * 1024e-6)
+}
