@@ -20,6 +20,9 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Criticism(CriticismError::TooShort { .. }) => {
             Some("record at least 4 s of motion, better 20 s".to_owned())
         }
+        Error::Criticism(CriticismError::AtRest { .. }) => {
+            Some("record the joints moving, slowly and fast; leave out a log at rest".to_owned())
+        }
         Error::Criticism(CriticismError::NoLimb { .. }) => {
             Some("record all joints of a leg, or name the model of the robot that the log is of".to_owned())
         }

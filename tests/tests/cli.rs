@@ -160,10 +160,14 @@ fn a_simulated_robot_is_identified() {
     }
     assert!(identified >= 48, "{identified} identified");
     let rms = |key: &str| result[key].as_f64().unwrap();
-    // Ten thousand windows leave nothing to overfit: the error on unseen blocks is the fit's, up to the windows that the
-    // guards between blocks leave out.
+    // On unseen blocks the error grows by a share p/n, and an rms of n rows has a relative deviation of 1/√(2n): three of
+    // that for the windows that the guards between blocks leave out. 3.3 % in all.
+    let (p, n) = (named.len() as f64, 3.0 * rms("windows"));
     let ratio = rms("held_out_rms") / rms("rms");
-    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    assert!(
+        (ratio - 1.0).abs() < p / n + 3.0 / (2.0 * n).sqrt(),
+        "{ratio}"
+    );
     assert!(rms("held_out_rms") < 0.2 * rms("urdf_rms"));
 }
 
@@ -205,18 +209,24 @@ fn every_hidden_parameter_is_in_the_truth() {
 fn a_rigid_robot_without_hidden_effects_shows_none() {
     let folder = simulated("--legs FL --noise 0 --unquantised");
     let result = json(&done(folder.path(), &["identify", "log.csv", "--json"]));
-    for (effect, most) in [
-        ("coulomb", 2e-3),
-        ("viscous", 2e-3),
-        // The prior's mean is the rotor's 4.5e-3 kg m², of which it keeps less than a hundredth.
-        ("armature", 4.5e-5),
-        ("bias", 1e-2),
+    // Shares of the standard deviation that the run prints: that of the least noise which a factor takes for granted. There
+    // is no noise; what is left of an effect is what the prior pulls, mean × (std / prior's std)², and what the trapezoids of
+    // a window lack. Largest of three seeds: 0.12, 0.11, 0.06 and 0.25.
+    for (effect, share) in [
+        ("coulomb", 0.25),
+        ("viscous", 0.25),
+        ("armature", 0.1),
+        ("bias", 0.5),
     ] {
         for joint in ["FL_hip", "FL_thigh", "FL_calf"] {
-            let value = parameter(&result, &format!("{effect}:{joint}"))["value"]
-                .as_f64()
-                .unwrap();
-            assert!(value.abs() < most, "{effect} of {joint}: {value}");
+            let estimate = parameter(&result, &format!("{effect}:{joint}"));
+            let number = |key: &str| estimate[key].as_f64().unwrap();
+            let pull = number("prior") * (number("std") / number("prior_std")).powi(2);
+            let off = number("value") - pull;
+            assert!(
+                off.abs() < share * number("std"),
+                "{effect} of {joint}: {off}"
+            );
         }
     }
 }

@@ -187,6 +187,7 @@ fn reports_have_their_sections() {
             Some("candidates"),
         ),
         (&["identify", "log.csv"], None),
+        (&["identify", "log.csv", "-m", "model.toml"], None),
     ] {
         done(folder, &[command, &["--html", "report.html"]].concat());
         let page = fs::read_to_string(folder.join("report.html")).unwrap();

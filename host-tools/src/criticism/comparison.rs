@@ -286,10 +286,13 @@ fn all_series(
     let limbs = of_each_limb(recording, of);
     let (series, values): (Vec<_>, Vec<_>) = limbs.into_iter().flatten().unzip();
     let series: Vec<JointSeries> = series.into_iter().flatten().collect();
-    if series.iter().all(|series| series.t.is_empty()) {
+    if series.is_empty() {
         return Err(CriticismError::TooShort {
             duration: recording.duration,
         });
+    }
+    if series.iter().all(|series| series.t.is_empty()) {
+        return Err(CriticismError::at_rest(recording));
     }
     Ok((series, values.into_iter().flatten().collect()))
 }

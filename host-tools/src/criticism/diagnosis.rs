@@ -143,5 +143,9 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Criti
             duration: recording.duration,
         });
     }
+    let rests = |w: &Walked| w.contact.is_none() && w.windows().iter().all(|n| *n == 0.0);
+    if walked.iter().all(rests) {
+        return Err(CriticismError::at_rest(recording));
+    }
     Ok(report(recording, model, &walked))
 }

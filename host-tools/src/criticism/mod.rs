@@ -55,6 +55,12 @@ pub enum CriticismError {
         /// Length of the logs together, s.
         duration: f64,
     },
+    /// No joint moves: rows of one at rest say nothing.
+    #[error("{}: no joint moves", names(.logs))]
+    AtRest {
+        /// The logs.
+        logs: Vec<PathBuf>,
+    },
     /// No log has all joints of a limb of the model.
     #[error("{}: not all joints of any limb of the model are recorded; its limbs are {limbs}", names(.logs))]
     NoLimb {
@@ -63,6 +69,14 @@ pub enum CriticismError {
         /// The limbs of the model by their joints, in words.
         limbs: String,
     },
+}
+
+impl CriticismError {
+    pub(crate) fn at_rest(recording: &Recording) -> Self {
+        Self::AtRest {
+            logs: recording.logs.clone(),
+        }
+    }
 }
 
 fn names(logs: &[PathBuf]) -> String {

@@ -33,7 +33,7 @@ pub struct FitOptions {
 /// Fits `model`, whose values are not looked at but whose priors are, to a recording.
 ///
 /// # Errors
-/// [`CriticismError::TooShort`] if no limb has enough samples.
+/// [`CriticismError::TooShort`] if no limb has enough samples, [`CriticismError::AtRest`] if no joint moves.
 pub fn fit_model(
     recording: &Recording,
     model: &Model,
@@ -50,6 +50,10 @@ pub fn fit_model(
         return Err(CriticismError::TooShort {
             duration: recording.duration,
         });
+    }
+    let rests = |fit: &LimbFit| fit.all.iter().all(|rows| rows.count == 0.0);
+    if fits.iter().all(rests) {
+        return Err(CriticismError::at_rest(recording));
     }
     let mut tilt = None;
     if without.effect(EffectKind::BaseTilt, BASE).is_some() {

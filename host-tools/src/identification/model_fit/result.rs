@@ -220,7 +220,7 @@ fn joint_fit(joint: &str, misfit: &Misfit) -> FittedJoint {
         joint: joint.to_owned(),
         windows: misfit.windows as u64,
         rms: rms(misfit.fit),
-        held_out_rms: misfit.held_out.map(rms),
+        held_out_rms: misfit.held_out.filter(|_| misfit.windows > 0.0).map(rms),
         cad_rms: rms(misfit.cad),
     }
 }
@@ -256,7 +256,8 @@ impl fmt::Display for Fitted {
         let mut table = Table::default();
         table.row(["joint", "rms", "held-out", "CAD's"].map(str::to_owned));
         for joint in &self.joints {
-            let errors = [Some(joint.rms), joint.held_out_rms, Some(joint.cad_rms)].map(rms);
+            let known = |rms| (joint.windows > 0).then_some(rms);
+            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)].map(rms);
             table.row([joint.joint.clone()].into_iter().chain(errors));
         }
         let errors = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
