@@ -25,6 +25,10 @@ pub(crate) const WINDOW_US: u64 = 20_000;
 const GUARD_US: u64 = 40_000;
 /// Slower than this a joint may be held by friction, whose torque is then anything up to its limit, rad/s.
 const REST: f64 = 0.02;
+/// Share of a window in which a joint may be so slow and the window still say something of its friction: one sample of a
+/// Go2, which a reversal takes that friction does not hold up. A joint that is held, at each reversal for some
+/// milliseconds, has a friction that runs from one limit to the other meanwhile, and no column that says so.
+const MOST_REST: f64 = 0.125;
 /// Step of central differences, rad and rad/s.
 const STEP: f64 = 1e-4;
 
@@ -69,7 +73,7 @@ pub(crate) struct Window<'a> {
     pub(crate) block: Option<usize>,
     /// Each joint's row: its columns, then the mean torque, N m.
     pub(crate) rows: &'a [Vec<f64>],
-    /// Whether each joint moves: rows of one at rest say nothing of friction.
+    /// Whether each joint moves all the while: rows of one at rest, be it for a part, say nothing of friction.
     pub(crate) moves: &'a [bool],
     /// First and last sample.
     pub(crate) samples: [usize; 2],
@@ -154,7 +158,7 @@ impl Limb<'_> {
                             {
                                 *row = (end - start + sum) / length;
                             }
-                            moves[j] = rest[j] < 0.5 * length;
+                            moves[j] = rest[j] < MOST_REST * length;
                         }
                         visit(&Window {
                             t: 0.5e-6 * (since(first) + since(k)) as f64,
