@@ -54,6 +54,16 @@ impl Status {
             _ => Self::Unexcited,
         }
     }
+
+    /// The same where the prior looks different from the estimate than from the CAD (`there`) and residuals remember: what
+    /// independent residuals would add to the prior there tells whether the motion shows the parameter at all.
+    pub(crate) fn there(std: f64, prior_std: f64, independent: f64, there: f64) -> Self {
+        match (Self::of(std, prior_std), Self::of(independent, there)) {
+            (Self::Identified, _) => Self::Identified,
+            (_, Self::Unexcited) => Self::Unexcited,
+            _ => Self::Prior,
+        }
+    }
 }
 
 /// A leg's θ and standard deviations.
@@ -231,4 +241,18 @@ pub fn effect_table<const N: usize>(
         table.row(line(joint.name(), cells, further));
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A calf half as heavy as the CAD's: the prior there is tighter, residuals that remember make the error larger than it.
+    #[test]
+    fn what_the_data_moved_is_not_unexcited() {
+        assert_eq!(Status::of(0.3, 0.25), Status::Unexcited);
+        assert_eq!(Status::there(0.3, 0.5, 0.1, 0.25), Status::Prior);
+        assert_eq!(Status::there(0.5, 0.5, 0.25, 0.25), Status::Unexcited);
+        assert_eq!(Status::there(0.2, 0.5, 0.1, 0.25), Status::Identified);
+    }
 }

@@ -4,6 +4,8 @@
 pub mod battery;
 pub mod browser;
 pub mod command;
+pub mod device_fit;
 pub mod motion;
 pub mod oracle;
+pub mod prior_reach;
 pub mod report_example;

@@ -1,9 +1,13 @@
 //! What the sensors said, put right as far as the model knows what is wrong with them.
 //!
 //! Velocity gains, encoder offsets and delays of the torque are taken out; where the model has elasticity or backlash, the
-//! link's motion is told from the motor's. Logs lie whole in memory, so later samples help: the velocity near standstill
-//! and the smooth torque are slopes and means of a local straight line (Savitzky & Golay 1964) over a few
-//! samples at their own times.
+//! link's motion is told from the motor's. Logs lie whole in memory, so later samples help: polynomials through the samples
+//! around each, at their own times (Savitzky & Golay 1964), give the velocity (a parabola) and the smooth torque with its
+//! slope (a line).
+//!
+//! The velocity's noise is not only scatter of the rows but stands in their columns, and noise there pulls what multiplies
+//! it towards zero: without the parabola, a simulated Go2's inertias come out 0.3 to 0.6 % small, two standard deviations
+//! of a minute's log. A wider one rounds off the kinks of the velocity where dry friction reverses.
 
 use proprio_core::effect::{EffectKind, JointState};
 
@@ -11,8 +15,8 @@ use super::play::play;
 use super::recording::LimbRecording;
 use super::speed;
 
-/// Samples on each side of the local line of the torque, whose noise is one quantum.
-const TORQUE_WIDTH: usize = 4;
+/// How far the local polynomials of velocity and torque reach to each side, s: four samples of a Go2.
+const REACH: f64 = 8.5e-3;
 /// Speed below which the slope of the position may be noise, rad/s: ten times that of the Go2's position quantum.
 const SPEED_NOISE: f64 = 0.01;
 
@@ -148,13 +152,16 @@ impl Motion {
         let channel =
             |x: &[f64]| -> Vec<f64> { stretch.clone().map(|k| x[k * n + joint]).collect() };
         let (q, dq) = (channel(&recording.q), channel(&recording.dq));
+        let dq: Vec<f64> = (0..dq.len())
+            .map(|k| local_parabola(&times, &dq, k))
+            .collect();
         let speeds = speed::near_standstill(&times, &q, SPEED_NOISE);
         let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
         let load = transmitted(&times, &tau, &dq, &speeds, motor);
         let gap = corrections.gap[joint];
         let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
         let smooth: Vec<[f64; 2]> = (0..times.len())
-            .map(|k| local_line(&times, &load, k, TORQUE_WIDTH))
+            .map(|k| local_line(&times, &load, k, around(&times, k)))
             .collect();
         let load: Vec<f64> = smooth.iter().map(|[load, _]| *load).collect();
         let play = play(&times, &load, motor.link, tried);
@@ -193,12 +200,43 @@ impl Motion {
 /// The torque that the gear hands to the link: what is reported less what turns the rotor and rubs before the gear, N m.
 fn transmitted(t: &[f64], tau: &[f64], dq: &[f64], speed: &[f64], motor: MotorSide) -> Vec<f64> {
     let of = |k: usize| {
-        let [_, acceleration] = local_line(t, dq, k, TORQUE_WIDTH);
+        let [_, acceleration] = local_line(t, dq, k, around(t, k));
         let sign = (speed[k] / SPEED_NOISE).clamp(-1.0, 1.0);
         let taken = motor.armature * acceleration + motor.viscous * dq[k];
         tau[k] - taken - motor.coulomb * sign - motor.bias
     };
     (0..t.len()).map(of).collect()
+}
+
+/// How many samples lie within [`REACH`] on either side of sample k: the same number on both.
+fn around(t: &[f64], k: usize) -> usize {
+    let most = k.min(t.len() - 1 - k);
+    let near = |half: &usize| t[k] - t[k - half] <= REACH && t[k + half] - t[k] <= REACH;
+    (1..=most).take_while(near).count()
+}
+
+/// Value at sample k of the parabola through the samples around it.
+fn local_parabola(t: &[f64], x: &[f64], k: usize) -> f64 {
+    let half = around(t, k);
+    if half < 2 {
+        return x[k];
+    }
+    // Normal equations for a + b d + c d²; d of the order of one keeps them well-conditioned.
+    let (mut s, mut r) = ([0.0; 5], [0.0; 3]);
+    for i in k - half..=k + half {
+        let d = (t[i] - t[k]) / REACH;
+        let powers = [1.0, d, d * d, d * d * d, d * d * d * d];
+        s.iter_mut().zip(powers).for_each(|(s, p)| *s += p);
+        r.iter_mut().zip(powers).for_each(|(r, p)| *r += p * x[i]);
+    }
+    // Cofactors of the first column: Cramer's rule for a.
+    let cofactors = [
+        s[2] * s[4] - s[3] * s[3],
+        s[2] * s[3] - s[1] * s[4],
+        s[1] * s[3] - s[2] * s[2],
+    ];
+    let dot = |x: &[f64]| x.iter().zip(cofactors).map(|(x, c)| x * c).sum::<f64>();
+    dot(&r) / dot(&s[..3])
 }
 
 /// Value and slope at sample k of the straight line through the samples around it.
@@ -265,6 +303,37 @@ mod tests {
         let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
         let [_, slope] = local_line(&t, &x, 10, 4);
         assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
+    }
+
+    /// At uneven times too; noise falls to what nine even samples leave of it, √(59/231) (Savitzky & Golay 1964, table I).
+    #[test]
+    fn a_parabola_keeps_its_value_and_noise_falls_by_half() {
+        let uneven: Vec<f64> = (0..20)
+            .map(|k| 0.002 * f64::from(k) + 0.0004 * f64::from(k % 3))
+            .collect();
+        let x: Vec<f64> = uneven
+            .iter()
+            .map(|t| 1.0 + 3.0 * t + 50.0 * t * t)
+            .collect();
+        for k in 0..20 {
+            assert!((local_parabola(&uneven, &x, k) - x[k]).abs() < 1e-12);
+        }
+        let even: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
+        let square: f64 = (0..20)
+            .map(|n| {
+                let one: Vec<f64> = (0..20).map(|k| f64::from(u8::from(k == n))).collect();
+                local_parabola(&even, &one, 10).powi(2)
+            })
+            .sum();
+        assert!((square - 59.0 / 231.0).abs() < 1e-9, "{square}");
+    }
+
+    /// A slow recorder's neighbours are too far away to tell this sample's velocity.
+    #[test]
+    fn samples_farther_away_do_not_count() {
+        let t: Vec<f64> = (0..20).map(|k| 0.01 * f64::from(k)).collect();
+        let x: Vec<f64> = (0..20).map(|k| f64::from(k % 2)).collect();
+        assert_eq!(local_parabola(&t, &x, 10), x[10]);
     }
 
     #[test]

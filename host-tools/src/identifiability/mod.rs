@@ -121,6 +121,7 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
         .without_data()
         .solve()
         .map(|prior| inverse(&prior.factor));
+    let there = fit.problem.prior_root(&fit.solution.theta);
     let data_std = data_std(fit, structure);
     let parameter = |(r, combination): (usize, &Vec<f64>)| {
         let first = structure.independent[r];
@@ -149,7 +150,7 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
             std_independent,
             data_std: data_std[r],
             prior_std,
-            status: Status::of(std, prior_std),
+            status: Status::there(std, prior_std, std_independent, there.tr_mul(&p).norm()),
             terms: terms
                 .into_iter()
                 .map(|(k, coefficient)| Term {

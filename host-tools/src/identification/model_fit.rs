@@ -214,6 +214,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = Deviations::of(fit);
     let prior = fit.problem.without_data().solve();
     let prior_std = prior.as_ref().map(super::physical::Solution::std);
+    let there = fit.problem.prior_root(&fit.solution.theta);
     let entries = fit.criticism.columns.entries.iter().enumerate();
     let mut all: Vec<FittedParameter> = entries
         .filter(|(_, entry)| entry.joint != BASE)
@@ -239,7 +240,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
                     std,
                     prior: mean,
                     prior_std,
-                    status: Status::of(std, prior_std),
+                    status: Status::there(std, prior_std, independent, there.row(k).norm() * scale),
                     at_bound: fit.solution.held[k],
                 },
                 std_independent: independent,

@@ -153,6 +153,11 @@ impl Problem {
         rows.columns(0, n).into_owned()
     }
 
+    /// A root S of the prior's covariance S Sᵀ as the prior looks from θ: a body twice as heavy is known half as well.
+    pub(crate) fn prior_root(&self, theta: &DVector<f64>) -> DMatrix<f64> {
+        inverse(&self.prior_information(theta))
+    }
+
     /// R and z of all rows, the prior expanded about θ.
     pub(crate) fn expanded(&self, theta: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let (n, prior) = (self.parameters(), self.prior_rows(theta)?);
