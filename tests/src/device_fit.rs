@@ -76,17 +76,15 @@ pub struct ConsistentFit {
     /// The same of the consistent fit.
     pub negative_left: usize,
     /// Sum of squared residuals in units of each joint's noise, over that of the fit without constraints.
-    pub cost: f64,
+    pub misfit: f64,
+    /// The cost that it minimises, the prior included, over what that is at the fit without constraints; none where that is
+    /// unphysical.
+    pub cost: Option<f64>,
     /// Greatest difference between the answers of two starts, in standard deviations.
     pub apart: f64,
 }
 
 impl ConsistentFit {
-    /// Whether the fit without constraints is physical.
-    pub fn free_is_physical(&self) -> bool {
-        self.impossible + self.negative == 0
-    }
-
     /// Fits a leg's factors from the CAD and from [`STARTS`] random bodies.
     ///
     /// # Errors
@@ -108,7 +106,9 @@ impl ConsistentFit {
             let of = |joint| data.sum_of_squares(joint, theta) / data.noise(joint).powi(2);
             (0..JOINTS_PER_LEG).map(of).sum()
         };
-        let cost = misfit(&theta) / misfit(free.values());
+        let cost = (impossible + negative == 0)
+            .then(|| Some(solver.cost(&theta)? / solver.cost(free.values())?))
+            .flatten();
         let smallest = (0..JOINTS_PER_LEG)
             .map(|b| smallest(&body(&theta, b), &prior.cad()[b]))
             .fold(f64::INFINITY, f64::min);
@@ -118,6 +118,7 @@ impl ConsistentFit {
             impossible,
             negative,
             negative_left: self::negative(&theta),
+            misfit: misfit(&theta) / misfit(free.values()),
             cost,
             apart: 0.0,
         };

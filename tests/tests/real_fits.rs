@@ -40,8 +40,9 @@ fn the_consistent_fit_of_every_log_is_physical_and_one_from_every_start() {
             assert!(fit.smallest > 0.0 && fit.negative_left == 0, "{what}");
             assert!(fit.iterations.iter().all(|n| *n < MAX_ITERATIONS), "{what}");
             assert!(fit.apart < 1e-3, "{what}");
-            if fit.free_is_physical() {
-                assert!(fit.cost <= 1.01, "{what}");
+            // Where nothing is held, the two differ by their priors alone: that of a body may make it light, but not nothing.
+            if let Some(cost) = fit.cost {
+                assert!(cost <= 1.0 + 1e-9 && fit.misfit <= 1.02, "{what}");
                 compared += 1;
             }
         }

@@ -19,7 +19,9 @@ mod leg;
 mod tests;
 
 use crate::Real;
-use crate::estimator::{COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS};
+use crate::estimator::{
+    Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
+};
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::window::Settings;
 use crate::wire::{
@@ -320,16 +322,28 @@ impl<T: Real> App<T> {
             assert!(COLUMNS.len() <= wire::MAX_EFFECTS);
         }
         let solver = &self.solver;
+        let active: &Active = self.gather.active();
+        let values = solver.values().iter().copied().map(single);
+        let neutral = active.effects().map(|(_, n)| neutral(n));
+        let neutral = core::iter::repeat_n(0.0, LEG_INERTIAL).chain(neutral);
         Estimate {
             leg: which.index() as u8,
             time_us,
             windows: single(solver.windows()) as u32,
-            effects: self.gather.active().0,
-            values: solver.values().iter().copied().map(single).collect(),
+            effects: active.0,
+            values: values.zip(neutral).map(|(v, n)| v + n).collect(),
             std: solver.std().iter().copied().map(single).collect(),
             noise: solver.noise().map(single),
         }
     }
+}
+
+/// The value of effect n's parameter at which it does nothing: columns are of what goes beyond it.
+fn neutral(n: usize) -> f32 {
+    let parameter = COLUMNS.get(n).map(|effect| effect.description().parameters);
+    parameter
+        .and_then(<[_]>::first)
+        .map_or(0.0, |p| p.neutral as f32)
 }
 
 /// A verdict as the wire has it.
@@ -344,7 +358,7 @@ fn told<T: Real>(verdict: &Verdict<T>) -> wire::Diagnosis {
         windows: single(verdict.windows) as u32,
         gain: single(verdict.held_out.gain()),
         gain_error: single(verdict.held_out.gain_error()),
-        value: single(verdict.finding.value()),
+        value: single(verdict.finding.value()) + neutral(verdict.effect),
         std: single(verdict.finding.std()),
     }
 }

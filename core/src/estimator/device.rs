@@ -24,7 +24,7 @@ pub use gather::Gather;
 use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
 };
-use crate::effect::{EffectKind, Form, JointState, Term};
+use crate::effect::{EffectKind, Form, JointState, Prior, Term};
 use crate::factor::packed_len;
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
@@ -77,13 +77,11 @@ const fn shape(effect: EffectKind) -> f64 {
     }
 }
 
-// A column of no term would be zero whatever the data, and its effect never found. A column is of what goes beyond the
-// neutral value; with that at zero it is of the parameter itself.
+// A column of no term would be zero whatever the data, and its effect never found.
 const _: () = {
     let mut n = 0;
     while n < DEVICE_COLUMNS {
         assert!(matches!(COLUMNS[n].description().form, Form::Columns));
-        assert!(COLUMNS[n].description().parameters[0].neutral == 0.0);
         n += 1;
     }
 };
@@ -186,10 +184,19 @@ impl Active {
     }
 }
 
-/// What is known before any data of effect n at a joint, and its bounds.
+/// What is known before any data of effect n at a joint, and its bounds; of the parameter beyond its neutral value.
 pub(crate) fn effect_prior(joint: usize, n: usize) -> EffectPrior {
     let effect = COLUMNS[n % DEVICE_COLUMNS];
-    EffectPrior::of(effect, effect.prior(&ACTUATORS[joint % JOINTS_PER_LEG]))
+    let parameter = &effect.description().parameters[0];
+    let prior = effect.prior(&ACTUATORS[joint % JOINTS_PER_LEG]);
+    EffectPrior {
+        prior: Prior {
+            mean: prior.mean - parameter.neutral,
+            std: prior.std,
+        },
+        lower: parameter.lower - parameter.neutral,
+        upper: parameter.upper - parameter.neutral,
+    }
 }
 
 impl<T: Real> DevicePrior<T> {

@@ -99,7 +99,12 @@ impl<T: Real> LegPrior<T> {
         let cad = leg::<T>(which).bodies().map(|body| body.inertia);
         let effects = core::array::from_fn(|n| {
             let effect = EFFECTS[n % EFFECTS.len()];
-            EffectPrior::of(effect, effect.prior(&ACTUATORS[n / EFFECTS.len()]))
+            let parameter = effect.description().parameters[0];
+            EffectPrior {
+                prior: effect.prior(&ACTUATORS[n / EFFECTS.len()]),
+                lower: parameter.lower,
+                upper: parameter.upper,
+            }
         });
         Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], effects)
     }

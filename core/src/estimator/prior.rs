@@ -1,7 +1,7 @@
 //! What is taken to be true of a limb before any data.
 
 use crate::Real;
-use crate::effect::{EffectKind, Prior};
+use crate::effect::Prior;
 use crate::factor::{BodyFactor, Factor, packed_len};
 use crate::inertia::{INERTIAL, InertialParameters};
 use crate::scalar::real;
@@ -15,18 +15,6 @@ pub struct EffectPrior {
     pub lower: f64,
     /// Greatest physical value.
     pub upper: f64,
-}
-
-impl EffectPrior {
-    /// Of an effect's first parameter, within the catalogue's bounds.
-    pub fn of(effect: EffectKind, prior: Prior) -> Self {
-        let parameter = &effect.description().parameters[0];
-        Self {
-            prior,
-            lower: parameter.lower,
-            upper: parameter.upper,
-        }
-    }
 }
 
 /// A limb's bodies as the CAD has them within a relative uncertainty, and its effects' priors, `E` in the order of θ.

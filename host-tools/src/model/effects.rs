@@ -176,7 +176,12 @@ impl Model {
         let prior = own
             .or(general.map(|(_, prior)| *prior))
             .unwrap_or_else(|| self.robot.effect_prior(effect, joint));
-        EffectPrior::of(effect, prior)
+        let parameter = &effect.description().parameters[0];
+        EffectPrior {
+            prior,
+            lower: parameter.lower,
+            upper: parameter.upper,
+        }
     }
 
     pub(super) fn entry(&mut self, effect: EffectKind, joint: usize) -> &mut ModelEffect {
