@@ -152,10 +152,10 @@ impl Motion {
         let channel =
             |x: &[f64]| -> Vec<f64> { stretch.clone().map(|k| x[k * n + joint]).collect() };
         let (q, dq) = (channel(&recording.q), channel(&recording.dq));
-        let dq: Vec<f64> = (0..dq.len())
-            .map(|k| local_parabola(&times, &dq, k))
-            .collect();
         let speeds = speed::near_standstill(&times, &q, SPEED_NOISE);
+        let dq: Vec<f64> = (0..dq.len())
+            .map(|k| local_parabola(&times, &dq, k, same_direction(&times, &speeds, k)))
+            .collect();
         let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
         let load = transmitted(&times, &tau, &dq, &speeds, motor);
         let gap = corrections.gap[joint];
@@ -215,15 +215,24 @@ fn around(t: &[f64], k: usize) -> usize {
     (1..=most).take_while(near).count()
 }
 
+/// The samples within [`REACH`] of sample k in which the joint moves in the same direction: friction kinks the velocity where
+/// the direction changes.
+fn same_direction(t: &[f64], speed: &[f64], k: usize) -> std::ops::RangeInclusive<usize> {
+    let is_alike =
+        |i: &usize| (t[*i] - t[k]).abs() <= REACH && speed[*i].signum() == speed[k].signum();
+    let before = (0..k).rev().take_while(is_alike).count();
+    let after = (k + 1..t.len()).take_while(is_alike).count();
+    k - before..=k + after
+}
+
 /// Value at sample k of the parabola through the samples around it.
-fn local_parabola(t: &[f64], x: &[f64], k: usize) -> f64 {
-    let half = around(t, k);
-    if half < 2 {
+fn local_parabola(t: &[f64], x: &[f64], k: usize, around: std::ops::RangeInclusive<usize>) -> f64 {
+    if around.clone().count() < 5 {
         return x[k];
     }
     // Normal equations for a + b d + c d²; d of the order of one keeps them well-conditioned.
     let (mut s, mut r) = ([0.0; 5], [0.0; 3]);
-    for i in k - half..=k + half {
+    for i in around {
         let d = (t[i] - t[k]) / REACH;
         let powers = [1.0, d, d * d, d * d * d, d * d * d * d];
         s.iter_mut().zip(powers).for_each(|(s, p)| *s += p);
@@ -305,6 +314,25 @@ mod tests {
         assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
     }
 
+    /// The parabola's value of a joint that moves in one direction.
+    fn value(t: &[f64], x: &[f64], k: usize) -> f64 {
+        local_parabola(t, x, k, same_direction(t, &vec![1.0; t.len()], k))
+    }
+
+    /// A velocity that friction kinks at its reversal is not rounded off there.
+    #[test]
+    fn a_kink_at_a_reversal_stays() {
+        let t: Vec<f64> = (0..40).map(|k| 0.002 * f64::from(k)).collect();
+        let speed: Vec<f64> = t
+            .iter()
+            .map(|t| (if *t < 0.0401 { 80.0 } else { 20.0 }) * (0.0401 - t))
+            .collect();
+        for k in 0..40 {
+            let smooth = local_parabola(&t, &speed, k, same_direction(&t, &speed, k));
+            assert!((smooth - speed[k]).abs() < 1e-12, "{k}");
+        }
+    }
+
     /// At uneven times too; noise falls to what nine even samples leave of it, √(59/231) (Savitzky & Golay 1964, table I).
     #[test]
     fn a_parabola_keeps_its_value_and_noise_falls_by_half() {
@@ -316,13 +344,13 @@ mod tests {
             .map(|t| 1.0 + 3.0 * t + 50.0 * t * t)
             .collect();
         for k in 0..20 {
-            assert!((local_parabola(&uneven, &x, k) - x[k]).abs() < 1e-12);
+            assert!((value(&uneven, &x, k) - x[k]).abs() < 1e-12);
         }
         let even: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
         let square: f64 = (0..20)
             .map(|n| {
                 let one: Vec<f64> = (0..20).map(|k| f64::from(u8::from(k == n))).collect();
-                local_parabola(&even, &one, 10).powi(2)
+                value(&even, &one, 10).powi(2)
             })
             .sum();
         assert!((square - 59.0 / 231.0).abs() < 1e-9, "{square}");
@@ -333,7 +361,7 @@ mod tests {
     fn samples_farther_away_do_not_count() {
         let t: Vec<f64> = (0..20).map(|k| 0.01 * f64::from(k)).collect();
         let x: Vec<f64> = (0..20).map(|k| f64::from(k % 2)).collect();
-        assert_eq!(local_parabola(&t, &x, 10), x[10]);
+        assert_eq!(value(&t, &x, 10), x[10]);
     }
 
     #[test]

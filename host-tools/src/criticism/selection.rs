@@ -72,6 +72,7 @@ fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         && -harm < MOST_HARM * (gain - harm)
         && limb.held_out_gain(candidate).0 > LEAST_GAIN
         && limb.in_bounds(candidate)
+        && limb.is_resolved(candidate)
 }
 
 /// The place of the best of significant candidates, best first; of two that differ by less than the error of their

@@ -11,6 +11,9 @@ use super::{LimbCriticism, Place};
 /// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
 const REACH: f64 = 0.3;
 
+/// A smaller delay is none, sampling periods.
+const LEAST_DELAY: f64 = 0.05;
+
 /// What an effect would add.
 #[derive(Debug, Clone)]
 pub(crate) struct Candidate {
@@ -211,6 +214,16 @@ impl LimbCriticism<'_> {
             .collect();
         let (fall, error) = sum_and_error(&falls);
         (fall / without, error / without)
+    }
+
+    /// Whether samples can tell a candidate's value from none at all, whatever their number: how the torque runs between two
+    /// samples is not known.
+    pub(crate) fn is_resolved(&self, candidate: &Candidate) -> bool {
+        let time = &self.recording.time_us;
+        let span = time.last().zip(time.first()).map_or(0, |(last, first)| last - first);
+        let period = 1e-6 * span as f64 / time.len().max(2) as f64;
+        candidate.place.0 != EffectKind::Delay
+            || candidate.value[0].abs() > LEAST_DELAY * period
     }
 
     /// Whether a candidate's value is physical within twice its error.
