@@ -14,6 +14,7 @@ pub mod comparison;
 mod contact;
 pub mod diagnosis;
 mod dot;
+mod drift;
 mod foot;
 pub mod gate;
 pub(crate) mod limb;

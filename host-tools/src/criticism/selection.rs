@@ -12,6 +12,9 @@ const LEAST_Z: f64 = 4.5;
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
 const LEAST_GAIN: f64 = 0.005;
+/// The same of effects whose column is made of the measured torque: the controller answers to the sensors' noise, so that the
+/// column's noise and the residual's are not independent.
+const LEAST_GAIN_OF_TORQUE: f64 = 0.02;
 /// A more general effect must gain this share more than its special case.
 const LEAST_SHARE: f64 = 0.05;
 /// Most effects that a limb is given.
@@ -67,10 +70,14 @@ pub(crate) struct Judged {
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
+    let least_gain = match candidate.place.0 {
+        EffectKind::Elasticity | EffectKind::Backlash | EffectKind::Delay => LEAST_GAIN_OF_TORQUE,
+        _ => LEAST_GAIN,
+    };
     candidate.z >= LEAST_Z
         && gain > error
         && -harm < MOST_HARM * (gain - harm)
-        && limb.held_out_gain(candidate).0 > LEAST_GAIN
+        && limb.held_out_gain(candidate).0 > least_gain
         && limb.in_bounds(candidate)
         && limb.is_resolved(candidate)
 }

@@ -3,6 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::super::contact;
+use super::super::drift::Drift;
 use super::super::recording::Recording;
 use super::super::residual;
 use super::super::selection::Judged;
@@ -83,7 +84,7 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
     }
     let path = path(walked, model, windows);
     let start: f64 = walked.iter().flat_map(|limb| &limb.path.start).sum();
-    let outside_catalogue = outside(walked);
+    let outside_catalogue = outside(walked, model);
     let still: Vec<&str> = joints
         .iter()
         .filter(|j| j.n < LEAST_WINDOWS)
@@ -225,7 +226,7 @@ fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
 }
 
 /// What the catalogue's effects leave, joint by joint, where it is more than noise.
-fn outside(walked: &[Walked]) -> Vec<String> {
+fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
     let views: Vec<_> = (walked.iter().flat_map(|limb| &limb.series))
         .map(JointSeries::view)
         .collect();
@@ -235,13 +236,17 @@ fn outside(walked: &[Walked]) -> Vec<String> {
                 .above_noise_percent
                 .is_some_and(|share| share > MOST_ABOVE_NOISE)
     });
-    left.map(|joint| {
+    let structures = left.map(|joint| {
         let share = joint.above_noise_percent.unwrap_or(0.0);
         let place = joint.patterns.first().map_or(String::new(), |pattern| format!(" {}", pattern.sentence));
         format!(
             "{}: no effect of the catalogue explains {share:.0} % of the error that is left.{place}",
             joint.joint
         )
-    })
-    .collect()
+    });
+    let drifts = walked.iter().flat_map(|limb| {
+        let of = |drift: &Drift| words::drift(drift, &limb.name(drift.joint, model));
+        limb.drifts.iter().map(of)
+    });
+    structures.chain(drifts).collect()
 }

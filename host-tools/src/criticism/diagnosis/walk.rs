@@ -4,6 +4,7 @@ use proprio_core::effect::EffectKind;
 
 use super::super::column::BASE;
 use super::super::contact::{LeftOut, leave_out_contact};
+use super::super::drift::{Drift, drifts};
 use super::super::limb::{FOLDS, LimbCriticism, Place};
 use super::super::recording::Recording;
 use super::super::rows::Blocks;
@@ -21,6 +22,8 @@ pub(super) struct Walked<'a> {
     pub(super) path: Path,
     /// Each joint's noise floor, N m.
     pub(super) floor: Vec<f64>,
+    /// What changes with time.
+    pub(super) drifts: Vec<Drift>,
     /// What the model at the end of the path says of time it has not seen.
     pub(super) series: Vec<JointSeries>,
 }
@@ -80,7 +83,7 @@ pub(super) fn walk<'a>(
         .map(|body| model.joint_name(body).to_owned())
         .collect();
     let series = criticism.series(Predict::HeldOut, &names);
-    let floor = criticism.floor();
+    let (floor, drifts) = (criticism.floor(), drifts(&criticism));
     criticism.forget_windows();
     Some(Walked {
         criticism,
@@ -89,6 +92,7 @@ pub(super) fn walk<'a>(
         path,
         series,
         floor,
+        drifts,
     })
 }
 

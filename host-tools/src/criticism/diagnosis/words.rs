@@ -4,6 +4,7 @@ use std::fmt;
 
 use proprio_core::effect::EffectKind;
 
+use super::super::drift::Drift;
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::table::{Table, with_std};
 
@@ -133,6 +134,23 @@ pub(super) fn reason(
             "nothing: the model explains these data".to_owned(),
         ),
     }
+}
+
+/// A sentence for what changes with time at `joint`.
+pub(super) fn drift(drift: &Drift, joint: &str) -> String {
+    let parameter = &drift.effect.description().parameters[0];
+    let [least, most] = drift.range;
+    let (scale, unit) = match drift.effect {
+        EffectKind::TorqueGain => (100.0, "%"),
+        _ => (1.0, parameter.unit),
+    };
+    format!(
+        "{joint}: {} changes with time, by {:+.2} {unit} in one stretch of the log and {:+.2} {unit} in another; effects of the \
+         catalogue are constant (compare stretches of the log; look for warming, wear, a supply that sags)",
+        drift.effect.name(),
+        scale * least,
+        scale * most,
+    )
 }
 
 fn counted(steps: usize) -> String {
