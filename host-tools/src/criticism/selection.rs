@@ -2,6 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::bursts::Bursts;
 use super::diagnosis::ParameterReport;
 use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
 
@@ -11,12 +12,10 @@ const LEAST_Z: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
-const LEAST_GAIN: f64 = 0.005;
-/// The same of effects whose column is made of the measured torque: the controller answers to the sensors' noise, so that the
-/// column's noise and the residual's are not independent.
-const LEAST_GAIN_OF_TORQUE: f64 = 0.02;
-/// A more general effect must gain this share more than its special case.
-const LEAST_SHARE: f64 = 0.05;
+const LEAST_GAIN: f64 = 0.02;
+/// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
+/// many.
+const LEAST_GAIN_OF_SLOW: f64 = 0.005;
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
 /// Most times that the data are gone over again.
@@ -27,6 +26,12 @@ const WORTH_POLISHING: f64 = 0.98;
 const MOST_RISE: f64 = 1.01;
 /// unless an effect keeps at least this share of what its derivative promised.
 const LEAST_KEPT: f64 = 0.5;
+/// What looks like a spring between motor and link is play if at least this share of the error stays with it,
+const LEAST_LEFT: f64 = 0.55;
+/// at least this share of whose square is more than noise with the same median,
+const LEAST_IMPACT: f64 = 0.25;
+/// in at least this share of the windows.
+const LEAST_IMPACTS: f64 = 0.013;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -71,7 +76,12 @@ fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
     let least_gain = match candidate.place.0 {
-        EffectKind::Elasticity | EffectKind::Backlash | EffectKind::Delay => LEAST_GAIN_OF_TORQUE,
+        EffectKind::Bias
+        | EffectKind::Spring
+        | EffectKind::EncoderOffset
+        | EffectKind::BaseTilt
+        | EffectKind::Payload
+        | EffectKind::Saturation => LEAST_GAIN_OF_SLOW,
         _ => LEAST_GAIN,
     };
     candidate.z >= LEAST_Z
@@ -94,12 +104,7 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
             .map(|(a, b)| a - b)
             .collect();
         let (difference, error) = sum_and_error(&differences);
-        let worth = if is_special_case(c.place, first.place) {
-            LEAST_SHARE * first.gain().0
-        } else {
-            0.0
-        };
-        difference < error.max(worth)
+        difference < error.max(LEAST_Z * LEAST_Z)
     };
     let mut simplest = first;
     for candidate in candidates.iter().filter(as_good) {
@@ -108,19 +113,6 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
         }
     }
     Some(simplest.place)
-}
-
-/// Whether the first effect is the second with one parameter less.
-fn is_special_case(simple: Place, general: Place) -> bool {
-    let joint = simple.1 == general.1;
-    joint
-        && matches!(
-            (simple.0, general.0),
-            (
-                EffectKind::Coulomb | EffectKind::Bias,
-                EffectKind::AsymmetricCoulomb
-            ) | (EffectKind::Bias, EffectKind::Spring)
-        )
 }
 
 /// Held-out sum of squares in units of these noises.
@@ -154,7 +146,7 @@ pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
 
 /// Goes the whole way for one limb.
 pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
-    let (first, start) = first(limb);
+    let (mut first, start) = first(limb);
     let significant = first.iter().find(|j| j.significant);
     let mut next = significant.map(|j| j.candidate.place);
     let mut walk = Walk {
@@ -170,9 +162,15 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
             Some(place) => {
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
-                    is_settled = place.0.description().parameters.iter().any(|p| p.shape);
+                    let is_elastic = place.0 == EffectKind::Elasticity;
+                    is_settled =
+                        is_elastic || place.0.description().parameters.iter().any(|p| p.shape);
                     if is_settled {
                         walk.settle();
+                    }
+                    if is_elastic && walk.is_play(place.1) {
+                        let found = walk.take_for_spring(place.1);
+                        name_play(&mut first, place.1, found);
                     }
                 }
             }
@@ -234,6 +232,49 @@ impl Walk<'_, '_> {
             self.refused.push(place);
         }
         keeps
+    }
+
+    /// Whether what a spring between motor and link was taken for is play: a spring leaves noise, play leaves impacts, which no
+    /// column has.
+    fn is_play(&self, joint: usize) -> bool {
+        let left = self.limb.fit.held_out_squares[joint] / self.start[joint];
+        let residuals = self.limb.held_out_residuals(joint);
+        let impacts = |b: &Bursts| {
+            b.share > LEAST_IMPACT && b.large.len() as f64 > LEAST_IMPACTS * residuals.len() as f64
+        };
+        left.sqrt() > LEAST_LEFT && Bursts::of(&residuals).as_ref().is_some_and(impacts)
+    }
+
+    /// Takes play into the model for the spring, if it explains more. What is found of it then.
+    fn take_for_spring(&mut self, joint: usize) -> Option<Play> {
+        let (spring, play) = (
+            (EffectKind::Elasticity, joint),
+            (EffectKind::Backlash, joint),
+        );
+        let with_spring = self.limb.fit.held_out_squares[joint];
+        self.exchange(spring, play);
+        let with_play = self.limb.fit.held_out_squares[joint];
+        if with_play < with_spring && self.steps.iter().any(|step| step.place == play) {
+            let entry = *self.limb.columns.of_effect(play.0, joint).first()?;
+            return Some(Play {
+                gain: 1.0 - with_play / self.start[joint],
+                gap: self.limb.corrections.gap[joint] + self.limb.fit.theta[entry],
+                std: self.limb.fit.std[entry] * self.limb.memory[joint].sqrt(),
+            });
+        }
+        self.exchange(play, spring);
+        None
+    }
+
+    /// Takes one effect out and another one in.
+    fn exchange(&mut self, out: Place, into: Place) {
+        self.steps.retain(|step| step.place != out);
+        self.limb.remove(out);
+        self.refused.push(out);
+        self.refused.retain(|place| *place != into);
+        self.limb.add(into);
+        self.push(into, false);
+        self.settle();
     }
 
     /// Goes over the data again while it helps. False if there was no reason to.
@@ -307,6 +348,39 @@ impl Walk<'_, '_> {
                 self.push(place, true);
             }
         }
+    }
+}
+
+/// Play as it is found once it is in the model: before, its column is that of a gap not yet known.
+struct Play {
+    /// 1 − the joint's held-out sum of squares with it over that without.
+    gain: f64,
+    /// rad.
+    gap: f64,
+    std: f64,
+}
+
+/// Says that play stands where a spring was named, or may stand there.
+fn name_play(first: &mut [Judged], joint: usize, found: Option<Play>) {
+    let (spring, play) = (
+        (EffectKind::Elasticity, joint),
+        (EffectKind::Backlash, joint),
+    );
+    if first.first().is_none_or(|j| j.candidate.place != spring) {
+        return;
+    }
+    let at = first.iter().position(|j| j.candidate.place == play);
+    match (found, at) {
+        (Some(found), Some(at)) => {
+            first[..=at].rotate_right(1);
+            let named = &mut first[0];
+            named.held_out_gain.0 = found.gain;
+            named.candidate.z = found.gap / found.std;
+            (named.parameters[0].value, named.parameters[0].std) = (found.gap, found.std);
+            (named.significant, named.in_bounds) = (true, true);
+            named.alternatives = vec![spring];
+        }
+        _ => first[0].alternatives.push(play),
     }
 }
 
