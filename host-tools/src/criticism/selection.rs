@@ -1,10 +1,14 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
+mod play;
+mod walk;
+
 use proprio_core::effect::EffectKind;
 
-use super::bursts::Bursts;
 use super::diagnosis::ParameterReport;
 use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
+
+pub(crate) use walk::walk;
 
 /// An effect counts from this size on, in units of its standard deviation: with some two hundred candidates, chance reaches
 /// four once in a hundred complete models.
@@ -16,22 +20,6 @@ const LEAST_GAIN: f64 = 0.02;
 /// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
 /// many.
 const LEAST_GAIN_OF_SLOW: f64 = 0.005;
-/// Most effects that a limb is given.
-const MOST_STEPS: usize = 16;
-/// Most times that the data are gone over again.
-const MOST_POLISHES: usize = 6;
-/// They are gone over once more while that makes the held-out error smaller by this factor.
-const WORTH_POLISHING: f64 = 0.98;
-/// Going over the data again may make the held-out sum of squares larger by this factor,
-const MOST_RISE: f64 = 1.01;
-/// unless an effect keeps at least this share of what its derivative promised.
-const LEAST_KEPT: f64 = 0.5;
-/// What looks like a spring between motor and link is play if at least this share of the error stays with it,
-const LEAST_LEFT: f64 = 0.55;
-/// at least this share of whose square is more than noise with the same median,
-const LEAST_IMPACT: f64 = 0.25;
-/// in at least this share of the windows.
-const LEAST_IMPACTS: f64 = 0.013;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -123,12 +111,6 @@ fn weighted(rss: &[Vec<f64>], noise: &[f64]) -> f64 {
         .sum()
 }
 
-/// The factor by which sums of squares differ, mean over joints.
-fn mean_ratio(a: &[f64], b: &[f64]) -> f64 {
-    let ratios = a.iter().zip(b).map(|(a, b)| a / b.max(f64::MIN_POSITIVE));
-    ratios.sum::<f64>() / a.len().max(1) as f64
-}
-
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
     let joints = rss.first().map_or(0, Vec::len);
     (0..joints)
@@ -142,246 +124,6 @@ pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
         judge(limb, limb.candidates(None)),
         limb.fit.held_out_squares.clone(),
     )
-}
-
-/// Goes the whole way for one limb.
-pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
-    let (mut first, start) = first(limb);
-    let significant = first.iter().find(|j| j.significant);
-    let mut next = significant.map(|j| j.candidate.place);
-    let mut walk = Walk {
-        limb,
-        steps: Vec::new(),
-        refused: Vec::new(),
-        polishes: 0,
-        start: start.clone(),
-    };
-    let mut is_settled = false;
-    loop {
-        match next {
-            Some(place) => {
-                if walk.take(place) {
-                    // What a wrong shape leaves looks like other effects.
-                    let is_elastic = place.0 == EffectKind::Elasticity;
-                    is_settled =
-                        is_elastic || place.0.description().parameters.iter().any(|p| p.shape);
-                    if is_settled {
-                        walk.settle();
-                    }
-                    if is_elastic && walk.is_play(place.1) {
-                        let found = walk.take_for_spring(place.1);
-                        name_play(&mut first, place.1, found);
-                    }
-                }
-            }
-            None if !is_settled && walk.settle() => is_settled = true,
-            None => break,
-        }
-        next = walk.next();
-    }
-    walk.prune();
-    Path {
-        first,
-        after_velocity: start.clone(),
-        start,
-        steps: walk.steps,
-    }
-}
-
-/// A limb's way so far.
-struct Walk<'a, 'b> {
-    limb: &'a mut LimbCriticism<'b>,
-    steps: Vec<Step>,
-    /// Effects that did not keep what they promised.
-    refused: Vec<Place>,
-    polishes: usize,
-    /// Held-out sums of squares before the first step, (N m)².
-    start: Vec<f64>,
-}
-
-impl Walk<'_, '_> {
-    /// The effect to be taken next.
-    fn next(&self) -> Option<Place> {
-        if self.steps.len() >= MOST_STEPS {
-            return None;
-        }
-        let candidates = self.limb.candidates(None);
-        let is_good =
-            |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
-        best(&candidates.iter().filter(is_good).collect::<Vec<_>>())
-    }
-
-    fn push(&mut self, place: Place, removed: bool) {
-        self.steps.push(Step {
-            place,
-            rss: self.limb.fit.held_out_squares.clone(),
-            removed,
-        });
-    }
-
-    /// Takes an effect into the model, if it keeps what it promised.
-    fn take(&mut self, place: Place) -> bool {
-        let noise = self.limb.fit.noise.clone();
-        let before = weighted(&self.limb.fit.rss, &noise);
-        self.limb.add(place);
-        let keeps = self.limb.is_physical(place) && weighted(&self.limb.fit.rss, &noise) < before;
-        if keeps {
-            self.push(place, false);
-        } else {
-            self.limb.remove(place);
-            self.refused.push(place);
-        }
-        keeps
-    }
-
-    /// Whether what a spring between motor and link was taken for is play: a spring leaves noise, play leaves impacts, which no
-    /// column has.
-    fn is_play(&self, joint: usize) -> bool {
-        let left = self.limb.fit.held_out_squares[joint] / self.start[joint];
-        let residuals = self.limb.held_out_residuals(joint);
-        let impacts = |b: &Bursts| {
-            b.share > LEAST_IMPACT && b.large.len() as f64 > LEAST_IMPACTS * residuals.len() as f64
-        };
-        left.sqrt() > LEAST_LEFT && Bursts::of(&residuals).as_ref().is_some_and(impacts)
-    }
-
-    /// Takes play into the model for the spring, if it explains more. What is found of it then.
-    fn take_for_spring(&mut self, joint: usize) -> Option<Play> {
-        let (spring, play) = (
-            (EffectKind::Elasticity, joint),
-            (EffectKind::Backlash, joint),
-        );
-        let with_spring = self.limb.fit.held_out_squares[joint];
-        self.exchange(spring, play);
-        let with_play = self.limb.fit.held_out_squares[joint];
-        if with_play < with_spring && self.steps.iter().any(|step| step.place == play) {
-            let entry = *self.limb.columns.of_effect(play.0, joint).first()?;
-            return Some(Play {
-                gain: 1.0 - with_play / self.start[joint],
-                gap: self.limb.corrections.gap[joint] + self.limb.fit.theta[entry],
-                std: self.limb.fit.std[entry] * self.limb.memory[joint].sqrt(),
-            });
-        }
-        self.exchange(play, spring);
-        None
-    }
-
-    /// Takes one effect out and another one in.
-    fn exchange(&mut self, out: Place, into: Place) {
-        self.steps.retain(|step| step.place != out);
-        self.limb.remove(out);
-        self.refused.push(out);
-        self.refused.retain(|place| *place != into);
-        self.limb.add(into);
-        self.push(into, false);
-        self.settle();
-    }
-
-    /// Goes over the data again while it helps. False if there was no reason to.
-    fn settle(&mut self) -> bool {
-        let mut did = false;
-        while self.polishes < MOST_POLISHES {
-            self.polishes += 1;
-            match self.polish() {
-                None => break,
-                Some(change) => {
-                    did = true;
-                    if change > WORTH_POLISHING {
-                        break;
-                    }
-                }
-            }
-        }
-        did
-    }
-
-    /// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where
-    /// they are used. The factor by which the held-out sum of squares changes; `None` if there is no reason to. An effect whose
-    /// derivative misled is taken out again.
-    fn polish(&mut self) -> Option<f64> {
-        let limb = &mut *self.limb;
-        if !limb.scan_shapes() && !limb.is_linearised() {
-            return None;
-        }
-        let (fit, corrections, columns) = (
-            limb.fit.clone(),
-            limb.corrections.clone(),
-            limb.columns.clone(),
-        );
-        limb.relinearise();
-        // Not the whitened rows' sums: they may have been whitened for another noise.
-        let after = &limb.fit.held_out_squares;
-        let mut change = mean_ratio(after, &fit.held_out_squares);
-        let misled = self
-            .steps
-            .iter()
-            .rposition(|step| limb.is_correction(step.place));
-        if let Some(misled) = misled
-            && change > MOST_RISE
-        {
-            let step = &self.steps[misled];
-            let without = misled
-                .checked_sub(1)
-                .map_or(&self.start, |before| &self.steps[before].rss);
-            let promised = 1.0 - mean_ratio(&step.rss, without);
-            if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
-                let place = self.steps.remove(misled).place;
-                (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
-                limb.remove(place);
-                self.refused.push(place);
-                // All else is to be judged again without it.
-                change = 0.0;
-            }
-        }
-        if let Some(step) = self.steps.last_mut() {
-            step.rss = self.limb.fit.held_out_squares.clone();
-        }
-        Some(change)
-    }
-
-    /// Takes out again what has become superfluous.
-    fn prune(&mut self) {
-        let added: Vec<Place> = self.steps.iter().map(|step| step.place).collect();
-        for place in added {
-            if self.limb.is_superfluous(place) {
-                self.limb.remove(place);
-                self.push(place, true);
-            }
-        }
-    }
-}
-
-/// Play as it is found once it is in the model: before, its column is that of a gap not yet known.
-struct Play {
-    /// 1 − the joint's held-out sum of squares with it over that without.
-    gain: f64,
-    /// rad.
-    gap: f64,
-    std: f64,
-}
-
-/// Says that play stands where a spring was named, or may stand there.
-fn name_play(first: &mut [Judged], joint: usize, found: Option<Play>) {
-    let (spring, play) = (
-        (EffectKind::Elasticity, joint),
-        (EffectKind::Backlash, joint),
-    );
-    if first.first().is_none_or(|j| j.candidate.place != spring) {
-        return;
-    }
-    let at = first.iter().position(|j| j.candidate.place == play);
-    match (found, at) {
-        (Some(found), Some(at)) => {
-            first[..=at].rotate_right(1);
-            let named = &mut first[0];
-            named.held_out_gain.0 = found.gain;
-            named.candidate.z = found.gap / found.std;
-            (named.parameters[0].value, named.parameters[0].std) = (found.gap, found.std);
-            (named.significant, named.in_bounds) = (true, true);
-            named.alternatives = vec![spring];
-        }
-        _ => first[0].alternatives.push(play),
-    }
 }
 
 /// Judges candidates, best first, and finds the best one's look-alikes.
