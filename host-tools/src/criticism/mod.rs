@@ -65,7 +65,7 @@ pub enum CriticismError {
     },
     /// Every limb recorded has more joints than can be judged.
     #[error(
-        "{}: limb {} of the model; limbs of at most {} joints can be judged",
+        "{}: limb {}; limbs of at most {} can be judged",
         names(.logs), in_words(.limbs), rigid_body::MAX_JOINTS
     )]
     LimbTooLarge {
