@@ -234,7 +234,15 @@ fn an_arm_is_identified_from_its_urdf_and_a_log() {
     let told = json(&done(folder, &fit));
     assert_identified(&told, &recorder, &limbs);
 
-    let compare = ["compare", "log.csv", "-m", "fitted.toml", "--json"];
+    let compare = [
+        "compare",
+        "log.csv",
+        "-m",
+        "fitted.toml",
+        "--json",
+        "--html",
+        "report.html",
+    ];
     let compared = json(&done(folder, &compare));
     let [rms, cad, above] = ["rms", "cad_rms", "above_noise_percent"].map(|k| number(&compared, k));
     assert!(rms < 0.1 * cad && above < 5.0, "{rms} {cad} {above}");
@@ -251,6 +259,16 @@ fn an_arm_is_identified_from_its_urdf_and_a_log() {
         .map(|joint| joint["joint"].as_str().unwrap())
         .collect();
     assert_eq!(joints, ["yaw", "shoulder", "elbow", "slide"]);
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(joints.iter().all(|joint| page.contains(joint)));
+
+    let text = done(
+        folder,
+        &["identify", "log.csv", "-m", "model.toml", "--base"],
+    );
+    for joint in joints {
+        assert!(text.lines().any(|line| line.starts_with(joint)), "{text}");
+    }
 }
 
 /// A spring at the elbow, which the model lacks, is named with its stiffness.

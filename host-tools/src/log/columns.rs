@@ -343,3 +343,45 @@ fn check_header(names: &[String]) -> Result<(), Problem> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(header: &[&str], selection: Selection) -> Columns {
+        let header = ByteRecord::from(header.to_vec());
+        Columns::new(Path::new("log.csv"), 1, &header, selection, &Robot::go2()).unwrap()
+    }
+
+    const FL: [&str; 10] = [
+        "tau/FL_calf",
+        "t",
+        "q/FL_hip",
+        "q/FL_thigh",
+        "q/FL_calf",
+        "dq/FL_hip",
+        "dq/FL_thigh",
+        "dq/FL_calf",
+        "tau/FL_hip",
+        "tau/FL_thigh",
+    ];
+
+    /// A limb is found whatever the order of its columns, and only that limb.
+    #[test]
+    fn a_limb_is_found_by_the_names_of_its_joints() {
+        let columns = columns(&FL, Selection::Motion);
+        assert_eq!(columns.joints().collect::<Vec<_>>(), [3, 4, 5]);
+        assert_eq!(columns.legs().collect::<Vec<_>>(), [Leg::FL]);
+        assert_eq!(columns.wanted[0], (0, columns.slots.of(Channel::Tau, 5)));
+        assert_eq!(columns.wanted.len(), FL.len());
+    }
+
+    /// One foot's sensor does not need the others'.
+    #[test]
+    fn a_foot_is_recorded_on_its_own() {
+        let header = [&FL[..], &["foot/FL"]].concat();
+        let columns = columns(&header, Selection::Everything);
+        let feet = columns.slots.feet().map(|slot| columns.has_slot(slot));
+        assert_eq!(feet.collect::<Vec<_>>(), [false, true, false, false]);
+    }
+}
