@@ -23,9 +23,9 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Criticism(CriticismError::AtRest { .. }) => {
             Some("record the joints moving, slowly and fast; leave out a log at rest".to_owned())
         }
-        Error::Criticism(CriticismError::NoLimb { .. }) => {
-            Some("record all joints of a leg, or name the model of the robot that the log is of".to_owned())
-        }
+        Error::Criticism(CriticismError::LimbTooLarge { .. }) => Some(
+            "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log".to_owned(),
+        ),
         Error::Identification(IdentificationError::NoWindows { .. }) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
@@ -113,17 +113,22 @@ fn of_log(error: &LogError) -> String {
         }
         Problem::DuplicateColumn { .. } => "rename or delete one of the two".to_owned(),
         Problem::UnknownName { nearest, .. } => format!("did you mean `{nearest}`?"),
-        Problem::NoJoints => {
-            "a joint needs position, velocity and torque: `q/FR_hip`, `dq/FR_hip`, `tau/FR_hip`; joints are FR, FL, \
-             RR, RL × hip, thigh, calf"
-                .to_owned()
+        Problem::OtherRobot { joints, .. } => format!(
+            "its joints are {}; for another robot name its model: `-m MODEL`, made by `proprio add EFFECT -m MODEL --urdf FILE`",
+            joints.join(", ")
+        ),
+        Problem::NoJoints { joints } => {
+            let first = joints.first().map_or("", String::as_str);
+            format!(
+                "a joint needs position, velocity and torque: `q/{first}`, `dq/{first}`, `tau/{first}`; joints are {}",
+                joints.join(", ")
+            )
         }
-        Problem::MissingChannel { joint, missing, .. } => {
-            format!("record `{missing}` too, or delete the columns of {joint}'s leg")
+        Problem::MissingChannel { joint, missing } => {
+            format!("record `{missing}` too, or delete the columns of {joint}'s limb")
         }
-        Problem::IncompleteLeg { missing, .. } => format!(
-            "record {missing} too, or delete the other columns of leg {}: legs are identified whole",
-            missing.leg().name()
+        Problem::IncompleteLimb { limb, missing, .. } => format!(
+            "record {missing} too, or delete the other columns of limb {limb}: limbs are identified whole"
         ),
         Problem::Ragged { found, expected } if found < expected => {
             "if it is the last line, the recording was cut short: delete it".to_owned()
@@ -147,13 +152,13 @@ fn of_log(error: &LogError) -> String {
             "`t` must be in seconds: if it is in milliseconds, divide it by 1000".to_owned()
         }
         Problem::TooSlow { .. } => {
-            "record at the robot's own rate, 500 Hz (topic `rt/lowstate`, not `rt/lf/lowstate`)".to_owned()
+            "record at the robot's own rate; a Go2's is 500 Hz (topic `rt/lowstate`, not `rt/lf/lowstate`)".to_owned()
         }
         Problem::OutsideLimits { degrees: true, .. } => {
             "convert positions to rad and velocities to rad/s: multiply both by π/180 = 0.0174533".to_owned()
         }
         Problem::OutsideLimits { .. } => {
-            "check the joint's zero and sign: positions are the URDF's, in rad, 0 with the leg straight down".to_owned()
+            "check the joint's zero and sign: positions are the URDF's, in rad or m; a Go2's are 0 with the leg straight down".to_owned()
         }
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// The model [default: the Go2's rigid body and no effect]
+    /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Fit the parameters to these logs, whatever the model file gives

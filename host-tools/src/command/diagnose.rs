@@ -29,7 +29,7 @@ pub(crate) struct Diagnose {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// The model [default: the Go2's rigid body and no effect]
+    /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Show every step to a model that lacks nothing and, with --model, add its effects to the model file

@@ -23,7 +23,8 @@ use crate::progress::Progress;
 #[command(after_help = "Examples:
   proprio identify chirp.csv
   proprio identify chirp.csv --physical -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
-  proprio identify morning.csv.gz evening.csv.gz --json -o robot.json")]
+  proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
+  proprio identify arm.csv -m arm.toml -o arm.toml    (any robot: proprio add … -m arm.toml --urdf arm.urdf)")]
 pub(crate) struct Identify {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
@@ -44,7 +45,7 @@ pub(crate) struct Identify {
     html: Option<PathBuf>,
     /// Fit the effects that this model file names, physical unless --free
     ///
-    /// The file's priors count, its values do not. With -o the values are written to a model file.
+    /// The joints in the logs are those of the file's robot. The file's priors count, its values do not. With -o the values are written to a model file.
     #[arg(short, long, value_name = "MODEL", conflicts_with_all = ["bus", "physical"])]
     model: Option<PathBuf>,
     /// With --model: values may be unphysical

@@ -26,7 +26,8 @@ use serde::Serialize;
 
 /// What your robot's body really is, and what the model of it is still missing.
 ///
-/// proprio identifies a Unitree Go2's dynamics (masses, inertias, friction, rotor inertia) from its motor bus.
+/// proprio identifies a Unitree Go2's dynamics (masses, inertias, friction, rotor inertia) from its motor bus,
+/// and of any robot on a fixed base from its URDF and a log.
 #[derive(Debug, Parser)]
 #[command(
     name = "proprio",

@@ -42,6 +42,7 @@ pub use recording::{Recording, gate_words};
 use std::path::PathBuf;
 
 use crate::log::LogError;
+use crate::model::Limb;
 
 /// Why a model cannot be criticised.
 #[derive(Debug, thiserror::Error)]
@@ -63,13 +64,16 @@ pub enum CriticismError {
         /// The logs.
         logs: Vec<PathBuf>,
     },
-    /// No log has all joints of a limb of the model.
-    #[error("{}: not all joints of any limb of the model are recorded; its limbs are {limbs}", names(.logs))]
-    NoLimb {
+    /// Every limb recorded has more joints than can be judged.
+    #[error(
+        "{}: limb {}; limbs of at most {} can be judged",
+        names(.logs), in_words(.limbs), rigid_body::MAX_JOINTS
+    )]
+    LimbTooLarge {
         /// The logs.
         logs: Vec<PathBuf>,
-        /// The limbs of the model by their joints, in words.
-        limbs: String,
+        /// The limbs recorded.
+        limbs: Vec<Limb>,
     },
 }
 
@@ -79,6 +83,14 @@ impl CriticismError {
             logs: recording.logs.clone(),
         }
     }
+}
+
+/// `torso has 9 joints, tail has 12 joints`
+fn in_words(limbs: &[Limb]) -> String {
+    let words = limbs
+        .iter()
+        .map(|limb| format!("{} has {} joints", limb.name, limb.bodies.len()));
+    words.collect::<Vec<_>>().join(", ")
 }
 
 fn names(logs: &[PathBuf]) -> String {

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::CriticismError;
 use super::gate::{DataGates, GateReport, Joint, Reading};
+use super::rigid_body::MAX_JOINTS;
 use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
 use crate::simulator::SimulatedSample;
@@ -51,10 +52,11 @@ pub struct LogGates {
 const BETWEEN_LOGS_US: u64 = 1_000_000;
 
 impl Recording {
-    /// Reads `logs` of the robot of `model`. `progress` hears of bytes read and of how many in all.
+    /// Reads `logs` of the robot of `model`, joints by the model's names. `progress` hears of bytes read and of how many in
+    /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
     ///
     /// # Errors
-    /// The first log that is bad; [`CriticismError::NoLimb`] if none has all joints of a limb of the model.
+    /// The first log that is bad; [`CriticismError::LimbTooLarge`] if no limb is left.
     pub fn read(
         logs: &[PathBuf],
         model: &Model,
@@ -68,11 +70,18 @@ impl Recording {
             gates: Vec::new(),
         };
         let (mut offset_us, mut pieces) = (0, Pieces::all());
+        let mut too_large: Vec<Limb> = Vec::new();
         for path in logs {
-            let mut reader = LogReader::open(path, Selection::Everything)?;
+            let mut reader = LogReader::open_of(path, Selection::Everything, model.robot())?;
             let recorded = reader.columns().joints();
-            let recorded: Vec<_> = recorded.map(|j| (j.name(), j.index())).collect();
+            let recorded: Vec<_> = recorded.map(|j| (model.joint_name(j), j)).collect();
             let limbs = recording.limbs_of(model, &recorded);
+            for limb in reader.columns().limbs().filter(|limb| is_too_large(limb)) {
+                if !too_large.contains(limb) {
+                    too_large.push(limb.clone());
+                }
+            }
+            let feet = recording.feet(model, &limbs);
             let mut gates = Gates::new(model, &recording.limbs, &limbs);
             let (mut first, mut last_us) = (None, 0);
             let mut new_log = vec![true; limbs.len()];
@@ -88,7 +97,7 @@ impl Recording {
                         to.clear();
                         to.extend(joints.iter().map(|&j| from[j]));
                     }
-                    let foot = row.foot()[joints[0] / proprio_core::go2::JOINTS_PER_LEG];
+                    let foot = row.foot()[feet[n]];
                     let sample = buffer.each_ref().map(Vec::as_slice);
                     if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {
                         let limb = &mut recording.limbs[*place].1;
@@ -122,11 +131,12 @@ impl Recording {
         let warning = pieces.warning(recording.duration);
         recording.warnings.extend(warning);
         if recording.limbs.is_empty() {
-            return Err(CriticismError::NoLimb {
+            return Err(CriticismError::LimbTooLarge {
                 logs: logs.to_vec(),
-                limbs: limbs_in_words(model),
+                limbs: too_large,
             });
         }
+        recording.warnings.extend(too_large.iter().map(left_out));
         Ok(recording)
     }
 
@@ -138,7 +148,7 @@ impl Recording {
     }
 
     /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
-    /// which a joint is not among them is left out.
+    /// which a joint is not among them, or of more than eight joints, is left out.
     pub fn from_samples<'a>(
         model: &Model,
         joints: &[&str],
@@ -184,6 +194,9 @@ impl Recording {
     fn limbs_of(&mut self, model: &Model, recorded: &[(&str, usize)]) -> Vec<(usize, Vec<usize>)> {
         let mut found = Vec::new();
         for limb in model.robot().limbs() {
+            if is_too_large(&limb) {
+                continue;
+            }
             let names = limb.bodies.clone().map(|b| &model.robot().bodies()[b].name);
             let joints: Option<Vec<usize>> = names
                 .map(|name| {
@@ -209,6 +222,16 @@ impl Recording {
             found.push((place, joints));
         }
         found
+    }
+
+    /// The number of each of `limbs`, by their places here, among the robot's.
+    fn feet(&self, model: &Model, limbs: &[(usize, Vec<usize>)]) -> Vec<usize> {
+        let all = model.robot().limbs();
+        let number = |(place, _): &(usize, Vec<usize>)| {
+            let own = &self.limbs[*place].0;
+            all.iter().position(|limb| limb == own).unwrap_or_default()
+        };
+        limbs.iter().map(number).collect()
     }
 }
 
@@ -257,14 +280,16 @@ impl Gates {
     }
 }
 
-/// `FR (FR_hip, FR_thigh, FR_calf); FL …`
-fn limbs_in_words(model: &Model) -> String {
-    let limbs = model.robot().limbs();
-    let words = limbs.iter().map(|limb| {
-        let joints: Vec<&str> = limb.bodies.clone().map(|b| model.joint_name(b)).collect();
-        joints.join(", ")
-    });
-    words.collect::<Vec<_>>().join("; ")
+fn is_too_large(limb: &Limb) -> bool {
+    limb.bodies.len() > MAX_JOINTS
+}
+
+fn left_out(limb: &Limb) -> String {
+    format!(
+        "limb {} is left out: it has {} joints, and at most {MAX_JOINTS} can be judged",
+        limb.name,
+        limb.bodies.len()
+    )
 }
 
 /// What is wrong with the samples, a line each; that nothing is, if so.

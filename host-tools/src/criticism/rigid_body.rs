@@ -154,6 +154,9 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
     }
 }
 
+/// Most joints of a limb that can be judged.
+pub(crate) const MAX_JOINTS: usize = 8;
+
 macro_rules! sizes {
     ($model:ident, $limb:ident: $($n:literal)*) => {
         match $limb.bodies.len() {
@@ -165,7 +168,7 @@ macro_rules! sizes {
     };
 }
 
-/// A limb of `model` with the model's inertial parameters; `None` for more than eight joints.
+/// A limb of `model` with the model's inertial parameters; `None` for more than [`MAX_JOINTS`].
 pub(crate) fn of_limb(model: &Model, limb: &Limb) -> Option<Box<dyn RigidBody>> {
     sizes!(model, limb: 1 2 3 4 5 6 7 8)
 }

@@ -1,13 +1,13 @@
 //! What can only be judged over a whole log: its rate, its gaps, its units. All of it in constant memory.
 
+use std::f64::consts::TAU;
 use std::fmt;
 use std::path::Path;
 
-use super::columns::{Channel, Columns, TIME, slot};
+use super::columns::{Channel, Columns, TIME};
 use super::error::{LogError, Problem};
-use super::joint::JointId;
 use super::reader::Row;
-use proprio_core::go2::{JOINTS, position_limits};
+use crate::model::JointKind;
 
 /// The least sampling rate, Hz. A leg's fastest own motion (a calf on its controller's gains) lies near 15 Hz, and
 /// a window of 20 ms must hold several samples.
@@ -19,7 +19,7 @@ pub const LONGEST_GAP: f64 = 600.0;
 /// A gap that ends a window, s; [`proprio_core::window::Settings::max_gap_us`] by default.
 pub const GAP: f64 = 0.01;
 
-/// How far beyond a joint's limit a sample may lie, rad: encoder zero and compliance of the stop.
+/// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;
 
 /// What the reader has noticed of a log so far.
@@ -34,13 +34,18 @@ pub struct Checks {
     repeated_stamps: u64,
     gaps: u64,
     longest: (f64, u64),
-    limits: [LimitCheck; JOINTS],
+    /// Of each recorded joint.
+    limits: Vec<LimitCheck>,
 }
 
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct LimitCheck {
+    joint: usize,
+    turns: bool,
+    lower: f64,
+    upper: f64,
     outside: u64,
-    inside_as_degrees: u64,
+    surely_degrees: u64,
     first: Option<(u64, f64)>,
 }
 
@@ -90,7 +95,7 @@ impl fmt::Display for Warning {
 }
 
 impl Checks {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(columns: &Columns) -> Self {
         Self {
             rows: 0,
             first: 0.0,
@@ -101,12 +106,15 @@ impl Checks {
             repeated_stamps: 0,
             gaps: 0,
             longest: (0.0, 0),
-            limits: [LimitCheck::default(); JOINTS],
+            limits: columns
+                .joints()
+                .map(|j| LimitCheck::of(columns, j))
+                .collect(),
         }
     }
 
     /// Takes note of a row; an error if time runs backwards or jumps.
-    pub(super) fn row(&mut self, columns: &Columns, row: &Row) -> Result<(), Problem> {
+    pub(super) fn row(&mut self, row: &Row) -> Result<(), Problem> {
         let now = row.t();
         if self.rows == 0 {
             self.first = now;
@@ -134,8 +142,9 @@ impl Checks {
             }
             self.periods.add(gap);
         }
-        for joint in columns.joints() {
-            self.limits[joint.index()].add(joint, row.line, row.q()[joint.index()]);
+        let q = row.q();
+        for limits in &mut self.limits {
+            limits.add(row.line, q[limits.joint]);
         }
         self.rows += 1;
         (self.previous, self.previous_line) = (now, row.line);
@@ -169,22 +178,17 @@ impl Checks {
             };
             return Err(error(problem).at_line(line).at_column(column, "t"));
         }
-        let degrees = columns.joints().any(|joint| self.is_calf_in_degrees(joint));
-        for joint in columns.joints() {
-            let limits = &self.limits[joint.index()];
-            if let Some((line, problem)) = limits.judge(joint, self.rows, degrees) {
-                let name = Channel::Q.column(joint);
-                let cell = columns.cell[slot(Channel::Q, joint.index())].unwrap_or_default();
-                return Err(error(problem).at_line(line).at_column(cell, &name));
+        let degrees = self.limits.iter().any(|l| 2 * l.surely_degrees > self.rows);
+        for limits in &self.limits {
+            let name = columns.name(limits.joint);
+            if let Some((line, problem)) = limits.judge(name, self.rows, degrees) {
+                let slot = columns.slots.of(Channel::Q, limits.joint);
+                let cell = columns.cell[slot].unwrap_or_default();
+                let column = Channel::Q.column(name);
+                return Err(error(problem).at_line(line).at_column(cell, &column));
             }
         }
         Ok(self.warnings())
-    }
-
-    /// Only a calf tells degrees from a wrong sign or zero: it is always bent by 48° or more, which no angle in
-    /// radians reaches. Every leg has one.
-    fn is_calf_in_degrees(&self, joint: JointId) -> bool {
-        joint.place() == 2 && 2 * self.limits[joint.index()].inside_as_degrees > self.rows
     }
 
     fn warnings(&self) -> Vec<Warning> {
@@ -203,37 +207,55 @@ impl Checks {
 }
 
 impl LimitCheck {
-    fn add(&mut self, joint: JointId, line: u64, q: f64) {
-        let [lower, upper] = limits(joint);
-        let within = |q: f64| q > lower - LIMIT_MARGIN && q < upper + LIMIT_MARGIN;
-        if !within(q) {
+    fn of(columns: &Columns, joint: usize) -> Self {
+        let body = &columns.robot().bodies()[joint];
+        let [lower, upper] = body.limits;
+        Self {
+            joint,
+            turns: body.kind != JointKind::Prismatic,
+            lower,
+            upper,
+            outside: 0,
+            surely_degrees: 0,
+            first: None,
+        }
+    }
+
+    fn add(&mut self, line: u64, q: f64) {
+        if !self.is_within(q) {
             self.outside += 1;
-            self.inside_as_degrees += u64::from(within(q.to_radians()));
+            self.surely_degrees += u64::from(self.is_surely_degrees(q));
             self.first.get_or_insert((line, q));
         }
     }
 
+    fn is_within(&self, q: f64) -> bool {
+        q > self.lower - LIMIT_MARGIN && q < self.upper + LIMIT_MARGIN
+    }
+
+    /// Within the limits as degrees, and farther out than a wrong sign and a zero wrong by a full turn would take an angle
+    /// in radians. A Go2's calf, which is always bent by 48° or more, is so in every sample.
+    fn is_surely_degrees(&self, q: f64) -> bool {
+        let reach = self.lower.abs().max(self.upper.abs()) + TAU;
+        self.turns && q.abs() > reach && self.is_within(q.to_radians())
+    }
+
     /// More than half of the samples outside is no glitch but a wrong unit, sign or zero.
-    fn judge(&self, joint: JointId, rows: u64, degrees: bool) -> Option<(u64, Problem)> {
+    fn judge(&self, joint: &str, rows: u64, degrees: bool) -> Option<(u64, Problem)> {
         let (line, value) = self.first.filter(|_| 2 * self.outside > rows)?;
-        let [lower, upper] = limits(joint);
-        let percent = 100.0 * self.outside as f64 / rows as f64;
         Some((
             line,
             Problem::OutsideLimits {
-                joint,
-                lower,
-                upper,
-                percent,
+                joint: joint.to_owned(),
+                lower: self.lower,
+                upper: self.upper,
+                unit: if self.turns { "rad" } else { "m" },
+                percent: 100.0 * self.outside as f64 / rows as f64,
                 value,
-                degrees,
+                degrees: degrees && self.turns,
             },
         ))
     }
-}
-
-fn limits(joint: JointId) -> [f64; 2] {
-    position_limits(joint.leg())[joint.place()]
 }
 
 /// The median sampling period from a histogram of fixed size.

@@ -1,18 +1,21 @@
 //! From a header to the place of each channel in a row.
 
 use std::collections::HashMap;
+use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 
 use csv::ByteRecord;
+use proprio_core::go2::Leg;
 
 use super::error::{LogError, Problem};
-use super::joint::{JointId, leg_named};
-use proprio_core::go2::{JOINTS, Leg};
+use super::joint::leg_named;
+use crate::model::{Limb, Robot, UnknownName};
 
 /// A signal that each joint has of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Channel {
-    /// Position, rad.
+    /// Position, rad (of a prismatic joint m; and so below).
     Q,
     /// Velocity, rad/s.
     Dq,
@@ -41,7 +44,7 @@ impl Channel {
     }
 
     /// The column's name in a header, such as `dq/FR_hip`.
-    pub fn column(self, joint: JointId) -> String {
+    pub fn column(self, joint: impl fmt::Display) -> String {
         format!("{}/{joint}", self.prefix())
     }
 }
@@ -55,144 +58,260 @@ pub enum Selection {
     Everything,
 }
 
-// A row is one flat array, so that parsing it is one loop over (cell, slot) pairs.
-pub(super) const TIME: usize = 0;
-pub(super) const fn slot(channel: Channel, joint: usize) -> usize {
-    1 + channel as usize * JOINTS + joint
+/// Where a row of a robot's log keeps what: one flat array, so that parsing it is one loop over (cell, slot) pairs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slots {
+    joints: usize,
+    limbs: usize,
 }
-pub(super) const QUAT: usize = slot(Channel::QDes, 0) + JOINTS;
-pub(super) const GYRO: usize = QUAT + 4;
-pub(super) const ACC: usize = GYRO + 3;
-pub(super) const FOOT: usize = ACC + 3;
-pub(super) const SLOTS: usize = FOOT + 4;
 
-/// Groups that are read whole or not at all: all of an IMU's axes, all four feet.
-const GROUPS: [(&str, usize, &[&str]); 4] = [
-    ("quat", QUAT, &["w", "x", "y", "z"]),
-    ("gyro", GYRO, &["x", "y", "z"]),
-    ("acc", ACC, &["x", "y", "z"]),
-    ("foot", FOOT, &["FR", "FL", "RR", "RL"]),
-];
+pub(super) const TIME: usize = 0;
 
-/// Where each channel of a log is.
+impl Slots {
+    /// A channel of one joint.
+    pub(super) const fn of(self, channel: Channel, joint: usize) -> usize {
+        1 + channel as usize * self.joints + joint
+    }
+
+    /// A channel of all joints.
+    pub(super) const fn all(self, channel: Channel) -> Range<usize> {
+        let first = self.of(channel, 0);
+        first..first + self.joints
+    }
+
+    pub(super) const fn quat(self) -> usize {
+        self.all(Channel::QDes).end
+    }
+
+    pub(super) const fn gyro(self) -> usize {
+        self.quat() + 4
+    }
+
+    pub(super) const fn acc(self) -> usize {
+        self.gyro() + 3
+    }
+
+    /// The feet of all limbs.
+    pub(super) const fn feet(self) -> Range<usize> {
+        let first = self.acc() + 3;
+        first..first + self.limbs
+    }
+
+    /// Slots in all.
+    pub(super) const fn count(self) -> usize {
+        self.feet().end
+    }
+
+    /// What is read whole or not at all: all of an IMU's axes.
+    const fn groups(self) -> [(&'static str, usize, &'static [&'static str]); 3] {
+        [
+            ("quat", self.quat(), &["w", "x", "y", "z"]),
+            ("gyro", self.gyro(), &["x", "y", "z"]),
+            ("acc", self.acc(), &["x", "y", "z"]),
+        ]
+    }
+}
+
+/// Where each channel of a robot's log is.
 #[derive(Debug, Clone)]
 pub struct Columns {
+    robot: Robot,
+    limbs: Vec<Limb>,
+    /// Where they are in a row.
+    pub(super) slots: Slots,
     /// Header, for messages.
     pub(super) names: Vec<String>,
     /// (cell in the row, slot in the flat array), in the order of the cells.
     pub(super) wanted: Vec<(usize, usize)>,
     /// Cell of each slot.
-    pub(super) cell: [Option<usize>; SLOTS],
+    pub(super) cell: Vec<Option<usize>>,
 }
 
 impl Columns {
-    /// Reads the header of the log at `path`.
+    /// Reads the header of the log of `robot` at `path`.
     pub(super) fn new(
         path: &Path,
         line: u64,
         header: &ByteRecord,
         selection: Selection,
+        robot: &Robot,
     ) -> Result<Self, LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
         let names: Vec<String> = header
             .iter()
             .map(|name| String::from_utf8_lossy(name).trim().to_owned())
             .collect();
-        if names
-            .iter()
-            .all(|name| fast_float2::parse::<f64, _>(name).is_ok())
-        {
-            return Err(error(Problem::NoHeader));
-        }
-        if let [only] = &names[..]
-            && let Some(separator) = only.chars().find(|c| [';', '\t', ' ', '|'].contains(c))
-        {
-            return Err(error(Problem::Separator(separator)));
-        }
-        let slots = known_columns();
-        let mut cell = [None; SLOTS];
-        for (index, name) in names.iter().enumerate() {
-            if let Some(&slot) = slots.get(name) {
-                if let Some(first) = cell[slot].replace(index) {
+        check_header(&names).map_err(error)?;
+        let limbs = robot.limbs();
+        let slots = Slots {
+            joints: robot.bodies().len(),
+            limbs: limbs.len(),
+        };
+        let mut columns = Self {
+            robot: robot.clone(),
+            limbs,
+            slots,
+            names,
+            wanted: Vec::new(),
+            cell: vec![None; slots.count()],
+        };
+        let known = columns.known();
+        for (index, name) in columns.names.iter().enumerate() {
+            if let Some(&slot) = known.get(name) {
+                if let Some(first) = columns.cell[slot].replace(index) {
                     let problem = Problem::DuplicateColumn { first: first + 1 };
                     return Err(error(problem).at_column(index, name));
                 }
-            } else if let Some(problem) = misspelt(name) {
+            } else if let Some(problem) = columns.misspelt(name, &known) {
                 return Err(error(problem).at_column(index, name));
             }
         }
-        let columns = Self {
-            names,
-            wanted: Vec::new(),
-            cell,
-        };
         columns.check_complete(path, line)?;
         Ok(columns.select(selection))
     }
 
-    /// The joints recorded.
-    pub fn joints(&self) -> impl Iterator<Item = JointId> {
-        JointId::all().filter(|&joint| self.has(Channel::Q, joint))
+    /// The robot whose log it is.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
     }
 
-    /// The legs recorded; each with all its joints.
+    /// The joints recorded, by their numbers among the robot's.
+    pub fn joints(&self) -> impl Iterator<Item = usize> {
+        (0..self.slots.joints).filter(|&joint| self.has(Channel::Q, joint))
+    }
+
+    /// The limbs recorded; each with all its joints.
+    pub fn limbs(&self) -> impl Iterator<Item = &Limb> {
+        let recorded = |limb: &&Limb| self.has(Channel::Q, limb.bodies.start);
+        self.limbs.iter().filter(recorded)
+    }
+
+    /// The legs of a Go2 recorded; each with all its joints.
     pub fn legs(&self) -> impl Iterator<Item = Leg> {
-        Leg::ALL
-            .into_iter()
-            .filter(|&leg| self.has(Channel::Q, JointId::of(leg)[0]))
+        self.limbs().filter_map(|limb| leg_named(&limb.name).ok())
     }
 
     /// Whether the log has this channel of this joint.
-    pub fn has(&self, channel: Channel, joint: JointId) -> bool {
-        self.cell[slot(channel, joint.index())].is_some()
+    pub fn has(&self, channel: Channel, joint: usize) -> bool {
+        self.has_slot(self.slots.of(channel, joint))
     }
 
-    /// Whether the log has the group that begins at `slot`.
-    pub(super) fn has_group(&self, slot: usize) -> bool {
+    /// Whether the log has what belongs at `slot`.
+    pub(super) fn has_slot(&self, slot: usize) -> bool {
         self.cell[slot].is_some()
+    }
+
+    /// A joint's name.
+    pub(super) fn name(&self, joint: usize) -> &str {
+        &self.robot.bodies()[joint].name
+    }
+
+    /// Every column name of the format and its slot.
+    fn known(&self) -> HashMap<String, usize> {
+        let slots = self.slots;
+        let per_joint = Channel::ALL.into_iter().flat_map(|channel| {
+            let column = move |joint| (channel.column(self.name(joint)), slots.of(channel, joint));
+            (0..slots.joints).map(column)
+        });
+        let grouped = slots
+            .groups()
+            .into_iter()
+            .flat_map(|(prefix, first, axes)| {
+                let axes = axes.iter().enumerate();
+                axes.map(move |(i, axis)| (format!("{prefix}/{axis}"), first + i))
+            });
+        let feet = self.limbs.iter().zip(slots.feet());
+        let feet = feet.map(|(limb, slot)| (format!("foot/{}", limb.name), slot));
+        per_joint
+            .chain(grouped)
+            .chain(feet)
+            .chain([("t".to_owned(), TIME)])
+            .collect()
+    }
+
+    /// A column that begins like one of the format but names no joint or limb of the robot is a mistake, not a column to
+    /// ignore.
+    fn misspelt(&self, name: &str, known: &HashMap<String, usize>) -> Option<Problem> {
+        let (prefix, rest) = name.split_once('/')?;
+        let robot = || self.robot.name().to_owned();
+        let unknown = if Channel::ALL.iter().any(|c| c.prefix() == prefix) {
+            let joints = self.slots.of(Channel::Q, 0)..self.slots.quat();
+            let is_joint = |name: &String| known.get(name).is_some_and(|s| joints.contains(s));
+            if !self.names.iter().any(is_joint) {
+                return Some(Problem::OtherRobot {
+                    name: rest.to_owned(),
+                    robot: robot(),
+                    joints: self.joint_names(),
+                });
+            }
+            self.robot.joint(rest).err()?
+        } else if prefix == "foot" {
+            UnknownName::new(
+                "limb",
+                rest,
+                self.limbs.iter().map(|limb| limb.name.as_str()),
+            )
+        } else {
+            return None;
+        };
+        Some(Problem::UnknownName {
+            nearest: format!("{prefix}/{}", unknown.nearest()?),
+            name: unknown.name,
+            robot: robot(),
+        })
+    }
+
+    fn joint_names(&self) -> Vec<String> {
+        let bodies = self.robot.bodies().iter();
+        bodies.map(|body| body.name.clone()).collect()
     }
 
     fn check_complete(&self, path: &Path, line: u64) -> Result<(), LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
-        let missing = |name: String| error(Problem::MissingColumn { name });
-        // An incomplete group is told at a column that it has.
-        let at = |error: LogError, slot: usize| match self.cell[slot] {
-            Some(cell) => error.at_column(cell, &self.names[cell]),
-            None => error,
+        // What is incomplete is told at a column that it has.
+        let at = |problem, slot: usize| match self.cell[slot] {
+            Some(cell) => error(problem).at_column(cell, &self.names[cell]),
+            None => error(problem),
         };
-        if self.cell[TIME].is_none() {
-            return Err(missing("t".to_owned()));
+        let missing = |name: String| Problem::MissingColumn { name };
+        if !self.has_slot(TIME) {
+            return Err(error(missing("t".to_owned())));
         }
-        for joint in JointId::all() {
+        for joint in 0..self.slots.joints {
             let present = Channel::MOTION.into_iter().find(|&c| self.has(c, joint));
             let absent = Channel::MOTION.into_iter().find(|&c| !self.has(c, joint));
             if let (Some(present), Some(absent)) = (present, absent) {
-                let missing = absent.column(joint);
-                let error = error(Problem::MissingChannel { joint, missing });
-                return Err(at(error, slot(present, joint.index())));
+                let problem = Problem::MissingChannel {
+                    joint: self.name(joint).to_owned(),
+                    missing: absent.column(self.name(joint)),
+                };
+                return Err(at(problem, self.slots.of(present, joint)));
             }
         }
-        for leg in Leg::ALL {
-            let recorded = |joint: &JointId| self.has(Channel::Q, *joint);
-            let present = JointId::of(leg).into_iter().find(recorded);
-            let absent = JointId::of(leg).into_iter().find(|joint| !recorded(joint));
-            if let (Some(present), Some(missing)) = (present, absent) {
-                let error = error(Problem::IncompleteLeg { present, missing });
-                return Err(at(error, slot(Channel::Q, present.index())));
+        for limb in &self.limbs {
+            let recorded = |joint: &usize| self.has(Channel::Q, *joint);
+            let present = limb.bodies.clone().find(recorded);
+            let absent = limb.bodies.clone().find(|joint| !recorded(joint));
+            if let (Some(present), Some(absent)) = (present, absent) {
+                let problem = Problem::IncompleteLimb {
+                    limb: limb.name.clone(),
+                    present: self.name(present).to_owned(),
+                    missing: self.name(absent).to_owned(),
+                };
+                return Err(at(problem, self.slots.of(Channel::Q, present)));
             }
         }
-        if self.legs().next().is_none() {
-            return Err(error(Problem::NoJoints));
+        if self.joints().next().is_none() {
+            let joints = self.joint_names();
+            return Err(error(Problem::NoJoints { joints }));
         }
-        for (prefix, first, axes) in GROUPS {
-            let has = |i: &usize| self.cell[first + i].is_some();
+        for (prefix, first, axes) in self.slots.groups() {
+            let has = |i: &usize| self.has_slot(first + i);
             let present = (0..axes.len()).find(has);
             let absent = (0..axes.len()).find(|i| !has(i));
             if let (Some(present), Some(absent)) = (present, absent) {
-                return Err(at(
-                    missing(format!("{prefix}/{}", axes[absent])),
-                    first + present,
-                ));
+                let problem = missing(format!("{prefix}/{}", axes[absent]));
+                return Err(at(problem, first + present));
             }
         }
         Ok(())
@@ -200,53 +319,69 @@ impl Columns {
 
     fn select(mut self, selection: Selection) -> Self {
         let end = match selection {
-            Selection::Motion => slot(Channel::Temp, 0),
-            Selection::Everything => SLOTS,
+            Selection::Motion => self.slots.of(Channel::Temp, 0),
+            Selection::Everything => self.slots.count(),
         };
-        for cell in &mut self.cell[end..] {
-            *cell = None;
-        }
-        self.wanted = (0..SLOTS)
-            .filter_map(|s| Some((self.cell[s]?, s)))
-            .collect();
+        self.cell[end..].fill(None);
+        let slots = self.cell.iter().enumerate();
+        self.wanted = slots.filter_map(|(s, cell)| Some(((*cell)?, s))).collect();
         self.wanted.sort_unstable();
         self
     }
 }
 
-/// Every column name of the format and its slot.
-fn known_columns() -> HashMap<String, usize> {
-    let per_joint = Channel::ALL.into_iter().flat_map(|channel| {
-        JointId::all().map(move |joint| (channel.column(joint), slot(channel, joint.index())))
-    });
-    let grouped = GROUPS.into_iter().flat_map(|(prefix, first, axes)| {
-        axes.iter()
-            .enumerate()
-            .map(move |(i, axis)| (format!("{prefix}/{axis}"), first + i))
-    });
-    per_joint
-        .chain(grouped)
-        .chain([("t".to_owned(), TIME)])
-        .collect()
+/// A header has names, and commas between them.
+fn check_header(names: &[String]) -> Result<(), Problem> {
+    let is_number = |name: &String| fast_float2::parse::<f64, _>(name).is_ok();
+    if names.iter().all(is_number) {
+        return Err(Problem::NoHeader);
+    }
+    if let [only] = names
+        && let Some(separator) = only.chars().find(|c| [';', '\t', ' ', '|'].contains(c))
+    {
+        return Err(Problem::Separator(separator));
+    }
+    Ok(())
 }
 
-/// A column that begins like one of the format but names no joint, leg or axis of the robot is a mistake, not a
-/// column to ignore.
-fn misspelt(name: &str) -> Option<Problem> {
-    let (prefix, rest) = name.split_once('/')?;
-    let unknown = if Channel::ALL
-        .iter()
-        .any(|channel| channel.prefix() == prefix)
-    {
-        rest.parse::<JointId>().err()?
-    } else if prefix == "foot" {
-        leg_named(rest).err()?
-    } else {
-        return None;
-    };
-    let nearest = format!("{prefix}/{}", unknown.nearest()?);
-    Some(Problem::UnknownName {
-        name: rest.to_owned(),
-        nearest,
-    })
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn columns(header: &[&str], selection: Selection) -> Columns {
+        let header = ByteRecord::from(header.to_vec());
+        Columns::new(Path::new("log.csv"), 1, &header, selection, &Robot::go2()).unwrap()
+    }
+
+    const FL: [&str; 10] = [
+        "tau/FL_calf",
+        "t",
+        "q/FL_hip",
+        "q/FL_thigh",
+        "q/FL_calf",
+        "dq/FL_hip",
+        "dq/FL_thigh",
+        "dq/FL_calf",
+        "tau/FL_hip",
+        "tau/FL_thigh",
+    ];
+
+    /// A limb is found whatever the order of its columns, and only that limb.
+    #[test]
+    fn a_limb_is_found_by_the_names_of_its_joints() {
+        let columns = columns(&FL, Selection::Motion);
+        assert_eq!(columns.joints().collect::<Vec<_>>(), [3, 4, 5]);
+        assert_eq!(columns.legs().collect::<Vec<_>>(), [Leg::FL]);
+        assert_eq!(columns.wanted[0], (0, columns.slots.of(Channel::Tau, 5)));
+        assert_eq!(columns.wanted.len(), FL.len());
+    }
+
+    /// One foot's sensor does not need the others'.
+    #[test]
+    fn a_foot_is_recorded_on_its_own() {
+        let header = [&FL[..], &["foot/FL"]].concat();
+        let columns = columns(&header, Selection::Everything);
+        let feet = columns.slots.feet().map(|slot| columns.has_slot(slot));
+        assert_eq!(feet.collect::<Vec<_>>(), [false, true, false, false]);
+    }
 }

@@ -3,8 +3,6 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::joint::JointId;
-
 /// A log that cannot be used: the file, the place in it, and what is wrong there.
 #[derive(Debug, thiserror::Error)]
 pub struct LogError {
@@ -95,32 +93,49 @@ pub enum Problem {
         /// Number of the first one, counted from 1.
         first: usize,
     },
-    /// A channel of the format with a joint or leg that the robot does not have.
-    #[error("the robot has no joint or leg `{name}`")]
+    /// A channel of the format with a joint or limb that the robot does not have.
+    #[error("the robot `{robot}` has no joint or limb `{name}`")]
     UnknownName {
         /// The name as written.
         name: String,
+        /// The robot.
+        robot: String,
         /// The full column name nearest in spelling.
         nearest: String,
     },
+    /// Joints are recorded, but not one of the robot's.
+    #[error("`{name}` is no joint of the robot `{robot}`, nor is any other that the header names")]
+    OtherRobot {
+        /// The first such name as written.
+        name: String,
+        /// The robot that was expected.
+        robot: String,
+        /// Its joints.
+        joints: Vec<String>,
+    },
     /// Not one joint is recorded.
     #[error("the header names no joint: there is no column `q/…`, `dq/…` or `tau/…`")]
-    NoJoints,
+    NoJoints {
+        /// The robot's joints.
+        joints: Vec<String>,
+    },
     /// A joint has one of position, velocity and torque but not all.
     #[error("{joint} is recorded, but the header has no column `{missing}`")]
     MissingChannel {
         /// The joint.
-        joint: JointId,
+        joint: String,
         /// The column it lacks.
         missing: String,
     },
-    /// A leg has some of its three joints.
-    #[error("leg {} has {present} but not {missing}", .missing.leg().name())]
-    IncompleteLeg {
-        /// A joint of the leg that is recorded.
-        present: JointId,
-        /// A joint of the leg that is not.
-        missing: JointId,
+    /// A limb has some of its joints.
+    #[error("limb {limb} has {present} but not {missing}")]
+    IncompleteLimb {
+        /// The limb.
+        limb: String,
+        /// A joint of it that is recorded.
+        present: String,
+        /// A joint of it that is not.
+        missing: String,
     },
     /// A row is longer or shorter than the header.
     #[error("the row has {found} cells, the header {expected}")]
@@ -168,17 +183,19 @@ pub enum Problem {
     },
     /// Positions beyond the joint's limits nearly everywhere.
     #[error(
-        "{joint} is outside its limits ({lower:.3} to {upper:.3} rad) in {percent:.0} % of the samples, \
+        "{joint} is outside its limits ({lower:.3} to {upper:.3} {unit}) in {percent:.0} % of the samples, \
          {value} on this line{}",
         if *.degrees { "; the values look like degrees" } else { "" }
     )]
     OutsideLimits {
         /// The joint.
-        joint: JointId,
-        /// Lower limit, rad.
+        joint: String,
+        /// Lower limit, rad or m.
         lower: f64,
-        /// Upper limit, rad.
+        /// Upper limit, rad or m.
         upper: f64,
+        /// `rad`, or `m` of a prismatic joint.
+        unit: &'static str,
         /// Share of samples outside, %.
         percent: f64,
         /// The first such value, as recorded.

@@ -1,4 +1,4 @@
-//! The joints a log can name, in the order of the SDK and of the motor bus.
+//! The joints of a Go2, in the order of the SDK and of the motor bus.
 
 use crate::nearest::nearest;
 use std::fmt;
@@ -15,7 +15,7 @@ pub fn leg_named(name: &str) -> Result<Leg, UnknownName> {
     found.ok_or_else(|| UnknownName::new(name, Leg::ALL.map(Leg::name)))
 }
 
-/// A joint of the robot: its index in SDK order, 0 (`FR_hip`) to 11 (`RL_calf`).
+/// A joint of a Go2: its index in SDK order, 0 (`FR_hip`) to 11 (`RL_calf`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct JointId(usize);
 

@@ -3,11 +3,11 @@
 //! A log is CSV with a header, plain or gzip-compressed, one row per sample. Columns are found by name, in any order;
 //! unknown ones are ignored. `t` is the time in seconds; each recorded joint has `q/<joint>`, `dq/<joint>` and
 //! `tau/<joint>`, in SI units on the joint side; optional are `temp/<joint>`, `q_des/<joint>`, `quat/w|x|y|z`,
-//! `gyro/x|y|z`, `acc/x|y|z` and `foot/<leg>`. Joints come by whole legs: a log of one pinned leg has nine signal
-//! columns.
+//! `gyro/x|y|z`, `acc/x|y|z` and `foot/<limb>`. Joints have the names of the robot's model and come by whole limbs: a log
+//! of one leg of a pinned Go2 has nine signal columns.
 //!
-//! [`LogReader`] streams a log of any length in constant memory and checks it on the way; [`Log`] holds a short one
-//! whole; [`LogWriter`] makes one.
+//! [`LogReader`] streams the log of any robot, of any length, in constant memory and checks it on the way; [`Log`] holds
+//! a short one of a Go2 whole; [`LogWriter`] makes one.
 
 mod checks;
 mod columns;
@@ -18,7 +18,7 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::go2::Leg;
+use proprio_core::go2::{LEGS, Leg};
 
 pub use checks::{Checks, GAP, LEAST_RATE, LONGEST_GAP, Warning};
 pub use columns::{Channel, Columns, Selection};
@@ -27,7 +27,7 @@ pub use joint::{JointId, UnknownName, leg_named};
 pub use reader::{LogReader, Row};
 pub use writer::LogWriter;
 
-/// A log held whole.
+/// A Go2's log held whole.
 #[derive(Debug, Clone)]
 pub struct Log {
     /// Where it was read from.
@@ -38,8 +38,8 @@ pub struct Log {
     pub joints: Vec<JointChannel>,
     /// What the IMU measured, where recorded.
     pub imu: Imu,
-    /// Foot sensors FR FL RR RL, uncalibrated.
-    pub foot: Option<Vec<[f64; 4]>>,
+    /// Foot sensors FR FL RR RL, uncalibrated; not a number of a foot that is not recorded.
+    pub foot: Option<Vec<[f64; LEGS]>>,
     /// What a user should know about it.
     pub warnings: Vec<Warning>,
 }
@@ -73,7 +73,7 @@ pub struct Imu {
 }
 
 impl Log {
-    /// Reads all of the log at `path`.
+    /// Reads all of the Go2's log at `path`.
     ///
     /// # Errors
     /// As [`LogReader`]'s.
@@ -97,25 +97,32 @@ impl Log {
     }
 
     fn empty(path: &Path, columns: &Columns) -> Self {
-        let joint = |joint| JointChannel {
+        let joint = |joint: JointId| JointChannel {
             joint,
             q: Vec::new(),
             dq: Vec::new(),
             tau: Vec::new(),
-            temp: columns.has(Channel::Temp, joint).then(Vec::new),
-            q_des: columns.has(Channel::QDes, joint).then(Vec::new),
+            temp: columns.has(Channel::Temp, joint.index()).then(Vec::new),
+            q_des: columns.has(Channel::QDes, joint.index()).then(Vec::new),
         };
         let imu = Imu {
-            quat: columns.has_group(columns::QUAT).then(Vec::new),
-            gyro: columns.has_group(columns::GYRO).then(Vec::new),
-            acc: columns.has_group(columns::ACC).then(Vec::new),
+            quat: columns.has_slot(columns.slots.quat()).then(Vec::new),
+            gyro: columns.has_slot(columns.slots.gyro()).then(Vec::new),
+            acc: columns.has_slot(columns.slots.acc()).then(Vec::new),
         };
         Self {
             path: path.to_owned(),
             t: Vec::new(),
-            joints: columns.joints().map(joint).collect(),
+            joints: JointId::all()
+                .filter(|joint| columns.has(Channel::Q, joint.index()))
+                .map(joint)
+                .collect(),
             imu,
-            foot: columns.has_group(columns::FOOT).then(Vec::new),
+            foot: columns
+                .slots
+                .feet()
+                .any(|slot| columns.has_slot(slot))
+                .then(Vec::new),
             warnings: Vec::new(),
         }
     }
@@ -138,6 +145,7 @@ impl Log {
         put(&mut self.imu.quat, *row.quat());
         put(&mut self.imu.gyro, *row.gyro());
         put(&mut self.imu.acc, *row.acc());
-        put(&mut self.foot, *row.foot());
+        let feet = row.foot().first_chunk().copied();
+        put(&mut self.foot, feet.unwrap_or([f64::NAN; LEGS]));
     }
 }

@@ -10,9 +10,10 @@ use csv::ByteRecord;
 use flate2::bufread::MultiGzDecoder;
 
 use super::checks::{Checks, Warning};
-use super::columns::{ACC, Channel, Columns, FOOT, GYRO, QUAT, SLOTS, Selection, TIME, slot};
+use super::columns::{Channel, Columns, Selection, Slots, TIME};
 use super::error::{LogError, Problem};
-use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, Leg};
+use crate::model::Robot;
+use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_core::window::Sample;
 
 /// One row of a log. Channels that the log does not have are NaN.
@@ -22,19 +23,39 @@ pub struct Row {
     pub line: u64,
     /// Time since the first row, rounded to µs.
     pub time_us: u64,
-    values: [f64; SLOTS],
+    slots: Slots,
+    values: Vec<f64>,
 }
 
 impl Row {
+    fn new(slots: Slots) -> Self {
+        Self {
+            line: 0,
+            time_us: 0,
+            slots,
+            values: vec![f64::NAN; slots.count()],
+        }
+    }
+
     fn part<const N: usize>(&self, first: usize) -> &[f64; N] {
         self.values[first..]
             .first_chunk()
             .expect("every group lies within the slots")
     }
 
-    /// What a leg's estimator takes; NaN for a leg that the log does not have. Time counts from the log's first row.
+    fn of_joints(&self, channel: Channel) -> &[f64] {
+        &self.values[self.slots.all(channel)]
+    }
+
+    /// What the estimator of a Go2's leg takes, from a Go2's log; NaN for a leg that the log does not have. Time counts from
+    /// the log's first row.
     pub fn sample(&self, leg: Leg) -> Sample<f64, JOINTS_PER_LEG> {
-        let of = |channel| *self.part(slot(channel, JOINTS_PER_LEG * leg.index()));
+        let first = JOINTS_PER_LEG * leg.index();
+        let of = |channel| {
+            let own = self.of_joints(channel).get(first..);
+            let own = own.and_then(|own| own.first_chunk());
+            own.copied().unwrap_or([f64::NAN; JOINTS_PER_LEG])
+        };
         Sample {
             time_us: self.time_us,
             q: of(Channel::Q),
@@ -48,49 +69,49 @@ impl Row {
         self.values[TIME]
     }
 
-    /// Joint positions, rad, SDK order.
-    pub fn q(&self) -> &[f64; JOINTS] {
-        self.part(slot(Channel::Q, 0))
+    /// Joint positions, rad (m of a prismatic joint), in the order of the robot's joints.
+    pub fn q(&self) -> &[f64] {
+        self.of_joints(Channel::Q)
     }
 
-    /// Joint velocities, rad/s.
-    pub fn dq(&self) -> &[f64; JOINTS] {
-        self.part(slot(Channel::Dq, 0))
+    /// Joint velocities, rad/s (m/s).
+    pub fn dq(&self) -> &[f64] {
+        self.of_joints(Channel::Dq)
     }
 
-    /// Joint torques, N m.
-    pub fn tau(&self) -> &[f64; JOINTS] {
-        self.part(slot(Channel::Tau, 0))
+    /// Joint torques, N m (forces, N).
+    pub fn tau(&self) -> &[f64] {
+        self.of_joints(Channel::Tau)
     }
 
     /// Motor temperatures, degrees Celsius.
-    pub fn temp(&self) -> &[f64; JOINTS] {
-        self.part(slot(Channel::Temp, 0))
+    pub fn temp(&self) -> &[f64] {
+        self.of_joints(Channel::Temp)
     }
 
-    /// Commanded joint positions, rad.
-    pub fn q_des(&self) -> &[f64; JOINTS] {
-        self.part(slot(Channel::QDes, 0))
+    /// Commanded joint positions, rad (m).
+    pub fn q_des(&self) -> &[f64] {
+        self.of_joints(Channel::QDes)
     }
 
     /// Attitude quaternion, w x y z.
     pub fn quat(&self) -> &[f64; 4] {
-        self.part(QUAT)
+        self.part(self.slots.quat())
     }
 
     /// Angular velocity of the base, rad/s.
     pub fn gyro(&self) -> &[f64; 3] {
-        self.part(GYRO)
+        self.part(self.slots.gyro())
     }
 
     /// Specific force at the IMU, m/s².
     pub fn acc(&self) -> &[f64; 3] {
-        self.part(ACC)
+        self.part(self.slots.acc())
     }
 
-    /// Foot sensors, uncalibrated, FR FL RR RL.
-    pub fn foot(&self) -> &[f64; 4] {
-        self.part(FOOT)
+    /// Foot sensors, uncalibrated, in the order of the robot's limbs.
+    pub fn foot(&self) -> &[f64] {
+        &self.values[self.slots.feet()]
     }
 }
 
@@ -134,11 +155,20 @@ impl Read for Counted {
 }
 
 impl LogReader {
-    /// Opens the log at `path`, plain or compressed (told by content, not by name), and reads its header.
+    /// Opens a Go2's log: [`open_of`](Self::open_of) with joints in SDK order.
     ///
     /// # Errors
-    /// [`Problem::Open`] to [`Problem::IncompleteLeg`].
+    /// As [`open_of`](Self::open_of)'s.
     pub fn open(path: &Path, selection: Selection) -> Result<Self, LogError> {
+        Self::open_of(path, selection, &Robot::go2())
+    }
+
+    /// Opens the log of `robot` at `path`, plain or compressed (told by content, not by name), and reads its header. Joints
+    /// are found by the robot's names, limbs recorded whole or not at all.
+    ///
+    /// # Errors
+    /// [`Problem::Open`] to [`Problem::IncompleteLimb`].
+    pub fn open_of(path: &Path, selection: Selection, robot: &Robot) -> Result<Self, LogError> {
         let open = |error| LogError::new(path, Problem::Open(error));
         let file = File::open(path).map_err(open)?;
         let metadata = file.metadata().map_err(open)?;
@@ -171,19 +201,14 @@ impl LogReader {
         if !found {
             return Err(LogError::new(path, Problem::Empty).at_line(1));
         }
-        let columns = Columns::new(path, line(&record), &record, selection)?;
-        let row = Row {
-            line: 0,
-            time_us: 0,
-            values: [f64::NAN; SLOTS],
-        };
+        let columns = Columns::new(path, line(&record), &record, selection, robot)?;
         Ok(Self {
             path: path.to_owned(),
             csv,
+            row: Row::new(columns.slots),
+            checks: Checks::new(&columns),
             columns,
             record,
-            row,
-            checks: Checks::new(),
             read,
             size: metadata.len(),
         })
@@ -218,7 +243,7 @@ impl LogReader {
             self.row.values[slot] =
                 number(&self.record[cell]).map_err(|problem| self.cell_error(cell, problem))?;
         }
-        if let Err(problem) = self.checks.row(&self.columns, &self.row) {
+        if let Err(problem) = self.checks.row(&self.row) {
             let cell = self.columns.cell[TIME].unwrap_or_default();
             return Err(self.cell_error(cell, problem));
         }

@@ -1,0 +1,495 @@
+//! Robots that are no Go2: from a URDF and a log to parameters and to what is missing, by the command line.
+//!
+//! The logs are not made with the identification's columns: motions are given in closed form, so that velocity and
+//! acceleration are exact, and torque is recursive Newton-Euler plus what the motors have, sampled with noise and steps.
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use nalgebra::SVector;
+use proprio::model::{Limb, Model, Robot};
+use proprio_core::spatial::Transform;
+use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+use serde_json::Value;
+
+const ARM: &str = include_str!("../robots/arm.urdf");
+const BIPED: &str = include_str!("../robots/biped.urdf");
+
+/// What a motor has beyond the rigid bodies.
+#[derive(Clone, Copy)]
+struct Motor {
+    /// N m s/rad.
+    viscous: f64,
+    /// N m.
+    coulomb: f64,
+    /// kg m².
+    armature: f64,
+    /// N m.
+    bias: f64,
+    /// Stiffness, N m/rad, and where it is at rest, rad.
+    spring: [f64; 2],
+}
+
+const TYPICAL: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
+
+impl Motor {
+    /// Joint `n`'s: each a little different.
+    fn typical(n: usize) -> Self {
+        let n = n as f64;
+        Self {
+            viscous: 0.12 + 0.03 * n,
+            coulomb: 0.35 - 0.04 * n,
+            armature: 0.012 + 0.002 * n,
+            bias: 0.1 - 0.05 * n,
+            spring: [0.0; 2],
+        }
+    }
+
+    /// By the name of an effect.
+    fn value(&self, effect: &str) -> f64 {
+        match effect {
+            "viscous" => self.viscous,
+            "coulomb" => self.coulomb,
+            "armature" => self.armature,
+            "bias" => self.bias,
+            other => panic!("{other}"),
+        }
+    }
+
+    fn torque(&self, q: f64, dq: f64, ddq: f64) -> f64 {
+        let [stiffness, rest] = self.spring;
+        self.viscous * dq
+            + self.coulomb * dq.signum()
+            + self.armature * ddq
+            + self.bias
+            + stiffness * (q - rest)
+    }
+}
+
+/// Position, velocity and acceleration of a robot's joint `n` at time `t`: three sines within its limits.
+fn motion(robot: &Robot, n: usize, t: f64) -> [f64; 3] {
+    let [lower, upper] = robot.bodies()[n].limits;
+    let (centre, reach) = if lower.is_finite() {
+        (0.5 * (lower + upper), 0.5 * (upper - lower))
+    } else {
+        (0.0, 1.5)
+    };
+    let pitch = 1.0 + 0.13 * n as f64;
+    let sines = [(0.55, 0.23), (0.2, 0.71), (0.08, 1.9)];
+    let mut state = [centre, 0.0, 0.0];
+    for (k, (share, hertz)) in sines.into_iter().enumerate() {
+        let (amplitude, omega) = (share * reach, TAU * hertz * pitch);
+        let (sine, cosine) = (omega * t + (n + 2 * k) as f64).sin_cos();
+        state[0] += amplitude * sine;
+        state[1] += amplitude * omega * cosine;
+        state[2] -= amplitude * omega * omega * sine;
+    }
+    state
+}
+
+/// A recording of some limbs of a robot.
+struct Recorder {
+    model: Model,
+    motors: Vec<Motor>,
+    duration: f64,
+    seed: u64,
+}
+
+const PERIOD: f64 = 0.002;
+/// Steps of the reported torque, N m.
+const TORQUE_STEP: f64 = 0.005;
+
+impl Recorder {
+    fn new(robot: Robot) -> Self {
+        Self {
+            motors: (0..robot.bodies().len())
+                .map(|n| Motor::typical(n % 5))
+                .collect(),
+            model: Model::new(robot),
+            duration: 12.0,
+            seed: 1,
+        }
+    }
+
+    fn motor(&mut self, joint: &str) -> &mut Motor {
+        let joint = self.model.robot().joint(joint).unwrap();
+        &mut self.motors[joint]
+    }
+
+    /// The torques of a limb at each moment. The true bodies are not the CAD's: each is heavier or lighter.
+    fn torques<const N: usize>(&self, limb: &Limb) -> Vec<[f64; N]> {
+        let robot = self.model.robot();
+        let tree = self.model.limb_tree::<N>(limb).unwrap();
+        let mut bodies = tree.bodies().map(|body| body.inertia);
+        for (n, body) in bodies.iter_mut().enumerate() {
+            body.0 *= if n % 2 == 0 { 1.04 } else { 0.97 };
+        }
+        let tree = tree.with_inertia(&bodies);
+        let at = |k: usize| {
+            let state = |j: usize| motion(robot, limb.bodies.start + j, k as f64 * PERIOD);
+            let [q, dq, ddq] = [0, 1, 2].map(|d| SVector::<f64, N>::from_fn(|j, _| state(j)[d]));
+            let kinematics = tree.kinematics(&Transform::identity(), &q, &dq);
+            let rigid = tree.inverse_dynamics(&kinematics, &dq, &ddq);
+            let motor = |j: usize| self.motors[limb.bodies.start + j].torque(q[j], dq[j], ddq[j]);
+            std::array::from_fn(|j| rigid[j] + motor(j))
+        };
+        (0..self.samples()).map(at).collect()
+    }
+
+    fn samples(&self) -> usize {
+        (self.duration / PERIOD) as usize
+    }
+
+    /// The log as text: joints last to first, and a column that no one knows.
+    fn log<const N: usize>(&self, limbs: &[&Limb]) -> String {
+        let robot = self.model.robot();
+        let mut random = ChaCha8Rng::seed_from_u64(self.seed);
+        let noise = Normal::new(0.0, 1.0).unwrap();
+        let torques: Vec<_> = limbs.iter().map(|limb| self.torques::<N>(limb)).collect();
+        let mut text = String::from("note,t");
+        for limb in limbs {
+            for joint in limb.bodies.clone().rev() {
+                let name = &robot.bodies()[joint].name;
+                write!(text, ",tau/{name},q/{name},dq/{name}").unwrap();
+            }
+        }
+        for k in 0..self.samples() {
+            let t = k as f64 * PERIOD;
+            write!(text, "\nx,{t:.3}").unwrap();
+            for (limb, torques) in limbs.iter().zip(&torques) {
+                for joint in limb.bodies.clone().rev() {
+                    let [q, dq, _] = motion(robot, joint, t);
+                    let exact = torques[k][joint - limb.bodies.start];
+                    let tau = exact + 0.03 * noise.sample(&mut random);
+                    let tau = (tau / TORQUE_STEP).round() * TORQUE_STEP;
+                    let dq = dq + 0.003 * noise.sample(&mut random);
+                    write!(text, ",{tau:.4},{q:.6},{dq:.5}").unwrap();
+                }
+            }
+        }
+        text + "\n"
+    }
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key]
+        .as_f64()
+        .unwrap_or_else(|| panic!("{key}: {value}"))
+}
+
+/// A folder with the robot's URDF and a model file with `effects` at every joint.
+fn with_model(urdf: &str, effects: &[&str]) -> tempfile::TempDir {
+    let folder = folder();
+    fs::write(folder.path().join("robot.urdf"), urdf).unwrap();
+    let fixed = ["add", "-m", "model.toml", "--urdf", "robot.urdf"];
+    done(folder.path(), &[&fixed[..], effects].concat());
+    folder
+}
+
+fn robot(folder: &Path) -> Robot {
+    Robot::from_urdf(&folder.join("robot.urdf")).unwrap()
+}
+
+/// The estimate of each effect lies within its error of the truth, and the error is small enough to say something.
+fn assert_identified(told: &Value, recorder: &Recorder, limbs: &[&Limb]) {
+    let bodies = recorder.model.robot().bodies();
+    for joint in limbs.iter().flat_map(|limb| limb.bodies.clone()) {
+        for effect in TYPICAL {
+            let truth = recorder.motors[joint].value(effect);
+            let estimate = parameter(told, &format!("{effect}:{}", bodies[joint].name));
+            let (value, std) = (number(estimate, "value"), number(estimate, "std"));
+            // tests/coverage.md: within 3 σ in 99 %; of so many parameters 5 σ is beyond chance.
+            assert!((value - truth).abs() < 5.0 * std, "{truth}: {estimate}");
+            if ["viscous", "coulomb"].contains(&effect) {
+                assert!(std < 0.1 * truth, "{truth}: {estimate}");
+            }
+        }
+    }
+}
+
+/// An arm with a turntable and a sliding rod is identified, and the model that comes out predicts its log.
+#[test]
+fn an_arm_is_identified_from_its_urdf_and_a_log() {
+    let folder = with_model(ARM, &TYPICAL);
+    let folder = folder.path();
+    let recorder = Recorder::new(robot(folder));
+    let limbs = recorder.model.robot().limbs();
+    let limbs: Vec<&Limb> = limbs.iter().collect();
+    fs::write(folder.join("log.csv"), recorder.log::<4>(&limbs)).unwrap();
+
+    let fit = [
+        "identify",
+        "log.csv",
+        "-m",
+        "model.toml",
+        "-o",
+        "fitted.toml",
+        "--json",
+    ];
+    let told = json(&done(folder, &fit));
+    assert_identified(&told, &recorder, &limbs);
+
+    let compare = [
+        "compare",
+        "log.csv",
+        "-m",
+        "fitted.toml",
+        "--json",
+        "--html",
+        "report.html",
+    ];
+    let compared = json(&done(folder, &compare));
+    let [rms, cad, above] = ["rms", "cad_rms", "above_noise_percent"].map(|k| number(&compared, k));
+    assert!(rms < 0.1 * cad && above < 5.0, "{rms} {cad} {above}");
+    let gates = &compared["data"][0];
+    assert_eq!(gates["findings"], serde_json::json!([]));
+    for joint in gates["joints"].as_array().unwrap() {
+        let step = joint["quantum"][2].as_f64().unwrap();
+        assert!((step / TORQUE_STEP - 1.0).abs() < 0.01, "{joint}");
+    }
+    let joints: Vec<&str> = compared["joints"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|joint| joint["joint"].as_str().unwrap())
+        .collect();
+    assert_eq!(joints, ["yaw", "shoulder", "elbow", "slide"]);
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(joints.iter().all(|joint| page.contains(joint)));
+
+    let text = done(
+        folder,
+        &["identify", "log.csv", "-m", "model.toml", "--base"],
+    );
+    for joint in joints {
+        assert!(text.lines().any(|line| line.starts_with(joint)), "{text}");
+    }
+}
+
+/// A spring at the elbow, which the model lacks, is named with its stiffness.
+#[test]
+fn a_spring_at_an_arms_elbow_is_named() {
+    let folder = with_model(ARM, &TYPICAL);
+    let folder = folder.path();
+    let mut recorder = Recorder::new(robot(folder));
+    recorder.motor("elbow").spring = [1.2, 0.3];
+    let limbs = recorder.model.robot().limbs();
+    let limbs: Vec<&Limb> = limbs.iter().collect();
+    fs::write(folder.join("log.csv"), recorder.log::<4>(&limbs)).unwrap();
+    assert_named(folder, "spring", "elbow", 1.2);
+}
+
+/// Of a biped whose left leg was not recorded, the right one is judged: Coulomb friction at its knee is named.
+#[test]
+fn dry_friction_at_a_bipeds_knee_is_named() {
+    let folder = with_model(BIPED, &["viscous", "armature", "bias"]);
+    let folder = folder.path();
+    let mut recorder = Recorder::new(robot(folder));
+    recorder
+        .motors
+        .iter_mut()
+        .for_each(|motor| motor.coulomb = 0.0);
+    recorder.motor("right_knee").coulomb = 0.5;
+    let limbs = recorder.model.robot().limbs();
+    let right = limbs.iter().find(|limb| limb.name == "right").unwrap();
+    fs::write(folder.join("log.csv"), recorder.log::<4>(&[right])).unwrap();
+    assert_named(folder, "coulomb", "right_knee", 0.5);
+}
+
+/// `diagnose` names the effect at the joint first, and its value within its error; added and fitted, nothing more is missing.
+fn assert_named(folder: &Path, effect: &str, joint: &str, truth: f64) {
+    let told = json(&done(
+        folder,
+        &["diagnose", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert_eq!(told["verdict"], "missing", "{told}");
+    let first = &told["path"][0];
+    assert_eq!(
+        (&first["effect"], &first["joints"]),
+        (&effect.into(), &[joint].as_slice().into())
+    );
+    let best = &told["candidates"][0];
+    assert_eq!(
+        (&best["effect"], &best["joints"]),
+        (&effect.into(), &[joint].as_slice().into())
+    );
+    let off = number(best, "value") - truth;
+    assert!(off.abs() < 5.0 * number(best, "std"), "{best}");
+
+    done(
+        folder,
+        &["add", &format!("{effect}:{joint}"), "-m", "model.toml"],
+    );
+    let compared = json(&done(
+        folder,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert!(
+        number(&compared, "rms") < 0.5 * number(&compared, "before_rms"),
+        "{compared}"
+    );
+    let told = json(&done(
+        folder,
+        &["identify", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    let estimate = parameter(&told, &format!("{effect}:{joint}"));
+    let off = number(estimate, "value") - truth;
+    assert!(off.abs() < 5.0 * number(estimate, "std"), "{estimate}");
+}
+
+/// A trunk that carries two arms is one limb, a tree.
+#[test]
+fn a_limb_that_branches_is_identified() {
+    let folder = with_model(BIPED, &TYPICAL);
+    let folder = folder.path();
+    let recorder = Recorder::new(robot(folder));
+    let limbs = recorder.model.robot().limbs();
+    let trunk = limbs.iter().find(|limb| limb.bodies.len() == 5).unwrap();
+    fs::write(folder.join("log.csv"), recorder.log::<5>(&[trunk])).unwrap();
+    let told = json(&done(
+        folder,
+        &["identify", "log.csv", "-m", "model.toml", "--json"],
+    ));
+    assert_identified(&told, &recorder, &[trunk]);
+}
+
+/// A chain of `count` joints, `PREFIX1` and on, as the links and joints of a URDF.
+fn chain(prefix: &str, count: usize) -> String {
+    let mut text = String::new();
+    for n in 1..=count {
+        let parent = match n {
+            1 => "base".to_owned(),
+            n => format!("{prefix}_link{}", n - 1),
+        };
+        let axis = ["0 0 1", "0 1 0"][n % 2];
+        write!(
+            text,
+            r#"<link name="{prefix}_link{n}"><inertial><origin xyz="0.05 0 0"/><mass value="1"/>
+            <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+            <joint name="{prefix}{n}" type="revolute"><parent link="{parent}"/><child link="{prefix}_link{n}"/>
+            <origin xyz="0.1 0 0"/><axis xyz="{axis}"/>
+            <limit lower="-1" upper="1" effort="10" velocity="10"/></joint>"#
+        )
+        .unwrap();
+    }
+    text
+}
+
+/// The message of `compare`, which must refuse the log and say what to do.
+fn refused(folder: &Path, log: &str) -> String {
+    fs::write(folder.join("log.csv"), log).unwrap();
+    let output = proprio(folder, &["compare", "log.csv", "-m", "model.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert_eq!(stdout(&output), "");
+    assert!(message.starts_with("error: log.csv"), "{message}");
+    assert!(message.contains("\nhint: "), "{message}");
+    message
+}
+
+/// Limbs of more than eight joints: refused if there is nothing else, else left out with a warning.
+#[test]
+fn a_limb_that_is_too_large_is_named() {
+    let urdf = format!(
+        r#"<robot name="snake"><link name="base"/>{}{}</robot>"#,
+        chain("tail", 9),
+        chain("neck", 1)
+    );
+    let folder = with_model(&urdf, &["viscous"]);
+    let folder = folder.path();
+    let recorder = Recorder::new(robot(folder));
+    let limbs = recorder.model.robot().limbs();
+    let [tail, neck] = &limbs[..] else {
+        panic!("{limbs:?}")
+    };
+    let alone = recorder.log::<9>(&[tail]);
+    let message = refused(folder, &alone);
+    let expected = "limb tail has 9 joints; limbs of at most 8 can be judged";
+    assert!(message.contains(expected), "{message}");
+
+    let other = recorder.log::<1>(&[neck]);
+    let both = alone.lines().zip(other.lines());
+    // Without the other's note and time.
+    let rest = |line: &str| line.splitn(3, ',').last().unwrap().to_owned();
+    let both: String = both.map(|(a, b)| format!("{a},{}\n", rest(b))).collect();
+    fs::write(folder.join("log.csv"), both).unwrap();
+    let output = proprio(
+        folder,
+        &["compare", "log.csv", "-m", "model.toml", "--json"],
+    );
+    let joints = json(&stdout(&output))["joints"].as_array().unwrap().len();
+    assert_eq!(joints, 1);
+    let warning = "warning: limb tail is left out: it has 9 joints, and at most 8 can be judged";
+    assert!(stderr(&output).contains(warning), "{}", stderr(&output));
+}
+
+/// What is wrong with another robot's log is told with the place and the fix, as with a Go2's.
+#[test]
+fn a_bad_log_of_another_robot_is_refused_with_its_place_and_the_fix() {
+    let folder = with_model(ARM, &["viscous"]);
+    let folder = folder.path();
+    let mut recorder = Recorder::new(robot(folder));
+    recorder.duration = 1.0;
+    let limbs = recorder.model.robot().limbs();
+    let good = recorder.log::<4>(&[&limbs[0]]);
+    let (header, rows) = good.split_once('\n').unwrap();
+    // Elbow and slide are the columns from the third on, three each: slide, elbow, shoulder, yaw.
+    let degrees: String = rows
+        .lines()
+        .map(|row| {
+            let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+            for column in [6, 9, 12] {
+                let q: f64 = cells[column].parse().unwrap();
+                cells[column] = q.to_degrees().to_string();
+            }
+            cells.join(",") + "\n"
+        })
+        .collect();
+    let all_other = ["yaw", "shoulder", "elbow", "slide"]
+        .into_iter()
+        .fold(good.clone(), |log, joint| {
+            log.replace(&format!("/{joint}"), &format!("/left_{joint}"))
+        });
+    for (log, place, fault, fix) in [
+        (
+            good.replace("dq/elbow", "dq/elbw"),
+            "line 1, column 8 (dq/elbw)",
+            "the robot `arm` has no joint or limb `elbw`",
+            "did you mean `dq/elbow`?",
+        ),
+        (
+            good.replace("tau/elbow", "elbow's torque"),
+            "line 1, column 7 (q/elbow)",
+            "elbow is recorded, but the header has no column `tau/elbow`",
+            "record `tau/elbow` too",
+        ),
+        (
+            good.replace("/slide", "s slide"),
+            "line 1, column 13 (q/yaw)",
+            "limb yaw has yaw but not slide",
+            "record slide too",
+        ),
+        (
+            all_other,
+            "line 1, column 3 (tau/left_slide)",
+            "`left_slide` is no joint of the robot `arm`",
+            "its joints are yaw, shoulder, elbow, slide; for another robot name its model",
+        ),
+        (
+            format!("{header}\n{degrees}"),
+            "(q/shoulder)",
+            "shoulder is outside its limits (-2.000 to 1.500 rad)",
+            "multiply both by π/180",
+        ),
+    ] {
+        let message = refused(folder, &log);
+        for expected in [place, fault, fix] {
+            assert!(message.contains(expected), "{expected}: {message}");
+        }
+    }
+}
