@@ -17,8 +17,9 @@ const WATCHED: [EffectKind; 4] = [
     EffectKind::Viscous,
     EffectKind::Bias,
 ];
-/// χ² of eight degrees of freedom that chance reaches once in 10⁸ times: for what θ itself is wrong by, twice of it counts.
-const LEAST_FALL: f64 = 2.0 * 52.0;
+/// χ² of eight degrees of freedom that chance reaches once in 10⁸ times, and a little for what θ itself is wrong by. How long
+/// residuals remember does not count: what changes makes them remember.
+const LEAST_FALL: f64 = 60.0;
 /// Smallest share of a joint's held-out sum of squares that a change explains.
 const LEAST_SHARE: f64 = 0.05;
 
@@ -63,7 +64,7 @@ fn drift(limb: &LimbCriticism, joint: usize) -> Option<Drift> {
         ))
     });
     let (fall, drift) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let is_more_than_chance = fall / (square * limb.memory[joint]) > LEAST_FALL;
+    let is_more_than_chance = fall / square > LEAST_FALL;
     (is_more_than_chance && fall > LEAST_SHARE * left).then_some(drift)
 }
 

@@ -10,9 +10,9 @@ use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
 
 pub(crate) use walk::walk;
 
-/// An effect counts from this size on, in units of its standard deviation: with some two hundred candidates, chance reaches
-/// four once in a hundred complete models.
-const LEAST_Z: f64 = 4.5;
+/// An effect counts from this size on, in units of its standard deviation: a leg has some sixty candidates, of which chance
+/// makes one this large once in two hundred complete models.
+const LEAST_Z: f64 = 4.0;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
@@ -20,6 +20,9 @@ const LEAST_GAIN: f64 = 0.02;
 /// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
 /// many.
 const LEAST_GAIN_OF_SLOW: f64 = 0.005;
+/// What is so sure, and explains so much of a joint's error, tells of something else if its value cannot be.
+const SURE_Z: f64 = 5.0;
+const SURE_GAIN: f64 = 0.05;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -41,6 +44,8 @@ pub(crate) struct Path {
     /// The same once velocities are put right.
     pub(crate) after_velocity: Vec<f64>,
     pub(crate) steps: Vec<Step>,
+    /// What would explain much of what is left, if its value were physical.
+    pub(crate) unphysical: Vec<Judged>,
 }
 
 /// A candidate and the verdict on it.
@@ -59,8 +64,13 @@ pub(crate) struct Judged {
     pub(crate) alternatives: Vec<Place>,
 }
 
-/// Whether a candidate is there beyond chance, and large enough to be worth a place.
+/// Whether a candidate is there beyond chance, large enough to be worth a place, and physical.
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
+    is_there(limb, candidate) && limb.in_bounds(candidate)
+}
+
+/// Whether a candidate is there beyond chance and large enough to be worth a place, whatever its value.
+fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
     let least_gain = match candidate.place.0 {
@@ -76,7 +86,6 @@ fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         && gain > error
         && -harm < MOST_HARM * (gain - harm)
         && limb.held_out_gain(candidate).0 > least_gain
-        && limb.in_bounds(candidate)
         && limb.is_resolved(candidate)
 }
 
@@ -96,7 +105,9 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
     };
     let mut simplest = first;
     for candidate in candidates.iter().filter(as_good) {
-        if candidate.entries.len() < simplest.entries.len() {
+        // Scanned shapes count as well.
+        let parameters = |c: &Candidate| c.place.0.description().parameters.len();
+        if parameters(candidate) < parameters(simplest) {
             simplest = candidate;
         }
     }
@@ -118,6 +129,26 @@ fn total(rss: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
+/// What is there beyond all doubt, but with a value that cannot be: of each joint the best.
+fn unphysical(limb: &LimbCriticism) -> Vec<Judged> {
+    let is_it = |c: &Candidate| {
+        c.z >= SURE_Z
+            && limb.held_out_gain(c).0 > SURE_GAIN
+            && is_there(limb, c)
+            && !limb.in_bounds(c)
+    };
+    let mut found: Vec<Judged> = Vec::new();
+    for candidate in limb.candidates(None).into_iter().filter(is_it) {
+        if found
+            .iter()
+            .all(|known| known.candidate.place.1 != candidate.place.1)
+        {
+            found.push(judged(limb, candidate));
+        }
+    }
+    found
+}
+
 /// What each effect would add to the model as it is, and that model's held-out sums of squares.
 pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
     (
@@ -126,18 +157,22 @@ pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
     )
 }
 
+fn judged(limb: &LimbCriticism, candidate: Candidate) -> Judged {
+    Judged {
+        significant: is_significant(limb, &candidate),
+        in_bounds: limb.in_bounds(&candidate),
+        alternatives: Vec::new(),
+        held_out_gain: limb.held_out_gain(&candidate),
+        parameters: limb.parameters(&candidate),
+        candidate,
+    }
+}
+
 /// Judges candidates, best first, and finds the best one's look-alikes.
 fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
     let mut judged: Vec<Judged> = candidates
         .into_iter()
-        .map(|candidate| Judged {
-            significant: is_significant(limb, &candidate),
-            in_bounds: limb.in_bounds(&candidate),
-            alternatives: Vec::new(),
-            held_out_gain: limb.held_out_gain(&candidate),
-            parameters: limb.parameters(&candidate),
-            candidate,
-        })
+        .map(|candidate| judged(limb, candidate))
         .collect();
     let significant: Vec<&Candidate> = judged
         .iter()

@@ -253,5 +253,13 @@ fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
         .iter()
         .flat_map(|limb| &limb.series)
         .filter_map(bursts);
-    structures.chain(drifts).chain(bursts).collect()
+    let unphysical = walked.iter().flat_map(|limb| {
+        let of = |judged: &Judged| words::unphysical(&limb.candidate(judged, model));
+        limb.path.unphysical.iter().map(of)
+    });
+    structures
+        .chain(drifts)
+        .chain(bursts)
+        .chain(unphysical)
+        .collect()
 }

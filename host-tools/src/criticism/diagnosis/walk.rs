@@ -70,6 +70,7 @@ pub(super) fn walk<'a>(
             start: contact.after.clone(),
             after_velocity: contact.after.clone(),
             steps: Vec::new(),
+            unphysical: Vec::new(),
         },
         _ => selection::walk(&mut criticism),
     };

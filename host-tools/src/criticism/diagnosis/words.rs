@@ -136,6 +136,19 @@ pub(super) fn reason(
     }
 }
 
+/// A sentence for an effect that would explain much with a value that cannot be.
+pub(super) fn unphysical(candidate: &CandidateReport) -> String {
+    format!(
+        "{}: {} would take away {:.0} % of the squared error with a value that cannot be ({} {}): something that is not in the \
+         catalogue looks like it",
+        candidate.joints.join(","),
+        candidate.effect,
+        100.0 * candidate.held_out_gain,
+        with_std(candidate.value, candidate.std),
+        candidate.parameters[0].unit,
+    )
+}
+
 /// A sentence for what changes with time at `joint`.
 pub(super) fn drift(drift: &Drift, joint: &str) -> String {
     let parameter = &drift.effect.description().parameters[0];

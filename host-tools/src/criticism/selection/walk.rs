@@ -4,7 +4,7 @@ use proprio_core::effect::EffectKind;
 
 use super::super::limb::{Candidate, LimbCriticism, Place};
 use super::play::name_play;
-use super::{Path, Step, best, first, is_significant, weighted};
+use super::{Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
@@ -54,6 +54,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     }
     walk.prune();
     Path {
+        unphysical: unphysical(walk.limb),
         first,
         after_velocity: start.clone(),
         start,
