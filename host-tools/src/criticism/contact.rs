@@ -45,6 +45,11 @@ const LEAST_FORCE: f64 = 1.0;
 /// Size of the mean force in units of its standard deviation from which on it counts. Four legs are tested, not a hundred
 /// candidates: chance gives one of them this much once in ten thousand logs.
 const LEAST_Z: f64 = 4.0;
+/// The same where the joints agree on the force up to [`AGREED`]: from few episodes chance reaches no more, and nothing else in
+/// a leg acts on all its joints as a force at the foot does.
+const LEAST_Z_AGREED: f64 = 3.0;
+/// Share of the residuals' sum of squares that the other joints predict, from which on they agree.
+const AGREED: f64 = 0.9;
 /// Least share of the residuals' sum of squares that the other joints must predict.
 const LEAST_GAIN: f64 = 0.3;
 /// Least share of the windows that are no swing in which the ground pushes: any other effect pulls as often.
@@ -81,7 +86,7 @@ impl Contact {
     /// Whether there is a contact beyond chance, and nothing but a contact looks like it.
     pub(crate) fn is_significant(&self) -> bool {
         self.force > LEAST_FORCE
-            && self.z >= LEAST_Z
+            && (self.z >= LEAST_Z || self.z >= LEAST_Z_AGREED && self.gain > AGREED)
             && self.gain > LEAST_GAIN
             && self.gain > 2.0 * self.gain_error
             && self.pushing >= LEAST_PUSHING

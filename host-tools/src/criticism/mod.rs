@@ -9,6 +9,7 @@
 //! 6. [`residual`], [`comparison`]: where and when a model fails, against baselines.
 
 pub(crate) mod blocks;
+mod bursts;
 pub(crate) mod column;
 pub mod comparison;
 mod contact;

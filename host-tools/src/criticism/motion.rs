@@ -157,7 +157,7 @@ impl Motion {
             .map(|k| local_parabola(&times, &dq, k, same_direction(&times, &speeds, k)))
             .collect();
         let tau = delayed(&times, &channel(&recording.tau), corrections.delay[joint]);
-        let load = transmitted(&times, &tau, &dq, &speeds, motor);
+        let load = transmitted(&times, &tau, &q, &speeds, motor);
         let gap = corrections.gap[joint];
         let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
         let smooth: Vec<[f64; 2]> = (0..times.len())
@@ -198,11 +198,15 @@ impl Motion {
 }
 
 /// The torque that the gear hands to the link: what is reported less what turns the rotor and rubs before the gear, N m.
-fn transmitted(t: &[f64], tau: &[f64], dq: &[f64], speed: &[f64], motor: MotorSide) -> Vec<f64> {
+///
+/// Velocities are slopes of the positions `q`: the reported ones have their noise in the momentum as well, and a column that
+/// shares it finds a compliance where there is none.
+fn transmitted(t: &[f64], tau: &[f64], q: &[f64], speed: &[f64], motor: MotorSide) -> Vec<f64> {
+    let velocity: Vec<f64> = (0..t.len()).map(|k| local_line(t, q, k, 1)[1]).collect();
     let of = |k: usize| {
-        let [_, acceleration] = local_line(t, dq, k, around(t, k));
+        let [velocity, acceleration] = local_line(t, &velocity, k, around(t, k));
         let sign = (speed[k] / SPEED_NOISE).clamp(-1.0, 1.0);
-        let taken = motor.armature * acceleration + motor.viscous * dq[k];
+        let taken = motor.armature * acceleration + motor.viscous * velocity;
         tau[k] - taken - motor.coulomb * sign - motor.bias
     };
     (0..t.len()).map(of).collect()

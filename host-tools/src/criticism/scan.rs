@@ -23,10 +23,8 @@ const ROUNDS: usize = 3;
 /// What friction and a constant torque explain anyhow.
 const BASIS: [EffectKind; 3] = [EffectKind::Viscous, EffectKind::Coulomb, EffectKind::Bias];
 
-/// The windows looked at: of each joint the samples \[first, last\] and the residual.
-struct Looked {
-    windows: Vec<Vec<([usize; 2], f64)>>,
-}
+/// Of each joint its windows: samples \[first, last\] and the residual.
+type Residuals = Vec<Vec<([usize; 2], f64)>>;
 
 impl LimbCriticism<'_> {
     /// Finds of what kind the noise is, and sets the shape of every effect that has one, in the model or not, to the best on
@@ -36,11 +34,11 @@ impl LimbCriticism<'_> {
             self.refold();
         }
         let looked = self.look(&self.fit.theta);
-        let longest = looked.windows.iter().map(Vec::len).max().unwrap_or(0);
+        let longest = looked.iter().map(Vec::len).max().unwrap_or(0);
         let stride = (longest / MOST_WINDOWS).max(1);
         let mut changed = false;
         for joint in 0..self.recording.joints {
-            let windows = looked.windows[joint].iter().step_by(stride);
+            let windows = looked[joint].iter().step_by(stride);
             let scanned: Vec<([usize; 2], f64)> = windows.copied().collect();
             for effect in [
                 EffectKind::Stribeck,
@@ -69,7 +67,7 @@ impl LimbCriticism<'_> {
     /// Finds of what kind the noise is: the residuals that all effects together leave. True if neighbours are otherwise
     /// correlated than the rows were whitened for.
     fn take_noise(&mut self) -> bool {
-        let mut saturated = self.look(&self.saturated()).windows;
+        let mut saturated = self.look(&self.saturated());
         let correlation: Vec<f64> = saturated.iter().map(|w| neighbour_correlation(w)).collect();
         let is_other = |(a, b): (&f64, &f64)| (a - b).abs() > CORRELATION_STEP;
         let changed = correlation.iter().zip(&self.correlation).any(is_other);
@@ -86,7 +84,7 @@ impl LimbCriticism<'_> {
         changed
     }
 
-    fn look(&self, theta: &[f64]) -> Looked {
+    fn look(&self, theta: &[f64]) -> Residuals {
         let theta = self.columns.combined(theta);
         let mut windows = vec![Vec::new(); self.recording.joints];
         for window in self.windows.iter() {
@@ -98,7 +96,7 @@ impl LimbCriticism<'_> {
                 list.push((window.samples, window.residual(joint, &theta[joint])));
             }
         }
-        Looked { windows }
+        windows
     }
 
     fn best_shape(&self, windows: &[([usize; 2], f64)], place: Place) -> Option<f64> {

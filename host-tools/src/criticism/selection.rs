@@ -1,9 +1,14 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
+mod play;
+mod walk;
+
 use proprio_core::effect::EffectKind;
 
 use super::diagnosis::ParameterReport;
 use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
+
+pub(crate) use walk::walk;
 
 /// An effect counts from this size on, in units of its standard deviation: with some two hundred candidates, chance reaches
 /// four once in a hundred complete models.
@@ -11,22 +16,10 @@ const LEAST_Z: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
-const LEAST_GAIN: f64 = 0.005;
-/// The same of effects whose column is made of the measured torque: the controller answers to the sensors' noise, so that the
-/// column's noise and the residual's are not independent.
-const LEAST_GAIN_OF_TORQUE: f64 = 0.02;
-/// A more general effect must gain this share more than its special case.
-const LEAST_SHARE: f64 = 0.05;
-/// Most effects that a limb is given.
-const MOST_STEPS: usize = 16;
-/// Most times that the data are gone over again.
-const MOST_POLISHES: usize = 6;
-/// They are gone over once more while that makes the held-out error smaller by this factor.
-const WORTH_POLISHING: f64 = 0.98;
-/// Going over the data again may make the held-out sum of squares larger by this factor,
-const MOST_RISE: f64 = 1.01;
-/// unless an effect keeps at least this share of what its derivative promised.
-const LEAST_KEPT: f64 = 0.5;
+const LEAST_GAIN: f64 = 0.02;
+/// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
+/// many.
+const LEAST_GAIN_OF_SLOW: f64 = 0.005;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 
@@ -71,7 +64,12 @@ fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
     let least_gain = match candidate.place.0 {
-        EffectKind::Elasticity | EffectKind::Backlash | EffectKind::Delay => LEAST_GAIN_OF_TORQUE,
+        EffectKind::Bias
+        | EffectKind::Spring
+        | EffectKind::EncoderOffset
+        | EffectKind::BaseTilt
+        | EffectKind::Payload
+        | EffectKind::Saturation => LEAST_GAIN_OF_SLOW,
         _ => LEAST_GAIN,
     };
     candidate.z >= LEAST_Z
@@ -94,12 +92,7 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
             .map(|(a, b)| a - b)
             .collect();
         let (difference, error) = sum_and_error(&differences);
-        let worth = if is_special_case(c.place, first.place) {
-            LEAST_SHARE * first.gain().0
-        } else {
-            0.0
-        };
-        difference < error.max(worth)
+        difference < error.max(LEAST_Z * LEAST_Z)
     };
     let mut simplest = first;
     for candidate in candidates.iter().filter(as_good) {
@@ -110,31 +103,12 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
     Some(simplest.place)
 }
 
-/// Whether the first effect is the second with one parameter less.
-fn is_special_case(simple: Place, general: Place) -> bool {
-    let joint = simple.1 == general.1;
-    joint
-        && matches!(
-            (simple.0, general.0),
-            (
-                EffectKind::Coulomb | EffectKind::Bias,
-                EffectKind::AsymmetricCoulomb
-            ) | (EffectKind::Bias, EffectKind::Spring)
-        )
-}
-
 /// Held-out sum of squares in units of these noises.
 fn weighted(rss: &[Vec<f64>], noise: &[f64]) -> f64 {
     let squares = total(rss).into_iter().zip(noise);
     squares
         .map(|(square, noise)| square / (noise * noise))
         .sum()
-}
-
-/// The factor by which sums of squares differ, mean over joints.
-fn mean_ratio(a: &[f64], b: &[f64]) -> f64 {
-    let ratios = a.iter().zip(b).map(|(a, b)| a / b.max(f64::MIN_POSITIVE));
-    ratios.sum::<f64>() / a.len().max(1) as f64
 }
 
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
@@ -150,164 +124,6 @@ pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
         judge(limb, limb.candidates(None)),
         limb.fit.held_out_squares.clone(),
     )
-}
-
-/// Goes the whole way for one limb.
-pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
-    let (first, start) = first(limb);
-    let significant = first.iter().find(|j| j.significant);
-    let mut next = significant.map(|j| j.candidate.place);
-    let mut walk = Walk {
-        limb,
-        steps: Vec::new(),
-        refused: Vec::new(),
-        polishes: 0,
-        start: start.clone(),
-    };
-    let mut is_settled = false;
-    loop {
-        match next {
-            Some(place) => {
-                if walk.take(place) {
-                    // What a wrong shape leaves looks like other effects.
-                    is_settled = place.0.description().parameters.iter().any(|p| p.shape);
-                    if is_settled {
-                        walk.settle();
-                    }
-                }
-            }
-            None if !is_settled && walk.settle() => is_settled = true,
-            None => break,
-        }
-        next = walk.next();
-    }
-    walk.prune();
-    Path {
-        first,
-        after_velocity: start.clone(),
-        start,
-        steps: walk.steps,
-    }
-}
-
-/// A limb's way so far.
-struct Walk<'a, 'b> {
-    limb: &'a mut LimbCriticism<'b>,
-    steps: Vec<Step>,
-    /// Effects that did not keep what they promised.
-    refused: Vec<Place>,
-    polishes: usize,
-    /// Held-out sums of squares before the first step, (N m)².
-    start: Vec<f64>,
-}
-
-impl Walk<'_, '_> {
-    /// The effect to be taken next.
-    fn next(&self) -> Option<Place> {
-        if self.steps.len() >= MOST_STEPS {
-            return None;
-        }
-        let candidates = self.limb.candidates(None);
-        let is_good =
-            |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
-        best(&candidates.iter().filter(is_good).collect::<Vec<_>>())
-    }
-
-    fn push(&mut self, place: Place, removed: bool) {
-        self.steps.push(Step {
-            place,
-            rss: self.limb.fit.held_out_squares.clone(),
-            removed,
-        });
-    }
-
-    /// Takes an effect into the model, if it keeps what it promised.
-    fn take(&mut self, place: Place) -> bool {
-        let noise = self.limb.fit.noise.clone();
-        let before = weighted(&self.limb.fit.rss, &noise);
-        self.limb.add(place);
-        let keeps = self.limb.is_physical(place) && weighted(&self.limb.fit.rss, &noise) < before;
-        if keeps {
-            self.push(place, false);
-        } else {
-            self.limb.remove(place);
-            self.refused.push(place);
-        }
-        keeps
-    }
-
-    /// Goes over the data again while it helps. False if there was no reason to.
-    fn settle(&mut self) -> bool {
-        let mut did = false;
-        while self.polishes < MOST_POLISHES {
-            self.polishes += 1;
-            match self.polish() {
-                None => break,
-                Some(change) => {
-                    did = true;
-                    if change > WORTH_POLISHING {
-                        break;
-                    }
-                }
-            }
-        }
-        did
-    }
-
-    /// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where
-    /// they are used. The factor by which the held-out sum of squares changes; `None` if there is no reason to. An effect whose
-    /// derivative misled is taken out again.
-    fn polish(&mut self) -> Option<f64> {
-        let limb = &mut *self.limb;
-        if !limb.scan_shapes() && !limb.is_linearised() {
-            return None;
-        }
-        let (fit, corrections, columns) = (
-            limb.fit.clone(),
-            limb.corrections.clone(),
-            limb.columns.clone(),
-        );
-        limb.relinearise();
-        // Not the whitened rows' sums: they may have been whitened for another noise.
-        let after = &limb.fit.held_out_squares;
-        let mut change = mean_ratio(after, &fit.held_out_squares);
-        let misled = self
-            .steps
-            .iter()
-            .rposition(|step| limb.is_correction(step.place));
-        if let Some(misled) = misled
-            && change > MOST_RISE
-        {
-            let step = &self.steps[misled];
-            let without = misled
-                .checked_sub(1)
-                .map_or(&self.start, |before| &self.steps[before].rss);
-            let promised = 1.0 - mean_ratio(&step.rss, without);
-            if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
-                let place = self.steps.remove(misled).place;
-                (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
-                limb.remove(place);
-                self.refused.push(place);
-                // All else is to be judged again without it.
-                change = 0.0;
-            }
-        }
-        if let Some(step) = self.steps.last_mut() {
-            step.rss = self.limb.fit.held_out_squares.clone();
-        }
-        Some(change)
-    }
-
-    /// Takes out again what has become superfluous.
-    fn prune(&mut self) {
-        let added: Vec<Place> = self.steps.iter().map(|step| step.place).collect();
-        for place in added {
-            if self.limb.is_superfluous(place) {
-                self.limb.remove(place);
-                self.push(place, true);
-            }
-        }
-    }
 }
 
 /// Judges candidates, best first, and finds the best one's look-alikes.

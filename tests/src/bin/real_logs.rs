@@ -17,6 +17,7 @@ use proprio_core::estimator::{EFFECTS, LegPrior, LegSolver};
 use proprio_core::go2::Leg;
 use proprio_tests::command::recorded_logs;
 use proprio_tests::device_fit::{ConsistentFit, Failure, STARTS, factors};
+use proprio_tests::ladder::ladder;
 use proprio_tests::prior_reach::{distance, inertias};
 
 const TRAIN: &str = "9.0hz_p25d1.2";
@@ -48,13 +49,33 @@ fn main() -> ExitCode {
     let Some(folder) = recorded_logs() else {
         return ExitCode::SUCCESS;
     };
-    match report(&folder) {
+    match report(&folder).and_then(|()| steps(&folder)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("real_logs: {error}");
             ExitCode::FAILURE
         }
     }
+}
+
+/// The ladder of one log on the others.
+fn steps(folder: &Path) -> Result<(), Failure> {
+    let names: Vec<&str> = ALL.into_iter().filter(|name| *name != TRAIN).collect();
+    println!(
+        "\nWhat `proprio diagnose` adds to the URDF on `{TRAIN}`, its values fitted there, physical; error in the other logs, rms"
+    );
+    println!("N m over all joints:\n\n| step | {} |", names.join(" | "));
+    println!("|---|{}", "---|".repeat(names.len()));
+    let read = |name: &str| Recording::read(&[log(folder, name)], &Model::default(), |_, _| {});
+    let others = names
+        .iter()
+        .map(|name| read(name))
+        .collect::<Result<Vec<_>, _>>()?;
+    for rung in ladder(&read(TRAIN)?, &others)? {
+        let errors: Vec<String> = rung.elsewhere.iter().map(|e| format!("{e:.4}")).collect();
+        println!("| {} | {} |", rung.step, errors.join(" | "));
+    }
+    Ok(())
 }
 
 fn log(folder: &Path, name: &str) -> PathBuf {

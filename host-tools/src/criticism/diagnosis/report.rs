@@ -2,6 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::super::bursts::bursts;
 use super::super::contact;
 use super::super::drift::Drift;
 use super::super::recording::Recording;
@@ -248,5 +249,9 @@ fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
         let of = |drift: &Drift| words::drift(drift, &limb.name(drift.joint, model));
         limb.drifts.iter().map(of)
     });
-    structures.chain(drifts).collect()
+    let bursts = walked
+        .iter()
+        .flat_map(|limb| &limb.series)
+        .filter_map(bursts);
+    structures.chain(drifts).chain(bursts).collect()
 }

@@ -12,7 +12,7 @@ use super::{LimbCriticism, Place};
 const REACH: f64 = 0.3;
 
 /// A smaller delay is none, sampling periods.
-const LEAST_DELAY: f64 = 0.05;
+const LEAST_DELAY: f64 = 0.1;
 
 /// What an effect would add.
 #[derive(Debug, Clone)]

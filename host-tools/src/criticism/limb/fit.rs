@@ -102,6 +102,16 @@ impl LimbCriticism<'_> {
         squares
     }
 
+    /// A joint's residuals, window by window, each under the θ of the other folds, N m.
+    pub(crate) fn held_out_residuals(&self, joint: usize) -> Vec<f64> {
+        let combine = |theta: &Vec<f64>| self.columns.combined(theta).swap_remove(joint);
+        let theta: Vec<Vec<f64>> = self.fit.held_out.iter().map(combine).collect();
+        let moving = self.windows.iter().filter(|window| window.moves[joint]);
+        moving
+            .map(|window| window.residual(joint, &theta[self.fold(window.block)]))
+            .collect()
+    }
+
     /// Each joint's noise floor: what even all effects of the catalogue together, each within its prior, leave of its
     /// torque, N m.
     pub(crate) fn floor(&self) -> Vec<f64> {

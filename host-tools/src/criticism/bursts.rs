@@ -1,0 +1,133 @@
+//! Errors that come in bursts: what is there at some moments only is no noise.
+//!
+//! A median does not hear of what few windows say. Where the residual's mean square is well above that of noise with the same
+//! median size (Huber & Ronchetti 2009, §5.1), something acts at some moments only: at reversals (a friction with a state),
+//! at a position (a cable that catches), at impacts (play).
+
+use super::series::JointSeries;
+
+/// Share of the squared error above noise with the same median from which a joint has bursts.
+const LEAST_SHARE: f64 = 0.3;
+/// Residuals larger than this are part of a burst, standard deviations.
+const LARGE: f64 = 3.0;
+/// Fewer windows of bursts are chance.
+const LEAST_WINDOWS: usize = 10;
+/// Bursts lie at a speed or a position if it is this much less than the joint's usual one, or scattered that much less.
+const NARROW: f64 = 0.35;
+/// The median of a standard normal variable's size.
+const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// Residuals far larger than the usual ones.
+pub(crate) struct Bursts {
+    /// Share of the residuals' sum of squares above noise with the same median size.
+    pub(crate) share: f64,
+    /// Which residuals belong to bursts.
+    pub(crate) large: Vec<usize>,
+    /// Of the sum of squares, the share that these carry.
+    carried: f64,
+}
+
+impl Bursts {
+    /// The bursts of residuals; `None` if there is nothing to judge.
+    pub(crate) fn of(residuals: &[f64]) -> Option<Self> {
+        let usual = median(residuals.iter().map(|r| r.abs()).collect())? / NORMAL_MEDIAN;
+        let squares: f64 = residuals.iter().map(|r| r * r).sum();
+        let large: Vec<usize> = (0..residuals.len())
+            .filter(|&w| residuals[w].abs() > LARGE * usual)
+            .collect();
+        let carried: f64 = large.iter().map(|&w| residuals[w].powi(2)).sum();
+        (squares > 0.0).then(|| Self {
+            share: 1.0 - usual * usual * residuals.len() as f64 / squares,
+            carried: carried / squares,
+            large,
+        })
+    }
+}
+
+/// What is said of a joint whose error comes in bursts; `None` for one without.
+pub(crate) fn bursts(series: &JointSeries) -> Option<String> {
+    let bursts = Bursts::of(&series.residual)?;
+    if bursts.share < LEAST_SHARE || bursts.large.len() < LEAST_WINDOWS {
+        return None;
+    }
+    let place = place(series, &bursts.large).unwrap_or_default();
+    Some(format!(
+        "{}: the error comes in bursts{place}: {:.1} % of the windows carry {:.0} % of its square; the catalogue has nothing that acts so",
+        series.joint,
+        100.0 * bursts.large.len() as f64 / series.residual.len() as f64,
+        100.0 * bursts.carried,
+    ))
+}
+
+/// Where the windows of bursts are, if they are anywhere.
+fn place(series: &JointSeries, large: &[usize]) -> Option<String> {
+    let speeds =
+        |all: &mut dyn Iterator<Item = usize>| median(all.map(|w| series.dq[w].abs()).collect());
+    let [slow, usual] = [
+        speeds(&mut large.iter().copied())?,
+        speeds(&mut (0..series.dq.len()))?,
+    ];
+    if slow < NARROW * usual {
+        return Some(", mostly at reversals".to_owned());
+    }
+    let middle = median(large.iter().map(|&w| series.q[w]).collect())?;
+    let scatter = |all: &mut dyn Iterator<Item = usize>| {
+        median(all.map(|w| (series.q[w] - middle).abs()).collect())
+    };
+    let [near, usual] = [
+        scatter(&mut large.iter().copied())?,
+        scatter(&mut (0..series.q.len()))?,
+    ];
+    (near < NARROW * usual).then(|| format!(", mostly near {middle:.2} rad"))
+}
+
+fn median(mut x: Vec<f64>) -> Option<f64> {
+    let middle = x.len() / 2;
+    if x.is_empty() {
+        return None;
+    }
+    Some(*x.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+
+    /// A joint that swings to and fro, with noise and, where `catches` says so, something more.
+    fn joint(catches: impl Fn(f64, f64) -> f64) -> JointSeries {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut uniform = || f64::from(rng.next_u32()) / f64::from(u32::MAX) - 0.5;
+        let mut series = JointSeries {
+            joint: "FR_calf".to_owned(),
+            ..JointSeries::default()
+        };
+        for k in 0..2000 {
+            let t = 0.02 * f64::from(k);
+            let (q, dq) = ((2.3 * t).sin(), 2.3 * (2.3 * t).cos());
+            let noise: f64 = (0..12).map(|_| uniform()).sum();
+            series.t.push(t);
+            series.q.push(q);
+            series.dq.push(dq);
+            series.residual.push(0.03 * noise + catches(q, dq));
+        }
+        series
+    }
+
+    #[test]
+    fn noise_has_no_bursts() {
+        assert_eq!(bursts(&joint(|_, _| 0.0)), None);
+    }
+
+    #[test]
+    fn bursts_are_found_where_they_are() {
+        let reversals = bursts(&joint(|_, dq| if dq.abs() < 0.2 { 0.2 } else { 0.0 }));
+        assert!(reversals.unwrap().contains("mostly at reversals"));
+        let cable = bursts(&joint(
+            |q, _| if (q - 0.4).abs() < 0.05 { 0.2 } else { 0.0 },
+        ));
+        assert!(cable.unwrap().contains("mostly near 0.4"));
+    }
+}

@@ -1,0 +1,188 @@
+//! One limb's way: effect after effect into its model, those that mislead out again.
+
+use proprio_core::effect::EffectKind;
+
+use super::super::limb::{Candidate, LimbCriticism, Place};
+use super::play::name_play;
+use super::{Path, Step, best, first, is_significant, weighted};
+
+/// Most effects that a limb is given.
+const MOST_STEPS: usize = 16;
+/// Most times that the data are gone over again.
+const MOST_POLISHES: usize = 6;
+/// They are gone over once more while that makes the held-out error smaller by this factor.
+const WORTH_POLISHING: f64 = 0.98;
+/// Going over the data again may make the held-out sum of squares larger by this factor,
+const MOST_RISE: f64 = 1.01;
+/// unless an effect keeps at least this share of what its derivative promised.
+const LEAST_KEPT: f64 = 0.5;
+
+/// Goes the whole way for one limb.
+pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
+    let (mut first, start) = first(limb);
+    let significant = first.iter().find(|j| j.significant);
+    let mut next = significant.map(|j| j.candidate.place);
+    let mut walk = Walk {
+        limb,
+        steps: Vec::new(),
+        refused: Vec::new(),
+        polishes: 0,
+        start: start.clone(),
+    };
+    let mut is_settled = false;
+    loop {
+        match next {
+            Some(place) => {
+                if walk.take(place) {
+                    // What a wrong shape leaves looks like other effects.
+                    let is_elastic = place.0 == EffectKind::Elasticity;
+                    is_settled =
+                        is_elastic || place.0.description().parameters.iter().any(|p| p.shape);
+                    if is_settled {
+                        walk.settle();
+                    }
+                    if is_elastic && walk.is_play(place.1) {
+                        let found = walk.take_for_spring(place.1);
+                        name_play(&mut first, place.1, found);
+                    }
+                }
+            }
+            None if !is_settled && walk.settle() => is_settled = true,
+            None => break,
+        }
+        next = walk.next();
+    }
+    walk.prune();
+    Path {
+        first,
+        after_velocity: start.clone(),
+        start,
+        steps: walk.steps,
+    }
+}
+
+/// A limb's way so far.
+pub(super) struct Walk<'a, 'b> {
+    pub(super) limb: &'a mut LimbCriticism<'b>,
+    pub(super) steps: Vec<Step>,
+    /// Effects that did not keep what they promised.
+    pub(super) refused: Vec<Place>,
+    polishes: usize,
+    /// Held-out sums of squares before the first step, (N m)².
+    pub(super) start: Vec<f64>,
+}
+
+impl Walk<'_, '_> {
+    /// The effect to be taken next.
+    fn next(&self) -> Option<Place> {
+        if self.steps.len() >= MOST_STEPS {
+            return None;
+        }
+        let candidates = self.limb.candidates(None);
+        let is_good =
+            |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
+        best(&candidates.iter().filter(is_good).collect::<Vec<_>>())
+    }
+
+    pub(super) fn push(&mut self, place: Place, removed: bool) {
+        self.steps.push(Step {
+            place,
+            rss: self.limb.fit.held_out_squares.clone(),
+            removed,
+        });
+    }
+
+    /// Takes an effect into the model, if it keeps what it promised.
+    fn take(&mut self, place: Place) -> bool {
+        let noise = self.limb.fit.noise.clone();
+        let before = weighted(&self.limb.fit.rss, &noise);
+        self.limb.add(place);
+        let keeps = self.limb.is_physical(place) && weighted(&self.limb.fit.rss, &noise) < before;
+        if keeps {
+            self.push(place, false);
+        } else {
+            self.limb.remove(place);
+            self.refused.push(place);
+        }
+        keeps
+    }
+
+    /// Goes over the data again while it helps. False if there was no reason to.
+    pub(super) fn settle(&mut self) -> bool {
+        let mut did = false;
+        while self.polishes < MOST_POLISHES {
+            self.polishes += 1;
+            match self.polish() {
+                None => break,
+                Some(change) => {
+                    did = true;
+                    if change > WORTH_POLISHING {
+                        break;
+                    }
+                }
+            }
+        }
+        did
+    }
+
+    /// Goes over the data again: what is left may tell a shape that was hidden before, and derivatives hold better near where
+    /// they are used. The factor by which the held-out sum of squares changes; `None` if there is no reason to. An effect whose
+    /// derivative misled is taken out again.
+    fn polish(&mut self) -> Option<f64> {
+        let limb = &mut *self.limb;
+        if !limb.scan_shapes() && !limb.is_linearised() {
+            return None;
+        }
+        let (fit, corrections, columns) = (
+            limb.fit.clone(),
+            limb.corrections.clone(),
+            limb.columns.clone(),
+        );
+        limb.relinearise();
+        // Not the whitened rows' sums: they may have been whitened for another noise.
+        let after = &limb.fit.held_out_squares;
+        let mut change = mean_ratio(after, &fit.held_out_squares);
+        let misled = self
+            .steps
+            .iter()
+            .rposition(|step| limb.is_correction(step.place));
+        if let Some(misled) = misled
+            && change > MOST_RISE
+        {
+            let step = &self.steps[misled];
+            let without = misled
+                .checked_sub(1)
+                .map_or(&self.start, |before| &self.steps[before].rss);
+            let promised = 1.0 - mean_ratio(&step.rss, without);
+            if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
+                let place = self.steps.remove(misled).place;
+                (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
+                limb.remove(place);
+                self.refused.push(place);
+                // All else is to be judged again without it.
+                change = 0.0;
+            }
+        }
+        if let Some(step) = self.steps.last_mut() {
+            step.rss = self.limb.fit.held_out_squares.clone();
+        }
+        Some(change)
+    }
+
+    /// Takes out again what has become superfluous.
+    fn prune(&mut self) {
+        let added: Vec<Place> = self.steps.iter().map(|step| step.place).collect();
+        for place in added {
+            if self.limb.is_superfluous(place) {
+                self.limb.remove(place);
+                self.push(place, true);
+            }
+        }
+    }
+}
+
+/// The factor by which sums of squares differ, mean over joints.
+fn mean_ratio(a: &[f64], b: &[f64]) -> f64 {
+    let ratios = a.iter().zip(b).map(|(a, b)| a / b.max(f64::MIN_POSITIVE));
+    ratios.sum::<f64>() / a.len().max(1) as f64
+}
