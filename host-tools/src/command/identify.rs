@@ -24,7 +24,7 @@ use crate::progress::Progress;
   proprio identify chirp.csv
   proprio identify chirp.csv --physical -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
-  proprio identify arm.csv -m arm.toml -o arm.toml    (any robot: proprio add … -m arm.toml --urdf arm.urdf)")]
+  proprio add coulomb -m arm.toml --urdf arm.urdf && proprio identify arm.csv -m arm.toml")]
 pub(crate) struct Identify {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
