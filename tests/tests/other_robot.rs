@@ -203,8 +203,9 @@ fn assert_identified(told: &Value, recorder: &Recorder, limbs: &[&Limb]) {
             let truth = recorder.motors[joint].value(effect);
             let estimate = parameter(told, &format!("{effect}:{}", bodies[joint].name));
             let (value, std) = (number(estimate, "value"), number(estimate, "std"));
-            // tests/coverage.md: within 3 σ in 99 %; of so many parameters 5 σ is beyond chance.
-            assert!((value - truth).abs() < 5.0 * std, "{truth}: {estimate}");
+            // Of 216 estimates with six seeds 3 were beyond 2 σ and none beyond 3.
+            let off = (value - truth).abs();
+            assert!(off < 4.0 * std, "{truth}: {estimate}");
             if ["viscous", "coulomb"].contains(&effect) {
                 assert!(std < 0.1 * truth, "{truth}: {estimate}");
             }

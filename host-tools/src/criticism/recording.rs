@@ -3,14 +3,14 @@
 mod limb;
 mod pieces;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::CriticismError;
 use super::gate::{DataGates, GateReport, Joint, Reading};
 use super::rigid_body::MAX_JOINTS;
-use crate::log::{LogReader, Selection, Warning};
+use crate::log::{LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
 use crate::simulator::SimulatedSample;
 pub use limb::{LimbRecording, MAX_GAP_US};
@@ -62,82 +62,45 @@ impl Recording {
         model: &Model,
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Self, CriticismError> {
-        let mut recording = Self {
-            logs: logs.to_vec(),
-            limbs: Vec::new(),
-            warnings: Vec::new(),
-            duration: 0.0,
-            gates: Vec::new(),
+        let mut pass = Pass {
+            model,
+            recording: Self::of_logs(logs),
+            pieces: Pieces::all(),
+            offset_us: 0,
+            too_large: Vec::new(),
         };
-        let (mut offset_us, mut pieces) = (0, Pieces::all());
-        let mut too_large: Vec<Limb> = Vec::new();
-        for path in logs {
-            let mut reader = LogReader::open_of(path, Selection::Everything, model.robot())?;
-            let recorded = reader.columns().joints();
-            let recorded: Vec<_> = recorded.map(|j| (model.joint_name(j), j)).collect();
-            let limbs = recording.limbs_of(model, &recorded);
-            for limb in reader.columns().limbs().filter(|limb| is_too_large(limb)) {
-                if !too_large.contains(limb) {
-                    too_large.push(limb.clone());
-                }
-            }
-            let feet = recording.feet(model, &limbs);
-            let mut gates = Gates::new(model, &recording.limbs, &limbs);
-            let (mut first, mut last_us) = (None, 0);
-            let mut new_log = vec![true; limbs.len()];
-            let (mut buffer, mut rows) = ([const { Vec::new() }; 4], 0u64);
-            while let Some(row) = reader.next_row()? {
-                let start_us = *first.get_or_insert(row.time_us);
-                last_us = row.time_us.saturating_sub(start_us);
-                gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
-                let kept = pieces.keep(offset_us + last_us);
-                for (n, (place, joints)) in limbs.iter().enumerate().filter(|_| kept) {
-                    let channels = [row.q(), row.dq(), row.tau(), row.temp()];
-                    for (to, from) in buffer.iter_mut().zip(channels) {
-                        to.clear();
-                        to.extend(joints.iter().map(|&j| from[j]));
-                    }
-                    let foot = row.foot()[feet[n]];
-                    let sample = buffer.each_ref().map(Vec::as_slice);
-                    if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {
-                        let limb = &mut recording.limbs[*place].1;
-                        limb.push(
-                            offset_us + last_us,
-                            sample,
-                            foot,
-                            std::mem::take(&mut new_log[n]),
-                        );
-                    }
-                }
-                rows += 1;
-                if rows.is_multiple_of(1024) {
-                    pieces.thin(&mut recording.limbs);
-                    let (done, total) = reader.progress();
-                    progress(done, total);
-                }
-            }
-            let told: Vec<Warning> = reader.finish()?;
-            recording
-                .warnings
-                .extend(told.iter().map(|w| format!("{}: {w}", path.display())));
-            recording.gates.push(LogGates {
-                log: path.clone(),
-                start: offset_us as f64 * 1e-6,
-                report: gates.gates.report(),
-            });
-            recording.duration += last_us as f64 * 1e-6;
-            offset_us += last_us + BETWEEN_LOGS_US;
+        for log in logs {
+            pass.read(log, &mut progress)?;
         }
-        let warning = pieces.warning(recording.duration);
-        recording.warnings.extend(warning);
+        let Pass {
+            mut recording,
+            pieces,
+            too_large,
+            ..
+        } = pass;
         if recording.limbs.is_empty() {
             return Err(CriticismError::LimbTooLarge {
                 logs: logs.to_vec(),
                 limbs: too_large,
             });
         }
-        recording.warnings.extend(too_large.iter().map(left_out));
+        let thinned = pieces.warning(recording.duration);
+        let left_out = too_large.iter().map(left_out);
+        recording
+            .warnings
+            .extend(thinned.into_iter().chain(left_out));
         Ok(recording)
+    }
+
+    /// Nothing of these logs yet.
+    fn of_logs(logs: &[PathBuf]) -> Self {
+        Self {
+            logs: logs.to_vec(),
+            limbs: Vec::new(),
+            warnings: Vec::new(),
+            duration: 0.0,
+            gates: Vec::new(),
+        }
     }
 
     /// The log that a moment of the recording lies in, and the time since that log's start, s.
@@ -154,13 +117,7 @@ impl Recording {
         joints: &[&str],
         samples: impl IntoIterator<Item = &'a SimulatedSample>,
     ) -> Self {
-        let mut recording = Self {
-            logs: Vec::new(),
-            limbs: Vec::new(),
-            warnings: Vec::new(),
-            duration: 0.0,
-            gates: Vec::new(),
-        };
+        let mut recording = Self::of_logs(&[]);
         let recorded: Vec<_> = joints.iter().enumerate().map(|(n, j)| (*j, n)).collect();
         let limbs = recording.limbs_of(model, &recorded);
         let mut gates = Gates::new(model, &recording.limbs, &limbs);
@@ -223,15 +180,113 @@ impl Recording {
         }
         found
     }
+}
 
-    /// The number of each of `limbs`, by their places here, among the robot's.
-    fn feet(&self, model: &Model, limbs: &[(usize, Vec<usize>)]) -> Vec<usize> {
-        let all = model.robot().limbs();
-        let number = |(place, _): &(usize, Vec<usize>)| {
-            let own = &self.limbs[*place].0;
-            all.iter().position(|limb| limb == own).unwrap_or_default()
+/// Logs as they are read, one after the other.
+struct Pass<'a> {
+    model: &'a Model,
+    recording: Recording,
+    pieces: Pieces,
+    /// When the next log begins in the recording's time, µs.
+    offset_us: u64,
+    /// Limbs recorded that have too many joints.
+    too_large: Vec<Limb>,
+}
+
+/// A limb in a log.
+struct LimbInLog {
+    /// Its place in the recording.
+    place: usize,
+    /// The log's indices of its joints.
+    joints: Vec<usize>,
+    /// The log's index of its foot.
+    foot: usize,
+    /// Whether nothing of the log has been taken yet.
+    is_new: bool,
+}
+
+impl Pass<'_> {
+    /// Reads the next log.
+    fn read(
+        &mut self,
+        log: &Path,
+        progress: &mut impl FnMut(u64, u64),
+    ) -> Result<(), CriticismError> {
+        let mut reader = LogReader::open_of(log, Selection::Everything, self.model.robot())?;
+        let joints = reader.columns().joints();
+        let joints: Vec<_> = joints.map(|j| (self.model.joint_name(j), j)).collect();
+        let found = self.recording.limbs_of(self.model, &joints);
+        self.note_too_large(reader.columns().limbs());
+        let mut gates = Gates::new(self.model, &self.recording.limbs, &found);
+        let mut limbs = self.in_log(found);
+        let (mut first, mut last_us, mut rows) = (None, 0, 0u64);
+        let mut buffer = [const { Vec::new() }; 4];
+        while let Some(row) = reader.next_row()? {
+            let start_us = *first.get_or_insert(row.time_us);
+            last_us = row.time_us.saturating_sub(start_us);
+            gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
+            if self.pieces.keep(self.offset_us + last_us) {
+                for limb in &mut limbs {
+                    self.take(row, self.offset_us + last_us, limb, &mut buffer);
+                }
+            }
+            rows += 1;
+            if rows.is_multiple_of(1024) {
+                self.pieces.thin(&mut self.recording.limbs);
+                let (done, total) = reader.progress();
+                progress(done, total);
+            }
+        }
+        let told: Vec<Warning> = reader.finish()?;
+        let told = told.iter().map(|w| format!("{}: {w}", log.display()));
+        self.recording.warnings.extend(told);
+        self.recording.gates.push(LogGates {
+            log: log.to_owned(),
+            start: self.offset_us as f64 * 1e-6,
+            report: gates.gates.report(),
+        });
+        self.recording.duration += last_us as f64 * 1e-6;
+        self.offset_us += last_us + BETWEEN_LOGS_US;
+        Ok(())
+    }
+
+    /// Takes a limb's sample, if it is whole.
+    fn take(&mut self, row: &Row, time_us: u64, limb: &mut LimbInLog, buffer: &mut [Vec<f64>; 4]) {
+        let channels = [row.q(), row.dq(), row.tau(), row.temp()];
+        for (to, from) in buffer.iter_mut().zip(channels) {
+            to.clear();
+            to.extend(limb.joints.iter().map(|&j| from[j]));
+        }
+        let sample = buffer.each_ref().map(Vec::as_slice);
+        if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {
+            let is_new = std::mem::take(&mut limb.is_new);
+            let foot = row.foot()[limb.foot];
+            let recording = &mut self.recording.limbs[limb.place].1;
+            recording.push(time_us, sample, foot, is_new);
+        }
+    }
+
+    /// The limbs found in a log whose reading begins.
+    fn in_log(&self, found: Vec<(usize, Vec<usize>)>) -> Vec<LimbInLog> {
+        let all = self.model.robot().limbs();
+        let limb = |(place, joints): (usize, Vec<usize>)| {
+            let own = &self.recording.limbs[place].0;
+            LimbInLog {
+                place,
+                joints,
+                foot: all.iter().position(|limb| limb == own).unwrap_or_default(),
+                is_new: true,
+            }
         };
-        limbs.iter().map(number).collect()
+        found.into_iter().map(limb).collect()
+    }
+
+    fn note_too_large<'a>(&mut self, recorded: impl Iterator<Item = &'a Limb>) {
+        for limb in recorded.filter(|limb| is_too_large(limb)) {
+            if !self.too_large.contains(limb) {
+                self.too_large.push(limb.clone());
+            }
+        }
     }
 }
 

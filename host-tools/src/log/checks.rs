@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::path::Path;
 
-use super::columns::{Channel, Columns, TIME};
+use super::columns::{Channel, Columns};
 use super::error::{LogError, Problem};
 use super::reader::Row;
+use super::slots::TIME;
 use crate::model::JointKind;
 
 /// The least sampling rate, Hz. A leg's fastest own motion (a calf on its controller's gains) lies near 15 Hz, and

@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 use std::fmt;
-use std::ops::Range;
 use std::path::Path;
 
 use csv::ByteRecord;
@@ -10,6 +9,7 @@ use proprio_core::go2::Leg;
 
 use super::error::{LogError, Problem};
 use super::joint::leg_named;
+use super::slots::{Slots, TIME};
 use crate::model::{Limb, Robot, UnknownName};
 
 /// A signal that each joint has of its own.
@@ -58,60 +58,6 @@ pub enum Selection {
     Everything,
 }
 
-/// Where a row of a robot's log keeps what: one flat array, so that parsing it is one loop over (cell, slot) pairs.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Slots {
-    joints: usize,
-    limbs: usize,
-}
-
-pub(super) const TIME: usize = 0;
-
-impl Slots {
-    /// A channel of one joint.
-    pub(super) const fn of(self, channel: Channel, joint: usize) -> usize {
-        1 + channel as usize * self.joints + joint
-    }
-
-    /// A channel of all joints.
-    pub(super) const fn all(self, channel: Channel) -> Range<usize> {
-        let first = self.of(channel, 0);
-        first..first + self.joints
-    }
-
-    pub(super) const fn quat(self) -> usize {
-        self.all(Channel::QDes).end
-    }
-
-    pub(super) const fn gyro(self) -> usize {
-        self.quat() + 4
-    }
-
-    pub(super) const fn acc(self) -> usize {
-        self.gyro() + 3
-    }
-
-    /// The feet of all limbs.
-    pub(super) const fn feet(self) -> Range<usize> {
-        let first = self.acc() + 3;
-        first..first + self.limbs
-    }
-
-    /// Slots in all.
-    pub(super) const fn count(self) -> usize {
-        self.feet().end
-    }
-
-    /// What is read whole or not at all: all of an IMU's axes.
-    const fn groups(self) -> [(&'static str, usize, &'static [&'static str]); 3] {
-        [
-            ("quat", self.quat(), &["w", "x", "y", "z"]),
-            ("gyro", self.gyro(), &["x", "y", "z"]),
-            ("acc", self.acc(), &["x", "y", "z"]),
-        ]
-    }
-}
-
 /// Where each channel of a robot's log is.
 #[derive(Debug, Clone)]
 pub struct Columns {
@@ -143,10 +89,7 @@ impl Columns {
             .collect();
         check_header(&names).map_err(error)?;
         let limbs = robot.limbs();
-        let slots = Slots {
-            joints: robot.bodies().len(),
-            limbs: limbs.len(),
-        };
+        let slots = Slots::new(robot.bodies().len(), limbs.len());
         let mut columns = Self {
             robot: robot.clone(),
             limbs,
@@ -177,7 +120,7 @@ impl Columns {
 
     /// The joints recorded, by their numbers among the robot's.
     pub fn joints(&self) -> impl Iterator<Item = usize> {
-        (0..self.slots.joints).filter(|&joint| self.has(Channel::Q, joint))
+        (0..self.slots.joints()).filter(|&joint| self.has(Channel::Q, joint))
     }
 
     /// The limbs recorded; each with all its joints.
@@ -211,7 +154,7 @@ impl Columns {
         let slots = self.slots;
         let per_joint = Channel::ALL.into_iter().flat_map(|channel| {
             let column = move |joint| (channel.column(self.name(joint)), slots.of(channel, joint));
-            (0..slots.joints).map(column)
+            (0..slots.joints()).map(column)
         });
         let grouped = slots
             .groups()
@@ -268,53 +211,71 @@ impl Columns {
 
     fn check_complete(&self, path: &Path, line: u64) -> Result<(), LogError> {
         let error = |problem| LogError::new(path, problem).at_line(line);
-        // What is incomplete is told at a column that it has.
-        let at = |problem, slot: usize| match self.cell[slot] {
-            Some(cell) => error(problem).at_column(cell, &self.names[cell]),
-            None => error(problem),
-        };
-        let missing = |name: String| Problem::MissingColumn { name };
         if !self.has_slot(TIME) {
-            return Err(error(missing("t".to_owned())));
+            let name = "t".to_owned();
+            return Err(error(Problem::MissingColumn { name }));
         }
-        for joint in 0..self.slots.joints {
-            let present = Channel::MOTION.into_iter().find(|&c| self.has(c, joint));
-            let absent = Channel::MOTION.into_iter().find(|&c| !self.has(c, joint));
-            if let (Some(present), Some(absent)) = (present, absent) {
-                let problem = Problem::MissingChannel {
-                    joint: self.name(joint).to_owned(),
-                    missing: absent.column(self.name(joint)),
-                };
-                return Err(at(problem, self.slots.of(present, joint)));
-            }
-        }
-        for limb in &self.limbs {
-            let recorded = |joint: &usize| self.has(Channel::Q, *joint);
-            let present = limb.bodies.clone().find(recorded);
-            let absent = limb.bodies.clone().find(|joint| !recorded(joint));
-            if let (Some(present), Some(absent)) = (present, absent) {
-                let problem = Problem::IncompleteLimb {
-                    limb: limb.name.clone(),
-                    present: self.name(present).to_owned(),
-                    missing: self.name(absent).to_owned(),
-                };
-                return Err(at(problem, self.slots.of(Channel::Q, present)));
-            }
+        let joints = (0..self.slots.joints()).find_map(|joint| self.missing_channel(joint));
+        let limbs = || self.limbs.iter().find_map(|limb| self.missing_joint(limb));
+        if let Some((problem, slot)) = joints.or_else(limbs) {
+            return Err(self.at(slot, error(problem)));
         }
         if self.joints().next().is_none() {
             let joints = self.joint_names();
             return Err(error(Problem::NoJoints { joints }));
         }
-        for (prefix, first, axes) in self.slots.groups() {
-            let has = |i: &usize| self.has_slot(first + i);
-            let present = (0..axes.len()).find(has);
-            let absent = (0..axes.len()).find(|i| !has(i));
-            if let (Some(present), Some(absent)) = (present, absent) {
-                let problem = missing(format!("{prefix}/{}", axes[absent]));
-                return Err(at(problem, first + present));
-            }
+        match self.missing_axis() {
+            Some((problem, slot)) => Err(self.at(slot, error(problem))),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// What is incomplete is told at a column that it has.
+    fn at(&self, slot: usize, error: LogError) -> LogError {
+        match self.cell[slot] {
+            Some(cell) => error.at_column(cell, &self.names[cell]),
+            None => error,
+        }
+    }
+
+    /// A joint recorded in part, and the slot of what it has.
+    fn missing_channel(&self, joint: usize) -> Option<(Problem, usize)> {
+        let has = |channel: &Channel| self.has(*channel, joint);
+        let present = Channel::MOTION.into_iter().find(has)?;
+        let absent = Channel::MOTION.into_iter().find(|c| !has(c))?;
+        let joint_name = self.name(joint);
+        let problem = Problem::MissingChannel {
+            joint: joint_name.to_owned(),
+            missing: absent.column(joint_name),
+        };
+        Some((problem, self.slots.of(present, joint)))
+    }
+
+    /// A limb recorded in part, and the slot of what it has.
+    fn missing_joint(&self, limb: &Limb) -> Option<(Problem, usize)> {
+        let recorded = |joint: &usize| self.has(Channel::Q, *joint);
+        let present = limb.bodies.clone().find(recorded)?;
+        let absent = limb.bodies.clone().find(|joint| !recorded(joint))?;
+        let problem = Problem::IncompleteLimb {
+            limb: limb.name.clone(),
+            present: self.name(present).to_owned(),
+            missing: self.name(absent).to_owned(),
+        };
+        Some((problem, self.slots.of(Channel::Q, present)))
+    }
+
+    /// A group recorded in part, and the slot of what it has.
+    fn missing_axis(&self) -> Option<(Problem, usize)> {
+        self.slots
+            .groups()
+            .into_iter()
+            .find_map(|(prefix, first, axes)| {
+                let has = |i: &usize| self.has_slot(first + i);
+                let present = (0..axes.len()).find(has)?;
+                let absent = (0..axes.len()).find(|i| !has(i))?;
+                let name = format!("{prefix}/{}", axes[absent]);
+                Some((Problem::MissingColumn { name }, first + present))
+            })
     }
 
     fn select(mut self, selection: Selection) -> Self {

@@ -14,6 +14,7 @@ mod columns;
 mod error;
 mod joint;
 mod reader;
+mod slots;
 mod writer;
 
 use std::path::{Path, PathBuf};

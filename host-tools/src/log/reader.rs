@@ -10,8 +10,9 @@ use csv::ByteRecord;
 use flate2::bufread::MultiGzDecoder;
 
 use super::checks::{Checks, Warning};
-use super::columns::{Channel, Columns, Selection, Slots, TIME};
+use super::columns::{Channel, Columns, Selection};
 use super::error::{LogError, Problem};
+use super::slots::{Slots, TIME};
 use crate::model::Robot;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_core::window::Sample;

@@ -130,7 +130,8 @@ impl DataGates {
     pub fn push(&mut self, time_us: u64, readings: &[Reading]) {
         assert_eq!(readings.len(), self.joints.len(), "one reading per joint");
         let mut pairs = self.joints.iter().zip(readings);
-        let repeated = pairs.all(|(joint, reading)| joint.repeats(reading));
+        // Without a joint nothing can repeat.
+        let repeated = !readings.is_empty() && pairs.all(|(joint, reading)| joint.repeats(reading));
         let (since, anew) = match self.sampling.push(time_us, repeated) {
             Arrival::Skip => return,
             Arrival::Anew => (0.0, true),
