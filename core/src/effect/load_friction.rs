@@ -1,6 +1,7 @@
 //! Friction in proportion to the load, τ = μ |τ| sign(q̇) with the transmitted torque τ: gears, whose teeth rub under load.
 //!
-//! The transmitted torque is taken to be the measured one, which differs by the friction itself.
+//! Where the transmitted torque is taken to be the measured one, it differs by the friction itself, and μ = 1 would make of the
+//! measured torque its own explanation. A gear that takes half of the load locks itself when it is driven backwards: no leg has one.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, go2::Actuator};
@@ -13,7 +14,7 @@ impl Effect for LoadFriction {
         name: "load_friction",
         torque: "μ |transmitted torque| sign(q̇)",
         form: Form::Columns,
-        parameters: &[Parameter::new("μ", "1", 0.0, 0.9)],
+        parameters: &[Parameter::new("μ", "1", 0.0, 0.5)],
         words: "friction that grows with the transmitted torque: the gear's efficiency",
         look_alikes: &["coulomb", "torque_gain", "asymmetric_coulomb"],
         separated_by: "the same motion with and without a load, or in poses of small and of large gravity torque",

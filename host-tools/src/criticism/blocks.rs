@@ -3,7 +3,6 @@
 use proprio_core::factor::{Factor, packed_len};
 
 use super::column::Columns;
-use super::rows::Limb;
 use super::whitening::Whitening;
 use super::windows::Window;
 
@@ -41,17 +40,6 @@ impl BlockFactors {
         Self {
             blocks: (0..count).map(|_| nothing(columns)).collect(),
         }
-    }
-
-    /// The windows of a limb, block by block; of each joint, the noise of neighbouring ones has this correlation.
-    pub(crate) fn of(limb: &Limb, correlation: &[f64]) -> Self {
-        let mut factors = Self::none(limb.columns, limb.blocks.count);
-        let mut whitening = Whitening::of_joints(correlation);
-        let mut buffer = Vec::new();
-        limb.for_each_window(|window| {
-            factors.fold(window, window.block, &mut whitening, &mut buffer);
-        });
-        factors
     }
 
     /// Folds in the rows of a window whose joints move; windows come in the order of time. `buffer` is used up.

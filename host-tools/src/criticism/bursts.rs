@@ -52,8 +52,7 @@ pub(crate) fn bursts(series: &JointSeries) -> Option<String> {
     }
     let place = place(series, &bursts.large).unwrap_or_default();
     Some(format!(
-        "{}: the error comes in bursts{place}: {:.1} % of the windows carry {:.0} % of its square; the catalogue has nothing that acts so",
-        series.joint,
+        "the error comes in bursts{place}: {:.1} % of the windows carry {:.0} % of its square; the catalogue has nothing that acts so",
         100.0 * bursts.large.len() as f64 / series.residual.len() as f64,
         100.0 * bursts.carried,
     ))

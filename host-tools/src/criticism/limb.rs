@@ -186,9 +186,7 @@ impl<'a> LimbCriticism<'a> {
 
     /// Makes the factors of the windows anew: after the noise is known better.
     pub(crate) fn refold(&mut self) {
-        let mut windows = std::mem::take(&mut self.windows);
-        windows.follow(&self.rows());
-        self.windows = windows;
+        self.follow();
         let tests = self.fold_windows(|_| true);
         (self.trains, self.all) = tests.without_each(&self.columns);
         self.tests = tests.blocks;
@@ -216,9 +214,23 @@ impl<'a> LimbCriticism<'a> {
         factors
     }
 
-    /// The recording as factors of blocks of time, with the present columns and corrections.
-    pub(crate) fn block_factors(&self) -> BlockFactors {
-        BlockFactors::of(&self.rows(), &self.correlation)
+    /// The windows as factors of whitened rows, block by block of time, with the present columns and corrections.
+    pub(crate) fn block_factors(&mut self) -> BlockFactors {
+        self.follow();
+        let mut factors = BlockFactors::none(&self.columns, self.blocks.count);
+        let mut whitening = Whitening::of_joints(&self.correlation);
+        let mut buffer = Vec::new();
+        for window in self.windows.iter() {
+            factors.fold(&window, window.block, &mut whitening, &mut buffer);
+        }
+        factors
+    }
+
+    /// Writes those columns of the windows anew that are made of the model itself.
+    fn follow(&mut self) {
+        let mut windows = std::mem::take(&mut self.windows);
+        windows.follow(&self.rows());
+        self.windows = windows;
     }
 
     /// The fold that a block of time belongs to.

@@ -36,10 +36,11 @@ pub(crate) struct LimbFit<'a> {
     pub(crate) model: &'a Model,
     pub(crate) limb: &'a Limb,
     pub(crate) criticism: LimbCriticism<'a>,
+    method: Method,
     pub(crate) data: Data,
     /// The data of all blocks, group by group.
     pub(crate) all: Vec<Rows>,
-    /// Each group's noise: root mean square of its residuals.
+    /// Each group's noise: root mean square of its residuals, whitened where they are momentum's.
     pub(crate) noise: Vec<f64>,
     pub(crate) problem: Problem,
     pub(crate) solution: Solution,
@@ -98,7 +99,10 @@ impl<'a> LimbFit<'a> {
             }
         }
         let data = match how.method {
-            Method::Momentum => Data::of_factors(&criticism.columns, &criticism.block_factors()),
+            Method::Momentum => {
+                let factors = criticism.block_factors();
+                Data::of_factors(&criticism.columns, &factors)
+            }
             other => method::data(&criticism, other),
         };
         let all = data.sum(|_| true);
@@ -130,6 +134,7 @@ impl<'a> LimbFit<'a> {
             model,
             limb,
             criticism,
+            method: how.method,
             data,
             all,
             noise,
@@ -175,31 +180,51 @@ impl<'a> LimbFit<'a> {
             self.problem.others.len(),
         )
         .fill(0.0);
-        let mut misfits: Vec<Misfit> = self
-            .all
-            .iter()
-            .map(|rows| Misfit {
-                windows: rows.count,
-                fit: rows.sum_of_squares(&self.solution.theta),
-                cad: rows.sum_of_squares(&cad),
+        let everywhere = |theta: &DVector<f64>| self.squares(&vec![theta.clone(); folds]);
+        let counts = self.all.iter().map(|rows| rows.count);
+        let sums = everywhere(&self.solution.theta)
+            .into_iter()
+            .zip(everywhere(&cad));
+        let mut misfits: Vec<Misfit> = counts
+            .zip(sums)
+            .map(|(windows, (fit, cad))| Misfit {
+                windows,
+                fit,
+                cad,
                 held_out: None,
             })
             .collect();
-        for fold in (0..folds).filter(|_| folds > 1) {
+        let without = |fold: usize| {
             let train = self.data.sum(|b| self.criticism.fold(b) != fold);
-            let test = self.data.sum(|b| self.criticism.fold(b) == fold);
             let problem = Problem {
                 data: stacked(&train, &self.noise),
                 ..self.problem.clone()
             };
-            let Some(solution) = problem.solve() else {
-                continue;
-            };
-            for (misfit, test) in misfits.iter_mut().zip(&test) {
-                *misfit.held_out.get_or_insert(0.0) += test.sum_of_squares(&solution.theta);
+            Some(problem.solve()?.theta)
+        };
+        let held_out: Option<Vec<_>> = (0..folds).map(without).collect();
+        if let Some(held_out) = held_out.filter(|_| folds > 1) {
+            for (misfit, square) in misfits.iter_mut().zip(self.squares(&held_out)) {
+                misfit.held_out = Some(square);
             }
         }
         misfits
+    }
+
+    /// Each group's sum of squared residuals, each fold's under its θ. Momentum rows as they are, not whitened.
+    pub(crate) fn squares(&self, theta: &[DVector<f64>]) -> Vec<f64> {
+        if self.method == Method::Momentum {
+            let theta: Vec<Vec<f64>> = theta.iter().map(|t| t.as_slice().to_vec()).collect();
+            return self.criticism.held_out_squares(&theta);
+        }
+        let mut squares = vec![0.0; self.all.len()];
+        for (fold, theta) in theta.iter().enumerate() {
+            let rows = self.data.sum(|b| self.criticism.fold(b) == fold);
+            for (square, rows) in squares.iter_mut().zip(&rows) {
+                *square += rows.sum_of_squares(theta);
+            }
+        }
+        squares
     }
 
     /// Half the gradient of each block's sum of squares, in units of the noise.

@@ -12,6 +12,7 @@ use super::method::Method;
 use super::runs::{self, Run};
 use super::stages::{self, Stage, StageParameter};
 use crate::criticism::column::{BASE, Entry};
+use crate::criticism::limb::FOLDS;
 use crate::criticism::velocity::VelocityGain;
 use crate::criticism::{CriticismError, Recording};
 use crate::estimate::{Constraint, ParameterEstimate, Status};
@@ -107,10 +108,10 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
             continue;
         };
         for (n, solution) in stages.iter().enumerate() {
-            for rows in &fit.all {
-                sums[n][0] += rows.sum_of_squares(&solution.theta);
-                sums[n][1] += rows.count;
-            }
+            let folds = FOLDS.min(fit.data.blocks.len());
+            let squares = fit.squares(&vec![solution.theta.clone(); folds]);
+            sums[n][0] += squares.iter().sum::<f64>();
+            sums[n][1] += fit.all.iter().map(|rows| rows.count).sum::<f64>();
             for (k, entry) in fit.criticism.columns.entries.iter().enumerate() {
                 if entry.effect.is_some() == (n == 0) {
                     parameters[n].push(StageParameter {

@@ -239,27 +239,36 @@ fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
     });
     let structures = left.map(|joint| {
         let share = joint.above_noise_percent.unwrap_or(0.0);
-        let place = joint.patterns.first().map_or(String::new(), |pattern| format!(" {}", pattern.sentence));
-        format!(
-            "{}: no effect of the catalogue explains {share:.0} % of the error that is left.{place}",
-            joint.joint
-        )
+        let place = joint
+            .patterns
+            .first()
+            .map_or(String::new(), |pattern| format!(" {}", pattern.sentence));
+        let words = format!(
+            "no effect of the catalogue explains {share:.0} % of the error that is left.{place}"
+        );
+        (joint.joint.clone(), words)
     });
     let drifts = walked.iter().flat_map(|limb| {
-        let of = |drift: &Drift| words::drift(drift, &limb.name(drift.joint, model));
+        let of = |drift: &Drift| (limb.name(drift.joint, model), words::drift(drift));
         limb.drifts.iter().map(of)
     });
-    let bursts = walked
-        .iter()
-        .flat_map(|limb| &limb.series)
-        .filter_map(bursts);
+    let series = walked.iter().flat_map(|limb| &limb.series);
+    let bursts = series.filter_map(|series| Some((series.joint.clone(), bursts(series)?)));
     let unphysical = walked.iter().flat_map(|limb| {
-        let of = |judged: &Judged| words::unphysical(&limb.candidate(judged, model));
+        let of = |judged: &Judged| {
+            let candidate = limb.candidate(judged, model);
+            (candidate.joints.join(", "), words::unphysical(&candidate))
+        };
         limb.path.unphysical.iter().map(of)
     });
-    structures
-        .chain(drifts)
-        .chain(bursts)
-        .chain(unphysical)
-        .collect()
+    let all = structures.chain(drifts).chain(bursts).chain(unphysical);
+    // One sentence a joint: they are of one cause, the first says most.
+    let mut told: Vec<(String, String)> = Vec::new();
+    for (joint, words) in all {
+        if told.iter().all(|(known, _)| *known != joint) {
+            told.push((joint, words));
+        }
+    }
+    let sentence = |(joint, words)| format!("{joint}: {words}");
+    told.into_iter().map(sentence).collect()
 }

@@ -136,12 +136,11 @@ pub(super) fn reason(
     }
 }
 
-/// A sentence for an effect that would explain much with a value that cannot be.
+/// What is said of an effect that would explain much with a value that cannot be.
 pub(super) fn unphysical(candidate: &CandidateReport) -> String {
     format!(
-        "{}: {} would take away {:.0} % of the squared error with a value that cannot be ({} {}): something that is not in the \
+        "{} would take away {:.0} % of the squared error with a value that cannot be ({} {}): something that is not in the \
          catalogue looks like it",
-        candidate.joints.join(","),
         candidate.effect,
         100.0 * candidate.held_out_gain,
         with_std(candidate.value, candidate.std),
@@ -149,8 +148,8 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
     )
 }
 
-/// A sentence for what changes with time at `joint`.
-pub(super) fn drift(drift: &Drift, joint: &str) -> String {
+/// What is said of a parameter that changes with time.
+pub(super) fn drift(drift: &Drift) -> String {
     let parameter = &drift.effect.description().parameters[0];
     let [least, most] = drift.range;
     let (scale, unit) = match drift.effect {
@@ -158,8 +157,8 @@ pub(super) fn drift(drift: &Drift, joint: &str) -> String {
         _ => (1.0, parameter.unit),
     };
     format!(
-        "{joint}: {} changes with time, by {:+.2} {unit} in one stretch of the log and {:+.2} {unit} in another; effects of the \
-         catalogue are constant (compare stretches of the log; look for warming, wear, a supply that sags)",
+        "{} changes with time, by {:+.2} {unit} in one stretch of the log and {:+.2} {unit} in another: warming, wear, a supply that \
+         sags, or what the model lacks at the speeds of one stretch",
         drift.effect.name(),
         scale * least,
         scale * most,

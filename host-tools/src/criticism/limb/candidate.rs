@@ -11,6 +11,8 @@ use super::{LimbCriticism, Place};
 /// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
 const REACH: f64 = 0.3;
 
+/// Share of the limited torque's sum of squares that may stay unexplained.
+const MOST_LEFT: f64 = 0.1;
 /// A smaller delay is none, sampling periods.
 const LEAST_DELAY: f64 = 0.1;
 
@@ -239,7 +241,7 @@ impl LimbCriticism<'_> {
     }
 
     /// Whether a limit of the torque explains more than it takes away: what is beyond the limit is no longer measured, and a
-    /// limit of nothing would leave nothing to explain.
+    /// limit of nothing would leave nothing to explain. A limit is told only where the model is right but for it.
     fn leaves_less(&self, candidate: &Candidate) -> bool {
         let joint = candidate.place.1;
         let mut excess = vec![0.0; self.columns.entries.len()];
@@ -247,7 +249,8 @@ impl LimbCriticism<'_> {
         excess[candidate.entries[0]] = 1.0;
         let limited = misfit(&self.columns, joint, &self.all[joint], &excess);
         let sum = |rss: &[Vec<f64>]| -> f64 { rss.iter().map(|fold| fold[joint]).sum() };
-        sum(&candidate.rss) * torque < sum(&self.fit.rss) * limited
+        let left = sum(&candidate.rss);
+        left * torque < sum(&self.fit.rss) * limited && left < MOST_LEFT * limited
     }
 
     fn within(&self, place: Place, entries: &[usize], value: &[f64], std: &[f64]) -> bool {

@@ -83,7 +83,7 @@ impl LimbCriticism<'_> {
     }
 
     /// Each joint's sum of squared residuals as they are, not whitened, each fold's under its θ, (N m)².
-    pub(super) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
+    pub(crate) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
         let theta: Vec<Vec<Vec<f64>>> = theta
             .iter()
             .map(|theta| self.columns.combined(theta))
