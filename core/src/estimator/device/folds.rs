@@ -48,7 +48,7 @@ impl<T: Real> DeviceFolds<T> {
             .fold(T::zero(), |sum, fold| sum + fold[0])
     }
 
-    /// A joint's factor in one fold: the first four effects of [`COLUMNS`], the base columns, the other effects.
+    /// A joint's factor in one fold: the first four effects of `COLUMNS`, the base columns, the other effects.
     pub fn joint(&self, fold: usize, joint: usize) -> Factor<T, &[T]> {
         let found = match (self.storage.get(fold), self.windows.get(fold)) {
             (Some(storage), Some(windows)) if joint < JOINTS_PER_LEG => {
