@@ -13,6 +13,8 @@ pub(crate) use walk::walk;
 /// An effect counts from this size on, in units of its standard deviation: a leg has some sixty candidates, of which chance
 /// makes one this large once in two hundred complete models.
 const LEAST_Z: f64 = 4.0;
+/// The same of effects whose shape is scanned: refinement tries more shapes than the grid has.
+const LEAST_Z_OF_SCANNED: f64 = 4.5;
 /// What an effect adds in some stretches of time it may take back in others up to this share.
 const MOST_HARM: f64 = 0.2;
 /// Smallest held-out gain of the joints that feel an effect: less is not worth a parameter.
@@ -82,7 +84,19 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         | EffectKind::Saturation => LEAST_GAIN_OF_SLOW,
         _ => LEAST_GAIN,
     };
-    candidate.z >= LEAST_Z
+    let is_scanned = candidate
+        .place
+        .0
+        .description()
+        .parameters
+        .iter()
+        .any(|p| p.shape);
+    let least_z = if is_scanned {
+        LEAST_Z_OF_SCANNED
+    } else {
+        LEAST_Z
+    };
+    candidate.z >= least_z
         && gain > error
         && -harm < MOST_HARM * (gain - harm)
         && limb.held_out_gain(candidate).0 > least_gain
@@ -90,9 +104,13 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
 }
 
 /// The place of the best of significant candidates, best first; of two that differ by less than the error of their
-/// difference, the one with fewer parameters.
-fn best(candidates: &[&Candidate]) -> Option<Place> {
+/// difference, or by less than ln n for each parameter more, n windows, the one with fewer parameters (Schwarz 1978, *Annals of
+/// Statistics* 6:461).
+fn best(limb: &LimbCriticism, candidates: &[&Candidate]) -> Option<Place> {
     let first = candidates.first()?;
+    // Scanned shapes count as well.
+    let parameters = |c: &Candidate| c.place.0.description().parameters.len();
+    let windows: f64 = limb.all.iter().map(|factor| factor.rows()).sum();
     let as_good = |c: &&&Candidate| {
         let differences: Vec<f64> = first
             .gains
@@ -101,12 +119,11 @@ fn best(candidates: &[&Candidate]) -> Option<Place> {
             .map(|(a, b)| a - b)
             .collect();
         let (difference, error) = sum_and_error(&differences);
-        difference < error.max(LEAST_Z * LEAST_Z)
+        let more = parameters(first).saturating_sub(parameters(c)) as f64;
+        difference < error.max(more * windows.ln())
     };
     let mut simplest = first;
     for candidate in candidates.iter().filter(as_good) {
-        // Scanned shapes count as well.
-        let parameters = |c: &Candidate| c.place.0.description().parameters.len();
         if parameters(candidate) < parameters(simplest) {
             simplest = candidate;
         }
@@ -179,7 +196,7 @@ fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
         .filter(|j| j.significant)
         .map(|j| &j.candidate)
         .collect();
-    let Some(place) = best(&significant) else {
+    let Some(place) = best(limb, &significant) else {
         return judged;
     };
     let Some(best) = judged.iter().position(|j| j.candidate.place == place) else {

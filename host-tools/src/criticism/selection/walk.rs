@@ -82,7 +82,10 @@ impl Walk<'_, '_> {
         let candidates = self.limb.candidates(None);
         let is_good =
             |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
-        best(&candidates.iter().filter(is_good).collect::<Vec<_>>())
+        best(
+            self.limb,
+            &candidates.iter().filter(is_good).collect::<Vec<_>>(),
+        )
     }
 
     pub(super) fn push(&mut self, place: Place, removed: bool) {
