@@ -2,6 +2,7 @@
 
 use proprio::criticism::comparison::ValuesFrom;
 use proprio::criticism::{Recording, compare, diagnose};
+use proprio::estimate::Constraint;
 use proprio::identification::{FitOptions, fit_model};
 use proprio::model::{Model, Provenance};
 use proprio_core::effect::EffectKind;
@@ -51,7 +52,11 @@ fn rung(
     train: &Recording,
     others: &[Recording],
 ) -> Result<Rung, Failure> {
-    let fitted = fit_model(train, model, FitOptions::default())?;
+    let options = FitOptions {
+        constraint: Constraint::Physical,
+        ..FitOptions::default()
+    };
+    let fitted = fit_model(train, model, options)?;
     let provenance = Provenance::of(&train.logs).map_err(|(log, e)| format!("{log}: {e}"))?;
     let filled = fitted.to_model(model, provenance)?;
     let elsewhere = others
