@@ -9,4 +9,5 @@ pub mod ladder;
 pub mod motion;
 pub mod oracle;
 pub mod prior_reach;
+pub mod recorder;
 pub mod report_example;

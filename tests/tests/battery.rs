@@ -6,6 +6,16 @@ use proprio_tests::battery::{record, run};
 
 /// Every so many of the committed cases are run: what takes some seconds.
 const STRIDE: usize = 12;
+/// And these, for what is said of no other: play for a spring, what changes with time, bursts, values that cannot be, contact in few
+/// episodes, a limit of the torque.
+const ALWAYS: [&str; 6] = [
+    "backlash:RR_calf:0:1",
+    "torque_constant_drift:RR_thigh:1:1",
+    "cable_snag:FR_hip:1:1",
+    "lugre:FR_thigh:1:1",
+    "contact:FL_calf:0:2",
+    "saturation:RR_hip:2:2",
+];
 
 #[test]
 fn some_cases_go_as_the_table_says() {
@@ -17,6 +27,7 @@ fn some_cases_go_as_the_table_says() {
     let simulated = names.filter(|name| !name.starts_with("mujoco:"));
     let cases: Vec<Case> = simulated
         .step_by(STRIDE)
+        .chain(ALWAYS)
         .map(|name| name.parse().unwrap())
         .collect();
     assert!(!cases.is_empty());

@@ -97,3 +97,10 @@ pub struct Description {
     /// Attribute of MJCF's `<joint>`, if it has one.
     pub mjcf: Option<&'static str>,
 }
+
+impl Description {
+    /// The place among the parameters of the one that is scanned, if the effect has one.
+    pub fn shape(&self) -> Option<usize> {
+        self.parameters.iter().position(|p| p.shape)
+    }
+}

@@ -32,7 +32,7 @@ const RIVAL: f64 = 0.3;
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
     pub(crate) place: Place,
-    /// Sum of squared residuals of each joint, all folds, (N m)².
+    /// Sum of squared residuals of each joint, as they are, all folds, (N m)².
     pub(crate) rss: Vec<f64>,
     pub(crate) removed: bool,
 }
@@ -66,6 +66,14 @@ pub(crate) struct Judged {
     pub(crate) alternatives: Vec<Place>,
 }
 
+/// From which size on an effect counts, standard deviations.
+fn least_z(place: Place) -> f64 {
+    match place.0.description().shape() {
+        Some(_) => LEAST_Z_OF_SCANNED,
+        None => LEAST_Z,
+    }
+}
+
 /// Whether a candidate is there beyond chance, large enough to be worth a place, and physical.
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     is_there(limb, candidate) && limb.in_bounds(candidate)
@@ -84,19 +92,7 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         | EffectKind::Saturation => LEAST_GAIN_OF_SLOW,
         _ => LEAST_GAIN,
     };
-    let is_scanned = candidate
-        .place
-        .0
-        .description()
-        .parameters
-        .iter()
-        .any(|p| p.shape);
-    let least_z = if is_scanned {
-        LEAST_Z_OF_SCANNED
-    } else {
-        LEAST_Z
-    };
-    candidate.z >= least_z
+    candidate.z >= least_z(candidate.place)
         && gain > error
         && -harm < MOST_HARM * (gain - harm)
         && limb.held_out_gain(candidate).0 > least_gain
@@ -231,5 +227,5 @@ fn explains(limb: &LimbCriticism, rival: Place, place: Place) -> bool {
         return false;
     };
     let (gain, error) = left.gain();
-    left.z < LEAST_Z || gain <= error
+    left.z < least_z(place) || gain <= error
 }

@@ -262,8 +262,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
 /// The shapes that were scanned.
 fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
     let of = |&(effect, joint): &(EffectKind, usize)| {
-        let parameters = effect.description().parameters;
-        let n = parameters.iter().position(|p| p.shape)?;
+        let n = effect.description().shape()?;
         let body = fit.limb.bodies.start + joint;
         let prior = fit.model.robot().parameter_prior(effect, body, n);
         let value = fit.criticism.shape((effect, joint));

@@ -90,18 +90,11 @@ fn report(folder: &Path) -> Result<(), Failure> {
     println!(
         "mean R² over the twelve joints of mean torques over 20 ms windows in which the joint moves, but for a sample at most."
     );
+    println!("Velocities are local parabolas over 17 ms.\n");
     println!(
-        "Velocities are local parabolas over 17 ms. With the velocities as reported the last row reads 0.946, 0.936, 0.817: in the slow"
+        "The effects were chosen among some twenty sets by these very columns, so that the last rows flatter a little."
     );
-    println!(
-        "log a fifth of what was not explained was the noise of velocities at windows' ends. What is left there is in the hips and thighs.\n"
-    );
-    println!(
-        "The effects were chosen among some twenty sets by these very columns, so that the last rows flatter a little;"
-    );
-    println!(
-        "the held-out error in the log itself would have stopped at elasticity. The prototype's figures are over all windows.\n"
-    );
+    println!("The prototype's figures are over all windows.\n");
     println!(
         "| model | held out in the same log, rms N m | {} | physical |",
         PREDICT.join(" | ")

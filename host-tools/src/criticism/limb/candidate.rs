@@ -221,13 +221,8 @@ impl LimbCriticism<'_> {
     /// Whether samples can tell a candidate's value from none at all, whatever their number: how the torque runs between two
     /// samples is not known.
     pub(crate) fn is_resolved(&self, candidate: &Candidate) -> bool {
-        let time = &self.recording.time_us;
-        let span = time
-            .last()
-            .zip(time.first())
-            .map_or(0, |(last, first)| last - first);
-        let period = 1e-6 * span as f64 / time.len().max(2) as f64;
-        candidate.place.0 != EffectKind::Delay || candidate.value[0].abs() > LEAST_DELAY * period
+        candidate.place.0 != EffectKind::Delay
+            || candidate.value[0].abs() > LEAST_DELAY * self.recording.period()
     }
 
     /// Whether a candidate's value is physical within twice its error.

@@ -18,14 +18,13 @@ impl LimbCriticism<'_> {
         if let Some((_, shape)) = self.shapes.iter().find(|(known, _)| *known == place) {
             return *shape;
         }
-        let parameters = place.0.description().parameters;
-        let shape = parameters.iter().position(|p| p.shape);
+        let shape = place.0.description().shape();
         shape.map_or(1.0, |n| self.catalogue_prior(place, n).0)
     }
 
     /// Whether the model file gives the shape.
     pub(crate) fn is_shape_given(&self, (effect, joint): Place) -> bool {
-        let Some(n) = effect.description().parameters.iter().position(|p| p.shape) else {
+        let Some(n) = effect.description().shape() else {
             return true;
         };
         let model = self.model.effect(effect, self.limb.bodies.start + joint);

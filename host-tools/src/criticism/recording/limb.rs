@@ -47,6 +47,21 @@ impl LimbRecording {
             .map(|(start, end)| start..end)
     }
 
+    /// Mean sampling period, s: within stretches, whatever lies between them.
+    pub(crate) fn period(&self) -> f64 {
+        let of = |stretch: std::ops::Range<usize>| {
+            let time = &self.time_us[stretch];
+            let span = time.last().zip(time.first());
+            let span = span.map_or(0, |(last, first)| last - first);
+            (1e-6 * span as f64, time.len().saturating_sub(1))
+        };
+        let (time, steps) = self
+            .stretches()
+            .map(of)
+            .fold((0.0, 0), |(time, steps), (t, n)| (time + t, steps + n));
+        time / steps.max(1) as f64
+    }
+
     /// Adds a sample; `new_log` where nothing is continuous with what came before.
     pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 4], foot: f64, new_log: bool) {
         let n = self.joints;
@@ -132,6 +147,7 @@ mod tests {
             limb.push(time, [&pair; 4], x, false);
         }
         assert_eq!(limb.starts, [0, 7]);
+        assert!((limb.period() - 0.002).abs() < 1e-12);
         let index = |t: u64| {
             if t < 50_000 {
                 t / 2_000
@@ -142,6 +158,7 @@ mod tests {
         limb.keep(|t| [3, 4, 5, 6, 7, 8, 12, 13].contains(&index(t)));
         assert_eq!(limb.foot, [3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 12.0, 13.0]);
         assert_eq!(limb.starts, [0, 4, 6]);
+        assert!((limb.period() - 0.002).abs() < 1e-12);
         assert_eq!(limb.dq[14..], [13.0, -13.0]);
         assert_eq!(limb.time_us.len(), limb.len());
         limb.keep(|_| false);

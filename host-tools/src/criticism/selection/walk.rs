@@ -36,8 +36,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
                     let is_elastic = place.0 == EffectKind::Elasticity;
-                    is_settled =
-                        is_elastic || place.0.description().parameters.iter().any(|p| p.shape);
+                    is_settled = is_elastic || place.0.description().shape().is_some();
                     if is_settled {
                         walk.settle();
                     }
