@@ -2,7 +2,8 @@
 //!
 //! The robot is simulated once more without noise, quanta and jitter. The *signature* of what is hidden is the reported
 //! torque minus the inverse dynamics of the reported motion by the true bodies and the known effects, as means over 20 ms:
-//! whatever the effect is, that is what a model without it cannot say. What the model may fit instead is taken away from it:
+//! whatever the effect is, that is what a model without it cannot say. What sampling and reversals leave of the robot that hides
+//! nothing is taken off: it is no sign of anything. So is what the model may fit instead:
 //! every inertial parameter within the CAD's uncertainty (columns by inverse dynamics of unit bodies), and viscous, Coulomb,
 //! rotor inertia and bias of every joint that the model has, at any value. What is left, divided by the noise, is
 //!
@@ -92,8 +93,17 @@ impl Signature {
         simulation.effects.extend(hidden.iter().cloned());
         simulation.sensors = Sensors::ideal();
         let kinematic = hidden.iter().map(|e| kinematic(e, &simulation)).sum();
+        let mut torques = rows(&simulation, &known.effects);
+        simulation.effects.clone_from(&known.effects);
+        let without = rows(&simulation, &known.effects);
+        for (row, without) in torques.iter_mut().flatten().zip(without.iter().flatten()) {
+            *row = row.zip(*without).map(|(row, without)| Row {
+                torque: row.torque - without.torque,
+                ..row
+            });
+        }
         Self {
-            rows: rows(&simulation, &known.effects),
+            rows: torques,
             kinematic,
         }
     }
@@ -267,4 +277,44 @@ fn kinematic(effect: &HiddenEffect, simulation: &Simulation) -> f64 {
     samples
         .map(|s| (wrong * s.dq[place]).powi(2) / variance)
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn snr(case: &Case, hidden: &[HiddenEffect]) -> f64 {
+        let noise = noise(&case.known());
+        let signature = Signature::new(case, hidden);
+        signature.bound(case, &noise, &[]).snr
+    }
+
+    #[test]
+    fn nothing_hidden_shows_nothing() {
+        let case: Case = "payload:RR_thigh:0:1".parse().unwrap();
+        assert_eq!(snr(&case, &[]), 0.0);
+    }
+
+    /// Else it would be of something that the size does not change.
+    #[test]
+    fn what_shows_grows_with_the_size() {
+        let hidden = |kind, joint: &str, value| {
+            let joint = Some(joint.parse().unwrap());
+            HiddenEffect::new(kind, joint, value).unwrap()
+        };
+        let case: Case = "payload:RR_thigh:0:1".parse().unwrap();
+        for (kind, joint, value) in [
+            (HiddenKind::Payload, "RR_thigh", 0.05),
+            (HiddenKind::EncoderOffset, "RR_calf", 0.01),
+            (HiddenKind::Spring, "RR_hip", 0.1),
+        ] {
+            let of = |value| Case {
+                hidden: vec![hidden(kind, joint, value)],
+                ..case.clone()
+            };
+            let (small, large) = (of(value), of(2.0 * value));
+            let ratio = snr(&large, &large.hidden) / snr(&small, &small.hidden);
+            assert!((ratio - 2.0).abs() < 0.2, "{kind:?}: {ratio}");
+        }
+    }
 }
