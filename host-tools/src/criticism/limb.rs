@@ -2,6 +2,7 @@
 
 mod candidate;
 mod fit;
+mod gap;
 mod parameters;
 
 use nalgebra::Vector3;
@@ -49,6 +50,8 @@ pub(crate) struct LimbCriticism<'a> {
     /// The effects that the model has.
     pub(crate) active: Vec<Place>,
     pub(crate) corrections: Corrections,
+    /// What the gaps that were found are uncertain by, rad.
+    gap_std: Vec<f64>,
     /// Values of shape parameters that are not the catalogue's.
     shapes: Vec<(Place, f64)>,
     pub(crate) columns: Columns,
@@ -93,6 +96,7 @@ impl<'a> LimbCriticism<'a> {
             in_contact: Vec::new(),
             active: Vec::new(),
             corrections: Corrections::none(recording.joints),
+            gap_std: vec![0.0; recording.joints],
             shapes: Vec::new(),
             columns: Columns::default(),
             motion: Motion::default(),
@@ -114,6 +118,7 @@ impl<'a> LimbCriticism<'a> {
             }
             criticism.rebuild();
         }
+        criticism.find_gaps();
         Some(criticism)
     }
 
@@ -142,6 +147,9 @@ impl<'a> LimbCriticism<'a> {
             }
             for (n, estimate) in e.estimates.iter().enumerate() {
                 let Some(estimate) = estimate else { continue };
+                if e.effect == EffectKind::Backlash {
+                    self.gap_std[joint] = estimate.std.unwrap_or(0.0);
+                }
                 if description.parameters[n].shape {
                     self.set_shape((e.effect, joint), estimate.value);
                 } else if let Some(correction) = self.corrections.get_mut(e.effect, joint, n) {
@@ -179,7 +187,8 @@ impl<'a> LimbCriticism<'a> {
         // Before new ones come: memory need not hold both.
         self.forget_windows();
         self.body.set_inertia(&self.fit.theta);
-        self.motion = Motion::new(self.recording, &self.corrections, &self.motors());
+        let follow = self.torque_to_follow();
+        self.motion = Motion::new(self.recording, &self.corrections, &self.motors(), &follow);
         self.windows = Windows::of(&self.rows());
         self.refold();
     }

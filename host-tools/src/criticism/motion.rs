@@ -110,11 +110,13 @@ pub(crate) struct MotorSide {
 const TYPICAL_PLAY: f64 = 0.01;
 
 impl Motion {
-    /// The motion of a limb whose motors take up as much of the torque as `motors` say.
+    /// The motion of a limb whose motors take up as much of the torque as `motors` say. `follow` is the torque that links with
+    /// play take to follow their motors; where it is empty, no link has any, and what a gear transmits stands for it.
     pub(crate) fn new(
         recording: &LimbRecording,
         corrections: &Corrections,
         motors: &[MotorSide],
+        follow: &[f64],
     ) -> Self {
         let (n, samples) = (recording.joints, recording.len());
         let mut motion = Self {
@@ -122,18 +124,24 @@ impl Motion {
             q: vec![0.0; n * samples],
             dq: vec![0.0; n * samples],
         };
-        for stretch in recording.stretches() {
-            for joint in 0..n {
-                motion.fill(
-                    recording,
-                    corrections,
-                    motors[joint],
-                    stretch.clone(),
-                    joint,
-                );
-            }
+        for (joint, motor) in motors.iter().enumerate() {
+            motion.fill_joint(recording, corrections, *motor, follow, joint);
         }
         motion
+    }
+
+    /// The motion of one joint anew: where its corrections alone have changed.
+    pub(crate) fn fill_joint(
+        &mut self,
+        recording: &LimbRecording,
+        corrections: &Corrections,
+        motor: MotorSide,
+        follow: &[f64],
+        joint: usize,
+    ) {
+        for stretch in recording.stretches() {
+            self.fill(recording, corrections, motor, follow, stretch, joint);
+        }
     }
 
     fn fill(
@@ -141,6 +149,7 @@ impl Motion {
         recording: &LimbRecording,
         corrections: &Corrections,
         motor: MotorSide,
+        follow: &[f64],
         stretch: std::ops::Range<usize>,
         joint: usize,
     ) {
@@ -164,7 +173,10 @@ impl Motion {
             .map(|k| local_line(&times, &load, k, around(&times, k)))
             .collect();
         let load: Vec<f64> = smooth.iter().map(|[load, _]| *load).collect();
-        let play = play(&times, &load, motor.link, tried);
+        let play = match follow {
+            [] => play(&times, &load, motor.link, tried),
+            follow => play(&times, &channel(follow), motor.link, tried),
+        };
         let compliance = corrections.compliance[joint];
         for (k, sample) in stretch.clone().enumerate() {
             let speed = speeds[k];
@@ -198,18 +210,25 @@ impl Motion {
 }
 
 /// The torque that the gear hands to the link: what is reported less what turns the rotor and rubs before the gear, N m.
-///
-/// Velocities are slopes of the positions `q`: the reported ones have their noise in the momentum as well, and a column that
-/// shares it finds a compliance where there is none.
 fn transmitted(t: &[f64], tau: &[f64], q: &[f64], speed: &[f64], motor: MotorSide) -> Vec<f64> {
-    let velocity: Vec<f64> = (0..t.len()).map(|k| local_line(t, q, k, 1)[1]).collect();
+    let slopes = slopes(t, q);
     let of = |k: usize| {
-        let [velocity, acceleration] = local_line(t, &velocity, k, around(t, k));
+        let [velocity, acceleration] = slopes[k];
         let sign = (speed[k] / SPEED_NOISE).clamp(-1.0, 1.0);
         let taken = motor.armature * acceleration + motor.viscous * velocity;
         tau[k] - taken - motor.coulomb * sign - motor.bias
     };
     (0..t.len()).map(of).collect()
+}
+
+/// First and second derivative of positions at each sample, rad/s and rad/s².
+///
+/// Velocities are slopes of the positions `q`: the reported ones have their noise in the momentum as well, and a column that
+/// shares it finds a compliance where there is none.
+pub(crate) fn slopes(t: &[f64], q: &[f64]) -> Vec<[f64; 2]> {
+    let velocity: Vec<f64> = (0..t.len()).map(|k| local_line(t, q, k, 1)[1]).collect();
+    let line = |k: usize| local_line(t, &velocity, k, around(t, k));
+    (0..t.len()).map(line).collect()
 }
 
 /// How many samples lie within [`REACH`] on either side of sample k: the same number on both.

@@ -28,6 +28,9 @@ pub(crate) trait RigidBody: Send + Sync {
     /// W with W θ = H q̈ + C q̇ + g (N m per unit of each parameter) at a position, velocity and acceleration.
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]);
 
+    /// τ = H q̈ + C q̇ + g (N m) at a position, velocity and acceleration, at the current inertias.
+    fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]);
+
     /// The row h with h θ = kinetic and potential energy (J per unit of each parameter).
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]);
 
@@ -136,6 +139,12 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         let k = self.0.kinematics(base, &q, &dq);
         let regressor = self.0.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
         copy(torque, &regressor);
+    }
+
+    fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
+        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
+        let k = self.0.kinematics(base, &q, &dq);
+        torque.copy_from_slice(self.0.inverse_dynamics(&k, &dq, &ddq).as_slice());
     }
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {

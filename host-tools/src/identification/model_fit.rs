@@ -225,7 +225,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
             let prior_std = prior_std
                 .as_ref()
                 .map_or(f64::INFINITY, |std| std[k] * scale);
-            let std = independent.max(blocks);
+            let std = independent.max(blocks).hypot(fit.criticism.scan_error(k));
             let unit = entry.effect.map_or(UNITS[entry.parameter], |effect| {
                 effect.description().parameters[entry.parameter].unit
             });

@@ -249,3 +249,20 @@ fn runs_of_one_robot_agree_and_one_with_other_friction_does_not() {
         ("coulomb:FR_calf", 2, false)
     );
 }
+
+/// Play is found by trying gaps; what it is of and how well it is known come out of `identify` as well.
+#[test]
+fn the_width_of_play_comes_out_with_an_error_that_holds() {
+    for (hidden, gap) in [
+        ("backlash:FR_thigh=0.015", 0.015),
+        ("backlash:FR_calf=0.006", 0.006),
+    ] {
+        let joint = &hidden["backlash:".len()..hidden.find('=').unwrap()];
+        let simulation = simulation(&[hidden], 5);
+        let model = model(&[(EffectKind::Backlash, joint)]);
+        let fitted = fit_model(&recording(&simulation), &model, FitOptions::default()).unwrap();
+        let found = fitted.parameter(&format!("backlash:{joint}")).unwrap();
+        let off = (found.value - gap).abs();
+        assert!(off < 3.0 * found.std && found.std < 0.2 * gap, "{found:?}");
+    }
+}

@@ -289,7 +289,7 @@ fn is_load(value: &[f64], std: &[f64]) -> bool {
 }
 
 /// Standard deviation of an estimate from its values without each fold in turn (Efron & Tibshirani 1993, ch. 11).
-fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
+pub(super) fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
     let n = values.len() as f64;
     let squares: f64 = values.map(|value| (value - centre).powi(2)).sum();
     (squares * (n - 1.0) / n).sqrt()

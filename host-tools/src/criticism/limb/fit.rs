@@ -61,7 +61,7 @@ impl LimbCriticism<'_> {
             active
                 .iter()
                 .zip(triangle.std())
-                .for_each(|(&k, std)| fit.std[k] = std);
+                .for_each(|(&k, std)| fit.std[k] = std.hypot(self.scan_error(k)));
             noise = self.residuals(&fit.theta, active.len());
             self.prior.hold(&fit.theta);
         }
@@ -199,6 +199,9 @@ impl LimbCriticism<'_> {
     pub(crate) fn add(&mut self, place: Place) {
         self.active.push(place);
         self.refit();
+        if place.0 == EffectKind::Backlash {
+            self.find_gap(place.1);
+        }
     }
 
     /// Whether the model has an effect whose column is only a derivative, so that [`rebuild`](Self::rebuild) makes it better.

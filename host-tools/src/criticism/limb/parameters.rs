@@ -7,6 +7,7 @@ use proprio_core::inertia::INERTIAL;
 use super::super::column::{BASE, Columns, Entry, columns_of};
 use super::super::dot::dot;
 use super::super::motion::{Corrections, MotorSide};
+use super::gap::STEP;
 use super::{LimbCriticism, Place};
 
 /// A load lighter than this is nowhere in particular, kg.
@@ -107,7 +108,10 @@ impl LimbCriticism<'_> {
                 let none = Corrections::none(self.recording.joints);
                 let correction = self.corrections.get(effect, joint, parameter)
                     - none.get(effect, joint, parameter);
-                let (mean, std) = if candidate {
+                let (mean, std) = if effect == EffectKind::Backlash && correction > 0.0 {
+                    // Found by trying: the column is true near it only.
+                    (0.0, STEP * correction)
+                } else if candidate {
                     (0.0, std.max((mean - neutral).abs()))
                 } else {
                     (mean - neutral - correction, std)
@@ -147,6 +151,10 @@ impl LimbCriticism<'_> {
         for k in 0..self.fit.theta.len() {
             let entry = &self.columns.entries[k];
             let Some(effect) = entry.effect else { continue };
+            if effect == EffectKind::Backlash {
+                // Another gap is another motion of the link, not one a little farther.
+                continue;
+            }
             if let Some(correction) = self
                 .corrections
                 .get_mut(effect, entry.joint, entry.parameter)

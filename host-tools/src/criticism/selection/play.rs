@@ -1,23 +1,54 @@
 //! Play or a spring between motor and link: to a first order the link lags the torque in both.
+//!
+//! Under a load that keeps its sign a link with play rests on one side of the gap and follows the motor exactly, while one on a
+//! spring goes on giving way: the compliance by these windows alone, over that by all, is zero for play and one for a spring.
 
 use proprio_core::effect::EffectKind;
 
 use super::super::bursts::Bursts;
 use super::super::limb::Place;
+use super::super::rows::WINDOW_US;
+use super::super::triangle::Triangle;
 use super::Judged;
 use super::walk::Walk;
 
-/// What looks like a spring between motor and link is play if at least this share of the error stays with it,
+/// Impacts may be left by what looks like a spring or a delay if at least this share of the error stays with it,
 const LEAST_LEFT: f64 = 0.55;
 /// at least this share of whose square is more than noise with the same median,
 const LEAST_IMPACT: f64 = 0.25;
 /// in at least this share of the windows.
 const LEAST_IMPACTS: f64 = 0.013;
+/// A load that has kept its sign so long has brought the link to rest on one side of the gap, µs: two windows.
+const SETTLED_US: u64 = 2 * WINDOW_US;
+/// Under such loads what may be play has less than this share of the compliance that a spring would have,
+const MOST_STEADY: f64 = 0.8;
+/// and a spring is so many standard deviations away.
+const LEAST_STEADY_Z: f64 = 3.0;
+/// Then play stands for the spring though it leaves a sum of squares up to this factor larger: how it bounces is not known.
+const MOST_WORSE: f64 = 1.25;
 
 impl Walk<'_, '_> {
-    /// Whether what a spring between motor and link was taken for is play: a spring leaves noise, play leaves impacts, which no
-    /// column has.
-    pub(super) fn is_play(&self, joint: usize) -> bool {
+    /// Puts play in the place of what has just been taken into the model, if that lags as play does and play explains more;
+    /// `first` names it then.
+    pub(super) fn judge_lag(&mut self, place: Place, first: &mut [Judged]) {
+        let joint = place.1;
+        let lags = [EffectKind::Elasticity, EffectKind::Delay].contains(&place.0);
+        if !lags || self.limb.active.contains(&(EffectKind::Backlash, joint)) {
+            return;
+        }
+        let most = if place.0 == EffectKind::Elasticity && self.rests_under_load(joint) {
+            MOST_WORSE
+        } else if self.leaves_impacts(joint) {
+            1.0
+        } else {
+            return;
+        };
+        let found = self.take_play_for(place, most);
+        name_play(first, place, found);
+    }
+
+    /// Whether impacts are left, which no column has: a spring or a delay leaves noise.
+    fn leaves_impacts(&self, joint: usize) -> bool {
         let left = self.limb.fit.held_out_squares[joint] / self.start[joint];
         let residuals = self.limb.held_out_residuals(joint);
         let impacts = |b: &Bursts| {
@@ -26,16 +57,63 @@ impl Walk<'_, '_> {
         left.sqrt() > LEAST_LEFT && Bursts::of(&residuals).as_ref().is_some_and(impacts)
     }
 
-    /// Takes play into the model for the spring, if it explains more. What is found of it then.
-    pub(super) fn take_for_spring(&mut self, joint: usize) -> Option<Play> {
-        let (spring, play) = (
-            (EffectKind::Elasticity, joint),
-            (EffectKind::Backlash, joint),
+    /// Whether the link does not give way under loads that keep their sign, as it would on the spring of the model.
+    fn rests_under_load(&self, joint: usize) -> bool {
+        let limb = &*self.limb;
+        let active = limb.active_entries();
+        let entry = limb.columns.of_effect(EffectKind::Elasticity, joint)[0];
+        let Some(at) = active.iter().position(|&e| e == entry) else {
+            return false;
+        };
+        let held = self.load_held_us(joint);
+        let samples: Vec<[usize; 2]> = limb.windows.iter().map(|w| w.samples).collect();
+        let is_steady = |window: usize| {
+            let [first, last] = samples[window];
+            held[first] >= SETTLED_US && held[last] > held[first]
+        };
+        let (_, steady) = limb.fold_windows(is_steady).without_each(&limb.columns);
+        let triangle = Triangle::new(
+            &limb.columns,
+            &limb.prior,
+            &steady,
+            &limb.fit.noise,
+            &active,
+            &[],
         );
-        let with_spring = self.limb.fit.held_out_squares[joint];
-        self.exchange(spring, play);
+        let known = limb.corrections.compliance[joint];
+        let all = known + limb.fit.theta[entry];
+        let share = (known + triangle.solve(limb.columns.entries.len(), &[])[entry]) / all;
+        let std = triangle.std()[at] * limb.memory[joint].sqrt() / all;
+        share < MOST_STEADY && 1.0 - share > LEAST_STEADY_Z * std
+    }
+
+    /// For how long, at each sample, a joint's load has kept its sign, µs.
+    fn load_held_us(&self, joint: usize) -> Vec<u64> {
+        let (recording, motion) = (self.limb.recording, &self.limb.motion);
+        let time = &recording.time_us;
+        let sign = |k: usize| motion.states[k * recording.joints + joint].load.signum();
+        let mut held = Vec::with_capacity(time.len());
+        for stretch in recording.stretches() {
+            let mut since = stretch.start;
+            for k in stretch {
+                if sign(k) != sign(since) {
+                    since = k;
+                }
+                held.push(time[k] - time[since]);
+            }
+        }
+        held
+    }
+
+    /// Takes play into the model in the place of what looks like it, if its sum of squares is at most so many times as large.
+    /// What is found of it then.
+    fn take_play_for(&mut self, place: Place, most: f64) -> Option<Play> {
+        let joint = place.1;
+        let play = (EffectKind::Backlash, joint);
+        let without = self.limb.fit.held_out_squares[joint];
+        self.exchange(place, play);
         let with_play = self.limb.fit.held_out_squares[joint];
-        if with_play < with_spring && self.steps.iter().any(|step| step.place == play) {
+        if with_play < most * without && self.steps.iter().any(|step| step.place == play) {
             let entry = *self.limb.columns.of_effect(play.0, joint).first()?;
             return Some(Play {
                 gain: 1.0 - with_play / self.start[joint],
@@ -43,7 +121,8 @@ impl Walk<'_, '_> {
                 std: self.limb.fit.std[entry] * self.limb.memory[joint].sqrt(),
             });
         }
-        self.exchange(play, spring);
+        self.exchange(play, place);
+        self.refused.push(play);
         None
     }
 
@@ -51,8 +130,6 @@ impl Walk<'_, '_> {
     fn exchange(&mut self, out: Place, into: Place) {
         self.steps.retain(|step| step.place != out);
         self.limb.remove(out);
-        self.refused.push(out);
-        self.refused.retain(|place| *place != into);
         self.limb.add(into);
         self.push(into, false);
         self.settle();
@@ -60,7 +137,7 @@ impl Walk<'_, '_> {
 }
 
 /// Play as it is found once it is in the model: before, its column is that of a gap not yet known.
-pub(super) struct Play {
+struct Play {
     /// 1 − the joint's held-out sum of squares with it over that without.
     gain: f64,
     /// rad.
@@ -68,13 +145,10 @@ pub(super) struct Play {
     std: f64,
 }
 
-/// Says that play stands where a spring was named, or may stand there.
-pub(super) fn name_play(first: &mut [Judged], joint: usize, found: Option<Play>) {
-    let (spring, play) = (
-        (EffectKind::Elasticity, joint),
-        (EffectKind::Backlash, joint),
-    );
-    if first.first().is_none_or(|j| j.candidate.place != spring) {
+/// Says that play stands where a spring or a delay was named, or may stand there.
+fn name_play(first: &mut [Judged], place: Place, found: Option<Play>) {
+    let play = (EffectKind::Backlash, place.1);
+    if first.first().is_none_or(|j| j.candidate.place != place) {
         return;
     }
     let at = first.iter().position(|j| j.candidate.place == play);
@@ -86,7 +160,7 @@ pub(super) fn name_play(first: &mut [Judged], joint: usize, found: Option<Play>)
             named.candidate.z = found.gap / found.std;
             (named.parameters[0].value, named.parameters[0].std) = (found.gap, found.std);
             (named.significant, named.in_bounds) = (true, true);
-            named.alternatives = vec![spring];
+            named.alternatives = vec![place];
         }
         _ => first[0].alternatives.push(play),
     }

@@ -3,7 +3,6 @@
 use proprio_core::effect::EffectKind;
 
 use super::super::limb::{Candidate, LimbCriticism, Place};
-use super::play::name_play;
 use super::{Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
@@ -40,10 +39,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                     if is_settled {
                         walk.settle();
                     }
-                    if is_elastic && walk.is_play(place.1) {
-                        let found = walk.take_for_spring(place.1);
-                        name_play(&mut first, place.1, found);
-                    }
+                    walk.judge_lag(place, &mut first);
                 }
             }
             None if !is_settled && walk.settle() => is_settled = true,
