@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::limb::{FOLDS, LimbCriticism};
+use super::limb::LimbCriticism;
 use super::limbs::of_each_limb;
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
@@ -269,7 +269,7 @@ fn all_series(
     let of = |limb: &Limb| {
         let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
         let mut criticism = LimbCriticism::new(model, limb, data, false)?;
-        if matches!(predict, Predict::HeldOut) && criticism.blocks.count < FOLDS {
+        if matches!(predict, Predict::HeldOut) && !criticism.blocks.can_hold_out() {
             return None;
         }
         if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {

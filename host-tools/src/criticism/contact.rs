@@ -21,7 +21,7 @@ use proprio_core::effect::EffectKind;
 
 use super::blocks::HeapFactor;
 use super::foot::Foot;
-use super::limb::{FOLDS, LimbCriticism};
+use super::limb::LimbCriticism;
 use super::triangle::Triangle;
 use super::windows;
 pub(crate) use report::{LeftOut, leave_out_contact, reason, words};
@@ -147,7 +147,7 @@ impl<'a> Search<'a> {
         };
         let windows: Vec<Window> = limb.windows.iter().map(of).collect();
         // Two joints or fewer cannot vouch for each other.
-        if n < 3 || windows.len() < 10 * SHORTEST || limb.tests.len() < FOLDS {
+        if n < 3 || windows.len() < 10 * SHORTEST || !limb.blocks.can_hold_out() {
             return None;
         }
         Some(Self {

@@ -12,10 +12,11 @@ use proprio_core::spatial::Transform;
 
 use super::blocks::{BlockFactors, HeapFactor};
 use super::column::{BASE, Columns};
+use super::folds::Blocks;
 use super::motion::{Corrections, Motion};
 use super::recording::LimbRecording;
 use super::rigid_body::{self, RigidBody};
-use super::rows::{self, Blocks};
+use super::rows;
 use super::triangle::Prior;
 use super::velocity::VelocityGain;
 use super::whitening::Whitening;
@@ -25,9 +26,6 @@ pub(crate) use fit::Fit;
 use parameters::LEAST_LOAD;
 
 use crate::model::{Limb, Model};
-
-/// Folds of the held-out error: contiguous stretches of time, so that what is held out is not just like its neighbours.
-pub(crate) const FOLDS: usize = 8;
 
 /// Times that the noise's kind and the shapes are found from the fit that they give.
 const NOISE_ROUNDS: usize = 2;
@@ -82,8 +80,7 @@ impl<'a> LimbCriticism<'a> {
         recording: &'a LimbRecording,
         with_candidates: bool,
     ) -> Option<Self> {
-        let duration = recording.time_us.last()? - recording.time_us.first()?;
-        let blocks = Blocks::of(duration);
+        let blocks = Blocks::of(recording)?;
         let mut criticism = Self {
             model,
             with_candidates,
@@ -134,7 +131,7 @@ impl<'a> LimbCriticism<'a> {
             self.active.push((e.effect, joint));
             let description = e.effect.description();
             if e.effect == EffectKind::VelocityGain
-                && let Some(gain) = VelocityGain::of(self.recording, joint, self.blocks)
+                && let Some(gain) = VelocityGain::of(self.recording, joint, &self.blocks)
             {
                 self.corrections.velocity_gain[joint] = gain.value;
             }
@@ -209,7 +206,7 @@ impl<'a> LimbCriticism<'a> {
 
     /// The factors of each fold's chosen windows, which are told by their place in time.
     pub(crate) fn fold_windows(&self, chosen: impl Fn(usize) -> bool) -> BlockFactors {
-        let mut factors = BlockFactors::none(&self.columns, FOLDS.min(self.blocks.count));
+        let mut factors = BlockFactors::none(&self.columns, self.blocks.folds);
         let mut whitening = Whitening::of_joints(&self.correlation);
         let mut buffer = Vec::new();
         for (_, window) in (self.windows.iter().enumerate()).filter(|(w, _)| chosen(*w)) {
@@ -226,7 +223,7 @@ impl<'a> LimbCriticism<'a> {
     /// The windows as factors of whitened rows, block by block of time, with the present columns and corrections.
     pub(crate) fn block_factors(&mut self) -> BlockFactors {
         self.follow();
-        let mut factors = BlockFactors::none(&self.columns, self.blocks.count);
+        let mut factors = BlockFactors::none(&self.columns, self.blocks.count());
         let mut whitening = Whitening::of_joints(&self.correlation);
         let mut buffer = Vec::new();
         for window in self.windows.iter() {
@@ -244,7 +241,7 @@ impl<'a> LimbCriticism<'a> {
 
     /// The fold that a block of time belongs to.
     pub(crate) fn fold(&self, block: usize) -> usize {
-        block * FOLDS.min(self.blocks.count) / self.blocks.count
+        self.blocks.fold(block)
     }
 
     /// The limb as rows are made of it.
@@ -257,7 +254,7 @@ impl<'a> LimbCriticism<'a> {
             body: &*self.body,
             base: rows::turned(&base, &Vector3::new(0.0, pitch, 0.0)),
             columns: &self.columns,
-            blocks: self.blocks,
+            blocks: &self.blocks,
             loads: &self.loads,
             model: self.columns.combined(&self.fit.theta),
             torque_scale: &self.corrections.torque_scale,

@@ -18,6 +18,7 @@ mod contact;
 pub mod diagnosis;
 mod dot;
 mod drift;
+pub(crate) mod folds;
 mod foot;
 pub mod gate;
 pub(crate) mod limb;

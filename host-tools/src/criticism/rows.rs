@@ -17,6 +17,7 @@ use proprio_core::spatial::Transform;
 
 use super::column::{Column, Columns};
 use super::dot::dot;
+use super::folds::Blocks;
 use super::motion::Motion;
 use super::recording::LimbRecording;
 use super::rigid_body::{RigidBody, Slopes};
@@ -24,8 +25,6 @@ use super::windows::Window;
 
 /// Length of a window, µs.
 pub(crate) const WINDOW_US: u64 = 20_000;
-/// Windows this soon after a block's start belong to none, µs: residuals remember that long.
-const GUARD_US: u64 = 40_000;
 /// Slower than this a joint may be held by friction, whose torque is then anything up to its limit, rad/s.
 const REST: f64 = 0.02;
 /// Share of a window in which a joint may be so slow and the window still say something of its friction: one sample of a
@@ -35,39 +34,6 @@ const MOST_REST: f64 = 0.125;
 /// Columns of a load: its mass, its first moment, and the same inertia about all axes.
 const LOAD_COLUMNS: usize = 5;
 
-/// How time is cut into blocks.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Blocks {
-    /// How many.
-    pub(crate) count: usize,
-    /// Length of one, µs.
-    pub(crate) length_us: u64,
-}
-
-impl Blocks {
-    /// Most blocks.
-    const MOST: usize = 32;
-    /// Shortest block, µs.
-    const SHORTEST_US: u64 = 500_000;
-
-    /// Cuts `duration_us` into blocks.
-    pub(crate) fn of(duration_us: u64) -> Self {
-        let count = (duration_us / Self::SHORTEST_US).clamp(1, Self::MOST as u64);
-        Self {
-            count: count as usize,
-            length_us: duration_us / count + 1,
-        }
-    }
-
-    /// The block of a window, if it has one; `start_us` and `end_us` since the recording's start.
-    fn of_window(&self, start_us: u64, end_us: u64) -> Option<usize> {
-        let block = start_us / self.length_us;
-        let inside = start_us % self.length_us >= GUARD_US || block == 0;
-        (inside && end_us / self.length_us == block && (block as usize) < self.count)
-            .then_some(block as usize)
-    }
-}
-
 /// A limb as rows are made of it.
 pub(crate) struct Limb<'a> {
     pub(crate) recording: &'a LimbRecording,
@@ -76,7 +42,7 @@ pub(crate) struct Limb<'a> {
     /// Placement of the base in the world.
     pub(crate) base: Transform<f64>,
     pub(crate) columns: &'a Columns,
-    pub(crate) blocks: Blocks,
+    pub(crate) blocks: &'a Blocks,
     /// Where loads are, m in the joint frames.
     pub(crate) loads: &'a [Vector3<f64>],
     /// Of each joint, what its columns are times in the model so far: its torque.

@@ -34,6 +34,8 @@ pub(crate) struct Step {
     pub(crate) place: Place,
     /// Sum of squared residuals of each joint, as they are, all folds, (N m)².
     pub(crate) rss: Vec<f64>,
+    /// The same of each fold, of all joints.
+    pub(crate) fold_rss: Vec<f64>,
     pub(crate) removed: bool,
 }
 
@@ -45,6 +47,8 @@ pub(crate) struct Path {
     pub(crate) start: Vec<f64>,
     /// The same once velocities are put right.
     pub(crate) after_velocity: Vec<f64>,
+    /// Of each fold, of all joints.
+    pub(crate) start_by_fold: Vec<f64>,
     pub(crate) steps: Vec<Step>,
     /// What would explain much of what is left, if its value were physical.
     pub(crate) unphysical: Vec<Judged>,

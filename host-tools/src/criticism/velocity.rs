@@ -1,11 +1,11 @@
 //! `velocity_gain`, which positions tell better than any torque: the check of the data gates
 //! ([`super::gate::velocity`]) over all logs of a limb, in the blocks of the criticism.
 
+use super::folds::Blocks;
 use super::gate::TOLERATED_GAIN;
 use super::gate::quantum::Differences;
 use super::gate::velocity::{Times, VelocityCheck};
 use super::recording::LimbRecording;
-use super::rows::Blocks;
 
 /// A gain error must be so many standard deviations.
 const LEAST_Z: f64 = 5.0;
@@ -35,9 +35,9 @@ impl VelocityGain {
     }
 
     /// Measures one joint; `None` if it hardly moves.
-    pub(crate) fn of(recording: &LimbRecording, joint: usize, blocks: Blocks) -> Option<Self> {
+    pub(crate) fn of(recording: &LimbRecording, joint: usize, blocks: &Blocks) -> Option<Self> {
         let begin = *recording.time_us.first()?;
-        let mut check = VelocityCheck::over_blocks_of(1e-6 * blocks.length_us as f64);
+        let mut check = VelocityCheck::over_blocks_of(blocks.length());
         let (mut times, mut steps) = (Times::default(), Differences::new());
         let at = |x: &[f64], k: usize| x[k * recording.joints + joint];
         for stretch in recording.stretches() {

@@ -12,7 +12,7 @@ use super::data::{Data, Rows, stacked};
 use super::method::{self, Method};
 use super::physical::{Bounded, Problem, Solution};
 use crate::criticism::column::{BASE, Entry};
-use crate::criticism::limb::{FOLDS, LimbCriticism};
+use crate::criticism::limb::LimbCriticism;
 use crate::criticism::recording::LimbRecording;
 use crate::estimate::Constraint;
 use crate::model::{Limb, Model};
@@ -173,7 +173,7 @@ impl<'a> LimbFit<'a> {
     /// Sums of squared residuals of each group: of the fit, of each fold under the fit to the others, of the CAD without any
     /// effect.
     pub(crate) fn misfits(&self) -> Vec<Misfit> {
-        let folds = FOLDS.min(self.data.blocks.len());
+        let folds = self.criticism.blocks.folds;
         let mut cad = self.problem.start();
         cad.rows_mut(
             INERTIAL * self.problem.bodies.len(),

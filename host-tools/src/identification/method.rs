@@ -33,7 +33,7 @@ pub enum Method {
 pub(crate) fn data(criticism: &LimbCriticism, method: Method) -> Data {
     let (n, width) = (criticism.recording.joints, criticism.columns.entries.len());
     let groups = if method == Method::Energy { 1 } else { n };
-    let mut rows = vec![vec![Vec::new(); groups]; criticism.blocks.count];
+    let mut rows = vec![vec![Vec::new(); groups]; criticism.blocks.count()];
     criticism.rows().for_each_window(|window| {
         let block = window.block;
         match method {

@@ -12,7 +12,6 @@ use super::method::Method;
 use super::runs::{self, Run};
 use super::stages::{self, Stage, StageParameter};
 use crate::criticism::column::{BASE, Entry};
-use crate::criticism::limb::FOLDS;
 use crate::criticism::velocity::VelocityGain;
 use crate::criticism::{CriticismError, Recording};
 use crate::estimate::{Constraint, ParameterEstimate, Status};
@@ -108,7 +107,7 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
             continue;
         };
         for (n, solution) in stages.iter().enumerate() {
-            let folds = FOLDS.min(fit.data.blocks.len());
+            let folds = fit.criticism.blocks.folds;
             let squares = fit.squares(&vec![solution.theta.clone(); folds]);
             sums[n][0] += squares.iter().sum::<f64>();
             sums[n][1] += fit.all.iter().map(|rows| rows.count).sum::<f64>();
@@ -288,7 +287,7 @@ fn velocity_gains(fit: &LimbFit) -> Vec<FittedParameter> {
         }
         let body = fit.limb.bodies.start + joint;
         let prior = fit.model.effect_prior(effect, body).prior;
-        let gain = VelocityGain::of(fit.criticism.recording, joint, fit.criticism.blocks);
+        let gain = VelocityGain::of(fit.criticism.recording, joint, &fit.criticism.blocks);
         let told = gain.map_or((prior.mean, prior.std), |gain| (gain.value, gain.std));
         Some(FittedParameter::of_effect(
             fit.model,

@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::super::diagnosis::{CandidateReport, ParameterReport};
-use super::super::limb::{FOLDS, LimbCriticism};
+use super::super::limb::LimbCriticism;
 use super::Contact;
 
 /// Windows of swing that the other effects need at least: 4 s.
@@ -35,10 +35,11 @@ pub(crate) fn leave_out_contact(limb: &mut LimbCriticism) -> Option<LeftOut> {
     limb.rebuild();
     limb.scan_shapes();
     let left = rows(limb);
+    let folds = limb.tests.len() as f64;
     let is_bare = |fold: &Vec<_>| {
         let fold: &[super::super::blocks::HeapFactor] = fold;
         fold.iter()
-            .any(|joint| joint.rows() < LEAST_WINDOWS / FOLDS as f64 / 2.0)
+            .any(|joint| joint.rows() < LEAST_WINDOWS / folds / 2.0)
     };
     Some(LeftOut {
         known: limb.active.contains(&(EffectKind::Contact, last)),

@@ -5,9 +5,8 @@ use proprio_core::effect::EffectKind;
 use super::super::column::BASE;
 use super::super::contact::{LeftOut, leave_out_contact};
 use super::super::drift::{Drift, drifts};
-use super::super::limb::{FOLDS, LimbCriticism, Place};
+use super::super::limb::{LimbCriticism, Place};
 use super::super::recording::Recording;
-use super::super::rows::Blocks;
 use super::super::selection::{self, Judged, Path};
 use super::super::series::{JointSeries, Predict};
 use super::super::velocity::VelocityGain;
@@ -36,11 +35,10 @@ pub(super) fn walk<'a>(
 ) -> Option<Walked<'a>> {
     let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
     let mut criticism = LimbCriticism::new(model, limb, data, true)?;
-    if criticism.blocks.count < FOLDS {
+    if !criticism.blocks.can_hold_out() {
         return None;
     }
     let contact = leave_out_contact(&mut criticism);
-    let blocks: Blocks = criticism.blocks;
     let mut velocity = Vec::new();
     for joint in 0..data.joints {
         let place = (EffectKind::VelocityGain, joint);
@@ -50,7 +48,7 @@ pub(super) fn walk<'a>(
         if contact.as_ref().is_some_and(|c| c.too_little_swing) {
             break;
         }
-        if let Some(gain) = VelocityGain::of(data, joint, blocks)
+        if let Some(gain) = VelocityGain::of(data, joint, &criticism.blocks)
             && gain.is_significant()
         {
             velocity.push((joint, gain));
@@ -69,6 +67,7 @@ pub(super) fn walk<'a>(
             first: Vec::new(),
             start: contact.after.clone(),
             after_velocity: contact.after.clone(),
+            start_by_fold: criticism.fit.fold_squares.clone(),
             steps: Vec::new(),
             unphysical: Vec::new(),
         },

@@ -25,6 +25,8 @@ pub(crate) struct Fit {
     pub(crate) rss: Vec<Vec<f64>>,
     /// Sum of squared residuals of each joint, as they are, of all folds, each under the θ of the others, (N m)².
     pub(crate) held_out_squares: Vec<f64>,
+    /// The same of each fold, of all joints.
+    pub(crate) fold_squares: Vec<f64>,
 }
 
 impl LimbCriticism<'_> {
@@ -67,7 +69,9 @@ impl LimbCriticism<'_> {
         }
         fit.held_out = self.solve_folds(&active, &noise);
         fit.rss = self.score(&fit.held_out);
-        fit.held_out_squares = self.held_out_squares(&fit.held_out);
+        let squares = self.squares_by_fold(&fit.held_out);
+        fit.held_out_squares = sum_of_folds(&squares);
+        fit.fold_squares = squares.iter().map(|fold| fold.iter().sum()).collect();
         fit.noise = noise;
         self.fit = fit;
     }
@@ -84,14 +88,20 @@ impl LimbCriticism<'_> {
 
     /// Each joint's sum of squared residuals as they are, not whitened, each fold's under its θ, (N m)².
     pub(crate) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
+        sum_of_folds(&self.squares_by_fold(theta))
+    }
+
+    /// The same \[fold\] \[joint\].
+    fn squares_by_fold(&self, theta: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let theta: Vec<Vec<Vec<f64>>> = theta
             .iter()
             .map(|theta| self.columns.combined(theta))
             .collect();
-        let mut squares = vec![0.0; self.recording.joints];
+        let mut squares = vec![vec![0.0; self.recording.joints]; theta.len()];
         for window in self.windows.iter() {
-            let theta = &theta[self.fold(window.block)];
-            for (j, square) in squares
+            let fold = self.fold(window.block);
+            let theta = &theta[fold];
+            for (j, square) in squares[fold]
                 .iter_mut()
                 .enumerate()
                 .filter(|(j, _)| window.moves[*j])
@@ -254,6 +264,14 @@ impl LimbCriticism<'_> {
             self.refit();
         }
     }
+}
+
+/// Each joint's sum over folds.
+fn sum_of_folds(squares: &[Vec<f64>]) -> Vec<f64> {
+    let joints = squares.first().map_or(0, Vec::len);
+    (0..joints)
+        .map(|joint| squares.iter().map(|fold| fold[joint]).sum())
+        .collect()
 }
 
 /// Root mean square of a joint's torque, N m.

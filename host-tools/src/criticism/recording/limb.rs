@@ -10,6 +10,8 @@ pub struct LimbRecording {
     pub joints: usize,
     /// When, µs; starts again with each log, later.
     pub time_us: Vec<u64>,
+    /// When each log begins, µs.
+    pub log_starts: Vec<u64>,
     /// First sample of each stretch without a gap, ascending; the first is 0.
     pub starts: Vec<usize>,
     /// Position, rad, sample by sample, joint by joint; and so the others.
@@ -80,6 +82,9 @@ impl LimbRecording {
             }
         } else {
             self.starts.push(0);
+        }
+        if new_log || self.log_starts.is_empty() {
+            self.log_starts.push(time_us);
         }
         self.time_us.push(time_us);
         self.q.extend_from_slice(q);

@@ -15,10 +15,14 @@ const WORTH_POLISHING: f64 = 0.98;
 const MOST_RISE: f64 = 1.01;
 /// unless an effect keeps at least this share of what its derivative promised.
 const LEAST_KEPT: f64 = 0.5;
+/// Where each of several logs is held out, none may be predicted worse by this factor with an effect than without: the sums of
+/// squares that a comparison shows with four digits stay the same.
+const MOST_RISE_OF_LOG: f64 = 1.001;
 
 /// Goes the whole way for one limb.
 pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let (mut first, start) = first(limb);
+    let start_by_fold = limb.fit.fold_squares.clone();
     let significant = first.iter().find(|j| j.significant);
     let mut next = significant.map(|j| j.candidate.place);
     let mut walk = Walk {
@@ -32,6 +36,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     loop {
         match next {
             Some(place) => {
+                let before = walk.limb.fit.fold_squares.clone();
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
                     let is_elastic = place.0 == EffectKind::Elasticity;
@@ -40,6 +45,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                         walk.settle();
                     }
                     walk.judge_lag(place, &mut first);
+                    walk.take_back_if_worse(&before);
                 }
             }
             None if !is_settled && walk.settle() => is_settled = true,
@@ -53,6 +59,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         first,
         after_velocity: start.clone(),
         start,
+        start_by_fold,
         steps: walk.steps,
     }
 }
@@ -87,6 +94,7 @@ impl Walk<'_, '_> {
         self.steps.push(Step {
             place,
             rss: self.limb.fit.held_out_squares.clone(),
+            fold_rss: self.limb.fit.fold_squares.clone(),
             removed,
         });
     }
@@ -104,6 +112,20 @@ impl Walk<'_, '_> {
             self.refused.push(place);
         }
         keeps
+    }
+
+    /// Takes the last effect out again if a log is predicted worse with it than `before`, by the others: it is none of the
+    /// robot's, or its value is that of one log. Folds of a single log are not logs.
+    fn take_back_if_worse(&mut self, before: &[f64]) {
+        let after = &self.limb.fit.fold_squares;
+        let is_worse = |(after, before): (&f64, &f64)| *after > MOST_RISE_OF_LOG * before;
+        if !self.limb.blocks.by_log || !after.iter().zip(before).any(is_worse) {
+            return;
+        }
+        if let Some(step) = self.steps.pop() {
+            self.limb.remove(step.place);
+            self.refused.push(step.place);
+        }
     }
 
     /// Goes over the data again while it helps. False if there was no reason to.
@@ -164,6 +186,7 @@ impl Walk<'_, '_> {
         }
         if let Some(step) = self.steps.last_mut() {
             step.rss = self.limb.fit.held_out_squares.clone();
+            step.fold_rss = self.limb.fit.fold_squares.clone();
         }
         Some(change)
     }
