@@ -109,19 +109,12 @@ impl ConsistentFit {
         };
         let cost = (impossible + negative == 0)
             .then(|| {
-                let free_cost = |theta: &[f64]| Some(misfit(theta) + distance(&prior, theta)?);
-                Some([
-                    solver.cost(&theta)? / solver.cost(free.values())?,
-                    free_cost(&theta)? / free_cost(free.values())?,
-                ])
+                let own = solver.cost(&theta)? / solver.cost(free.values())?;
+                let of = |theta: &[f64]| Some(misfit(theta) + distance(&prior, theta)?);
+                Some([own, of(&theta)? / of(free.values())?])
             })
             .flatten();
-        let smallest = [free.values(), &theta].map(|theta| {
-            let bodies = 0..JOINTS_PER_LEG;
-            bodies
-                .map(|b| smallest(&body(theta, b), &prior.cad()[b]))
-                .fold(f64::INFINITY, f64::min)
-        });
+        let smallest = [free.values(), &theta].map(|theta| least(theta, prior.cad()));
         let mut fit = Self {
             iterations: [solver.iterations(), 0],
             smallest,
@@ -171,6 +164,14 @@ fn negative(theta: &[f64]) -> usize {
             **value < lower
         })
         .count()
+}
+
+/// [`smallest`] of all bodies.
+fn least(theta: &[f64], cad: &[InertialParameters<f64>]) -> f64 {
+    let bodies = cad.iter().enumerate();
+    bodies
+        .map(|(b, cad)| smallest(&body(theta, b), cad))
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// The smallest eigenvalue of P₀⁻¹P; below zero no body is like this.

@@ -21,6 +21,7 @@ use std::time::Instant;
 
 use proprio::criticism::Recording;
 use proprio::estimate::Status;
+use proprio::identifiability::BaseParameter;
 use proprio::identification::{FitOptions, fit_model};
 use proprio::model::Model;
 use proprio::simulator::{HiddenEffect, Sensors, SimulatedSample, Simulation};
@@ -231,21 +232,8 @@ fn fitted(
         .collect();
     let identified = base.iter().zip(bounds);
     let identified = identified.filter(|(base, _)| base.status == Status::Identified);
-    let told = identified.map(|(base, [free, bound])| {
-        let terms = base.terms.iter();
-        let value: f64 = terms
-            .map(|t| t.coefficient * truth.get(&t.parameter).copied().unwrap_or(f64::NAN))
-            .sum();
-        let error = (base.value - value).abs();
-        let tally = Tally {
-            count: 1.0,
-            within_95: f64::from(error <= NORMAL_95 * base.std),
-            within_3: f64::from(error <= 3.0 * base.std),
-            independent_95: f64::from(error <= NORMAL_95 * base.std_independent),
-            over_std: (error / base.std).powi(2),
-            over_bound: [free, base.value].map(|estimate| ((estimate - value) / bound).powi(2)),
-            off: (base.value - value) / base.std,
-        };
+    let told = identified.map(|(base, bound)| {
+        let tally = Tally::of(base, &truth, bound);
         (base.terms[0].parameter.clone(), tally)
     });
     Ok(told.collect())
@@ -282,6 +270,23 @@ fn disturb(samples: &mut [SimulatedSample], noise: Noise, seed: u64, rate: f64) 
 }
 
 impl Tally {
+    /// One estimate against the truth; `free` is that without prior.
+    fn of(base: &BaseParameter, truth: &BTreeMap<String, f64>, [free, bound]: [f64; 2]) -> Self {
+        let of = |name: &str| truth.get(name).copied().unwrap_or(f64::NAN);
+        let terms = base.terms.iter();
+        let value: f64 = terms.map(|t| t.coefficient * of(&t.parameter)).sum();
+        let error = (base.value - value).abs();
+        Self {
+            count: 1.0,
+            within_95: f64::from(error <= NORMAL_95 * base.std),
+            within_3: f64::from(error <= 3.0 * base.std),
+            independent_95: f64::from(error <= NORMAL_95 * base.std_independent),
+            over_std: (error / base.std).powi(2),
+            over_bound: [free, base.value].map(|estimate| ((estimate - value) / bound).powi(2)),
+            off: (base.value - value) / base.std,
+        }
+    }
+
     fn cells(&self) -> String {
         let percent = |x: f64| format!("{:.1} %", 100.0 * x / self.count);
         let [free, held] = self.over_bound.map(|sum| match sum / self.count {
