@@ -1,12 +1,12 @@
 //! Estimates of parameters, wherever they were made: their errors, their standing against the prior, their table.
 
-use proprio_core::consistent::{Held, LegConsistentSolver};
+use proprio_core::consistent::{Held, LegConsistentSolver, body};
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{
-    LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
+    CAD_UNCERTAINTY, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
 };
 use proprio_core::factor::FactorError;
-use proprio_core::go2::{ACTUATORS, Leg};
+use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
 use serde::Serialize;
 
 use crate::log::JointId;
@@ -47,21 +47,22 @@ pub enum Status {
 }
 
 impl Status {
+    /// Of a parameter whose prior looks the same from everywhere, if residuals are independent.
     pub(crate) fn of(std: f64, prior_std: f64) -> Self {
-        match std / prior_std {
-            ratio if ratio <= 0.5 => Self::Identified,
-            ratio if ratio <= 0.99 => Self::Prior,
-            _ => Self::Unexcited,
-        }
+        Self::there(std, prior_std, std, prior_std)
     }
 
-    /// The same where the prior looks different from the estimate than from the CAD (`there`) and residuals remember: what
-    /// independent residuals would add to the prior there tells whether the motion shows the parameter at all.
+    /// The rule: the motion shows a parameter if it takes something off what the prior alone would leave, and the data tell it
+    /// if no more than half of that is left.
+    ///
+    /// The prior may look different from the estimate than from the CAD (`there`), and residuals may remember. Whether the
+    /// motion shows anything is asked `there` and of `independent` residuals, else a body that comes out light would be known
+    /// by the prior's narrowness alone; how well it is known is asked of what is stated.
     pub(crate) fn there(std: f64, prior_std: f64, independent: f64, there: f64) -> Self {
-        match (Self::of(std, prior_std), Self::of(independent, there)) {
-            (Self::Identified, _) => Self::Identified,
-            (_, Self::Unexcited) => Self::Unexcited,
-            _ => Self::Prior,
+        match [independent / there, std / prior_std] {
+            [seen, left] if seen <= 0.99 && left <= 0.5 => Self::Identified,
+            [seen, _] if seen <= 0.99 => Self::Prior,
+            _ => Self::Unexcited,
         }
     }
 }
@@ -126,8 +127,20 @@ pub fn solve(
 ///
 /// # Errors
 /// [`FactorError`] if the leg has no prior; the Go2's have.
-pub fn of_leg(leg: Leg, fit: &Fit) -> Result<Vec<ParameterEstimate>, FactorError> {
-    let prior = solve(&LegPrior::of(leg), &LegFactors::default(), Constraint::Free)?;
+pub fn of_leg(
+    leg: Leg,
+    fit: &Fit,
+    constraint: Constraint,
+) -> Result<Vec<ParameterEstimate>, FactorError> {
+    let known = LegPrior::of(leg);
+    let prior = solve(&known, &LegFactors::default(), Constraint::Free)?;
+    let there = match constraint {
+        Constraint::Free => prior.std,
+        Constraint::Physical => {
+            let near = seen_from(&known, fit);
+            solve(&near, &LegFactors::default(), Constraint::Free)?.std
+        }
+    };
     let named = parameter::names_of_leg(leg).into_iter().enumerate();
     let estimates = named.map(|(k, (name, unit))| ParameterEstimate {
         name,
@@ -136,12 +149,19 @@ pub fn of_leg(leg: Leg, fit: &Fit) -> Result<Vec<ParameterEstimate>, FactorError
         std: fit.std[k],
         prior: prior.values[k],
         prior_std: prior.std[k],
-        status: Status::of(fit.std[k], prior.std[k]),
+        status: Status::there(fit.std[k], prior.std[k], fit.std[k], there[k]),
         at_bound: k
             .checked_sub(LEG_INERTIAL)
             .is_some_and(|n| fit.held.contains(n)),
     });
     Ok(estimates.collect())
+}
+
+/// The prior as it looks from a physical fit: a body twice as heavy is known half as well.
+fn seen_from(prior: &LegPrior<f64>, fit: &Fit) -> LegPrior<f64> {
+    let effects = std::array::from_fn(|n| prior.effects()[n]);
+    let bodies = std::array::from_fn(|b| body(&fit.values, b));
+    LegPrior::new(bodies, [CAD_UNCERTAINTY; JOINTS_PER_LEG], effects)
 }
 
 /// A leg's parameters as a device tells them: the inertial ones, then the effects that it says it has.
@@ -254,5 +274,26 @@ mod tests {
         assert_eq!(Status::there(0.3, 0.5, 0.1, 0.25), Status::Prior);
         assert_eq!(Status::there(0.5, 0.5, 0.25, 0.25), Status::Unexcited);
         assert_eq!(Status::there(0.2, 0.5, 0.1, 0.25), Status::Identified);
+        assert_eq!(Status::there(0.2, 0.5, 0.2, 0.2), Status::Unexcited);
+    }
+
+    /// A fit that ends at bodies of a third of the CAD's mass without any data to say so.
+    #[test]
+    fn what_no_motion_shows_is_not_identified_by_a_light_body() {
+        let prior = LegPrior::<f64>::of(Leg::FR);
+        let nothing = LegFactors::default();
+        let cad = solve(&prior, &nothing, Constraint::Physical).unwrap();
+        let mut light = cad;
+        light.values[..LEG_INERTIAL]
+            .iter_mut()
+            .for_each(|x| *x /= 3.0);
+        light.std = solve(&seen_from(&prior, &light), &nothing, Constraint::Free)
+            .unwrap()
+            .std;
+        assert!(light.std[0] < 0.4 * cad.std[0]);
+        for fit in [cad, light] {
+            let told = of_leg(Leg::FR, &fit, Constraint::Physical).unwrap();
+            assert!(told.iter().all(|p| p.status == Status::Unexcited));
+        }
     }
 }

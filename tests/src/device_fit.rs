@@ -7,7 +7,8 @@ use proprio::log::{LogReader, Selection};
 use proprio_core::Real;
 use proprio_core::consistent::{LegConsistentSolver, body};
 use proprio_core::estimator::{
-    EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegWindow, plausible,
+    CAD_UNCERTAINTY, EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver,
+    LegWindow, plausible,
 };
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
@@ -67,8 +68,8 @@ pub fn factors<T: Real>(
 pub struct ConsistentFit {
     /// Newton steps from the CAD, and the most from the random starts.
     pub iterations: [usize; 2],
-    /// Smallest eigenvalue of a body's pseudo-inertia relative to the CAD's: of P₀⁻¹P.
-    pub smallest: f64,
+    /// Smallest eigenvalue of a body's pseudo-inertia relative to the CAD's, of P₀⁻¹P: without constraints, and consistent.
+    pub smallest: [f64; 2],
     /// Bodies that the fit without constraints makes impossible.
     pub impossible: usize,
     /// Frictions and rotor inertias below zero in the fit without constraints.
@@ -77,9 +78,9 @@ pub struct ConsistentFit {
     pub negative_left: usize,
     /// Sum of squared residuals in units of each joint's noise, over that of the fit without constraints.
     pub misfit: f64,
-    /// The cost that it minimises, the prior included, over what that is at the fit without constraints; none where that is
-    /// unphysical.
-    pub cost: Option<f64>,
+    /// The costs, each with its prior, over what they are at the fit without constraints, where that is physical: the one that
+    /// this fit minimises, and the one that the fit without constraints minimises, whose prior is a parabola about the CAD.
+    pub cost: Option<[f64; 2]>,
     /// Greatest difference between the answers of two starts, in standard deviations.
     pub apart: f64,
 }
@@ -107,11 +108,13 @@ impl ConsistentFit {
             (0..JOINTS_PER_LEG).map(of).sum()
         };
         let cost = (impossible + negative == 0)
-            .then(|| Some(solver.cost(&theta)? / solver.cost(free.values())?))
+            .then(|| {
+                let own = solver.cost(&theta)? / solver.cost(free.values())?;
+                let of = |theta: &[f64]| Some(misfit(theta) + distance(&prior, theta)?);
+                Some([own, of(&theta)? / of(free.values())?])
+            })
             .flatten();
-        let smallest = (0..JOINTS_PER_LEG)
-            .map(|b| smallest(&body(&theta, b), &prior.cad()[b]))
-            .fold(f64::INFINITY, f64::min);
+        let smallest = [free.values(), &theta].map(|theta| least(theta, prior.cad()));
         let mut fit = Self {
             iterations: [solver.iterations(), 0],
             smallest,
@@ -140,6 +143,18 @@ impl ConsistentFit {
     }
 }
 
+/// The prior of the fit without constraints: squares of θ's distance to what is known before, in standard deviations.
+fn distance(prior: &LegPrior<f64>, theta: &[f64]) -> Option<f64> {
+    let of_body = |(b, cad): (usize, &InertialParameters<f64>)| {
+        let known = cad.prior(CAD_UNCERTAINTY)?;
+        Some(known.sum_of_squares(body(theta, b).0.as_slice()))
+    };
+    let bodies: Option<f64> = prior.cad().iter().enumerate().map(of_body).sum();
+    let effects = prior.effects().iter().zip(&theta[LEG_INERTIAL..]);
+    let effects = effects.map(|(known, x)| ((x - known.prior.mean) / known.prior.std).powi(2));
+    Some(bodies? + effects.sum::<f64>())
+}
+
 /// Effects of θ other than the bias that are negative.
 fn negative(theta: &[f64]) -> usize {
     let effects = theta[LEG_INERTIAL..].iter().enumerate();
@@ -149,6 +164,14 @@ fn negative(theta: &[f64]) -> usize {
             **value < lower
         })
         .count()
+}
+
+/// [`smallest`] of all bodies.
+fn least(theta: &[f64], cad: &[InertialParameters<f64>]) -> f64 {
+    let bodies = cad.iter().enumerate();
+    bodies
+        .map(|(b, cad)| smallest(&body(theta, b), cad))
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// The smallest eigenvalue of P₀⁻¹P; below zero no body is like this.

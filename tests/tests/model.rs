@@ -128,6 +128,34 @@ fn a_model_of_a_urdf_names_it_from_its_own_folder() {
     );
 }
 
+/// A link that only carries others weighs nothing itself in many a URDF. What moves is the sum, which is all that motion
+/// could tell: it must be able to exist, its parts need not weigh anything.
+#[test]
+fn a_link_without_mass_that_carries_a_load_is_the_load() {
+    let folder = folder();
+    let slider = "<mass value=\"2\"/>\n    <inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.01\" iyz=\"0\" izz=\"0.01\"/>";
+    let nothing = "<mass value=\"0\"/>\n    <inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0\"/>";
+    assert!(ARM.contains(slider));
+    let add = ["add", "bias", "-m", "m.toml", "--urdf", "arm.urdf"];
+    fs::write(folder.path().join("arm.urdf"), ARM.replace(slider, nothing)).unwrap();
+    done(folder.path(), &add);
+    let model = Model::load(&folder.path().join("m.toml")).unwrap();
+    let slide = &model.robot().bodies()[1];
+    // The tool alone, half a turn about z.
+    assert_eq!(slide.inertia.mass(), 1.0);
+    assert!((slide.inertia.first_moment().x + 0.2).abs() < 1e-12 && slide.inertia.is_physical());
+    // With nothing to carry it is no body.
+    let empty = ARM
+        .replace(slider, nothing)
+        .replace("<mass value=\"1\"/>", "<mass value=\"0\"/>");
+    fs::write(folder.path().join("arm.urdf"), empty).unwrap();
+    let message = refused(
+        folder.path(),
+        &["add", "bias", "-m", "n.toml", "--urdf", "arm.urdf"],
+    );
+    assert!(message.contains("link `slider`"), "{message}");
+}
+
 #[test]
 fn a_name_that_does_not_exist_brings_the_nearest() {
     let folder = folder();

@@ -163,7 +163,7 @@ impl LegIdentifier {
                 misfit.held_out_windows += test.windows();
             }
         }
-        let parameters = estimate::of_leg(self.leg, &solution)?;
+        let parameters = estimate::of_leg(self.leg, &solution, constraint)?;
         let (samples, windows) = (self.samples, self.windows);
         Ok(LegFit {
             leg: self.leg,

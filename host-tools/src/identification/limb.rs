@@ -100,7 +100,7 @@ impl<'a> LimbFit<'a> {
         }
         let data = match how.method {
             Method::Momentum => {
-                let factors = criticism.block_factors();
+                let factors = super::turns::block_factors(&mut criticism);
                 Data::of_factors(&criticism.columns, &factors)
             }
             other => method::data(&criticism, other),

@@ -16,6 +16,7 @@ mod result;
 mod runs;
 mod stages;
 mod to_model;
+mod turns;
 
 use std::path::{Path, PathBuf};
 

@@ -32,6 +32,17 @@ const ALL: [&str; 5] = [
 /// Mean R² of the plain prototype, some of whose values are unphysical.
 const PROTOTYPE: [f64; 3] = [0.915, 0.906, 0.798];
 
+/// What the table of consistent fits is of.
+const CONSISTENT: &str = "\
+The device's, leg by leg, also of a walking robot, whose base is not pinned as the model has it: then the free fit is absurd.
+Smallest: eigenvalue of P₀⁻¹P over the bodies, P₀ the CAD's pseudo-inertia; below zero no body is like this. Misfit: sum of
+squared residuals over the free fit's. Cost: with the prior, over that at the free fit; – where the free fit is unphysical,
+and no physical one is near it. The free fit's prior is a parabola about the CAD; this one's rises without limit towards
+bodies that cannot be, and pulls at light ones before. So there are two costs: the one that this fit minimises, which is at most
+one, and the free fit's own, which is at least one and says what being physical costs. Steps: from the CAD, and the most
+from STARTS random starts up to ten times as heavy or light. Apart: the farthest answer, σ.
+";
+
 /// What is added to the four effects that every joint has, step by step.
 const STEPS: [(&str, &[&str]); 6] = [
     ("viscous, coulomb, armature, bias", &[]),
@@ -296,17 +307,10 @@ fn reach(folder: &Path) -> Result<(), Failure> {
 /// The consistent fit of each leg of every log, the walking ones included.
 fn consistent(folder: &Path) -> Result<(), Failure> {
     println!("\n## The physically consistent fit\n");
+    println!("{}", CONSISTENT.replace("STARTS", &STARTS.to_string()));
     println!(
-        "The device's, leg by leg, also of a walking robot, whose base is not pinned as the model has it: then the free fit is absurd."
-    );
-    println!(
-        "Smallest: eigenvalue of P₀⁻¹P over the bodies, P₀ the CAD's pseudo-inertia. Misfit: sum of squared residuals over the free fit's; cost: with the prior, where the free fit is physical."
-    );
-    println!(
-        "Steps: from the CAD, and the most from {STARTS} random ones up to ten times as heavy or light. Apart: the farthest answer, σ.\n"
-    );
-    println!(
-        "| log | leg | free fit: impossible bodies, negative effects | smallest | misfit | cost | steps | apart |\n|---|---|---|---|---|---|---|---|"
+        "| log | leg | free fit: impossible bodies, negative effects, smallest | smallest | misfit | cost, own and free | steps | \
+         apart |\n|---|---|---|---|---|---|---|---|"
     );
     let mut logs: Vec<PathBuf> = std::fs::read_dir(folder)?
         .map(|entry| Ok(entry?.path()))
@@ -318,14 +322,17 @@ fn consistent(folder: &Path) -> Result<(), Failure> {
         let name = stem.unwrap_or_default();
         for leg in Leg::ALL {
             let fit = ConsistentFit::of(leg, &factors(log, leg, |x| x)?)?;
-            let cost = fit.cost.map_or("–".to_owned(), |cost| format!("{cost:.4}"));
+            let cost = fit.cost;
+            let cost = cost.map_or("–".to_owned(), |[own, free]| {
+                format!("{own:.4}, {free:.4}")
+            });
+            let [free, smallest] = fit.smallest;
             let [cad, random] = fit.iterations;
             println!(
-                "| {name} | {} | {}, {} | {:.1e} | {:.4} | {cost} | {cad}, {random} | {:.0e} |",
+                "| {name} | {} | {}, {}, {free:.1e} | {smallest:.1e} | {:.4} | {cost} | {cad}, {random} | {:.0e} |",
                 leg.name(),
                 fit.impossible,
                 fit.negative,
-                fit.smallest,
                 fit.misfit,
                 fit.apart
             );
