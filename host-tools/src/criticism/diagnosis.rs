@@ -1,5 +1,6 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
+mod path;
 mod report;
 mod walk;
 mod words;
@@ -30,6 +31,9 @@ pub struct Diagnosis {
     pub path: Vec<PathStep>,
     /// Held-out error of the model as it was given, root mean square over all joints, N m.
     pub held_out_rms: f64,
+    /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub log_rms: Vec<f64>,
     /// Error that no model can go below, N m.
     pub noise_floor_rms: f64,
     /// Each joint's error.
@@ -112,6 +116,9 @@ pub struct PathStep {
     pub joints: Vec<String>,
     /// Held-out error after this step, root mean square over all joints, N m.
     pub held_out_rms: f64,
+    /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub log_rms: Vec<f64>,
     /// Whether the effect was taken out again.
     pub removed: bool,
 }

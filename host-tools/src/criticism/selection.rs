@@ -6,7 +6,7 @@ mod walk;
 use proprio_core::effect::EffectKind;
 
 use super::diagnosis::ParameterReport;
-use super::limb::{Candidate, LimbCriticism, Place, sum_and_error};
+use super::limb::{Candidate, LimbCriticism, Place, Squares, sum_and_error};
 
 pub(crate) use walk::walk;
 
@@ -33,9 +33,7 @@ const RIVAL: f64 = 0.3;
 pub(crate) struct Step {
     pub(crate) place: Place,
     /// Sum of squared residuals of each joint, as they are, all folds, (N m)².
-    pub(crate) rss: Vec<f64>,
-    /// The same of each fold, of all joints.
-    pub(crate) fold_rss: Vec<f64>,
+    pub(crate) squares: Squares,
     pub(crate) removed: bool,
 }
 
@@ -44,11 +42,9 @@ pub(crate) struct Path {
     /// What each effect would add to the model as it was given, best first.
     pub(crate) first: Vec<Judged>,
     /// Held-out sums of squares of the model as it was given, (N m)².
-    pub(crate) start: Vec<f64>,
+    pub(crate) start: Squares,
     /// The same once velocities are put right.
-    pub(crate) after_velocity: Vec<f64>,
-    /// Of each fold, of all joints.
-    pub(crate) start_by_fold: Vec<f64>,
+    pub(crate) after_velocity: Squares,
     pub(crate) steps: Vec<Step>,
     /// What would explain much of what is left, if its value were physical.
     pub(crate) unphysical: Vec<Judged>,
@@ -167,7 +163,7 @@ fn unphysical(limb: &LimbCriticism) -> Vec<Judged> {
 }
 
 /// What each effect would add to the model as it is, and that model's held-out sums of squares.
-pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Vec<f64>) {
+pub(crate) fn first(limb: &LimbCriticism) -> (Vec<Judged>, Squares) {
     (
         judge(limb, limb.candidates(None)),
         limb.fit.held_out_squares.clone(),

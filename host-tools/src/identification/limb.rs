@@ -215,7 +215,7 @@ impl<'a> LimbFit<'a> {
     pub(crate) fn squares(&self, theta: &[DVector<f64>]) -> Vec<f64> {
         if self.method == Method::Momentum {
             let theta: Vec<Vec<f64>> = theta.iter().map(|t| t.as_slice().to_vec()).collect();
-            return self.criticism.held_out_squares(&theta);
+            return self.criticism.squares(&theta).by_joint;
         }
         let mut squares = vec![0.0; self.all.len()];
         for (fold, theta) in theta.iter().enumerate() {

@@ -31,7 +31,7 @@ pub(super) fn block_factors(criticism: &mut LimbCriticism) -> BlockFactors {
     // Columns that are made of the model itself follow its fit.
     let mut windows = std::mem::take(&mut criticism.windows);
     windows.follow(&criticism.rows());
-    let mut factors = BlockFactors::none(&criticism.columns, criticism.blocks.count);
+    let mut factors = BlockFactors::none(&criticism.columns, criticism.blocks.count());
     let mut chains = vec![Chain::default(); theta.len()];
     let mut row = Vec::new();
     for window in windows.iter() {

@@ -28,7 +28,7 @@ pub(crate) fn leave_out_contact(limb: &mut LimbCriticism) -> Option<LeftOut> {
     let contact = Contact::of(limb).filter(Contact::is_significant)?;
     let last = limb.recording.joints - 1;
     let rows = |limb: &LimbCriticism| -> Vec<f64> { limb.all.iter().map(|f| f.rows()).collect() };
-    let (all, before) = (rows(limb), limb.fit.held_out_squares.clone());
+    let (all, before) = (rows(limb), limb.fit.held_out_squares.by_joint.clone());
     limb.in_contact.clone_from(&contact.samples);
     // Its noise was that of forces.
     limb.fit.noise.clear();
@@ -46,7 +46,7 @@ pub(crate) fn leave_out_contact(limb: &mut LimbCriticism) -> Option<LeftOut> {
         before: (before.iter().zip(&left).zip(&all))
             .map(|((rss, left), all)| rss * left / all.max(1.0))
             .collect(),
-        after: limb.fit.held_out_squares.clone(),
+        after: limb.fit.held_out_squares.by_joint.clone(),
         too_little_swing: left.iter().any(|n| *n < LEAST_WINDOWS) || limb.tests.iter().any(is_bare),
         contact,
     })

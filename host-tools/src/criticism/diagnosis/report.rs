@@ -9,7 +9,8 @@ use super::super::recording::Recording;
 use super::super::residual;
 use super::super::selection::Judged;
 use super::super::series::JointSeries;
-use super::{CandidateReport, Diagnosis, JointError, PathStep, Verdict, Walked, words};
+use super::path::path;
+use super::{CandidateReport, Diagnosis, JointError, Verdict, Walked, words};
 use crate::model::Model;
 
 /// A joint with fewer windows in motion cannot be judged.
@@ -68,7 +69,8 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
             .path
             .steps
             .last()
-            .map_or(&limb.path.start, |step| &step.rss);
+            .map_or(&limb.path.start, |step| &step.squares);
+        let last = &last.by_joint;
         for (j, n) in limb.windows().into_iter().enumerate() {
             let after = rms(last[j], n);
             let noise = floors[j].min(after);
@@ -77,14 +79,17 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
             joints.push(JointError {
                 joint: limb.name(j, model),
                 n: n as usize,
-                before: rms(limb.path.start[j], n),
+                before: rms(limb.path.start.by_joint[j], n),
                 after,
                 floor: noise,
             });
         }
     }
-    let path = path(walked, model, windows);
-    let start: f64 = walked.iter().flat_map(|limb| &limb.path.start).sum();
+    let (start_by_log, path) = path(walked, model);
+    let start: f64 = walked
+        .iter()
+        .flat_map(|limb| &limb.path.start.by_joint)
+        .sum();
     let outside_catalogue = outside(walked, model);
     let still: Vec<&str> = joints
         .iter()
@@ -115,6 +120,7 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
         candidates,
         path,
         held_out_rms: rms(start, windows),
+        log_rms: start_by_log,
         noise_floor_rms: rms(floor, windows),
         joints,
         outside_catalogue,
@@ -142,90 +148,6 @@ fn contact_words(walked: &[Walked], model: &Model) -> Vec<String> {
     contact::words(&walked.iter().filter_map(of).collect::<Vec<_>>())
 }
 
-/// The limbs' steps as one path: the limbs' first steps, those of one effect together, then their second ones.
-fn path(walked: &[Walked], model: &Model, windows: f64) -> Vec<PathStep> {
-    let mut now: Vec<Vec<f64>> = walked.iter().map(|limb| limb.path.start.clone()).collect();
-    let mut path: Vec<PathStep> = Vec::new();
-    let rms = |now: &[Vec<f64>]| (now.iter().flatten().sum::<f64>() / windows).sqrt();
-    let mut feet = Vec::new();
-    for (now, limb) in now.iter_mut().zip(walked) {
-        if let Some(contact) = limb.contact.as_ref().filter(|c| !c.known) {
-            now.clone_from(&contact.after);
-            feet.push(limb.foot(model));
-        }
-    }
-    if !feet.is_empty() {
-        path.push(PathStep {
-            effect: EffectKind::Contact.name(),
-            joints: feet,
-            held_out_rms: rms(&now),
-            removed: false,
-        });
-    }
-    for (n, limb) in walked.iter().enumerate() {
-        for (joint, _) in &limb.velocity {
-            let joints = vec![limb.name(*joint, model)];
-            path.push(PathStep {
-                effect: EffectKind::VelocityGain.name(),
-                joints,
-                held_out_rms: rms(&now),
-                removed: false,
-            });
-        }
-        now[n].clone_from(&limb.path.after_velocity);
-    }
-    if let Some(last) = path.last_mut()
-        && last.effect == EffectKind::VelocityGain.name()
-    {
-        last.held_out_rms = rms(&now);
-    }
-    let rounds = walked
-        .iter()
-        .map(|limb| limb.path.steps.len())
-        .max()
-        .unwrap_or(0);
-    for round in 0..rounds {
-        let mut groups: Vec<(EffectKind, bool, Vec<usize>)> = Vec::new();
-        for (n, limb) in walked.iter().enumerate() {
-            let Some(step) = limb.path.steps.get(round) else {
-                continue;
-            };
-            match groups
-                .iter_mut()
-                .find(|(effect, removed, _)| (*effect, *removed) == (step.place.0, step.removed))
-            {
-                Some((_, _, limbs)) => limbs.push(n),
-                None => groups.push((step.place.0, step.removed, vec![n])),
-            }
-        }
-        let fall = |limbs: &[usize]| -> f64 {
-            let of = |&n: &usize| -> f64 {
-                now[n].iter().sum::<f64>() - walked[n].path.steps[round].rss.iter().sum::<f64>()
-            };
-            limbs.iter().map(of).sum()
-        };
-        groups.sort_by(|a, b| fall(&b.2).total_cmp(&fall(&a.2)));
-        for (effect, removed, limbs) in groups {
-            let mut joints = Vec::new();
-            for n in limbs {
-                let step = &walked[n].path.steps[round];
-                now[n].clone_from(&step.rss);
-                let name = walked[n].name(step.place.1, model);
-                if !joints.contains(&name) {
-                    joints.push(name);
-                }
-            }
-            path.push(PathStep {
-                effect: effect.name(),
-                joints,
-                held_out_rms: rms(&now),
-                removed,
-            });
-        }
-    }
-    path
-}
-
 /// What the catalogue's effects leave, joint by joint, where it is more than noise.
 fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
     let views: Vec<_> = (walked.iter().flat_map(|limb| &limb.series))
@@ -249,7 +171,12 @@ fn outside(walked: &[Walked], model: &Model) -> Vec<String> {
         (joint.joint.clone(), words)
     });
     let drifts = walked.iter().flat_map(|limb| {
-        let of = |drift: &Drift| (limb.name(drift.joint, model), words::drift(drift));
+        let of = |drift: &Drift| {
+            (
+                limb.name(drift.joint, model),
+                words::drift(drift, limb.criticism.blocks.by_log),
+            )
+        };
         limb.drifts.iter().map(of)
     });
     let series = walked.iter().flat_map(|limb| &limb.series);

@@ -2,6 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::super::blocks::HeapFactor;
 use super::super::column::BASE;
 use super::super::contact::{LeftOut, leave_out_contact};
 use super::super::drift::{Drift, drifts};
@@ -65,9 +66,8 @@ pub(super) fn walk<'a>(
     let mut path = match &contact {
         Some(contact) if contact.too_little_swing => Path {
             first: Vec::new(),
-            start: contact.after.clone(),
-            after_velocity: contact.after.clone(),
-            start_by_fold: criticism.fit.fold_squares.clone(),
+            start: criticism.fit.held_out_squares.clone(),
+            after_velocity: criticism.fit.held_out_squares.clone(),
             steps: Vec::new(),
             unphysical: Vec::new(),
         },
@@ -77,7 +77,7 @@ pub(super) fn walk<'a>(
         (path.first, path.start) = (first, start);
     }
     if let Some(contact) = &contact {
-        path.start.clone_from(&contact.before);
+        path.start.by_joint.clone_from(&contact.before);
     }
     let names: Vec<String> = (limb.bodies.clone())
         .map(|body| model.joint_name(body).to_owned())
@@ -109,6 +109,13 @@ impl Walked<'_> {
     /// The joint that carries the foot.
     pub(super) fn foot(&self, model: &Model) -> String {
         self.name(self.criticism.recording.joints - 1, model)
+    }
+
+    /// Windows of all joints in each log, if each log is held out as a whole.
+    pub(super) fn windows_by_log(&self) -> Option<Vec<f64>> {
+        let of = |fold: &Vec<HeapFactor>| fold.iter().map(|joint| joint.rows()).sum();
+        let tests = &self.criticism.tests;
+        (self.criticism.blocks.by_log).then(|| tests.iter().map(of).collect())
     }
 
     pub(super) fn windows(&self) -> Vec<f64> {

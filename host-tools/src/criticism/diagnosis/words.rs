@@ -12,32 +12,45 @@ use crate::table::{Table, with_std};
 const SHOWN: usize = 8;
 
 impl Diagnosis {
-    /// The way to a model that lacks nothing, one line per step with the error after it.
+    /// The way to a model that lacks nothing, one line per step with the error after it: of all data and, where each of several
+    /// logs is held out, of each log as the others predict it.
     pub fn ladder(&self) -> String {
         let mut table = Table::default();
-        let heads = ["step", "held-out rms N m", "change"];
-        table.row(heads.map(str::to_owned));
-        table.row([
+        let mut text = String::new();
+        let heads = ["step", "held-out rms N m", "change"].map(str::to_owned);
+        let letters = ('a'..='z').map(String::from).take(self.log_rms.len());
+        table.row(heads.into_iter().chain(letters.clone()));
+        let logs =
+            |rms: &[f64]| -> Vec<String> { rms.iter().map(|rms| format!("{rms:.4}")).collect() };
+        let start = [
             "the model as given".to_owned(),
             format!("{:.4}", self.held_out_rms),
             String::new(),
-        ]);
+        ];
+        table.row(start.into_iter().chain(logs(&self.log_rms)));
         let mut before = self.held_out_rms;
         for step in &self.path {
             let change = 100.0 * (step.held_out_rms / before - 1.0);
-            table.row([
+            let cells = [
                 step.to_string(),
                 format!("{:.4}", step.held_out_rms),
                 format!("{change:+.1} %"),
-            ]);
+            ];
+            table.row(cells.into_iter().chain(logs(&step.log_rms)));
             before = step.held_out_rms;
         }
-        table.row([
-            "noise floor".to_owned(),
-            format!("{:.4}", self.noise_floor_rms),
-            String::new(),
-        ]);
-        format!("{table}\n{}", self.verdict_words())
+        let floor = format!("{:.4}", self.noise_floor_rms);
+        table.row(["noise floor".to_owned(), floor]);
+        for (letter, log) in letters.zip(&self.logs) {
+            text += &format!(
+                "{letter}: {}, as the other logs predict it\n",
+                log.display()
+            );
+        }
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        format!("{table}\n{text}{}", self.verdict_words())
     }
 
     fn verdict_words(&self) -> String {
@@ -149,16 +162,21 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
 }
 
 /// What is said of a parameter that changes with time.
-pub(super) fn drift(drift: &Drift) -> String {
+pub(super) fn drift(drift: &Drift, by_log: bool) -> String {
     let parameter = &drift.effect.description().parameters[0];
     let [least, most] = drift.range;
     let (scale, unit) = match drift.effect {
         EffectKind::TorqueGain => (100.0, "%"),
         _ => (1.0, parameter.unit),
     };
+    let (changes, fold) = if by_log {
+        ("differs from log to log", "log")
+    } else {
+        ("changes with time", "stretch of the log")
+    };
     format!(
-        "{} changes with time, by {:+.2} {unit} in one stretch of the log and {:+.2} {unit} in another: warming, wear, a supply that \
-         sags, or what the model lacks at the speeds of one stretch",
+        "{} {changes}, by {:+.2} {unit} in one {fold} and {:+.2} {unit} in another: warming, wear, a supply that sags, or what the \
+         model lacks at the speeds of one of them",
         drift.effect.name(),
         scale * least,
         scale * most,

@@ -23,10 +23,17 @@ pub(crate) struct Fit {
     pub(crate) held_out: Vec<Vec<f64>>,
     /// Sum of squared whitened residuals \[fold\] \[joint\] of the fold's own data under that θ, (N m)².
     pub(crate) rss: Vec<Vec<f64>>,
-    /// Sum of squared residuals of each joint, as they are, of all folds, each under the θ of the others, (N m)².
-    pub(crate) held_out_squares: Vec<f64>,
-    /// The same of each fold, of all joints.
-    pub(crate) fold_squares: Vec<f64>,
+    /// Of each fold under the θ of the others.
+    pub(crate) held_out_squares: Squares,
+}
+
+/// Held-out sums of squared residuals as they are, not whitened, (N m)².
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Squares {
+    /// Of each joint, over all folds.
+    pub(crate) by_joint: Vec<f64>,
+    /// Of each fold, over all joints.
+    pub(crate) by_fold: Vec<f64>,
 }
 
 impl LimbCriticism<'_> {
@@ -69,9 +76,7 @@ impl LimbCriticism<'_> {
         }
         fit.held_out = self.solve_folds(&active, &noise);
         fit.rss = self.score(&fit.held_out);
-        let squares = self.squares_by_fold(&fit.held_out);
-        fit.held_out_squares = sum_of_folds(&squares);
-        fit.fold_squares = squares.iter().map(|fold| fold.iter().sum()).collect();
+        fit.held_out_squares = self.squares(&fit.held_out);
         fit.noise = noise;
         self.fit = fit;
     }
@@ -86,27 +91,22 @@ impl LimbCriticism<'_> {
         self.all.iter().enumerate().map(of).collect()
     }
 
-    /// Each joint's sum of squared residuals as they are, not whitened, each fold's under its θ, (N m)².
-    pub(crate) fn held_out_squares(&self, theta: &[Vec<f64>]) -> Vec<f64> {
-        sum_of_folds(&self.squares_by_fold(theta))
-    }
-
-    /// The same \[fold\] \[joint\].
-    fn squares_by_fold(&self, theta: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// Each fold's sums under its θ.
+    pub(crate) fn squares(&self, theta: &[Vec<f64>]) -> Squares {
         let theta: Vec<Vec<Vec<f64>>> = theta
             .iter()
             .map(|theta| self.columns.combined(theta))
             .collect();
-        let mut squares = vec![vec![0.0; self.recording.joints]; theta.len()];
+        let mut squares = Squares {
+            by_joint: vec![0.0; self.recording.joints],
+            by_fold: vec![0.0; theta.len()],
+        };
         for window in self.windows.iter() {
             let fold = self.fold(window.block);
-            let theta = &theta[fold];
-            for (j, square) in squares[fold]
-                .iter_mut()
-                .enumerate()
-                .filter(|(j, _)| window.moves[*j])
-            {
-                *square += window.residual(j, &theta[j]).powi(2);
+            for j in (0..self.recording.joints).filter(|j| window.moves[*j]) {
+                let square = window.residual(j, &theta[fold][j]).powi(2);
+                squares.by_joint[j] += square;
+                squares.by_fold[fold] += square;
             }
         }
         squares
@@ -126,7 +126,7 @@ impl LimbCriticism<'_> {
     /// torque, N m.
     pub(crate) fn floor(&self) -> Vec<f64> {
         let theta = self.saturated();
-        let squares = self.held_out_squares(&vec![theta; self.tests.len()]);
+        let squares = self.squares(&vec![theta; self.tests.len()]).by_joint;
         let fitted = self.columns.entries.len() as f64 / self.recording.joints as f64;
         let of = |(square, factor): (f64, &HeapFactor)| {
             let freedom = (factor.rows() - fitted).max(1.0);
@@ -264,14 +264,6 @@ impl LimbCriticism<'_> {
             self.refit();
         }
     }
-}
-
-/// Each joint's sum over folds.
-fn sum_of_folds(squares: &[Vec<f64>]) -> Vec<f64> {
-    let joints = squares.first().map_or(0, Vec::len);
-    (0..joints)
-        .map(|joint| squares.iter().map(|fold| fold[joint]).sum())
-        .collect()
 }
 
 /// Root mean square of a joint's torque, N m.

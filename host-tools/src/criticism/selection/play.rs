@@ -49,7 +49,7 @@ impl Walk<'_, '_> {
 
     /// Whether impacts are left, which no column has: a spring or a delay leaves noise.
     fn leaves_impacts(&self, joint: usize) -> bool {
-        let left = self.limb.fit.held_out_squares[joint] / self.start[joint];
+        let left = self.limb.fit.held_out_squares.by_joint[joint] / self.start.by_joint[joint];
         let residuals = self.limb.held_out_residuals(joint);
         let impacts = |b: &Bursts| {
             b.share > LEAST_IMPACT && b.large.len() as f64 > LEAST_IMPACTS * residuals.len() as f64
@@ -110,13 +110,13 @@ impl Walk<'_, '_> {
     fn take_play_for(&mut self, place: Place, most: f64) -> Option<Play> {
         let joint = place.1;
         let play = (EffectKind::Backlash, joint);
-        let without = self.limb.fit.held_out_squares[joint];
+        let without = self.limb.fit.held_out_squares.by_joint[joint];
         self.exchange(place, play);
-        let with_play = self.limb.fit.held_out_squares[joint];
+        let with_play = self.limb.fit.held_out_squares.by_joint[joint];
         if with_play < most * without && self.steps.iter().any(|step| step.place == play) {
             let entry = *self.limb.columns.of_effect(play.0, joint).first()?;
             return Some(Play {
-                gain: 1.0 - with_play / self.start[joint],
+                gain: 1.0 - with_play / self.start.by_joint[joint],
                 gap: self.limb.corrections.gap[joint] + self.limb.fit.theta[entry],
                 std: self.limb.fit.std[entry] * self.limb.memory[joint].sqrt(),
             });

@@ -2,7 +2,7 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::super::limb::{Candidate, LimbCriticism, Place};
+use super::super::limb::{Candidate, LimbCriticism, Place, Squares};
 use super::{Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
@@ -22,7 +22,6 @@ const MOST_RISE_OF_LOG: f64 = 1.001;
 /// Goes the whole way for one limb.
 pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let (mut first, start) = first(limb);
-    let start_by_fold = limb.fit.fold_squares.clone();
     let significant = first.iter().find(|j| j.significant);
     let mut next = significant.map(|j| j.candidate.place);
     let mut walk = Walk {
@@ -36,7 +35,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     loop {
         match next {
             Some(place) => {
-                let before = walk.limb.fit.fold_squares.clone();
+                let before = walk.limb.fit.held_out_squares.by_fold.clone();
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
                     let is_elastic = place.0 == EffectKind::Elasticity;
@@ -59,7 +58,6 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         first,
         after_velocity: start.clone(),
         start,
-        start_by_fold,
         steps: walk.steps,
     }
 }
@@ -72,7 +70,7 @@ pub(super) struct Walk<'a, 'b> {
     pub(super) refused: Vec<Place>,
     polishes: usize,
     /// Held-out sums of squares before the first step, (N m)².
-    pub(super) start: Vec<f64>,
+    pub(super) start: Squares,
 }
 
 impl Walk<'_, '_> {
@@ -93,8 +91,7 @@ impl Walk<'_, '_> {
     pub(super) fn push(&mut self, place: Place, removed: bool) {
         self.steps.push(Step {
             place,
-            rss: self.limb.fit.held_out_squares.clone(),
-            fold_rss: self.limb.fit.fold_squares.clone(),
+            squares: self.limb.fit.held_out_squares.clone(),
             removed,
         });
     }
@@ -117,7 +114,7 @@ impl Walk<'_, '_> {
     /// Takes the last effect out again if a log is predicted worse with it than `before`, by the others: it is none of the
     /// robot's, or its value is that of one log. Folds of a single log are not logs.
     fn take_back_if_worse(&mut self, before: &[f64]) {
-        let after = &self.limb.fit.fold_squares;
+        let after = &self.limb.fit.held_out_squares.by_fold;
         let is_worse = |(after, before): (&f64, &f64)| *after > MOST_RISE_OF_LOG * before;
         if !self.limb.blocks.by_log || !after.iter().zip(before).any(is_worse) {
             return;
@@ -173,8 +170,8 @@ impl Walk<'_, '_> {
             let step = &self.steps[misled];
             let without = misled
                 .checked_sub(1)
-                .map_or(&self.start, |before| &self.steps[before].rss);
-            let promised = 1.0 - mean_ratio(&step.rss, without);
+                .map_or(&self.start, |before| &self.steps[before].squares);
+            let promised = 1.0 - mean_ratio(&step.squares, without);
             if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
                 let place = self.steps.remove(misled).place;
                 (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
@@ -185,8 +182,7 @@ impl Walk<'_, '_> {
             }
         }
         if let Some(step) = self.steps.last_mut() {
-            step.rss = self.limb.fit.held_out_squares.clone();
-            step.fold_rss = self.limb.fit.fold_squares.clone();
+            step.squares = self.limb.fit.held_out_squares.clone();
         }
         Some(change)
     }
@@ -204,7 +200,8 @@ impl Walk<'_, '_> {
 }
 
 /// The factor by which sums of squares differ, mean over joints.
-fn mean_ratio(a: &[f64], b: &[f64]) -> f64 {
+fn mean_ratio(a: &Squares, b: &Squares) -> f64 {
+    let [a, b] = [a, b].map(|squares| &squares.by_joint);
     let ratios = a.iter().zip(b).map(|(a, b)| a / b.max(f64::MIN_POSITIVE));
     ratios.sum::<f64>() / a.len().max(1) as f64
 }
