@@ -99,15 +99,18 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         && limb.is_resolved(candidate)
 }
 
-/// The place of the best of significant candidates, best first; of two that differ by less than the error of their
-/// difference, or by less than ln n for each parameter more, n windows, the one with fewer parameters (Schwarz 1978, *Annals of
-/// Statistics* 6:461).
+/// The place of the best of significant candidates, best first.
+///
+/// Candidates whose held-out gains differ by less than the error of their difference, or by less than ln n for each parameter
+/// more, n windows, are equals there. Among them counts how much the sum of squares of all data and of the CAD's prior falls, less
+/// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461): what a heavier body explains as well as an effect does
+/// may yet be a body that the CAD rules out.
 fn best(limb: &LimbCriticism, candidates: &[&Candidate]) -> Option<Place> {
     let first = candidates.first()?;
     // Scanned shapes count as well.
-    let parameters = |c: &Candidate| c.place.0.description().parameters.len();
+    let parameters = |c: &Candidate| c.place.0.description().parameters.len() as f64;
     let windows: f64 = limb.all.iter().map(|factor| factor.rows()).sum();
-    let as_good = |c: &&&Candidate| {
+    let is_equal = |c: &&&Candidate| {
         let differences: Vec<f64> = first
             .gains
             .iter()
@@ -115,16 +118,14 @@ fn best(limb: &LimbCriticism, candidates: &[&Candidate]) -> Option<Place> {
             .map(|(a, b)| a - b)
             .collect();
         let (difference, error) = sum_and_error(&differences);
-        let more = parameters(first).saturating_sub(parameters(c)) as f64;
-        difference < error.max(more * windows.ln())
+        let more = (parameters(first) - parameters(c)).max(0.0);
+        // The first is its own equal.
+        difference <= error.max(more * windows.ln())
     };
-    let mut simplest = first;
-    for candidate in candidates.iter().filter(as_good) {
-        if parameters(candidate) < parameters(simplest) {
-            simplest = candidate;
-        }
-    }
-    Some(simplest.place)
+    let worth = |c: &Candidate| c.fall - parameters(c) * windows.ln();
+    let equals = candidates.iter().filter(is_equal);
+    let best = equals.max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+    Some(best.place)
 }
 
 /// Held-out sum of squares in units of these noises.

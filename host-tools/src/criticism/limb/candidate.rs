@@ -30,6 +30,8 @@ pub(crate) struct Candidate {
     pub(crate) value: Vec<f64>,
     /// Their standard deviations: the larger of what independent residuals give and of the spread over folds.
     pub(crate) std: Vec<f64>,
+    /// How much the weighted sum of squares of all data falls, the CAD's prior included, as far as windows are independent.
+    pub(crate) fall: f64,
     /// Size in units of its standard deviation, all parameters together.
     pub(crate) z: f64,
 }
@@ -131,6 +133,7 @@ impl LimbCriticism<'_> {
             rss,
             value: trial.value,
             std,
+            fall: trial.fall / memory,
             z,
         })
     }
