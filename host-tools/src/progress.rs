@@ -1,4 +1,4 @@
-//! A progress bar for what takes longer than a second.
+//! A progress bar, or where nobody knows how much is left a turning sign, for what takes longer than a second.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -47,6 +47,29 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Shows on standard error that something is under way of which nobody knows how long it takes; only on a terminal.
+pub(crate) struct Underway(Option<ProgressBar>);
+
+impl Underway {
+    /// Begins `task`, a phrase such as `Trying the catalogue`.
+    pub(crate) fn new(task: &'static str) -> Self {
+        let bar = || {
+            let bar = ProgressBar::new_spinner().with_message(task);
+            bar.enable_steady_tick(Duration::from_millis(100));
+            bar
+        };
+        Self(std::io::stderr().is_terminal().then(bar))
+    }
+}
+
+impl Drop for Underway {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.0 {
             bar.finish_and_clear();
         }
     }

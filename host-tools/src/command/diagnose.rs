@@ -12,16 +12,18 @@ use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use super::{Error, json, unreadable};
-use crate::progress::Progress;
+use crate::progress::{Progress, Underway};
 
 /// Say which physical effect is missing
 ///
 /// Tries every effect of the catalogue at every joint: how much smaller does the error become on stretches of time that the
 /// fit has not seen? Names the best with its value, error and look-alikes, and goes on until nothing gains beyond its error.
-/// "Nothing is missing" is an answer.
+/// "Nothing is missing" is an answer. From four logs on, each log is held out as a whole in turn, and an effect must make none of
+/// them worse predicted by the others.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio diagnose chirp.csv
+  proprio diagnose chirp_*.csv --apply
   proprio diagnose chirp.csv --model go2.toml --html report.html
   proprio diagnose chirp.csv --model go2.toml --json
   proprio diagnose chirp.csv --apply -m go2.toml && proprio compare chirp.csv -m go2.toml")]
@@ -50,7 +52,9 @@ impl Diagnose {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
+        let underway = Underway::new("Trying the catalogue");
         let mut diagnosis = diagnose(&recording, &model)?;
+        drop(underway);
         if let Some(path) = &self.model {
             let path = path.display().to_string();
             diagnosis.next = diagnosis.next.replace("MODEL", &path);

@@ -112,16 +112,12 @@ mod tests {
 
     /// Logs of so many seconds, with a gap of one between them.
     fn recording(seconds: &[u64]) -> LimbRecording {
-        let mut limb = LimbRecording {
-            joints: 1,
-            ..LimbRecording::default()
-        };
+        let mut limb = LimbRecording::default();
         let mut start = 0;
         for length in seconds {
-            for k in 0..=500 * length {
-                let x = [k as f64];
-                limb.push(start + 2_000 * k, [&x; 4], 0.0, k == 0);
-            }
+            limb.log_starts.push(start);
+            limb.time_us
+                .extend((0..=500 * length).map(|k| start + 2_000 * k));
             start += 1_000_000 * (length + 1);
         }
         limb

@@ -3,8 +3,8 @@
 //! 1. [`recording`]: logs in memory, limb by limb; [`gate`] says what is wrong with the data before a model is blamed.
 //! 2. `motion` (with `speed`, `play`), `column`, `rows`, `windows`: the momentum equation over windows, with a column for
 //!    every effect of the catalogue.
-//! 3. `whitening`, `blocks`: rows made independent of their neighbours, one square-root factor per block of time; from here on
-//!    the data are not needed.
+//! 3. `whitening`, `folds`, `blocks`: rows made independent of their neighbours, time cut into what is held out in turn, one
+//!    square-root factor per block of time; from here on the data are not needed.
 //! 4. `triangle`, `limb`: the weighted least squares of a limb, its held-out error, and what each effect would add.
 //! 5. `scan`, `selection`, [`diagnosis`]: shapes, forward-backward selection, look-alikes, verdict; `contact` comes before, and
 //!    `drift` and `bursts` look at what is left.

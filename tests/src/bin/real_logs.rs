@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::{Recording, compare};
+use proprio::criticism::{Recording, compare, diagnose};
 use proprio::estimate::Constraint;
 use proprio::identification::{FitOptions, Fitted, fit_model};
 use proprio::model::{Model, Provenance};
@@ -60,13 +60,35 @@ fn main() -> ExitCode {
     let Some(folder) = recorded_logs() else {
         return ExitCode::SUCCESS;
     };
-    match report(&folder).and_then(|()| steps(&folder)) {
+    let told = report(&folder).and_then(|()| together(&folder));
+    match told.and_then(|()| steps(&folder)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("real_logs: {error}");
             ExitCode::FAILURE
         }
     }
+}
+
+/// The ladder of all logs, each held out in turn.
+fn together(folder: &Path) -> Result<(), Failure> {
+    let all: Vec<PathBuf> = ALL.into_iter().map(|name| log(folder, name)).collect();
+    let model = Model::default();
+    let diagnosis = diagnose(&Recording::read(&all, &model, |_, _| {})?, &model)?;
+    println!(
+        "\nWhat `proprio diagnose` adds to the URDF on all five logs, each predicted by the others; rms N m over all joints:\n"
+    );
+    println!("| step | all | {} |", ALL.join(" | "));
+    println!("|---|---|{}", "---|".repeat(ALL.len()));
+    let row = |step: &str, rms: f64, logs: &[f64]| {
+        let logs: Vec<String> = logs.iter().map(|rms| format!("{rms:.4}")).collect();
+        println!("| {step} | {rms:.4} | {} |", logs.join(" | "));
+    };
+    row("the URDF alone", diagnosis.held_out_rms, &diagnosis.log_rms);
+    for step in &diagnosis.path {
+        row(&step.to_string(), step.held_out_rms, &step.log_rms);
+    }
+    Ok(())
 }
 
 /// The ladder of one log on the others.

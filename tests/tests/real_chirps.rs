@@ -1,0 +1,62 @@
+//! The loop on logs of a real Go2 hung in the air: what is added for some logs must hold for the others.
+
+use std::fs;
+
+use proprio_tests::command::{done, folder, json, recorded_logs};
+use serde_json::Value;
+
+/// The errors of each log, N m.
+fn errors(of: &Value) -> Vec<f64> {
+    let logs = of["log_rms"].as_array().unwrap();
+    logs.iter().map(|rms| rms.as_f64().unwrap()).collect()
+}
+
+/// Every step predicts each log better from the others, or as well, and calves have Coulomb friction and rotors.
+#[test]
+fn no_step_raises_the_error_on_another_log() {
+    let Some(logs) = recorded_logs() else { return };
+    let mut chirps: Vec<String> = fs::read_dir(&logs)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().display().to_string())
+        .filter(|path| path.contains("go2_air_chirp_"))
+        .collect();
+    chirps.sort();
+    assert_eq!(chirps.len(), 5);
+    let chirps: Vec<&str> = chirps.iter().map(String::as_str).collect();
+    let told = json(&done(
+        folder().path(),
+        &[&["diagnose", "--json"], &chirps[..]].concat(),
+    ));
+    let path = told["path"].as_array().unwrap();
+    let mut before = errors(&told);
+    assert_eq!(before.len(), 5);
+    for step in path {
+        let after = errors(step);
+        for (after, before) in after.iter().zip(&before) {
+            // The squares may rise by a thousandth.
+            assert!(*after <= 1.0005 * before, "{before}: {step}");
+        }
+        before = after;
+    }
+    let first = errors(&told);
+    assert!(
+        before
+            .iter()
+            .zip(&first)
+            .all(|(last, first)| last < &(0.4 * first)),
+        "{before:?}"
+    );
+    let added = |effects: &[&str], joint: &str| {
+        path.iter().any(|step| {
+            let joints = step["joints"].as_array().unwrap();
+            effects.contains(&step["effect"].as_str().unwrap()) && joints.iter().any(|j| j == joint)
+        })
+    };
+    for calf in ["FR_calf", "FL_calf", "RR_calf", "RL_calf"] {
+        assert!(added(&["armature"], calf), "{calf}");
+        assert!(added(&["coulomb", "asymmetric_coulomb"], calf), "{calf}");
+    }
+    for joint in ["FR_hip", "FR_thigh"] {
+        assert!(added(&["velocity_gain"], joint), "{joint}");
+    }
+}
