@@ -33,7 +33,8 @@ impl Walk<'_, '_> {
     pub(super) fn judge_lag(&mut self, place: Place, first: &mut [Judged]) {
         let joint = place.1;
         let lags = [EffectKind::Elasticity, EffectKind::Delay].contains(&place.0);
-        if !lags || self.limb.active.contains(&(EffectKind::Backlash, joint)) {
+        let has = |place: Place| self.limb.active.contains(&place);
+        if !lags || !has(place) || has((EffectKind::Backlash, joint)) {
             return;
         }
         let most = if place.0 == EffectKind::Elasticity && self.rests_under_load(joint) {

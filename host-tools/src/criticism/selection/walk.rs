@@ -36,6 +36,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         match next {
             Some(place) => {
                 let before = walk.limb.fit.held_out_squares.by_fold.clone();
+                let steps = walk.steps.len();
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
                     let is_elastic = place.0 == EffectKind::Elasticity;
@@ -44,7 +45,9 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                         walk.settle();
                     }
                     walk.judge_lag(place, &mut first);
-                    walk.take_back_if_worse(&before);
+                    if walk.steps.len() > steps {
+                        walk.take_back_if_worse(&before);
+                    }
                 }
             }
             None if !is_settled && walk.settle() => is_settled = true,
