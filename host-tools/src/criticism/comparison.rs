@@ -2,6 +2,8 @@
 //!
 //! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
 //! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
+//!
+//! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
 mod feet;
 mod ranking;
@@ -124,16 +126,9 @@ pub fn compare(
     model: &Model,
     values: ValuesFrom,
 ) -> Result<Comparison, CriticismError> {
-    let unvalued: Vec<_> = model
-        .effects()
-        .iter()
-        .filter(|e| e.estimate().is_none() && e.effect.description().form != Form::Force)
-        .copied()
-        .collect();
-    let identified = model.effects().iter().any(|e| e.estimate().is_some())
-        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b));
+    let unvalued = unvalued(model);
     let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !identified,
+        ValuesFrom::Auto => !unvalued.is_empty() || !is_identified(model),
         ValuesFrom::Fitted => true,
         ValuesFrom::Given => false,
     };
@@ -156,15 +151,8 @@ pub fn compare(
     } else {
         Vec::new()
     };
-    let before = if added.is_empty() {
-        None
-    } else {
-        let mut without = model.clone();
-        for e in &added {
-            without.remove_effect(e.effect, e.joint);
-        }
-        Some(again(&without, predict)?)
-    };
+    let before = (!added.is_empty()).then(|| again(&without(model, &added), predict));
+    let before = before.transpose()?;
     let (contact, words) = feet::told(&feet, recording, model);
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let mut criticism = residual::criticise(&views);
@@ -199,6 +187,19 @@ pub fn compare(
     })
 }
 
+/// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
+fn unvalued(model: &Model) -> Vec<ModelEffect> {
+    let is_unvalued =
+        |e: &&ModelEffect| e.estimate().is_none() && e.effect.description().form != Form::Force;
+    (model.effects().iter().filter(is_unvalued).copied()).collect()
+}
+
+/// Whether anything of a model was identified.
+fn is_identified(model: &Model) -> bool {
+    model.effects().iter().any(|e| e.estimate().is_some())
+        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b))
+}
+
 /// Of the effects without a value those that were added last; all, if the model does not say.
 fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
     let last = unvalued.iter().filter(|e| e.just_added);
@@ -208,6 +209,15 @@ fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
     } else {
         last
     }
+}
+
+/// The model without those effects.
+fn without(model: &Model, added: &[ModelEffect]) -> Model {
+    let mut model = model.clone();
+    for e in added {
+        model.remove_effect(e.effect, e.joint);
+    }
+    model
 }
 
 /// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.

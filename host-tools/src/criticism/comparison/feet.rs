@@ -9,6 +9,7 @@ use crate::criticism::limb::LimbCriticism;
 use crate::criticism::recording::Recording;
 use crate::criticism::residual::Criticism;
 use crate::model::Model;
+use crate::table::with_std;
 
 /// A force of the ground at a leg's foot; the windows under it are left out of all that is compared.
 #[derive(Debug, Clone, Serialize)]
@@ -91,10 +92,9 @@ impl fmt::Display for FootForce {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}: a force of {:.0} ± {:.0} N pushes on the foot {:.0} % of the time, {}; that time is left out",
+            "{}: a force of {} N pushes on the foot {:.0} % of the time, {}; that time is left out",
             self.joint,
-            self.force,
-            self.std,
+            with_std(self.force, self.std),
             self.time_percent,
             if self.known {
                 "as the model has it"

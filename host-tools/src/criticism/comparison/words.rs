@@ -71,8 +71,8 @@ impl Comparison {
             .collect();
         if sentences.len() > 1 {
             sentences.push(
-                "Contact: more than one leg carries a force, so the base moves; of what is left it is told where it is, not what \
-                 it looks like."
+                "Contact: more than one leg carries a force, so the base moves, and other feet may carry one that cannot be \
+                 told; of what is left it is said where it is, not what it looks like."
                     .to_owned(),
             );
         }
