@@ -65,7 +65,13 @@ impl LimbRecording {
     }
 
     /// Adds a sample; `new_log` where nothing is continuous with what came before.
-    pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 4], foot: f64, new_log: bool) {
+    pub(in crate::criticism) fn push(
+        &mut self,
+        time_us: u64,
+        sample: [&[f64]; 4],
+        foot: f64,
+        new_log: bool,
+    ) {
         let n = self.joints;
         let [q, dq, tau, temperature] = sample;
         if let Some(&last) = self.time_us.last() {

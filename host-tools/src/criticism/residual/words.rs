@@ -19,8 +19,8 @@ pub(super) fn observation(joint: &str, pattern: &Where, variables: &Variables) -
         return sentence(joint, pattern, variables);
     };
     let told = described(shape, size, variables);
-    // The cause comes after a colon.
-    let seen = told.split_once(": ").map_or(&*told, |(seen, _)| seen);
+    // The cause comes after the last colon.
+    let seen = told.rsplit_once(": ").map_or(&*told, |(seen, _)| seen);
     format!("{joint}: predicted torque {seen}")
 }
 
