@@ -231,3 +231,51 @@ fn a_real_logs_faults_come_first() {
         );
     }
 }
+
+/// One foot carries a force now and then: the rest is judged as if it never did, fitted or given, and the model may know it.
+#[test]
+fn time_under_a_force_at_a_foot_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, &["--typical", "-o", "air.csv"]);
+    let hide = ["--typical", "--hide", "contact:FR_calf=30"];
+    simulate(folder, &[&hide[..], &["-o", "log.csv"]].concat());
+    let effects = ["viscous", "coulomb", "armature", "bias"];
+    done(folder, &[&["add", "-m", "m.toml"][..], &effects].concat());
+    let compare = |arguments: &[&str]| {
+        let arguments = [&["compare", "-m", "m.toml", "--json"][..], arguments].concat();
+        json(&done(folder, &arguments))
+    };
+    let air = compare(&["air.csv"]);
+    assert!(air.get("contact").is_none(), "{air}");
+    let given = compare(&["log.csv", "--given"]);
+    let fitted = compare(&["log.csv"]);
+    for report in [&given, &fitted] {
+        let feet = report["contact"].as_array().unwrap();
+        assert_eq!(feet.len(), 1);
+        assert_eq!(feet[0]["joint"], "FR_calf");
+        assert_eq!(feet[0]["known"], false);
+        let force = number(&feet[0], "force");
+        assert!((force / 30.0 - 1.0).abs() < 0.15, "{force}");
+        for (with, without) in joints(report).iter().zip(joints(&air)) {
+            assert!(number(with, "n") < 0.9 * number(without, "n"));
+        }
+    }
+    // The swing is predicted as well as a leg in the air.
+    let share = number(&fitted, "rms") / number(&air, "rms");
+    assert!(share < 1.2, "{share}");
+    assert!(number(&fitted, "rms") < number(&fitted, "before_rms"));
+
+    done(folder, &["add", "contact:FR_calf", "-m", "m.toml"]);
+    let known = compare(&["log.csv"]);
+    let foot = &known["contact"][0];
+    assert_eq!(foot["known"], true);
+    let effects = known["effects"].as_array().unwrap();
+    let value = effects.iter().find(|e| e["name"] == "contact:FR_calf");
+    assert_eq!(number(value.unwrap(), "value"), number(foot, "force"));
+    assert_eq!(number(&known, "rms"), number(&fitted, "rms"));
+}
+
+fn joints(report: &Value) -> &[Value] {
+    report["joints"].as_array().unwrap()
+}

@@ -12,7 +12,8 @@ use crate::progress::Progress;
 /// Compare model and measurement: how well, where and when it fails
 ///
 /// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
-/// fitted within their priors to every stretch of time but the one that is predicted.
+/// fitted within their priors to every stretch of time but the one that is predicted. Time in which a foot carries a force is told
+/// and left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio compare chirp.csv

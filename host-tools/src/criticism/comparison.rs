@@ -2,17 +2,24 @@
 //!
 //! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
 //! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
+//!
+//! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
+mod feet;
 mod ranking;
 mod values;
 mod words;
 
 use std::path::PathBuf;
 
+use proprio_core::effect::Form;
 use serde::Serialize;
 
+use super::contact::LeftOut;
 use super::limb::LimbCriticism;
 use super::limbs::of_each_limb;
+use feet::Feet;
+pub use feet::FootForce;
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
@@ -28,6 +35,9 @@ use crate::model::{Limb, Model, ModelEffect};
 pub struct Comparison {
     /// What the samples of each log are worth.
     pub data: Vec<LogGates>,
+    /// Forces at feet, whose windows are left out of everything else here; absent where there is none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub contact: Vec<FootForce>,
     /// Each joint.
     pub joints: Vec<JointComparison>,
     /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
@@ -116,16 +126,9 @@ pub fn compare(
     model: &Model,
     values: ValuesFrom,
 ) -> Result<Comparison, CriticismError> {
-    let unvalued: Vec<_> = model
-        .effects()
-        .iter()
-        .filter(|e| e.estimate().is_none())
-        .copied()
-        .collect();
-    let identified = model.effects().iter().any(|e| e.estimate().is_some())
-        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b));
+    let unvalued = unvalued(model);
     let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !identified,
+        ValuesFrom::Auto => !unvalued.is_empty() || !is_identified(model),
         ValuesFrom::Fitted => true,
         ValuesFrom::Given => false,
     };
@@ -134,25 +137,26 @@ pub fn compare(
     } else {
         Predict::Given
     };
-    let (series, effects) = all_series(recording, model, predict)?;
-    let cad = Model::new(model.robot().clone());
-    let (cad, _) = all_series(recording, &cad, Predict::Given)?;
+    let AllSeries {
+        series,
+        effects,
+        feet,
+    } = all_series(recording, model, predict, None)?;
+    let again = |model: &Model, predict| -> Result<_, CriticismError> {
+        Ok(all_series(recording, model, predict, Some(&feet))?.series)
+    };
+    let cad = again(&Model::new(model.robot().clone()), Predict::Given)?;
     let added: Vec<_> = if fitted {
         last_added(&unvalued)
     } else {
         Vec::new()
     };
-    let before = if added.is_empty() {
-        None
-    } else {
-        let mut without = model.clone();
-        for e in &added {
-            without.remove_effect(e.effect, e.joint);
-        }
-        Some(all_series(recording, &without, predict)?.0)
-    };
+    let before = (!added.is_empty()).then(|| again(&without(model, &added), predict));
+    let before = before.transpose()?;
+    let (contact, words) = feet::told(&feet, recording, model);
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-    let criticism = residual::criticise(&views);
+    let mut criticism = residual::criticise(&views);
+    feet::restrain(&mut criticism, &contact);
     let joints: Vec<JointComparison> = (0..series.len())
         .map(|k| {
             let before = before.as_ref().map(|before| before[k].rms());
@@ -172,7 +176,8 @@ pub fn compare(
         episodes: ranking::episodes(&criticism, recording),
         criticism,
         logs: recording.logs.clone(),
-        warnings: recording.warnings.clone(),
+        warnings: recording.warnings.iter().cloned().chain(words).collect(),
+        contact,
         joints,
         series,
         baselines: [("CAD", Some(cad)), ("before", before)]
@@ -180,6 +185,19 @@ pub fn compare(
             .filter_map(|(name, series)| Some((name, series?)))
             .collect(),
     })
+}
+
+/// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
+fn unvalued(model: &Model) -> Vec<ModelEffect> {
+    let is_unvalued =
+        |e: &&ModelEffect| e.estimate().is_none() && e.effect.description().form != Form::Force;
+    (model.effects().iter().filter(is_unvalued).copied()).collect()
+}
+
+/// Whether anything of a model was identified.
+fn is_identified(model: &Model) -> bool {
+    model.effects().iter().any(|e| e.estimate().is_some())
+        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b))
 }
 
 /// Of the effects without a value those that were added last; all, if the model does not say.
@@ -191,6 +209,15 @@ fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
     } else {
         last
     }
+}
+
+/// The model without those effects.
+fn without(model: &Model, added: &[ModelEffect]) -> Model {
+    let mut model = model.clone();
+    for e in added {
+        model.remove_effect(e.effect, e.joint);
+    }
+    model
 }
 
 /// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
@@ -248,7 +275,7 @@ impl JointComparison {
     }
 }
 
-/// The series of all joints under parameters by name; where `values` has none, those of `model`.
+/// The series of all joints under parameters by name; where `values` has none, those of `model`. Nothing is left out.
 ///
 /// # Errors
 /// As [`compare`].
@@ -257,42 +284,84 @@ pub fn series_of(
     model: &Model,
     values: &Values,
 ) -> Result<Vec<JointSeries>, CriticismError> {
-    Ok(all_series(recording, model, Predict::Named(values))?.0)
+    let all: Feet = vec![None; recording.limbs.len()];
+    Ok(all_series(recording, model, Predict::Named(values), Some(&all))?.series)
 }
 
-/// The series of all joints of all limbs, and the values of the model's effects.
+/// What one model makes of all limbs, or of one.
+#[derive(Default)]
+struct AllSeries {
+    /// Of all joints.
+    series: Vec<JointSeries>,
+    /// The values of the model's effects.
+    effects: Vec<EffectValue>,
+    /// The force at each limb's foot.
+    feet: Feet,
+}
+
+/// The series of all joints of all limbs without the windows under a foot's force: of forces known before, or looked for.
 fn all_series(
     recording: &Recording,
     model: &Model,
     predict: Predict,
-) -> Result<(Vec<JointSeries>, Vec<EffectValue>), CriticismError> {
-    let of = |limb: &Limb| {
-        let (limb, data) = recording.limbs.iter().find(|(known, _)| known == limb)?;
-        let mut criticism = LimbCriticism::new(model, limb, data, false)?;
-        if matches!(predict, Predict::HeldOut) && !criticism.blocks.can_hold_out() {
-            return None;
-        }
-        if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
-            criticism.relinearise();
-        }
-        let names: Vec<String> = limb
-            .bodies
-            .clone()
-            .map(|b| model.joint_name(b).to_owned())
-            .collect();
-        let values = values::of(&criticism, model, predict);
-        Some((criticism.series(predict, &names), values))
-    };
-    let limbs = of_each_limb(recording, of);
-    let (series, values): (Vec<_>, Vec<_>) = limbs.into_iter().flatten().unzip();
-    let series: Vec<JointSeries> = series.into_iter().flatten().collect();
-    if series.is_empty() {
+    feet: Option<&Feet>,
+) -> Result<AllSeries, CriticismError> {
+    let of = |limb: &Limb| limb_series(recording, limb, model, predict, feet);
+    let mut all = AllSeries::default();
+    for limb in of_each_limb(recording, of) {
+        let limb = limb.unwrap_or_default();
+        all.series.extend(limb.series);
+        all.effects.extend(limb.effects);
+        all.feet.push(limb.feet.into_iter().next().flatten());
+    }
+    if all.series.is_empty() {
         return Err(CriticismError::TooShort {
             duration: recording.duration,
         });
     }
-    if series.iter().all(|series| series.t.is_empty()) {
+    let stands = all.feet.iter().any(Option::is_some);
+    if !stands && all.series.iter().all(|series| series.t.is_empty()) {
         return Err(CriticismError::at_rest(recording));
     }
-    Ok((series, values.into_iter().flatten().collect()))
+    Ok(all)
+}
+
+/// The same of one limb; `None` if its recording is too short.
+fn limb_series(
+    recording: &Recording,
+    limb: &Limb,
+    model: &Model,
+    predict: Predict,
+    feet: Option<&Feet>,
+) -> Option<AllSeries> {
+    let place = recording
+        .limbs
+        .iter()
+        .position(|(known, _)| known == limb)?;
+    let (limb, data) = &recording.limbs[place];
+    let without = |foot: &Option<LeftOut>| {
+        let in_contact = foot.as_ref().map(|foot| foot.contact.samples.clone());
+        LimbCriticism::without(model, limb, data, false, in_contact.unwrap_or_default())
+    };
+    let mut foot = feet.and_then(|feet| feet[place].clone());
+    let mut criticism = without(&foot)?;
+    if matches!(predict, Predict::HeldOut) && !criticism.blocks.can_hold_out() {
+        return None;
+    }
+    if feet.is_none() {
+        foot = feet::find(&criticism);
+        if foot.is_some() {
+            criticism = without(&foot)?;
+        }
+    }
+    if matches!(predict, Predict::HeldOut) && criticism.is_linearised() {
+        criticism.relinearise();
+    }
+    let names = limb.bodies.clone().map(|b| model.joint_name(b).to_owned());
+    let names: Vec<String> = names.collect();
+    Some(AllSeries {
+        series: criticism.series(predict, &names),
+        effects: values::of(&criticism, model, predict, foot.as_ref()),
+        feet: vec![foot],
+    })
 }

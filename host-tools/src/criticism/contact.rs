@@ -99,6 +99,16 @@ impl Contact {
     }
 }
 
+/// Whether a contact is worth looking for: a look with the effects of the model alone, without the columns of a catalogue that
+/// it does not have. A force that is no larger than what these have wrong in swing is overlooked.
+pub(crate) fn is_suspected(limb: &LimbCriticism) -> bool {
+    let Some(mut search) = Search::new(limb) else {
+        return false;
+    };
+    // Little swing is what a leg on the ground has.
+    !search.run() || search.episodes(Phase::Contact).len() >= LEAST_EPISODES
+}
+
 /// One window of the limb.
 struct Window {
     fold: usize,

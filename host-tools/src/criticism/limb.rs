@@ -80,6 +80,17 @@ impl<'a> LimbCriticism<'a> {
         recording: &'a LimbRecording,
         with_candidates: bool,
     ) -> Option<Self> {
+        Self::without(model, limb, recording, with_candidates, Vec::new())
+    }
+
+    /// The same but for what is in contact, ranges of samples \[first, last\], ascending.
+    pub(crate) fn without(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+        with_candidates: bool,
+        in_contact: Vec<[usize; 2]>,
+    ) -> Option<Self> {
         let blocks = Blocks::of(recording)?;
         let mut criticism = Self {
             model,
@@ -90,7 +101,7 @@ impl<'a> LimbCriticism<'a> {
             body: rigid_body::of_limb(model, limb)?,
             base: model.base(),
             prior: cad_prior(model, limb)?,
-            in_contact: Vec::new(),
+            in_contact,
             active: Vec::new(),
             corrections: Corrections::none(recording.joints),
             gap_std: vec![0.0; recording.joints],

@@ -1,9 +1,10 @@
 //! What a model's effects are worth: the file's values, or those of the fit.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 use serde::Serialize;
 
 use crate::criticism::column::BASE;
+use crate::criticism::contact::LeftOut;
 use crate::criticism::limb::LimbCriticism;
 use crate::criticism::series::Predict;
 use crate::model::{Limb, Model};
@@ -26,8 +27,13 @@ pub struct EffectValue {
     pub prior_std: f64,
 }
 
-/// The values of the effects of one limb, or of the base.
-pub(super) fn of(criticism: &LimbCriticism, model: &Model, predict: Predict) -> Vec<EffectValue> {
+/// The values of the effects of one limb, or of the base; of a contact, what was found at the `foot`.
+pub(super) fn of(
+    criticism: &LimbCriticism,
+    model: &Model,
+    predict: Predict,
+    foot: Option<&LeftOut>,
+) -> Vec<EffectValue> {
     let mut values = Vec::new();
     for &(effect, joint) in &criticism.active {
         let body = body(criticism.limb, joint);
@@ -37,6 +43,11 @@ pub(super) fn of(criticism: &LimbCriticism, model: &Model, predict: Predict) -> 
                 Predict::Given | Predict::Named(_) => {
                     let known = model.effect(effect, body).and_then(|e| e.estimates[n]);
                     (known.map(|e| e.value), known.and_then(|e| e.std))
+                }
+                // No fit has a column for it.
+                Predict::HeldOut if effect.description().form == Form::Force => {
+                    let force = foot.map(|foot| &foot.contact);
+                    (force.map(|c| c.force), force.map(|c| c.std))
                 }
                 Predict::HeldOut => fitted(criticism, (effect, joint), n),
             };

@@ -13,6 +13,7 @@ impl Comparison {
     pub fn text(&self, all: bool) -> String {
         let mut text = crate::criticism::gate_words(&self.data);
         // Writing to a string never fails.
+        let _ = self.write_contact(&mut text);
         let _ = self.write_scores(&mut text);
         let _ = self.write_where(&mut text, all);
         let _ = self.write_when(&mut text, all);
@@ -50,6 +51,32 @@ impl Comparison {
             );
         }
         text
+    }
+
+    /// What was left out, foot by foot, and what that means for the rest.
+    fn write_contact(&self, to: &mut String) -> fmt::Result {
+        for sentence in self.contact_sentences() {
+            writeln!(to, "{sentence}")?;
+        }
+        if self.contact.is_empty() {
+            return Ok(());
+        }
+        writeln!(to)
+    }
+
+    /// The forces at feet, a sentence each, and why no cause is told of what is left.
+    pub fn contact_sentences(&self) -> Vec<String> {
+        let mut sentences: Vec<String> = (self.contact.iter())
+            .map(|foot| format!("Contact: {foot}."))
+            .collect();
+        if sentences.len() > 1 {
+            sentences.push(
+                "Contact: more than one leg carries a force, so the base moves, and other feet may carry one that cannot be \
+                 told; of what is left it is said where it is, not what it looks like."
+                    .to_owned(),
+            );
+        }
+        sentences
     }
 
     /// `spring:FR_thigh = 4.02 ±0.01 N m/rad`, of the effects that were added last.

@@ -27,6 +27,9 @@ pub struct Pattern {
     pub alternatives: Vec<Shape>,
     /// What it looks like, in words.
     pub sentence: String,
+    /// The same without what it looks like.
+    #[serde(skip)]
+    pub observation: String,
 }
 
 /// A pattern that has been taken out of the residual.
@@ -117,6 +120,7 @@ impl Term {
             size: found.size,
             share: found.share,
             sentence: words::sentence(joint, &found, variables),
+            observation: words::observation(joint, &found, variables),
             alternatives: found.alternatives,
         }
     }

@@ -67,6 +67,28 @@ impl Criticism {
             || self.whiteness.as_ref().is_some_and(|w| !w.white)
             || self.independence.iter().any(|i| !i.independent)
     }
+
+    /// Its scores alone: where too little is left of the data to say more.
+    pub(super) fn scores_only(&self) -> Self {
+        Self {
+            joint: self.joint.clone(),
+            scores: self.scores,
+            noise: None,
+            above_noise_percent: None,
+            everywhere: Vec::new(),
+            patterns: Vec::new(),
+            episodes: Vec::new(),
+            whiteness: None,
+            independence: Vec::new(),
+        }
+    }
+
+    /// Says where its patterns are, and no more what they look like.
+    pub(super) fn withhold_causes(&mut self) {
+        for pattern in &mut self.patterns {
+            pattern.sentence.clone_from(&pattern.observation);
+        }
+    }
 }
 
 /// Judges the residuals of all joints of a model.

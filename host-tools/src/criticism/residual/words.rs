@@ -9,16 +9,32 @@ pub(super) fn sentence(joint: &str, pattern: &Where, variables: &Variables) -> S
         return format!("{joint}: {}", unnamed(pattern));
     };
     let told = described(shape, size, variables);
+    let others = alternatives(pattern);
+    format!("{joint}: predicted torque {told}{others}")
+}
+
+/// The same without what it looks like: for errors of which a cause is known that no pattern tells.
+pub(super) fn observation(joint: &str, pattern: &Where, variables: &Variables) -> String {
+    let (Some(shape), Some(size)) = (pattern.shape, pattern.size) else {
+        return sentence(joint, pattern, variables);
+    };
+    let told = described(shape, size, variables);
+    // The cause comes after the last colon.
+    let seen = told.rsplit_once(": ").map_or(&*told, |(seen, _)| seen);
+    format!("{joint}: predicted torque {seen}")
+}
+
+/// The shapes that fit almost as well, in brackets.
+fn alternatives(pattern: &Where) -> String {
     let others: Vec<&str> = pattern
         .alternatives
         .iter()
         .map(|&shape| name(shape))
         .collect();
-    let others = match others.as_slice() {
+    match others.as_slice() {
         [] => String::new(),
         others => format!(" ({} would fit almost as well)", others.join(" or ")),
-    };
-    format!("{joint}: predicted torque {told}{others}")
+    }
 }
 
 /// `0.42 ± 0.05 N m`

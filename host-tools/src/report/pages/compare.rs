@@ -17,6 +17,7 @@ const TOLD: usize = 3;
 pub fn comparison(comparison: &Comparison) -> Result<Page, Unreadable> {
     let mut findings = vec![format!("{}.", comparison.headline())];
     findings.extend(of_data(&comparison.data));
+    findings.extend(comparison.contact_sentences());
     let told = comparison.patterns.iter().take(TOLD);
     findings.extend(told.map(|p| {
         format!(

@@ -26,7 +26,7 @@ pub fn identification(
         held_out_rms: result.held_out_rms,
         cad_rms: result.urdf_rms,
         parameters: result.parameters.iter().collect(),
-        warnings: &result.warnings,
+        warnings: result.warnings.clone(),
         logs: &result.logs,
     };
     identified.page(series, &[("CAD", cad)], &residual::criticise(&views))
@@ -42,7 +42,9 @@ pub fn fit(fitted: &Fitted, comparison: &Comparison) -> Result<Page, Unreadable>
         held_out_rms: None,
         cad_rms: comparison.yardsticks.cad_rms,
         parameters: fitted.parameters.iter().map(|p| &p.estimate).collect(),
-        warnings: &fitted.warnings,
+        warnings: (fitted.warnings.iter().cloned())
+            .chain(comparison.contact_sentences())
+            .collect(),
         logs: &fitted.logs,
     };
     let Comparison {
@@ -60,7 +62,7 @@ struct Identified<'a> {
     held_out_rms: Option<f64>,
     cad_rms: f64,
     parameters: Vec<&'a ParameterEstimate>,
-    warnings: &'a [String],
+    warnings: Vec<String>,
     logs: &'a [PathBuf],
 }
 

@@ -85,6 +85,11 @@ fn each_pattern_is_recognised() {
                 (value - size).abs() < 5.0 * std + 0.05 * size.abs(),
                 "{name}: {value} ± {std}"
             );
+            // What is seen and no more: no cause, no other shape.
+            assert!(found.sentence.starts_with(&found.observation));
+            for guess in ["looks like", "friction", "would fit"] {
+                assert!(!found.observation.contains(guess), "{}", found.observation);
+            }
         }
     }
 }
