@@ -35,7 +35,7 @@ mod series;
 mod speed;
 pub(crate) mod triangle;
 pub(crate) mod velocity;
-mod whitening;
+pub(crate) mod whitening;
 pub(crate) mod windows;
 
 pub use comparison::{Comparison, compare};

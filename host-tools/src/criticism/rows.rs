@@ -26,11 +26,11 @@ use super::windows::Window;
 /// Length of a window, µs.
 pub(crate) const WINDOW_US: u64 = 20_000;
 /// Slower than this a joint may be held by friction, whose torque is then anything up to its limit, rad/s.
-const REST: f64 = 0.02;
+pub(crate) const REST: f64 = 0.02;
 /// Share of a window in which a joint may be so slow and the window still say something of its friction: one sample of a
 /// Go2, which a reversal takes that friction does not hold up. A joint that is held, at each reversal for some
 /// milliseconds, has a friction that runs from one limit to the other meanwhile, and no column that says so.
-const MOST_REST: f64 = 0.125;
+pub(crate) const MOST_REST: f64 = 0.125;
 /// Columns of a load: its mass, its first moment, and the same inertia about all axes.
 const LOAD_COLUMNS: usize = 5;
 

@@ -72,6 +72,13 @@ impl Whitening {
         let scale = self.ratio.sqrt().recip();
         row.iter_mut().for_each(|x| *x *= scale);
     }
+
+    /// Weighs a row that is in doubt by so many times its noise more: it is independent of its neighbours.
+    pub(crate) fn alone(&mut self, doubt: f64, row: &mut [f64]) {
+        self.end = None;
+        let scale = doubt.hypot(1.0).recip();
+        row.iter_mut().for_each(|x| *x *= scale);
+    }
 }
 
 /// The most likely correlation of neighbouring residuals, each given by the samples \[first, last\] of its window.
@@ -120,10 +127,12 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let rho = -0.43;
         let x = DMatrix::from_fn(30, 3, |_, _| f64::from(rng.next_u32()) / 4e9 - 0.5);
+        let in_doubt = |k: usize| k % 7 == 3;
         let covariance = DMatrix::from_fn(30, 30, |i: usize, j: usize| match i.abs_diff(j) {
+            0 if in_doubt(i) => 1.0 + 1.5 * 1.5,
             0 => 1.0,
             // Two stretches of time.
-            1 if i.max(j) != 17 => rho,
+            1 if i.max(j) != 17 && !in_doubt(i) && !in_doubt(j) => rho,
             _ => 0.0,
         });
         let wanted = x.transpose() * covariance.try_inverse().unwrap() * &x;
@@ -132,7 +141,11 @@ mod tests {
         for k in 0..30 {
             let gap = usize::from(k >= 17);
             let mut row: Vec<f64> = x.row(k).iter().copied().collect();
-            whitening.whiten([10 * k + gap, 10 * (k + 1) + gap], &mut row);
+            if in_doubt(k) {
+                whitening.alone(1.5, &mut row);
+            } else {
+                whitening.whiten([10 * k + gap, 10 * (k + 1) + gap], &mut row);
+            }
             let row = DVector::from_vec(row);
             sum += &row * row.transpose();
         }
