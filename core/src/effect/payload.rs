@@ -17,7 +17,7 @@ impl Effect for Payload {
             Parameter::new("hx", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hy", "kg m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("hz", "kg m", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("I", "kg m^2", f64::NEG_INFINITY, f64::INFINITY),
+            Parameter::new("I", "kg m^2", 0.0, f64::INFINITY),
         ],
         words: "a mass on this body that the model does not have",
         look_alikes: &[

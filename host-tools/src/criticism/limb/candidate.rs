@@ -270,7 +270,8 @@ impl LimbCriticism<'_> {
             })
     }
 
-    /// Whether the fitted value of an effect of the model is physical within twice its error.
+    /// Whether the fitted value of an effect of the model is physical within twice its error; a load's value itself, for a mass of
+    /// about nothing, well away, is what other effects look like.
     pub(crate) fn is_physical(&self, place: Place) -> bool {
         let entries = self.columns.of_effect(place.0, place.1);
         let value = entries
@@ -278,7 +279,9 @@ impl LimbCriticism<'_> {
             .map(|&k| self.fit.theta[k])
             .collect::<Vec<_>>();
         let std = entries.iter().map(|&k| self.fit.std[k]).collect::<Vec<_>>();
-        self.within(place, &entries, &value, &std)
+        let is_load =
+            place.0.description().form != Form::Inertia || is_load(&value, &vec![0.0; value.len()]);
+        is_load && self.within(place, &entries, &value, &std)
     }
 }
 
