@@ -33,8 +33,10 @@ impl Walk<'_, '_> {
     pub(super) fn judge_lag(&mut self, place: Place, first: &mut [Judged]) {
         let joint = place.1;
         let lags = [EffectKind::Elasticity, EffectKind::Delay].contains(&place.0);
+        let play = (EffectKind::Backlash, joint);
         let has = |place: Place| self.limb.active.contains(&place);
-        if !lags || !has(place) || has((EffectKind::Backlash, joint)) {
+        // What has been refused is not tried again: else it and the lag could take turns for ever.
+        if !lags || !has(place) || has(play) || self.refused.contains(&play) {
             return;
         }
         let most = if place.0 == EffectKind::Elasticity && self.rests_under_load(joint) {
