@@ -7,6 +7,8 @@ use super::{Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
+/// Most effects that are tried, those that did not stay included.
+const MOST_TRIES: usize = 64;
 /// Most times that the data are gone over again.
 const MOST_POLISHES: usize = 6;
 /// They are gone over once more while that makes the held-out error smaller by this factor.
@@ -32,7 +34,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         start: start.clone(),
     };
     let mut is_settled = false;
-    loop {
+    for _ in 0..MOST_TRIES {
         match next {
             Some(place) => {
                 let before = walk.limb.fit.held_out_squares.by_fold.clone();
@@ -55,7 +57,10 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
         }
         next = walk.next();
     }
-    walk.prune();
+    // Where logs are held out, each step is kept for the sake of every one of them.
+    if !walk.limb.blocks.by_log {
+        walk.prune();
+    }
     Path {
         unphysical: unphysical(walk.limb),
         first,
