@@ -33,8 +33,8 @@ fn no_step_raises_the_error_on_another_log() {
     for step in path {
         let after = errors(step);
         for (after, before) in after.iter().zip(&before) {
-            // An effect that raises one is not kept; refining the values of all at the end moves it by less than a thousandth.
-            assert!(*after <= 1.001 * before, "{before}: {step}");
+            // The squares of a limb may rise by a thousandth.
+            assert!(*after <= 1.0005 * before, "{before}: {step}");
         }
         before = after;
     }

@@ -52,7 +52,8 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
                     }
                 }
             }
-            None if !is_settled && walk.settle() => is_settled = true,
+            // Where logs are held out, nothing changes that has not been judged log by log.
+            None if !is_settled && !walk.limb.blocks.by_log && walk.settle() => is_settled = true,
             None => break,
         }
         next = walk.next();
