@@ -37,7 +37,10 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     for _ in 0..MOST_TRIES {
         match next {
             Some(place) => {
-                let before = walk.limb.fit.held_out_squares.by_fold.clone();
+                let before = (walk.steps.last())
+                    .map_or(&walk.start, |step| &step.squares)
+                    .by_fold
+                    .clone();
                 let steps = walk.steps.len();
                 if walk.take(place) {
                     // What a wrong shape leaves looks like other effects.
