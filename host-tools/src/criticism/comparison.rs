@@ -142,26 +142,19 @@ pub fn compare(
         effects,
         feet,
     } = all_series(recording, model, predict, None)?;
-    let again = |model: &Model, predict| -> Result<_, CriticismError> {
-        Ok(all_series(recording, model, predict, Some(&feet))?.series)
-    };
-    let cad = again(&Model::new(model.robot().clone()), Predict::Given)?;
-    let added: Vec<_> = if fitted {
+    let added = if fitted {
         last_added(&unvalued)
     } else {
         Vec::new()
     };
-    let before = (!added.is_empty()).then(|| again(&without(model, &added), predict));
-    let before = before.transpose()?;
+    let baselines = Baselines::new(recording, model, predict, &added, &feet)?;
     let (contact, words) = feet::told(&feet, recording, model);
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let mut criticism = residual::criticise(&views);
     feet::restrain(&mut criticism, &contact);
-    let joints: Vec<JointComparison> = (0..series.len())
-        .map(|k| {
-            let before = before.as_ref().map(|before| before[k].rms());
-            JointComparison::of(&series[k], &criticism[k], cad[k].rms(), before)
-        })
+    let joints = series.iter().zip(&criticism).enumerate();
+    let joints: Vec<JointComparison> = joints
+        .map(|(k, (series, criticism))| JointComparison::of(series, criticism, baselines.rms(k)))
         .collect();
     let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
     let rms = over_all(&joints, &|j| j.scores.rms);
@@ -180,11 +173,44 @@ pub fn compare(
         contact,
         joints,
         series,
-        baselines: [("CAD", Some(cad)), ("before", before)]
-            .into_iter()
-            .filter_map(|(name, series)| Some((name, series?)))
-            .collect(),
+        baselines: baselines.named(),
     })
+}
+
+/// What models that know less make of the same windows.
+struct Baselines {
+    cad: Vec<JointSeries>,
+    /// Without what was added last.
+    before: Option<Vec<JointSeries>>,
+}
+
+impl Baselines {
+    fn new(
+        recording: &Recording,
+        model: &Model,
+        predict: Predict,
+        added: &[ModelEffect],
+        feet: &Feet,
+    ) -> Result<Self, CriticismError> {
+        let series = |model: &Model, predict| -> Result<_, CriticismError> {
+            Ok(all_series(recording, model, predict, Some(feet))?.series)
+        };
+        let before = (!added.is_empty()).then(|| series(&without(model, added), predict));
+        Ok(Self {
+            cad: series(&Model::new(model.robot().clone()), Predict::Given)?,
+            before: before.transpose()?,
+        })
+    }
+
+    /// Of joint k: the CAD's rms and that of the model before, N m.
+    fn rms(&self, k: usize) -> (f64, Option<f64>) {
+        (self.cad[k].rms(), self.before.as_ref().map(|b| b[k].rms()))
+    }
+
+    fn named(self) -> Vec<(&'static str, Vec<JointSeries>)> {
+        let before = self.before.map(|before| ("before", before));
+        [("CAD", self.cad)].into_iter().chain(before).collect()
+    }
 }
 
 /// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
@@ -254,7 +280,7 @@ impl Yardsticks {
 
 impl JointComparison {
     /// One joint, beside the rms of the CAD and of the model before.
-    fn of(series: &JointSeries, criticism: &Criticism, cad: f64, before: Option<f64>) -> Self {
+    fn of(series: &JointSeries, criticism: &Criticism, (cad, before): (f64, Option<f64>)) -> Self {
         let scores = Scores::of(&series.view());
         let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
         let dependent = criticism.independence.iter().filter(|i| !i.independent);

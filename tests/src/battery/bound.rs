@@ -1,6 +1,6 @@
 //! Whether a log can tell a hidden effect at all: the Cramér-Rao bound, apart from the identification's columns.
 //!
-//! The robot is simulated once more without noise, quanta and jitter. The *signature* of what is hidden is the reported
+//! The robot is simulated once more without noise, quanta and jitter, and sampled far more finely. The *signature* of what is hidden is the reported
 //! torque minus the inverse dynamics of the reported motion by the true bodies and the known effects, as means over 20 ms:
 //! whatever the effect is, that is what a model without it cannot say. What sampling and reversals leave of the robot that hides
 //! nothing is taken off: it is no sign of anything. So is what the model may fit instead:
@@ -28,6 +28,9 @@ use super::case::{Case, TYPICAL};
 
 /// Samples of a window: 20 ms at 500 Hz.
 const WINDOW: usize = 10;
+/// How many times finer a signature is sampled: what a log's own samples leave of reversals, which come a little sooner or later
+/// with what is hidden, would be as large as a small signature.
+const FINER: usize = 25;
 /// Friction of a joint slower than this is not known, rad/s.
 const REST: f64 = 0.02;
 /// Inertial parameters of a leg.
@@ -70,7 +73,7 @@ pub fn noise(known: &Simulation) -> Noise {
         sensors: Sensors::default(),
         ..known.clone()
     };
-    let rows = rows(&even, &even.effects);
+    let rows = rows(&even, &even.effects, 1);
     rows.each_ref().map(|windows| {
         let pairs = windows.windows(2).filter_map(|w| Some((w[0]?, w[1]?)));
         let (mut variance, mut covariance, mut n) = (0.0, 0.0, 0.0);
@@ -92,10 +95,11 @@ impl Signature {
         let mut simulation = known.clone();
         simulation.effects.extend(hidden.iter().cloned());
         simulation.sensors = Sensors::ideal();
+        simulation.rate *= FINER as f64;
         let kinematic = hidden.iter().map(|e| kinematic(e, &simulation)).sum();
-        let mut torques = rows(&simulation, &known.effects);
+        let mut torques = rows(&simulation, &known.effects, FINER);
         simulation.effects.clone_from(&known.effects);
-        let without = rows(&simulation, &known.effects);
+        let without = rows(&simulation, &known.effects, FINER);
         for (row, without) in torques.iter_mut().flatten().zip(without.iter().flatten()) {
             *row = row.zip(*without).map(|(row, without)| Row {
                 torque: row.torque - without.torque,
@@ -196,8 +200,8 @@ fn prior(leg: Leg, fitted: &[usize], width: usize) -> Vec<DVector<f64>> {
     rows
 }
 
-/// Windows of a simulated log under the true bodies and `known` effects.
-fn rows(simulation: &Simulation, known: &[HiddenEffect]) -> Rows {
+/// Windows of a simulated log under the true bodies and `known` effects; `finer` samples stand for one of the log.
+fn rows(simulation: &Simulation, known: &[HiddenEffect], finer: usize) -> Rows {
     let samples: Vec<SimulatedSample> = simulation.samples().map_while(Result::ok).collect();
     let leg = simulation.legs[0];
     let tree = go2::leg::<f64>(leg).with_inertia(&simulation.bodies(leg));
@@ -223,19 +227,21 @@ fn rows(simulation: &Simulation, known: &[HiddenEffect]) -> Rows {
             torque: 0.0,
         };
         let mut sum = [Some(zero); JOINTS];
-        for k in first..first + WINDOW {
+        // As far before the first of the log's samples as after the last.
+        let first = first - finer / 2;
+        for k in first..first + WINDOW * finer {
+            let in_log = k % finer == 0;
             let at = |x: &[f64]| Vector3::from_column_slice(&x[..JOINTS]);
             let (q, dq) = (at(&samples[k].q), at(&samples[k].dq));
             let step = samples[k + 1].t - samples[k - 1].t;
             let ddq = (at(&samples[k + 1].dq) - at(&samples[k - 1].dq)) / step;
             let kinematics = tree.kinematics(&Transform::identity(), &q, &dq);
             let rigid = tree.inverse_dynamics(&kinematics, &dq, &ddq);
-            let columns: Vec<Vector3<f64>> = units
-                .iter()
+            let columns: Vec<Vector3<f64>> = (units.iter().filter(|_| in_log))
                 .map(|unit| unit.inverse_dynamics(&kinematics, &dq, &ddq))
                 .collect();
             for joint in 0..JOINTS {
-                if dq[joint].abs() < REST {
+                if in_log && dq[joint].abs() < REST {
                     sum[joint] = None;
                 }
                 let Some(row) = &mut sum[joint] else { continue };
@@ -243,7 +249,9 @@ fn rows(simulation: &Simulation, known: &[HiddenEffect]) -> Rows {
                 row.torque += samples[k].tau[joint] - rigid[joint];
                 for (n, x) in own.into_iter().enumerate() {
                     row.torque -= sizes[joint][n] * x;
-                    row.nuisances[BODIES + joint * TYPICAL.len() + n] += x / WINDOW as f64;
+                    if in_log {
+                        row.nuisances[BODIES + joint * TYPICAL.len() + n] += x / WINDOW as f64;
+                    }
                 }
                 for (c, column) in columns.iter().enumerate() {
                     row.nuisances[c] += column[joint] / WINDOW as f64;
@@ -251,16 +259,16 @@ fn rows(simulation: &Simulation, known: &[HiddenEffect]) -> Rows {
             }
         }
         for row in sum.iter_mut().flatten() {
-            row.torque /= WINDOW as f64;
+            row.torque /= (WINDOW * finer) as f64;
         }
         sum
     };
-    let mut first = 1;
-    while first + WINDOW < samples.len() {
+    let mut first = finer;
+    while first + WINDOW * finer < samples.len() {
         for (joint, row) in window(first).into_iter().enumerate() {
             rows[joint].push(row);
         }
-        first += WINDOW;
+        first += WINDOW * finer;
     }
     rows
 }
@@ -273,7 +281,7 @@ fn kinematic(effect: &HiddenEffect, simulation: &Simulation) -> f64 {
     let place = joint.place();
     let wrong = 1.0 - 1.0 / effect.values()[0];
     let variance = go2::VELOCITY_NOISE[place].powi(2) + go2::quanta(place)[1].powi(2) / 12.0;
-    let samples = simulation.samples().map_while(Result::ok);
+    let samples = simulation.samples().map_while(Result::ok).step_by(FINER);
     samples
         .map(|s| (wrong * s.dq[place]).powi(2) / variance)
         .sum()
@@ -281,6 +289,8 @@ fn kinematic(effect: &HiddenEffect, simulation: &Simulation) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Matrix3;
+
     use super::*;
 
     fn snr(case: &Case, hidden: &[HiddenEffect]) -> f64 {
@@ -315,6 +325,36 @@ mod tests {
             let (small, large) = (of(value), of(2.0 * value));
             let ratio = snr(&large, &large.hidden) / snr(&small, &small.hidden);
             assert!((ratio - 2.0).abs() < 0.2, "{kind:?}: {ratio}");
+        }
+    }
+
+    /// A load is a change of the inertial parameters, and its signature their columns: told without a simulation of it.
+    #[test]
+    fn what_shows_of_a_load_is_what_its_inertial_parameters_show() {
+        for name in [
+            "payload:RL_calf:0:1",
+            "payload:RR_thigh:1:1",
+            "payload:FL_hip:0:1",
+        ] {
+            let case: Case = name.parse().unwrap();
+            let noise = noise(&case.known());
+            let mut signature = Signature::new(&case, &case.hidden);
+            let simulated = signature.bound(&case, &noise, &[]).snr;
+            let load = &case.hidden[0];
+            let (mass, place) = (
+                load.values()[0],
+                Vector3::from_column_slice(&load.values()[1..4]),
+            );
+            let phi = InertialParameters::from_com(mass, place, Matrix3::zeros());
+            let first = INERTIAL * load.joint().unwrap().place();
+            for row in signature.rows.iter_mut().flatten().flatten() {
+                row.torque = row.nuisances.fixed_rows::<INERTIAL>(first).dot(&phi.0);
+            }
+            let exact = signature.bound(&case, &noise, &[]).snr;
+            assert!(
+                (simulated / exact - 1.0).abs() < 0.05,
+                "{name}: {simulated} {exact}"
+            );
         }
     }
 }

@@ -20,76 +20,18 @@ const MOST_ABOVE_NOISE: f64 = 20.0;
 
 /// What the limbs' walks say together.
 pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) -> Diagnosis {
-    let mut candidates = Vec::new();
-    for limb in walked {
-        candidates.extend(
-            limb.velocity
-                .iter()
-                .map(|(joint, gain)| limb.velocity_candidate(*joint, gain, model)),
-        );
-    }
-    candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
-    let mut contacts = contacts(walked, model);
-    contacts.append(&mut candidates);
-    let mut candidates = contacts;
-    // Limb by limb in their own order; limbs by what is missing most.
-    let gain = |j: &Judged| j.candidate.gain().0;
-    let mut ranked: Vec<(bool, f64, &Walked, &Judged)> = Vec::new();
-    for limb in walked {
-        let mut least = f64::INFINITY;
-        let most = limb
-            .path
-            .first
-            .iter()
-            .filter(|j| j.significant)
-            .map(gain)
-            .fold(f64::MIN, f64::max);
-        for (n, judged) in limb.path.first.iter().enumerate() {
-            let own = if n == 0 && judged.significant {
-                most
-            } else {
-                gain(judged)
-            };
-            least = least.min(own);
-            ranked.push((judged.significant, least, limb, judged));
-        }
-    }
-    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
-    candidates.extend(
-        ranked
-            .iter()
-            .map(|(_, _, limb, judged)| limb.candidate(judged, model)),
-    );
-
-    let rms = |rss: f64, n: f64| (rss / n).sqrt();
-    let (mut joints, mut floor, mut windows) = (Vec::new(), 0.0, 0.0);
-    for limb in walked {
-        let floors = &limb.floor;
-        let last = limb
-            .path
-            .steps
-            .last()
-            .map_or(&limb.path.start, |step| &step.squares);
-        let last = &last.by_joint;
-        for (j, n) in limb.windows().into_iter().enumerate() {
-            let after = rms(last[j], n);
-            let noise = floors[j].min(after);
-            floor += noise * noise * n;
-            windows += n;
-            joints.push(JointError {
-                joint: limb.name(j, model),
-                n: n as usize,
-                before: rms(limb.path.start.by_joint[j], n),
-                after,
-                floor: noise,
-            });
-        }
-    }
-    let (start_by_log, path) = path(walked, model);
-    let start: f64 = walked
-        .iter()
-        .flat_map(|limb| &limb.path.start.by_joint)
-        .sum();
+    let mut candidates = contacts(walked, model);
+    candidates.extend(velocities(walked, model));
+    candidates.extend(from_catalogue(walked, model));
+    let joints: Vec<JointError> = (walked.iter())
+        .flat_map(|limb| limb.joint_errors(model))
+        .collect();
+    let windows: f64 = joints.iter().map(|j| j.n as f64).sum();
+    let rms = |of: fn(&JointError) -> f64| {
+        let squares: f64 = joints.iter().map(|j| of(j).powi(2) * j.n as f64).sum();
+        (squares / windows).sqrt()
+    };
+    let (log_rms, path) = path(walked, model);
     let outside_catalogue = outside(walked, model);
     let still: Vec<&str> = joints
         .iter()
@@ -119,9 +61,9 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
         next,
         candidates,
         path,
-        held_out_rms: rms(start, windows),
-        log_rms: start_by_log,
-        noise_floor_rms: rms(floor, windows),
+        held_out_rms: rms(|j| j.before),
+        log_rms,
+        noise_floor_rms: rms(|j| j.floor),
         joints,
         outside_catalogue,
         logs: recording.logs.clone(),
@@ -129,6 +71,44 @@ pub(super) fn report(recording: &Recording, model: &Model, walked: &[Walked]) ->
             .chain(contact_words(walked, model))
             .collect(),
     }
+}
+
+/// The velocities that are reported wrong, the joints' largest gain first.
+fn velocities(walked: &[Walked], model: &Model) -> Vec<CandidateReport> {
+    let of = |limb: &Walked| -> Vec<CandidateReport> {
+        let wrong = limb.velocity.iter();
+        wrong
+            .map(|(joint, gain)| limb.velocity_candidate(*joint, gain, model))
+            .collect()
+    };
+    let mut candidates: Vec<CandidateReport> = walked.iter().flat_map(of).collect();
+    candidates.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+    candidates
+}
+
+/// What torques tell: limb by limb in their own order; limbs by what is missing most.
+fn from_catalogue(walked: &[Walked], model: &Model) -> Vec<CandidateReport> {
+    let gain = |j: &Judged| j.candidate.gain().0;
+    let mut ranked: Vec<(bool, f64, &Walked, &Judged)> = Vec::new();
+    for limb in walked {
+        let mut least = f64::INFINITY;
+        let significant = limb.path.first.iter().filter(|j| j.significant);
+        let most = significant.map(gain).fold(f64::MIN, f64::max);
+        for (n, judged) in limb.path.first.iter().enumerate() {
+            let own = if n == 0 && judged.significant {
+                most
+            } else {
+                gain(judged)
+            };
+            least = least.min(own);
+            ranked.push((judged.significant, least, limb, judged));
+        }
+    }
+    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    ranked
+        .iter()
+        .map(|(_, _, limb, judged)| limb.candidate(judged, model))
+        .collect()
 }
 
 /// The forces at feet that the model does not have, the joints' best agreement first.

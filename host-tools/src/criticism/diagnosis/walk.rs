@@ -6,12 +6,12 @@ use super::super::blocks::HeapFactor;
 use super::super::column::BASE;
 use super::super::contact::{LeftOut, leave_out_contact};
 use super::super::drift::{Drift, drifts};
-use super::super::limb::{LimbCriticism, Place};
+use super::super::limb::{LimbCriticism, Place, Squares};
 use super::super::recording::Recording;
 use super::super::selection::{self, Judged, Path};
 use super::super::series::{JointSeries, Predict};
 use super::super::velocity::VelocityGain;
-use super::{Alternative, CandidateReport, ParameterReport};
+use super::{Alternative, CandidateReport, JointError, ParameterReport};
 use crate::model::{Limb, Model};
 
 /// One limb, walked to the end.
@@ -40,45 +40,13 @@ pub(super) fn walk<'a>(
         return None;
     }
     let contact = leave_out_contact(&mut criticism);
-    let mut velocity = Vec::new();
-    for joint in 0..data.joints {
-        let place = (EffectKind::VelocityGain, joint);
-        if criticism.active.contains(&place) {
-            continue;
-        }
-        if contact.as_ref().is_some_and(|c| c.too_little_swing) {
-            break;
-        }
-        if let Some(gain) = VelocityGain::of(data, joint, &criticism.blocks)
-            && gain.is_significant()
-        {
-            velocity.push((joint, gain));
-        }
-    }
-    let first = (!velocity.is_empty()).then(|| selection::first(&criticism));
-    for (joint, gain) in &velocity {
-        criticism.active.push((EffectKind::VelocityGain, *joint));
-        criticism.corrections.velocity_gain[*joint] = gain.value;
-    }
-    if !velocity.is_empty() {
-        criticism.rebuild();
-    }
-    let mut path = match &contact {
-        Some(contact) if contact.too_little_swing => Path {
-            first: Vec::new(),
-            start: criticism.fit.held_out_squares.clone(),
-            after_velocity: criticism.fit.held_out_squares.clone(),
-            steps: Vec::new(),
-            unphysical: Vec::new(),
-        },
-        _ => selection::walk(&mut criticism),
+    let swings = !contact.as_ref().is_some_and(|c| c.too_little_swing);
+    let velocity = if swings {
+        wrong_velocities(&criticism)
+    } else {
+        Vec::new()
     };
-    if let Some((first, start)) = first {
-        (path.first, path.start) = (first, start);
-    }
-    if let Some(contact) = &contact {
-        path.start.by_joint.clone_from(&contact.before);
-    }
+    let path = path(&mut criticism, &velocity, contact.as_ref());
     let names: Vec<String> = (limb.bodies.clone())
         .map(|body| model.joint_name(body).to_owned())
         .collect();
@@ -94,6 +62,58 @@ pub(super) fn walk<'a>(
         floor,
         drifts,
     })
+}
+
+/// The joints whose velocity positions say to be wrong and the model does not.
+fn wrong_velocities(criticism: &LimbCriticism) -> Vec<(usize, VelocityGain)> {
+    let is_known = |joint: &usize| {
+        let place = (EffectKind::VelocityGain, *joint);
+        criticism.active.contains(&place)
+    };
+    let of = |joint: usize| {
+        let gain = VelocityGain::of(criticism.recording, joint, &criticism.blocks)?;
+        gain.is_significant().then_some((joint, gain))
+    };
+    (0..criticism.recording.joints)
+        .filter(|joint| !is_known(joint))
+        .filter_map(of)
+        .collect()
+}
+
+/// Puts velocities right and goes the catalogue's way, if the foot swings enough.
+fn path(
+    criticism: &mut LimbCriticism,
+    velocity: &[(usize, VelocityGain)],
+    contact: Option<&LeftOut>,
+) -> Path {
+    let first = (!velocity.is_empty()).then(|| selection::first(criticism));
+    for (joint, gain) in velocity {
+        criticism.active.push((EffectKind::VelocityGain, *joint));
+        criticism.corrections.velocity_gain[*joint] = gain.value;
+    }
+    if !velocity.is_empty() {
+        criticism.rebuild();
+    }
+    let mut path = match contact {
+        Some(contact) if contact.too_little_swing => {
+            let squares = &criticism.fit.held_out_squares;
+            Path {
+                first: Vec::new(),
+                start: squares.clone(),
+                after_velocity: squares.clone(),
+                steps: Vec::new(),
+                unphysical: Vec::new(),
+            }
+        }
+        _ => selection::walk(criticism),
+    };
+    if let Some((first, start)) = first {
+        (path.first, path.start) = (first, start);
+    }
+    if let Some(contact) = contact {
+        path.start.by_joint.clone_from(&contact.before);
+    }
+    path
 }
 
 impl Walked<'_> {
@@ -123,6 +143,24 @@ impl Walked<'_> {
         (0..self.criticism.recording.joints)
             .map(|j| tests.iter().map(|fold| fold[j].rows()).sum())
             .collect()
+    }
+
+    /// Each joint's error before the first step and after the last.
+    pub(super) fn joint_errors(&self, model: &Model) -> Vec<JointError> {
+        let Path { start, steps, .. } = &self.path;
+        let last = steps.last().map_or(start, |step| &step.squares);
+        let of = |(j, n): (usize, f64)| {
+            let rms = |squares: &Squares| (squares.by_joint[j] / n).sqrt();
+            let after = rms(last);
+            JointError {
+                joint: self.name(j, model),
+                n: n as usize,
+                before: rms(start),
+                after,
+                floor: self.floor[j].min(after),
+            }
+        };
+        self.windows().into_iter().enumerate().map(of).collect()
     }
 
     pub(super) fn candidate(&self, judged: &Judged, model: &Model) -> CandidateReport {

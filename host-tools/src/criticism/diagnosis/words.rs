@@ -10,6 +10,8 @@ use crate::table::{Table, with_std};
 
 /// Candidates shown.
 const SHOWN: usize = 8;
+/// Logs that have a column in the ladder.
+const MOST_LOGS_SHOWN: usize = 12;
 
 impl Diagnosis {
     /// The way to a model that lacks nothing, one line per step with the error after it: of all data and, where each of several
@@ -18,10 +20,13 @@ impl Diagnosis {
         let mut table = Table::default();
         let mut text = String::new();
         let heads = ["step", "held-out rms N m", "change"].map(str::to_owned);
-        let letters = ('a'..='z').map(String::from).take(self.log_rms.len());
+        let shown = self.log_rms.len().min(MOST_LOGS_SHOWN);
+        let letters = ('a'..='z').map(String::from).take(shown);
         table.row(heads.into_iter().chain(letters.clone()));
-        let logs =
-            |rms: &[f64]| -> Vec<String> { rms.iter().map(|rms| format!("{rms:.4}")).collect() };
+        let logs = |rms: &[f64]| -> Vec<String> {
+            let rms = rms.iter().take(shown);
+            rms.map(|rms| format!("{rms:.4}")).collect()
+        };
         let start = [
             "the model as given".to_owned(),
             format!("{:.4}", self.held_out_rms),
@@ -46,6 +51,9 @@ impl Diagnosis {
                 "{letter}: {}, as the other logs predict it\n",
                 log.display()
             );
+        }
+        if self.log_rms.len() > shown {
+            text += "Of the other logs --json has each one's error.\n";
         }
         if !text.is_empty() {
             text.push('\n');

@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::super::limb::{Candidate, LimbCriticism, Place, Squares};
-use super::{Path, Step, best, first, is_significant, unphysical, weighted};
+use super::{Judged, Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
@@ -37,22 +37,8 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     for _ in 0..MOST_TRIES {
         match next {
             Some(place) => {
-                let before = (walk.steps.last())
-                    .map_or(&walk.start, |step| &step.squares)
-                    .by_fold
-                    .clone();
-                let steps = walk.steps.len();
-                if walk.take(place) {
-                    // What a wrong shape leaves looks like other effects.
-                    let is_elastic = place.0 == EffectKind::Elasticity;
-                    is_settled = is_elastic || place.0.description().shape().is_some();
-                    if is_settled {
-                        walk.settle();
-                    }
-                    walk.judge_lag(place, &mut first);
-                    if walk.steps.len() > steps {
-                        walk.take_back_if_worse(&before);
-                    }
+                if let Some(settled) = walk.step(place, &mut first) {
+                    is_settled = settled;
                 }
             }
             // Where logs are held out, nothing changes that has not been judged log by log.
@@ -98,6 +84,31 @@ impl Walk<'_, '_> {
             self.limb,
             &candidates.iter().filter(is_good).collect::<Vec<_>>(),
         )
+    }
+
+    /// Takes an effect into the model, what is to be found with it and, if that is worth it, keeps it. Whether the data have been
+    /// gone over again then; `None` if the effect did not keep what it promised. `first` names play where it stands for a lag.
+    fn step(&mut self, place: Place, first: &mut [Judged]) -> Option<bool> {
+        let last = self.steps.last();
+        let before = last
+            .map_or(&self.start, |step| &step.squares)
+            .by_fold
+            .clone();
+        let steps = self.steps.len();
+        if !self.take(place) {
+            return None;
+        }
+        // What a wrong shape leaves looks like other effects.
+        let is_elastic = place.0 == EffectKind::Elasticity;
+        let is_settled = is_elastic || place.0.description().shape().is_some();
+        if is_settled {
+            self.settle();
+        }
+        self.judge_lag(place, first);
+        if self.steps.len() > steps {
+            self.take_back_if_worse(&before);
+        }
+        Some(is_settled)
     }
 
     pub(super) fn push(&mut self, place: Place, removed: bool) {
