@@ -36,6 +36,13 @@ pub(crate) struct Squares {
     pub(crate) by_fold: Vec<f64>,
 }
 
+impl Squares {
+    /// Of all joints, over all folds.
+    pub(crate) fn total(&self) -> f64 {
+        self.by_joint.iter().sum()
+    }
+}
+
 impl LimbCriticism<'_> {
     /// The entries of the model: all inertial ones, then its effects'.
     pub(crate) fn active_entries(&self) -> Vec<usize> {
@@ -236,6 +243,31 @@ impl LimbCriticism<'_> {
         {
             self.rebuild();
         }
+    }
+
+    /// Takes an effect out of the model if that makes the held-out sum of squares larger by this factor at most. Whether it did.
+    pub(crate) fn remove_unless_worse(&mut self, place: Place, most: f64) -> bool {
+        let with = (
+            self.fit.clone(),
+            self.corrections.clone(),
+            self.gap_std.clone(),
+            self.columns.clone(),
+            self.loads.clone(),
+        );
+        self.remove(place);
+        if self.fit.held_out_squares.total() <= most * with.0.held_out_squares.total() {
+            return true;
+        }
+        self.active.push(place);
+        (
+            self.fit,
+            self.corrections,
+            self.gap_std,
+            self.columns,
+            self.loads,
+        ) = with;
+        self.rebuild();
+        false
     }
 
     /// Takes an effect out of the model.

@@ -17,8 +17,7 @@ const WORTH_POLISHING: f64 = 0.98;
 const MOST_RISE: f64 = 1.01;
 /// unless an effect keeps at least this share of what its derivative promised.
 const LEAST_KEPT: f64 = 0.5;
-/// Where each of several logs is held out, none may be predicted worse by this factor with an effect than without: the sums of
-/// squares that a comparison shows with four digits stay the same.
+/// No step may make a log's held-out sum of squares larger by this factor: a comparison shows four digits, which stay the same.
 const MOST_RISE_OF_LOG: f64 = 1.001;
 
 /// Goes the whole way for one limb.
@@ -90,10 +89,7 @@ impl Walk<'_, '_> {
     /// gone over again then; `None` if the effect did not keep what it promised. `first` names play where it stands for a lag.
     fn step(&mut self, place: Place, first: &mut [Judged]) -> Option<bool> {
         let last = self.steps.last();
-        let before = last
-            .map_or(&self.start, |step| &step.squares)
-            .by_fold
-            .clone();
+        let before = last.map_or(&self.start, |step| &step.squares).clone();
         let steps = self.steps.len();
         if !self.take(place) {
             return None;
@@ -134,15 +130,18 @@ impl Walk<'_, '_> {
         keeps
     }
 
-    /// Takes the last effect out again if a log is predicted worse with it than `before`, by the others: it is none of the
-    /// robot's, or its value is that of one log. Folds of a single log are not logs.
-    fn take_back_if_worse(&mut self, before: &[f64]) {
-        let after = &self.limb.fit.held_out_squares.by_fold;
-        let is_worse = |(after, before): (&f64, &f64)| *after > MOST_RISE_OF_LOG * before;
-        if !self.limb.blocks.by_log || !after.iter().zip(before).any(is_worse) {
-            return;
-        }
-        if let Some(step) = self.steps.pop() {
+    /// Takes the last effect out again if what has come of it predicts worse than `before`: the whole of a single log, or any of
+    /// several, each by the others. Then it is none of the robot's, or its value is that of one log.
+    fn take_back_if_worse(&mut self, before: &Squares) {
+        let after = &self.limb.fit.held_out_squares;
+        let is_worse = |after: f64, before: f64| after > MOST_RISE_OF_LOG * before;
+        let worse = if self.limb.blocks.by_log {
+            let mut logs = after.by_fold.iter().zip(&before.by_fold);
+            logs.any(|(after, before)| is_worse(*after, *before))
+        } else {
+            is_worse(after.total(), before.total())
+        };
+        if worse && let Some(step) = self.steps.pop() {
             self.limb.remove(step.place);
             self.refused.push(step.place);
         }
@@ -214,8 +213,9 @@ impl Walk<'_, '_> {
     fn prune(&mut self) {
         let added: Vec<Place> = self.steps.iter().map(|step| step.place).collect();
         for place in added {
-            if self.limb.is_superfluous(place) {
-                self.limb.remove(place);
+            if self.limb.is_superfluous(place)
+                && self.limb.remove_unless_worse(place, MOST_RISE_OF_LOG)
+            {
                 self.push(place, true);
             }
         }
