@@ -37,9 +37,12 @@ pub(crate) struct Squares {
 }
 
 impl Squares {
-    /// Of all joints, over all folds.
-    pub(crate) fn total(&self) -> f64 {
-        self.by_joint.iter().sum()
+    /// Of all joints, over all folds, in units of these noises (N m).
+    pub(crate) fn weighted(&self, noise: &[f64]) -> f64 {
+        let squares = self.by_joint.iter().zip(noise);
+        squares
+            .map(|(square, noise)| square / (noise * noise))
+            .sum()
     }
 }
 
@@ -245,7 +248,8 @@ impl LimbCriticism<'_> {
         }
     }
 
-    /// Takes an effect out of the model if that makes the held-out sum of squares larger by this factor at most. Whether it did.
+    /// Takes an effect out of the model if that makes the held-out sum of squares, in units of the joints' noise, larger by this
+    /// factor at most. Whether it did.
     pub(crate) fn remove_unless_worse(&mut self, place: Place, most: f64) -> bool {
         let with = (
             self.fit.clone(),
@@ -255,7 +259,8 @@ impl LimbCriticism<'_> {
             self.loads.clone(),
         );
         self.remove(place);
-        if self.fit.held_out_squares.total() <= most * with.0.held_out_squares.total() {
+        let weighted = |fit: &Fit| fit.held_out_squares.weighted(&with.0.noise);
+        if weighted(&self.fit) <= most * weighted(&with.0) {
             return true;
         }
         self.active.push(place);

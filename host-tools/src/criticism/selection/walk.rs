@@ -90,6 +90,7 @@ impl Walk<'_, '_> {
     fn step(&mut self, place: Place, first: &mut [Judged]) -> Option<bool> {
         let last = self.steps.last();
         let before = last.map_or(&self.start, |step| &step.squares).clone();
+        let noise = self.limb.fit.noise.clone();
         let steps = self.steps.len();
         if !self.take(place) {
             return None;
@@ -102,7 +103,7 @@ impl Walk<'_, '_> {
         }
         self.judge_lag(place, first);
         if self.steps.len() > steps {
-            self.take_back_if_worse(&before);
+            self.take_back_if_worse(&before, &noise);
         }
         Some(is_settled)
     }
@@ -130,16 +131,16 @@ impl Walk<'_, '_> {
         keeps
     }
 
-    /// Takes the last effect out again if what has come of it predicts worse than `before`: the whole of a single log, or any of
-    /// several, each by the others. Then it is none of the robot's, or its value is that of one log.
-    fn take_back_if_worse(&mut self, before: &Squares) {
+    /// Takes the last effect out again if what has come of it predicts worse than `before`: the whole of a single log, in units of
+    /// the joints' noise (N m), or any of several, each by the others. Then it is none of the robot's, or its value is that of one.
+    fn take_back_if_worse(&mut self, before: &Squares, noise: &[f64]) {
         let after = &self.limb.fit.held_out_squares;
         let is_worse = |after: f64, before: f64| after > MOST_RISE_OF_LOG * before;
         let worse = if self.limb.blocks.by_log {
             let mut logs = after.by_fold.iter().zip(&before.by_fold);
             logs.any(|(after, before)| is_worse(*after, *before))
         } else {
-            is_worse(after.total(), before.total())
+            is_worse(after.weighted(noise), before.weighted(noise))
         };
         if worse && let Some(step) = self.steps.pop() {
             self.limb.remove(step.place);
