@@ -1,6 +1,7 @@
 //! Forward-backward selection over the catalogue: the effects a limb's model lacks, one after the other.
 
 mod play;
+mod refused;
 mod walk;
 
 use proprio_core::effect::EffectKind;

@@ -36,7 +36,7 @@ impl Walk<'_, '_> {
         let play = (EffectKind::Backlash, joint);
         let has = |place: Place| self.limb.active.contains(&place);
         // What has been refused is not tried again: else it and the lag could take turns for ever.
-        if !lags || !has(place) || has(play) || self.refused.contains(&play) {
+        if !lags || !has(place) || has(play) || self.refused.has(play) {
             return;
         }
         let most = if place.0 == EffectKind::Elasticity && self.rests_under_load(joint) {
@@ -125,7 +125,7 @@ impl Walk<'_, '_> {
             });
         }
         self.exchange(play, place);
-        self.refused.push(play);
+        self.refused.for_good(play);
         None
     }
 

@@ -3,6 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::super::limb::{Candidate, LimbCriticism, Place, Squares};
+use super::refused::Refused;
 use super::{Judged, Path, Step, best, first, is_significant, unphysical, weighted};
 
 /// Most effects that a limb is given.
@@ -28,7 +29,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
     let mut walk = Walk {
         limb,
         steps: Vec::new(),
-        refused: Vec::new(),
+        refused: Refused::default(),
         polishes: 0,
         start: start.clone(),
     };
@@ -63,8 +64,7 @@ pub(crate) fn walk(limb: &mut LimbCriticism) -> Path {
 pub(super) struct Walk<'a, 'b> {
     pub(super) limb: &'a mut LimbCriticism<'b>,
     pub(super) steps: Vec<Step>,
-    /// Effects that did not keep what they promised.
-    pub(super) refused: Vec<Place>,
+    pub(super) refused: Refused,
     polishes: usize,
     /// Held-out sums of squares before the first step, (N m)².
     pub(super) start: Squares,
@@ -77,8 +77,7 @@ impl Walk<'_, '_> {
             return None;
         }
         let candidates = self.limb.candidates(None);
-        let is_good =
-            |c: &&Candidate| !self.refused.contains(&c.place) && is_significant(self.limb, c);
+        let is_good = |c: &&Candidate| !self.refused.has(c.place) && is_significant(self.limb, c);
         best(
             self.limb,
             &candidates.iter().filter(is_good).collect::<Vec<_>>(),
@@ -102,8 +101,14 @@ impl Walk<'_, '_> {
             self.settle();
         }
         self.judge_lag(place, first);
-        if self.steps.len() > steps {
+        // Whitened rows have told already what a column is worth that stays as it is.
+        let is_other = self.steps.last().is_some_and(|step| step.place != place);
+        let changes = is_settled || is_other || self.limb.is_correction(place);
+        if self.steps.len() > steps && (self.limb.blocks.by_log || changes) {
             self.take_back_if_worse(&before, &noise);
+        }
+        if self.steps.len() > steps {
+            self.refused.another_is_kept();
         }
         Some(is_settled)
     }
@@ -126,7 +131,7 @@ impl Walk<'_, '_> {
             self.push(place, false);
         } else {
             self.limb.remove(place);
-            self.refused.push(place);
+            self.refused.until_another_is_kept(place);
         }
         keeps
     }
@@ -144,7 +149,7 @@ impl Walk<'_, '_> {
         };
         if worse && let Some(step) = self.steps.pop() {
             self.limb.remove(step.place);
-            self.refused.push(step.place);
+            self.refused.until_another_is_kept(step.place);
         }
     }
 
@@ -199,7 +204,7 @@ impl Walk<'_, '_> {
                 let place = self.steps.remove(misled).place;
                 (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
                 limb.remove(place);
-                self.refused.push(place);
+                self.refused.for_good(place);
                 // All else is to be judged again without it.
                 change = 0.0;
             }
