@@ -105,7 +105,7 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
 /// Candidates whose held-out gains differ by less than the error of their difference, or by less than ln n for each parameter
 /// more, n windows, are equals there. Among them counts how much the sum of squares of all data and of the CAD's prior falls, less
 /// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461): what a heavier body explains as well as an effect does
-/// may yet be a body that the CAD rules out.
+/// may yet be a body that the CAD rules out. A simpler rival that is [there anyhow](there_anyhow) goes before.
 fn best(limb: &LimbCriticism, candidates: &[&Candidate]) -> Option<Place> {
     let first = candidates.first()?;
     // Scanned shapes count as well.
@@ -126,7 +126,27 @@ fn best(limb: &LimbCriticism, candidates: &[&Candidate]) -> Option<Place> {
     let worth = |c: &Candidate| c.fall - parameters(c) * windows.ln();
     let equals = candidates.iter().filter(is_equal);
     let best = equals.max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
-    Some(best.place)
+    let is_simpler =
+        |c: &&&Candidate| parameters(c) < parameters(best) && c.gain().0 >= RIVAL * best.gain().0;
+    let simpler = candidates.iter().filter(is_simpler).map(|c| c.place);
+    let simpler: Vec<Place> = simpler.collect();
+    Some(there_anyhow(limb, &simpler, best.place).unwrap_or(best.place))
+}
+
+/// The first of simpler rivals that is there beyond chance even beside `place`, which may gain more only because it takes up part
+/// of several: a load on a calf swings with it as its rotor turns. What is there anyhow comes first.
+fn there_anyhow(limb: &LimbCriticism, simpler: &[Place], place: Place) -> Option<Place> {
+    if simpler.is_empty() {
+        return None;
+    }
+    let beside = limb.candidates(Some(place));
+    let is_there = |simple: &&Place| {
+        beside.iter().any(|c| {
+            let (gain, error) = c.gain();
+            c.place == **simple && c.z >= least_z(c.place) && gain > error && limb.in_bounds(c)
+        })
+    };
+    simpler.iter().find(is_there).copied()
 }
 
 /// Held-out sum of squares in units of these noises.
