@@ -60,3 +60,28 @@ fn no_step_raises_the_error_on_another_log() {
         assert!(added(&["velocity_gain"], joint), "{joint}");
     }
 }
+
+/// The hardest chirp alone: loads on the calves would swing as their rotors turn, and gain more here; rotors come first.
+#[test]
+fn one_log_asks_for_rotors_and_friction_before_loads() {
+    let Some(logs) = recorded_logs() else { return };
+    let chirp = logs.join("go2_air_chirp_9.0hz_p25d1.2.csv");
+    let told = json(&done(
+        folder().path(),
+        &["diagnose", "--json", chirp.to_str().unwrap()],
+    ));
+    let path = told["path"].as_array().unwrap();
+    let effects: Vec<&str> = path
+        .iter()
+        .map(|step| step["effect"].as_str().unwrap())
+        .collect();
+    assert_eq!(effects[..3], ["velocity_gain", "armature", "coulomb"]);
+    assert_eq!(
+        path[1]["joints"].as_array().unwrap().len(),
+        4,
+        "{}",
+        path[1]
+    );
+    let rms = |of: &Value| of["held_out_rms"].as_f64().unwrap();
+    assert!(rms(&path[1]) < 0.4 * rms(&told), "{}", path[1]);
+}
