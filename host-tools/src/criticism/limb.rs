@@ -22,7 +22,7 @@ use super::velocity::VelocityGain;
 use super::whitening::Whitening;
 use super::windows::Windows;
 pub(crate) use candidate::{Candidate, sum_and_error};
-pub(crate) use fit::{Fit, Squares};
+pub(crate) use fit::{Fit, Squares, weighted};
 use parameters::LEAST_LOAD;
 
 use crate::model::{Limb, Model};

@@ -75,6 +75,12 @@ fn least_z(place: Place) -> f64 {
     }
 }
 
+/// Whether a candidate is larger than chance makes one, and helps with data that were held out.
+fn is_beyond_chance(candidate: &Candidate) -> bool {
+    let (gain, error) = candidate.gain();
+    candidate.z >= least_z(candidate.place) && gain > error
+}
+
 /// Whether a candidate is there beyond chance, large enough to be worth a place, and physical.
 fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
     is_there(limb, candidate) && limb.in_bounds(candidate)
@@ -82,7 +88,7 @@ fn is_significant(limb: &LimbCriticism, candidate: &Candidate) -> bool {
 
 /// Whether a candidate is there beyond chance and large enough to be worth a place, whatever its value.
 fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
-    let (gain, error) = candidate.gain();
+    let (gain, _) = candidate.gain();
     let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
     let least_gain = match candidate.place.0 {
         EffectKind::Bias
@@ -93,8 +99,7 @@ fn is_there(limb: &LimbCriticism, candidate: &Candidate) -> bool {
         | EffectKind::Saturation => LEAST_GAIN_OF_SLOW,
         _ => LEAST_GAIN,
     };
-    candidate.z >= least_z(candidate.place)
-        && gain > error
+    is_beyond_chance(candidate)
         && -harm < MOST_HARM * (gain - harm)
         && limb.held_out_gain(candidate).0 > least_gain
         && limb.is_resolved(candidate)
@@ -141,22 +146,13 @@ fn there_anyhow(limb: &LimbCriticism, simpler: &[Place], place: Place) -> Option
     }
     let beside = limb.candidates(Some(place));
     let is_there = |simple: &&Place| {
-        beside.iter().any(|c| {
-            let (gain, error) = c.gain();
-            c.place == **simple && c.z >= least_z(c.place) && gain > error && limb.in_bounds(c)
-        })
+        let found = beside.iter().find(|c| c.place == **simple);
+        found.is_some_and(|c| is_beyond_chance(c) && limb.in_bounds(c))
     };
     simpler.iter().find(is_there).copied()
 }
 
-/// Held-out sum of squares in units of these noises.
-fn weighted(rss: &[Vec<f64>], noise: &[f64]) -> f64 {
-    let squares = total(rss).into_iter().zip(noise);
-    squares
-        .map(|(square, noise)| square / (noise * noise))
-        .sum()
-}
-
+/// Of each joint over all folds.
 fn total(rss: &[Vec<f64>]) -> Vec<f64> {
     let joints = rss.first().map_or(0, Vec::len);
     (0..joints)
@@ -245,9 +241,6 @@ fn judge(limb: &LimbCriticism, candidates: Vec<Candidate>) -> Vec<Judged> {
 /// Whether with `rival` in the model `place` adds nothing beyond its error: then the data cannot rule the rival out.
 fn explains(limb: &LimbCriticism, rival: Place, place: Place) -> bool {
     let with = limb.candidates(Some(rival));
-    let Some(left) = with.iter().find(|c| c.place == place) else {
-        return false;
-    };
-    let (gain, error) = left.gain();
-    left.z < least_z(place) || gain <= error
+    let left = with.iter().find(|c| c.place == place);
+    left.is_some_and(|left| !is_beyond_chance(left))
 }

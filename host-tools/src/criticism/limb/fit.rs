@@ -1,11 +1,13 @@
 //! The limb's model fitted: to all data, to all folds but one, and with everything that the catalogue has.
 
+use nalgebra::Vector3;
+use proprio_core::effect::EffectKind;
+
 use super::super::blocks::HeapFactor;
-use super::super::column::Entry;
+use super::super::column::{Columns, Entry};
 use super::super::motion::Corrections;
 use super::super::triangle::{Triangle, misfit};
 use super::{LimbCriticism, Place};
-use proprio_core::effect::EffectKind;
 
 /// Times that noise and the hold on bodies are found again from the fit that they give.
 const ITERATIONS: usize = 5;
@@ -39,11 +41,26 @@ pub(crate) struct Squares {
 impl Squares {
     /// Of all joints, over all folds, in units of these noises (N m).
     pub(crate) fn weighted(&self, noise: &[f64]) -> f64 {
-        let squares = self.by_joint.iter().zip(noise);
-        squares
-            .map(|(square, noise)| square / (noise * noise))
-            .sum()
+        weighted(&self.by_joint, noise)
     }
+}
+
+/// Sum of the joints' squares in units of their noise.
+pub(crate) fn weighted(squares: &[f64], noise: &[f64]) -> f64 {
+    let squares = squares.iter().zip(noise);
+    squares
+        .map(|(square, noise)| square / (noise * noise))
+        .sum()
+}
+
+/// All that going over the data again changes but what is made of the data: to come back to.
+#[derive(Debug, Clone)]
+pub(crate) struct Values {
+    pub(crate) fit: Fit,
+    corrections: Corrections,
+    gap_std: Vec<f64>,
+    columns: Columns,
+    loads: Vec<Vector3<f64>>,
 }
 
 impl LimbCriticism<'_> {
@@ -251,28 +268,33 @@ impl LimbCriticism<'_> {
     /// Takes an effect out of the model if that makes the held-out sum of squares, in units of the joints' noise, larger by this
     /// factor at most. Whether it did.
     pub(crate) fn remove_unless_worse(&mut self, place: Place, most: f64) -> bool {
-        let with = (
-            self.fit.clone(),
-            self.corrections.clone(),
-            self.gap_std.clone(),
-            self.columns.clone(),
-            self.loads.clone(),
-        );
+        let with = self.values();
         self.remove(place);
-        let weighted = |fit: &Fit| fit.held_out_squares.weighted(&with.0.noise);
-        if weighted(&self.fit) <= most * weighted(&with.0) {
+        let weighted = |fit: &Fit| fit.held_out_squares.weighted(&with.fit.noise);
+        if weighted(&self.fit) <= most * weighted(&with.fit) {
             return true;
         }
         self.active.push(place);
-        (
-            self.fit,
-            self.corrections,
-            self.gap_std,
-            self.columns,
-            self.loads,
-        ) = with;
+        self.set_values(with);
         self.rebuild();
         false
+    }
+
+    /// The present values.
+    pub(crate) fn values(&self) -> Values {
+        Values {
+            fit: self.fit.clone(),
+            corrections: self.corrections.clone(),
+            gap_std: self.gap_std.clone(),
+            columns: self.columns.clone(),
+            loads: self.loads.clone(),
+        }
+    }
+
+    /// Comes back to values; [`rebuild`](Self::rebuild) or [`remove`](Self::remove) is to follow.
+    pub(crate) fn set_values(&mut self, values: Values) {
+        (self.fit, self.corrections) = (values.fit, values.corrections);
+        (self.gap_std, self.columns, self.loads) = (values.gap_std, values.columns, values.loads);
     }
 
     /// Takes an effect out of the model.

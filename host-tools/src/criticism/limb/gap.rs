@@ -6,6 +6,7 @@ use super::super::motion::{MotorSide, slopes};
 use super::super::windows::Windows;
 use super::LimbCriticism;
 use super::candidate::jackknife;
+use super::fit::weighted;
 
 /// The gaps that are tried first, rad: the smallest, each this much wider than the one before, and how many.
 const SMALLEST: f64 = 2e-3;
@@ -84,13 +85,8 @@ impl LimbCriticism<'_> {
         );
         self.windows = Windows::of(&self.rows());
         self.refold();
-        let weighted = |squares: &Vec<f64>| -> f64 {
-            let squares = squares.iter().zip(&scan.noise);
-            squares
-                .map(|(square, noise)| square / (noise * noise))
-                .sum()
-        };
-        (gap, self.fit.rss.iter().map(weighted).collect())
+        let folds = self.fit.rss.iter();
+        (gap, folds.map(|fold| weighted(fold, &scan.noise)).collect())
     }
 
     /// What an entry's value is uncertain by beside what its column says: a gap is chosen among those that were tried.

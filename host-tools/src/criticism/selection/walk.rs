@@ -2,9 +2,9 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::super::limb::{Candidate, LimbCriticism, Place, Squares};
+use super::super::limb::{Candidate, LimbCriticism, Place, Squares, weighted};
 use super::refused::Refused;
-use super::{Judged, Path, Step, best, first, is_significant, unphysical, weighted};
+use super::{Judged, Path, Step, best, first, is_significant, total, unphysical};
 
 /// Most effects that a limb is given.
 const MOST_STEPS: usize = 16;
@@ -124,9 +124,10 @@ impl Walk<'_, '_> {
     /// Takes an effect into the model, if it keeps what it promised.
     fn take(&mut self, place: Place) -> bool {
         let noise = self.limb.fit.noise.clone();
-        let before = weighted(&self.limb.fit.rss, &noise);
+        let before = weighted(&total(&self.limb.fit.rss), &noise);
         self.limb.add(place);
-        let keeps = self.limb.is_physical(place) && weighted(&self.limb.fit.rss, &noise) < before;
+        let keeps =
+            self.limb.is_physical(place) && weighted(&total(&self.limb.fit.rss), &noise) < before;
         if keeps {
             self.push(place, false);
         } else {
@@ -179,15 +180,11 @@ impl Walk<'_, '_> {
         if !limb.scan_shapes() && !limb.is_linearised() {
             return None;
         }
-        let (fit, corrections, columns) = (
-            limb.fit.clone(),
-            limb.corrections.clone(),
-            limb.columns.clone(),
-        );
+        let values = limb.values();
         limb.relinearise();
         // Not the whitened rows' sums: they may have been whitened for another noise.
         let after = &limb.fit.held_out_squares;
-        let mut change = mean_ratio(after, &fit.held_out_squares);
+        let mut change = mean_ratio(after, &values.fit.held_out_squares);
         let misled = self
             .steps
             .iter()
@@ -202,7 +199,7 @@ impl Walk<'_, '_> {
             let promised = 1.0 - mean_ratio(&step.squares, without);
             if 1.0 - mean_ratio(after, without) < LEAST_KEPT * promised {
                 let place = self.steps.remove(misled).place;
-                (limb.fit, limb.corrections, limb.columns) = (fit, corrections, columns);
+                limb.set_values(values);
                 limb.remove(place);
                 self.refused.for_good(place);
                 // All else is to be judged again without it.
