@@ -74,6 +74,44 @@ impl<T: Real> InertialParameters<T> {
         Matrix3::new(p[4], p[5], p[6], p[5], p[7], p[8], p[6], p[8], p[9])
     }
 
+    /// The six inertias about the frame's origin, kg m², in their order: xx, xy, xz, yy, yz, zz.
+    pub(crate) fn inertia_entries(&self) -> [T; 6] {
+        let p = &self.0;
+        [p[4], p[5], p[6], p[7], p[8], p[9]]
+    }
+
+    /// I ω with the inertia about the frame's origin.
+    #[inline(always)]
+    pub(crate) fn turned(&self, omega: &Vector3<T>) -> Vector3<T> {
+        let p = &self.0;
+        Vector3::new(
+            p[4] * omega.x + p[5] * omega.y + p[6] * omega.z,
+            p[5] * omega.x + p[7] * omega.y + p[8] * omega.z,
+            p[6] * omega.x + p[8] * omega.y + p[9] * omega.z,
+        )
+    }
+
+    /// The body in its parent's frame, from its inertia and first moment in the parent's axes and where its origin is there.
+    ///
+    /// With r = p + x: Σ + (p·h + p·g) 1 − p gᵀ − h pᵀ, g = h + m p the first moment there (the theorem of parallel axes).
+    #[inline(always)]
+    pub(crate) fn carried(&self, inertia: &[T; 6], h: &Vector3<T>, p: &Vector3<T>) -> Self {
+        let g = h + p * self.mass();
+        let trace = p.dot(h) + p.dot(&g);
+        Self(SVector::from([
+            self.mass(),
+            g.x,
+            g.y,
+            g.z,
+            inertia[0] + trace - p.x * g.x - h.x * p.x,
+            inertia[1] - p.x * g.y - h.x * p.y,
+            inertia[2] - p.x * g.z - h.x * p.z,
+            inertia[3] + trace - p.y * g.y - h.y * p.y,
+            inertia[4] - p.y * g.z - h.y * p.z,
+            inertia[5] + trace - p.z * g.z - h.z * p.z,
+        ]))
+    }
+
     /// Momentum I v of the body moving with `velocity`: N m s and N s.
     pub fn momentum(&self, velocity: &Motion<T>) -> Force<T> {
         let h = self.first_moment();

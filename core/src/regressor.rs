@@ -12,130 +12,308 @@
 //!
 //! The second line holds since J̇ = Ṡ − v × S in body coordinates and the part of v × S cancels against that of C; it
 //! was first given as the "indirect" regressor of Slotine & Li (1987); for spatial vectors see Wensing, Niemeyer & Slotine
-//! (2023). `P` must be 10 `B`.
+//! (2023). The last line is evaluated body by body: a body's force and couple are 6 × 10 numbers, computed once, and each
+//! coordinate that moves the body takes its part of them (`block`).
+//!
+//! Regressors are written in place, row-major: [`RegressorRows`] holds a run of ten numbers for each coordinate and body.
+//! Where a coordinate does not move a body nothing is written, so rows that start as zeros stay right from call to call.
+//! Beside each there is a function that returns a matrix; its `P` must be 10 `B`.
+
+mod block;
 
 use crate::Real;
+use crate::dynamics::{Acceleration, accelerate_free};
 use crate::inertia::{INERTIAL, momentum_row};
 use crate::scalar::real;
 use crate::spatial::{Motion, Transform};
-use crate::tree::{Kinematics, Tree};
-use nalgebra::{SMatrix, SVector, Vector3};
+use crate::tree::joint_frame::{JointFrame, by_joint};
+use crate::tree::{Kinematics, Placements, Tree};
+use block::Block;
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-/// Gravity's pull as the upward acceleration that feels the same.
-fn lift<T: Real>(gravity: &Vector3<T>) -> Motion<T> {
-    Motion::new(Vector3::zeros(), -*gravity)
-}
+/// A regressor, row-major: `rows[c][b]` is coordinate c's row of body b's ten parameters.
+pub type RegressorRows<T, const B: usize, const V: usize> = [[[T; INERTIAL]; B]; V];
 
 /// r(S, −γ): no rotational part, for gravity has none.
-fn gravity_row<T: Real>(subspace: &Motion<T>, gravity: &Vector3<T>) -> SVector<T, INERTIAL> {
+#[inline(always)]
+fn gravity_row<T: Real>(subspace: &Motion<T>, gravity: &Vector3<T>) -> [T; INERTIAL] {
     let h = subspace.angular.cross(gravity);
     let zero = T::zero();
     let m = -subspace.linear.dot(gravity);
-    SVector::from([m, h.x, h.y, h.z, zero, zero, zero, zero, zero, zero])
+    [m, h.x, h.y, h.z, zero, zero, zero, zero, zero, zero]
+}
+
+/// r(S, −γ) − r(Ṡ, v).
+#[inline(always)]
+fn rate_row<T: Real>(
+    subspace: &Motion<T>,
+    rate: &Motion<T>,
+    velocity: &Motion<T>,
+    gravity: &Vector3<T>,
+) -> [T; INERTIAL] {
+    let (weight, momentum) = (gravity_row(subspace, gravity), momentum_row(rate, velocity));
+    core::array::from_fn(|n| weight[n] - momentum[n])
 }
 
 impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
+    /// The matrix of what `write` writes.
     fn assemble<const P: usize>(
         &self,
-        row: impl Fn(usize, usize) -> SVector<T, INERTIAL>,
+        write: impl FnOnce(&mut dyn FnMut(usize, usize, [T; INERTIAL])),
     ) -> SMatrix<T, V, P> {
-        let mut regressor = SMatrix::zeros();
-        self.write(&mut regressor, row);
-        regressor
-    }
-
-    /// Writes the entries that a tree can have; the others are not touched.
-    fn write<const P: usize>(
-        &self,
-        regressor: &mut SMatrix<T, V, P>,
-        row: impl Fn(usize, usize) -> SVector<T, INERTIAL>,
-    ) {
         const { assert!(P == INERTIAL * B) }
-        self.for_each_pair(|b, c| {
-            let entries = row(b, c);
-            for n in 0..INERTIAL {
-                regressor[(c, INERTIAL * b + n)] = entries[n];
+        let mut regressor = SMatrix::zeros();
+        write(&mut |c, b, run| {
+            for (n, entry) in run.into_iter().enumerate() {
+                regressor[(c, INERTIAL * b + n)] = entry;
             }
         });
-    }
-
-    /// W_m with W_m θ = H q̇, the generalised momentum (N m s).
-    pub fn momentum_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
-        let mut regressor = SMatrix::zeros();
-        self.write_momentum_regressor(k, &mut regressor);
         regressor
     }
 
-    /// [`momentum_regressor`](Self::momentum_regressor) in place: `regressor` is of this tree, or zero.
-    pub(crate) fn write_momentum_regressor<const P: usize>(
+    /// Calls `visit(c, b, S, Ṡ)` for each coordinate c that moves body b: the coordinate's column of the body's Jacobian and
+    /// how fast that turns, in the body's coordinates. Each is carried down the subtree of its joint.
+    #[inline(always)]
+    fn for_each_subspace(
         &self,
         k: &Kinematics<T, B, V>,
-        regressor: &mut SMatrix<T, V, P>,
+        mut visit: impl FnMut(usize, usize, &Motion<T>, &Motion<T>),
     ) {
-        self.write(regressor, |b, c| {
-            momentum_row(&k.subspace[b][c], &k.velocity[b])
+        let mut carried = [(Motion::zero(), Motion::zero()); B];
+        for a in 0..B {
+            for (n, c) in self.coordinates(a).enumerate() {
+                let own = self.own_subspace(a, n);
+                carried[a] = (own, k.velocity[a].cross(&own));
+                visit(c, a, &carried[a].0, &carried[a].1);
+                for b in self.subtree(a).skip(1) {
+                    // Its parent is in the subtree as well, and comes before.
+                    let above = carried[self.bodies()[b].parent.unwrap_or(a)];
+                    carried[b] = by_joint!(
+                        self.carry_down(b, &k.placements, &above),
+                        free: above
+                    );
+                    visit(c, b, &carried[b].0, &carried[b].1);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn carry_down<J: JointFrame<T>>(
+        &self,
+        b: usize,
+        placements: &Placements<T, B>,
+        (s, rate): &(Motion<T>, Motion<T>),
+    ) -> (Motion<T>, Motion<T>) {
+        let placement = &placements.from_parent[b];
+        let joint = J::new(placement, &self.bodies()[b].joint);
+        (
+            lowered(&joint, &placement.translation, s),
+            lowered(&joint, &placement.translation, rate),
+        )
+    }
+
+    /// W_m with W_m θ = H q̇, the generalised momentum (N m s), into `rows`.
+    pub fn write_momentum_regressor(
+        &self,
+        k: &Kinematics<T, B, V>,
+        rows: &mut RegressorRows<T, B, V>,
+    ) {
+        self.for_each_subspace(k, |c, b, s, _| {
+            rows[c][b] = momentum_row(s, &k.velocity[b]).into();
         });
     }
 
-    /// W_c with W_c θ = Cᵀ q̇ (N m).
+    /// [`write_momentum_regressor`](Self::write_momentum_regressor) as a matrix.
+    pub fn momentum_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
+        self.assemble(|write| {
+            self.for_each_subspace(k, |c, b, s, _| {
+                write(c, b, momentum_row(s, &k.velocity[b]).into());
+            });
+        })
+    }
+
+    /// W_c with W_c θ = Cᵀ q̇ (N m), into `rows`.
+    pub fn write_coriolis_transpose_regressor(
+        &self,
+        k: &Kinematics<T, B, V>,
+        rows: &mut RegressorRows<T, B, V>,
+    ) {
+        self.for_each_subspace(k, |c, b, _, rate| {
+            rows[c][b] = momentum_row(rate, &k.velocity[b]).into();
+        });
+    }
+
+    /// [`write_coriolis_transpose_regressor`](Self::write_coriolis_transpose_regressor) as a matrix.
     pub fn coriolis_transpose_regressor<const P: usize>(
         &self,
         k: &Kinematics<T, B, V>,
     ) -> SMatrix<T, V, P> {
-        self.assemble(|b, c| momentum_row(&k.subspace_rate[b][c], &k.velocity[b]))
+        self.assemble(|write| {
+            self.for_each_subspace(k, |c, b, _, rate| {
+                write(c, b, momentum_row(rate, &k.velocity[b]).into());
+            });
+        })
     }
 
-    /// W_g with W_g θ = g(q) (N m).
+    /// W_g with W_g θ = g(q) (N m), into `rows`.
+    pub fn write_gravity_regressor(
+        &self,
+        k: &Kinematics<T, B, V>,
+        rows: &mut RegressorRows<T, B, V>,
+    ) {
+        self.for_each_subspace(k, |c, b, s, _| rows[c][b] = gravity_row(s, &k.gravity[b]));
+    }
+
+    /// [`write_gravity_regressor`](Self::write_gravity_regressor) as a matrix.
     pub fn gravity_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
-        self.assemble(|b, c| gravity_row(&k.subspace[b][c], &k.gravity[b]))
+        self.assemble(|write| {
+            self.for_each_subspace(k, |c, b, s, _| write(c, b, gravity_row(s, &k.gravity[b])));
+        })
     }
 
-    /// W_g − W_c, the integrand of the momentum equation (N m), in one pass.
+    /// W_g − W_c, the integrand of the momentum equation (N m), in one pass, into `rows`.
+    pub fn write_momentum_rate_regressor(
+        &self,
+        k: &Kinematics<T, B, V>,
+        rows: &mut RegressorRows<T, B, V>,
+    ) {
+        self.for_each_subspace(k, |c, b, s, rate| {
+            rows[c][b] = rate_row(s, rate, &k.velocity[b], &k.gravity[b]);
+        });
+    }
+
+    /// [`write_momentum_rate_regressor`](Self::write_momentum_rate_regressor) as a matrix.
     pub fn momentum_rate_regressor<const P: usize>(
         &self,
         k: &Kinematics<T, B, V>,
     ) -> SMatrix<T, V, P> {
-        let mut regressor = SMatrix::zeros();
-        self.write_momentum_rate_regressor(k, &mut regressor);
-        regressor
+        self.assemble(|write| {
+            self.for_each_subspace(k, |c, b, s, rate| {
+                write(c, b, rate_row(s, rate, &k.velocity[b], &k.gravity[b]));
+            });
+        })
     }
 
-    /// [`momentum_rate_regressor`](Self::momentum_rate_regressor) in place: `regressor` is of this tree, or zero.
-    pub(crate) fn write_momentum_rate_regressor<const P: usize>(
+    /// W with W θ = H a + C v + g = τ (N m), the joint torque regressor (Atkeson, An & Hollerbach 1986), into `rows`.
+    pub fn write_inverse_dynamics_regressor(
         &self,
-        k: &Kinematics<T, B, V>,
-        regressor: &mut SMatrix<T, V, P>,
+        placements: &Placements<T, B>,
+        v: &SVector<T, V>,
+        a: &SVector<T, V>,
+        rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.write(regressor, |b, c| {
-            gravity_row(&k.subspace[b][c], &k.gravity[b])
-                - momentum_row(&k.subspace_rate[b][c], &k.velocity[b])
-        });
+        self.for_each_torque_run(placements, v, a, |c, b, run| rows[c][b] = run);
     }
 
-    /// W with W θ = H a + C v + g = τ (N m): the joint torque regressor (Atkeson, An & Hollerbach 1986).
+    /// [`write_inverse_dynamics_regressor`](Self::write_inverse_dynamics_regressor) as a matrix.
     pub fn inverse_dynamics_regressor<const P: usize>(
         &self,
         k: &Kinematics<T, B, V>,
         v: &SVector<T, V>,
         a: &SVector<T, V>,
     ) -> SMatrix<T, V, P> {
-        let mut felt = [Motion::zero(); B];
+        self.assemble(|write| self.for_each_torque_run(&k.placements, v, a, write))
+    }
+
+    /// Calls `write(c, b, run)` with what coordinate c feels of body b.
+    #[inline(always)]
+    fn for_each_torque_run(
+        &self,
+        placements: &Placements<T, B>,
+        v: &SVector<T, V>,
+        a: &SVector<T, V>,
+        mut write: impl FnMut(usize, usize, [T; INERTIAL]),
+    ) {
+        let mut moved = [Acceleration::zero(); B];
+        let mut blocks = [Block::ZERO; B];
+        // On a free base: where the bodies are in it.
+        let mut in_base = [(Matrix3::identity(), Vector3::zeros()); B];
+        let free = B > 0 && self.coordinates(0).len() == 6;
         for b in 0..B {
-            if let Some(parent) = self.bodies()[b].parent {
-                felt[b] = k.from_parent[b].act_inverse(&felt[parent]);
-            }
-            for c in self.coordinates(b) {
-                let s = &k.subspace[b][c];
-                felt[b] = felt[b] + s.scale(a[c]) + k.velocity[b].cross(s).scale(v[c]);
+            moved[b] = by_joint!(
+                self.accelerate(b, placements, v, a, &placements.gravity, &moved),
+                free: accelerate_free(v, a, &placements.gravity)
+            );
+            blocks[b] = Block::new(&moved[b]);
+            if free {
+                if b > 0 {
+                    in_base[b] = by_joint!(
+                        self.place_in_base(b, placements, &in_base),
+                        free: (Matrix3::identity(), Vector3::zeros())
+                    );
+                }
+                let rows = blocks[b].rows(&in_base[b].0, &in_base[b].1);
+                for (c, run) in rows.into_iter().enumerate() {
+                    write(c, b, run);
+                }
             }
         }
-        for b in 0..B {
-            felt[b] = felt[b] + lift(&k.gravity[b]);
+        let mut carried = [Motion::zero(); B];
+        for a in usize::from(free)..B {
+            let c = self.coordinates(a).start;
+            let own = by_joint!(
+                self.own_run(a, placements, &blocks[a]),
+                free: [T::zero(); INERTIAL]
+            );
+            write(c, a, own);
+            carried[a] = self.own_subspace(a, 0);
+            for b in self.subtree(a).skip(1) {
+                // Its parent is in the subtree as well, and comes before.
+                let above = carried[self.bodies()[b].parent.unwrap_or(a)];
+                carried[b] = by_joint!(self.lower(b, placements, &above), free: above);
+                write(
+                    c,
+                    b,
+                    blocks[b].along(&carried[b].angular, &carried[b].linear),
+                );
+            }
         }
-        self.assemble(|b, c| {
-            let (s, velocity) = (&k.subspace[b][c], &k.velocity[b]);
-            momentum_row(s, &felt[b]) - momentum_row(&velocity.cross(s), velocity)
-        })
+    }
+
+    /// What a joint feels of its own body.
+    #[inline(always)]
+    fn own_run<J: JointFrame<T>>(
+        &self,
+        b: usize,
+        placements: &Placements<T, B>,
+        block: &Block<T>,
+    ) -> [T; INERTIAL] {
+        let joint = J::new(&placements.from_parent[b], &self.bodies()[b].joint);
+        let zero = T::zero();
+        if J::SLIDES {
+            let [m, x, y, z] = joint.combine(block.force());
+            [m, x, y, z, zero, zero, zero, zero, zero, zero]
+        } else {
+            let h = joint.cross_axis(&block.acceleration());
+            let [xx, xy, xz, yy, yz, zz] = joint.combine(block.couple());
+            [zero, h.x, h.y, h.z, xx, xy, xz, yy, yz, zz]
+        }
+    }
+
+    #[inline(always)]
+    fn lower<J: JointFrame<T>>(
+        &self,
+        b: usize,
+        placements: &Placements<T, B>,
+        s: &Motion<T>,
+    ) -> Motion<T> {
+        let placement = &placements.from_parent[b];
+        let joint = J::new(placement, &self.bodies()[b].joint);
+        lowered(&joint, &placement.translation, s)
+    }
+
+    #[inline(always)]
+    fn place_in_base<J: JointFrame<T>>(
+        &self,
+        b: usize,
+        placements: &Placements<T, B>,
+        in_base: &[(Matrix3<T>, Vector3<T>); B],
+    ) -> (Matrix3<T>, Vector3<T>) {
+        let placement = &placements.from_parent[b];
+        let joint = J::new(placement, &self.bodies()[b].joint);
+        let (rotation, p) = &in_base[self.bodies()[b].parent.unwrap_or(0)];
+        (joint.after(rotation), p + rotation * placement.translation)
     }
 
     /// Rows w_k, w_p with w_k θ = kinetic and w_p θ = potential energy (J), zero potential at the world's origin.
@@ -160,4 +338,13 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         }
         (kinetic, potential)
     }
+}
+
+/// A twist of the parent's frame, felt at a child's frame whose origin is at `p`, in the child's axes.
+#[inline(always)]
+fn lowered<T: Real, J: JointFrame<T>>(joint: &J, p: &Vector3<T>, s: &Motion<T>) -> Motion<T> {
+    Motion::new(
+        joint.to_child(&s.angular),
+        joint.to_child(&(s.linear + s.angular.cross(p))),
+    )
 }

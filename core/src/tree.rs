@@ -8,9 +8,15 @@
 //! derivative of those six numbers (as in Pinocchio's free-flyer, except for the order).
 
 use crate::inertia::InertialParameters;
-use crate::spatial::{Motion, Transform};
+use crate::spatial::Transform;
 use crate::{Real, scalar};
+use joint_frame::JointKind;
 use nalgebra::{Matrix3, SVector, Vector3};
+
+pub(crate) mod joint_frame;
+mod kinematics;
+
+pub use kinematics::{Jacobians, Kinematics, Placements};
 
 /// How a body moves in its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +79,7 @@ impl core::error::Error for TreeError {}
 pub struct Tree<T: Real, const B: usize, const V: usize> {
     bodies: [Body<T>; B],
     turning: [Turning<T>; B],
+    kinds: [JointKind; B],
     first_coordinate: [usize; B],
     subtree_end: [usize; B],
     gravity: Vector3<T>,
@@ -115,6 +122,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         Ok(Self {
             bodies,
             turning,
+            kinds: bodies.each_ref().map(JointKind::of),
             first_coordinate,
             subtree_end,
             gravity,
@@ -162,98 +170,9 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         self.gravity
     }
 
-    /// Placements and velocities of all bodies.
-    ///
-    /// `base` is the base frame's placement in the world: where the fixed base is mounted, or where the free one is. `q`
-    /// holds joint positions (rad, m; the six entries of a free joint are not read: `base` says where it is), `v` the
-    /// velocities.
-    pub fn kinematics(
-        &self,
-        base: &Transform<T>,
-        q: &SVector<T, V>,
-        v: &SVector<T, V>,
-    ) -> Kinematics<T, B, V> {
-        let mut k = Kinematics::zero();
-        self.update_kinematics(&mut k, base, q, v);
-        k
-    }
-
-    /// [`kinematics`](Self::kinematics) in place: `k` is of this tree, or zero.
-    pub(crate) fn update_kinematics(
-        &self,
-        k: &mut Kinematics<T, B, V>,
-        base: &Transform<T>,
-        q: &SVector<T, V>,
-        v: &SVector<T, V>,
-    ) {
-        for b in 0..B {
-            self.add_body(k, b, base, q, v);
-        }
-    }
-
-    fn add_body(
-        &self,
-        k: &mut Kinematics<T, B, V>,
-        b: usize,
-        base: &Transform<T>,
-        q: &SVector<T, V>,
-        v: &SVector<T, V>,
-    ) {
-        let body = &self.bodies[b];
-        let own = self.coordinates(b);
-        let placement = match body.joint {
-            Joint::Free => *base,
-            Joint::Revolute(_) => Transform {
-                rotation: self.turning[b].rotation(q[own.start]),
-                translation: body.placement.translation,
-            },
-            Joint::Prismatic(axis) => body
-                .placement
-                .compose(&Transform::from_translation(axis * q[own.start])),
-        };
-        k.from_parent[b] = placement;
-        let above = match body.parent {
-            Some(parent) => k.gravity[parent],
-            None if body.joint == Joint::Free => self.gravity,
-            None => base.rotation.tr_mul(&self.gravity),
-        };
-        k.gravity[b] = placement.rotation.tr_mul(&above);
-
-        let mut velocity = Motion::zero();
-        if let Some(parent) = body.parent {
-            velocity = placement.act_inverse(&k.velocity[parent]);
-            let mut ancestor = Some(parent);
-            while let Some(a) = ancestor {
-                for c in self.coordinates(a) {
-                    k.subspace[b][c] = placement.act_inverse(&k.subspace[parent][c]);
-                    k.subspace_rate[b][c] = placement.act_inverse(&k.subspace_rate[parent][c]);
-                }
-                ancestor = self.bodies[a].parent;
-            }
-        }
-        for (n, c) in own.clone().enumerate() {
-            k.subspace[b][c] = match body.joint {
-                Joint::Free => Motion::unit(n),
-                Joint::Revolute(axis) => Motion::new(axis, Vector3::zeros()),
-                Joint::Prismatic(axis) => Motion::new(Vector3::zeros(), axis),
-            };
-            velocity = velocity + k.subspace[b][c].scale(v[c]);
-        }
-        k.velocity[b] = velocity;
-        for c in own {
-            k.subspace_rate[b][c] = velocity.cross(&k.subspace[b][c]);
-        }
-    }
-
-    /// Calls `visit(body, coordinate)` for each pair in which the coordinate moves the body.
-    pub(crate) fn for_each_pair(&self, mut visit: impl FnMut(usize, usize)) {
-        for b in 0..B {
-            let mut ancestor = Some(b);
-            while let Some(a) = ancestor {
-                self.coordinates(a).for_each(|c| visit(b, c));
-                ancestor = self.bodies[a].parent;
-            }
-        }
+    /// How a body's joint carries vectors.
+    pub(crate) fn kind(&self, body: usize) -> JointKind {
+        self.kinds[body]
     }
 }
 
@@ -280,38 +199,8 @@ impl<T: Real> Turning<T> {
         }
     }
 
-    fn rotation(&self, angle: T) -> Matrix3<T> {
-        let (sin, cos) = scalar::sin_cos(angle);
+    fn rotation(&self, (sin, cos): (T, T)) -> Matrix3<T> {
         self.constant + self.sine * sin + self.cosine * cos
-    }
-}
-
-/// The motion of a tree at one instant; everything is written in the coordinates of the body it is indexed by.
-#[derive(Clone, Copy, Debug)]
-pub struct Kinematics<T: Real, const B: usize, const V: usize> {
-    /// Placement of each body in its parent (in the world, for a free base).
-    pub from_parent: [Transform<T>; B],
-    /// Twist of each body.
-    pub velocity: [Motion<T>; B],
-    /// Gravity, m/s².
-    pub gravity: [Vector3<T>; B],
-    /// `subspace[b][c]`: twist of body b when coordinate c moves at unit rate, a column of the body's Jacobian; zero
-    /// where c does not move b.
-    pub subspace: [[Motion<T>; V]; B],
-    /// `subspace_rate[b][c]`: v × S of the body that coordinate c belongs to: how fast that column turns.
-    pub subspace_rate: [[Motion<T>; V]; B],
-}
-
-impl<T: Real, const B: usize, const V: usize> Kinematics<T, B, V> {
-    /// No motion, no placement.
-    pub(crate) fn zero() -> Self {
-        Self {
-            from_parent: [Transform::identity(); B],
-            velocity: [Motion::zero(); B],
-            gravity: [Vector3::zeros(); B],
-            subspace: [[Motion::zero(); V]; B],
-            subspace_rate: [[Motion::zero(); V]; B],
-        }
     }
 }
 

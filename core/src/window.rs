@@ -16,6 +16,7 @@
 
 use crate::effect::{EffectKind, JointState, Term};
 use crate::inertia::INERTIAL;
+use crate::regressor::RegressorRows;
 use crate::spatial::Transform;
 use crate::tree::{Kinematics, Tree};
 use crate::{Real, scalar::real};
@@ -111,31 +112,30 @@ pub struct Rows<T: Real, const B: usize, const P: usize, const E: usize> {
 
 /// What is integrated over a window, or its integrand at one instant.
 #[derive(Clone, Copy, Debug)]
-struct Integrand<T: Real, const B: usize, const P: usize, const E: usize> {
-    inertial: SMatrix<T, B, P>,
+struct Integrand<T: Real, const B: usize, const E: usize> {
+    inertial: RegressorRows<T, B, B>,
     effects: [[T; E]; B],
     torque: [T; B],
 }
 
-impl<T: Real, const B: usize, const P: usize, const E: usize> Integrand<T, B, P, E> {
+impl<T: Real, const B: usize, const E: usize> Integrand<T, B, E> {
     fn zero() -> Self {
         Self {
-            inertial: SMatrix::zeros(),
+            inertial: [[[T::zero(); INERTIAL]; B]; B],
             effects: [[T::zero(); E]; B],
             torque: [T::zero(); B],
         }
     }
 
     fn clear(&mut self) {
-        self.inertial.as_mut_slice().fill(T::zero());
-        self.effects = [[T::zero(); E]; B];
-        self.torque = [T::zero(); B];
+        *self = Self::zero();
     }
 
     /// Adds `other` times `duration`.
     fn add(&mut self, other: &Self, duration: T) {
-        let rates = other.inertial.as_slice();
-        for (sum, rate) in self.inertial.as_mut_slice().iter_mut().zip(rates) {
+        let rates = other.inertial.as_flattened().as_flattened();
+        let sums = self.inertial.as_flattened_mut().as_flattened_mut();
+        for (sum, rate) in sums.iter_mut().zip(rates) {
             *sum += *rate * duration;
         }
         for b in 0..B {
@@ -149,17 +149,17 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Integrand<T, B, P,
 
 /// The quantities that enter as differences between a window's ends.
 #[derive(Clone, Copy, Debug)]
-struct Edge<T: Real, const B: usize, const P: usize, const E: usize> {
+struct Edge<T: Real, const B: usize, const E: usize> {
     time_us: u64,
-    momentum: SMatrix<T, B, P>,
+    momentum: RegressorRows<T, B, B>,
     effects: [[T; E]; B],
 }
 
-impl<T: Real, const B: usize, const P: usize, const E: usize> Edge<T, B, P, E> {
+impl<T: Real, const B: usize, const E: usize> Edge<T, B, E> {
     fn zero() -> Self {
         Self {
             time_us: 0,
-            momentum: SMatrix::zeros(),
+            momentum: [[[T::zero(); INERTIAL]; B]; B],
             effects: [[T::zero(); E]; B],
         }
     }
@@ -192,11 +192,11 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [
     kinematics: Kinematics<T, B, B>,
     /// The integrand at the last sample, and half the time between it and the one before in this window (s): what of its
     /// trapezia lies before it.
-    integrand: Integrand<T, B, P, E>,
+    integrand: Integrand<T, B, E>,
     half_step: T,
-    integral: Integrand<T, B, P, E>,
-    start: Edge<T, B, P, E>,
-    end: Edge<T, B, P, E>,
+    integral: Integrand<T, B, E>,
+    start: Edge<T, B, E>,
+    end: Edge<T, B, E>,
     rows: Rows<T, B, P, E>,
 }
 
@@ -218,7 +218,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             plausible,
             settings,
             last: None,
-            kinematics: Kinematics::zero(),
+            kinematics: Kinematics::new(),
             integrand: Integrand::zero(),
             half_step: T::zero(),
             integral: Integrand::zero(),
@@ -316,14 +316,14 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
         let (start, end, sum, rows) = (&self.start, &self.end, &self.integral, &mut self.rows);
         let per_second = T::one() / microseconds(end.time_us - start.time_us);
         rows.span_us = [start.time_us, end.time_us];
-        let edges = end
-            .momentum
-            .as_slice()
-            .iter()
-            .zip(start.momentum.as_slice());
-        let entries = edges.zip(sum.inertial.as_slice());
-        for (row, ((end, start), sum)) in rows.inertial.as_mut_slice().iter_mut().zip(entries) {
-            *row = (*end - *start + *sum) * per_second;
+        for c in 0..B {
+            for b in self.tree.subtree(c) {
+                for n in 0..INERTIAL {
+                    let difference = end.momentum[c][b][n] - start.momentum[c][b][n];
+                    rows.inertial[(c, INERTIAL * b + n)] =
+                        (difference + sum.inertial[c][b][n]) * per_second;
+                }
+            }
         }
         for b in 0..B {
             rows.torque[b] = sum.torque[b] * per_second;

@@ -4,11 +4,14 @@ mod model;
 
 use std::io::ErrorKind;
 
-use proprio::criticism::CriticismError;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
-use proprio::identification::IdentificationError;
+use proprio::excite::ExciteError;
+use proprio::excite::earlier::EarlierError;
+use proprio::identify::IdentificationError;
 use proprio::log::{LEAST_RATE, LogError, Problem};
+use proprio::recording::RecordingError;
+use proprio::validate::ValidateError;
 
 use crate::command::Error;
 
@@ -16,14 +19,18 @@ use crate::command::Error;
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
         Error::Log(error) | Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
-        Error::Criticism(CriticismError::Log(error)) => Some(of_log(error)),
-        Error::Criticism(CriticismError::TooShort { .. }) => {
+        Error::Recording(RecordingError::Log(error)) => Some(of_log(error)),
+        Error::Recording(RecordingError::Impossible { .. }) => Some(
+            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
+                .to_owned(),
+        ),
+        Error::Recording(RecordingError::TooShort { .. }) => {
             Some("record at least 4 s of motion, better 20 s".to_owned())
         }
-        Error::Criticism(CriticismError::AtRest { .. }) => {
+        Error::Recording(RecordingError::AtRest { .. }) => {
             Some("record the joints moving, slowly and fast; leave out a log at rest".to_owned())
         }
-        Error::Criticism(CriticismError::LimbTooLarge { .. }) => Some(
+        Error::Recording(RecordingError::LimbTooLarge { .. }) => Some(
             "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log".to_owned(),
         ),
         Error::Identification(IdentificationError::NoWindows { .. }) => {
@@ -52,11 +59,23 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Model(error) => model::of_model(error),
         Error::Robot(error) => model::of_robot(error),
         Error::UnknownName(unknown) => model::of_name(unknown),
+        Error::Earlier(EarlierError::Log(error)) | Error::Validate(ValidateError::Log(error)) => Some(of_log(error)),
+        Error::Earlier(EarlierError::Excite(error)) => of_excite(error),
+        Error::Earlier(EarlierError::NotRecorded(_)) => Some("name logs of these legs, or other --legs".to_owned()),
+        Error::Validate(_) => None,
+        Error::Follow(_) => Some("`proprio excite -o motion.csv` makes a motion to follow".to_owned()),
+        Error::Excite(error) => of_excite(error),
+        Error::NotWithinLimits(_) => Some("keep back more of that limit, or begin in another --pose".to_owned()),
         Error::Export(error) => model::of_export(error),
+        Error::NotReproduced(_) => Some("please report it, with the model file and the logs".to_owned()),
         Error::NotAModel(_) => Some(
             "add --physical (with --model: leave out --free), or name a .json file".to_owned(),
         ),
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
+        Error::WouldReplace { .. } => {
+            Some("name another file; or to replace this one, add --force".to_owned())
+        }
+        Error::WouldReplaceLog(_) => Some("name another file".to_owned()),
         Error::NotADemo(_) => Some("name another directory: `proprio demo -o DIR`".to_owned()),
         Error::RobotIsSet(_) => Some("leave out --urdf, or name a new model file".to_owned()),
         Error::NotOnDevice { .. } => {
@@ -67,6 +86,26 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
     }
+}
+
+fn of_excite(error: &ExciteError) -> Option<String> {
+    let hint = match error {
+        ExciteError::Setting { .. } => "`proprio excite --help` tells what each number is",
+        ExciteError::Pose { .. } => {
+            "begin elsewhere: `--pose JOINT=RAD,…`, or keep back less of that limit"
+        }
+        ExciteError::NoRoom { .. } => {
+            "keep back less of the robot's limits, or correct them in the URDF"
+        }
+        ExciteError::NoMotion { .. } => {
+            "keep back less of that limit, begin in another --pose, or take more --starts"
+        }
+        ExciteError::TooLarge(..) => "make the joints that can be held still fixed in the URDF",
+        ExciteError::Unknown(unknown) => return model::of_name(unknown),
+        ExciteError::NotDesignable(_) => "`proprio diagnose` says in words which motion tells it",
+        ExciteError::Unphysical(_) => "correct the bodies of the URDF or of the model file",
+    };
+    Some(hint.to_owned())
 }
 
 fn of_device(error: &DeviceError) -> Option<String> {
@@ -92,12 +131,43 @@ fn of_log(error: &LogError) -> String {
         Problem::Open(cause) => match cause.kind() {
             ErrorKind::NotFound => "check the path; `proprio simulate` makes a log to try".to_owned(),
             ErrorKind::PermissionDenied => "make the file readable: `chmod +r FILE`".to_owned(),
-            ErrorKind::IsADirectory => "name the log files in it, such as `DIRECTORY/*.csv`".to_owned(),
+            ErrorKind::IsADirectory => {
+                "the directory is no bag (with .mcap or .db3) and no LeRobot data set; name the log files in it, such as \
+                 `DIRECTORY/*.csv`"
+                    .to_owned()
+            }
             _ => "check that the path is a readable file".to_owned(),
         },
         Problem::Read(_) => {
             "the file is damaged or cut short; copy it again, or unpack it with `gunzip` and delete the last line".to_owned()
         }
+        Problem::Damaged(_) => "copy the file again; a bag that was cut short gives its whole messages".to_owned(),
+        Problem::NotALog { way, .. } => (*way).to_owned(),
+        Problem::NotBuilt { feature, .. } => format!("build it with `--features {feature}`"),
+        Problem::NoTopic { .. } => {
+            "record the joints: `ros2 bag record -s mcap /lowstate` (Unitree) or `/joint_states`".to_owned()
+        }
+        Problem::NoMessages { .. } => "record again while the robot sends, or name another bag".to_owned(),
+        Problem::Encoding("compressed one by one") => {
+            "decompress the bag: `ros2 bag convert`, or record with `--compression-mode file`".to_owned()
+        }
+        Problem::Encoding(_) => "record the topic with `ros2 bag record`".to_owned(),
+        Problem::MessageLength { .. } | Problem::MessageShort { .. } => {
+            "the bag's types and messages disagree: record it with the maker's present message definitions".to_owned()
+        }
+        Problem::MotorOrder { .. } => {
+            "state it in the model file, as the maker documents it: `[log]`, `motors = [\"JOINT\", …]`".to_owned()
+        }
+        Problem::NoGear { joint } => format!(
+            "state it in the model file: `[motor.{joint}]`, `gear = …`, `rotor_inertia = …`"
+        ),
+        Problem::CoupledInPart { .. } => "record both at the motor, or both at the joint".to_owned(),
+        Problem::Transmission => "correct `[log.transmission]` in the model file: rows must be independent".to_owned(),
+        Problem::NoJointNames { .. } => {
+            "name them in the same file: numpy.savez('log.npz', t=t, q=q, dq=dq, tau=tau, joint_names=['…', …])".to_owned()
+        }
+        Problem::OtherLength { .. } => "save arrays of one recording, a row per sample".to_owned(),
+        Problem::OtherCells { .. } => "name the files one by one".to_owned(),
         Problem::Empty => "record again: the recorder wrote nothing, not even a header".to_owned(),
         Problem::NoHeader => {
             "put the columns' names on the first line: `t,q/FR_hip,dq/FR_hip,tau/FR_hip,…`".to_owned()
@@ -128,7 +198,8 @@ fn of_log(error: &LogError) -> String {
             format!("record `{missing}` too, or delete the columns of {joint}'s limb")
         }
         Problem::IncompleteLimb { limb, missing, .. } => format!(
-            "record {missing} too, or delete the other columns of limb {limb}: limbs are identified whole"
+            "record {missing} too, or say where it was held: `[held]`, `{missing} = 0.0` in the model file; or leave out \
+             limb {limb}"
         ),
         Problem::Ragged { found, expected } if found < expected => {
             "if it is the last line, the recording was cut short: delete it".to_owned()
@@ -138,7 +209,7 @@ fn of_log(error: &LogError) -> String {
             "delete the line: every recorded channel needs a value in every row".to_owned()
         }
         Problem::NotANumber(_) => "correct the cell, or delete the line".to_owned(),
-        Problem::NotFinite(_) => "delete the line; a gap does no harm, a made-up value would".to_owned(),
+        Problem::NotFinite(_) => "leave the row out; a gap does no harm, a made-up value would".to_owned(),
         Problem::TimeBackwards { .. } => {
             "sort the rows by `t`; if two recordings were joined, split the file here".to_owned()
         }

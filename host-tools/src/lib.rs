@@ -1,15 +1,29 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
+//!
+//! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], [`recording`],
+//! `equation`, `predict`, [`estimate`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`], [`compare`] and
+//! [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]. The [`simulator`] is truth, independent of them.
 
-pub mod criticism;
+pub mod advise;
+pub mod compare;
+pub mod detect;
 pub mod device;
+pub mod diagnose;
+mod equation;
 pub mod estimate;
+pub mod excite;
+pub mod gate;
 pub mod identifiability;
-pub mod identification;
+pub mod identify;
 pub mod log;
 pub mod model;
 mod nearest;
 pub mod output;
 pub mod parameter;
+mod predict;
+pub mod recording;
 pub mod report;
+mod select;
 pub mod simulator;
 pub mod table;
+pub mod validate;

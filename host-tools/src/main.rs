@@ -7,14 +7,11 @@ mod progress;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
     if let Err(error) = proprio::output::remove_on_interrupt() {
         eprintln!("warning: Ctrl-C may leave unfinished files behind: {error}");
     }
-    let arguments = command::Arguments::parse();
-    match arguments.run() {
+    match command::run() {
         Ok(text) => match std::io::stdout().write_all(text.as_bytes()) {
             // A reader that has seen enough (`| head`) is no failure.
             Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {

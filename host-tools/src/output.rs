@@ -6,6 +6,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use tempfile::{Builder, NamedTempFile};
@@ -119,12 +120,30 @@ pub fn write(path: &Path, contents: &str) -> Result<(), WriteError> {
     file.commit()
 }
 
-/// From now on Ctrl-C, and a request to terminate, removes unfinished files and ends the process with status 130.
+/// Whether the first Ctrl-C asks a search to end with what it has, and whether it was pressed.
+static FINISHES: AtomicBool = AtomicBool::new(false);
+static ASKED: AtomicBool = AtomicBool::new(false);
+
+/// From now on the first Ctrl-C does not end the process: [`asked_to_finish`] says that it was pressed. A second one does.
+pub fn finish_on_interrupt() {
+    FINISHES.store(true, Ordering::Relaxed);
+}
+
+/// Whether Ctrl-C was pressed since [`finish_on_interrupt`].
+pub fn asked_to_finish() -> bool {
+    ASKED.load(Ordering::Relaxed)
+}
+
+/// From now on Ctrl-C, and a request to terminate, removes unfinished files and ends the process with status 130; after
+/// [`finish_on_interrupt`] the second one does.
 ///
 /// # Errors
 /// If the handler cannot be installed.
 pub fn remove_on_interrupt() -> Result<(), ctrlc::Error> {
     ctrlc::set_handler(|| {
+        if FINISHES.load(Ordering::Relaxed) && !ASKED.swap(true, Ordering::Relaxed) {
+            return;
+        }
         // Held until the process has ended, so that no new file comes after the sweep.
         let open = open_files();
         for path in open.iter() {

@@ -44,6 +44,21 @@ pub fn name_at(what: &str, joint: &str) -> String {
     format!("{what}:{joint}")
 }
 
+/// The name of parameter `n` of an effect at a joint: `coulomb:FR_hip`, and beyond the first `stribeck.vs:FR_hip`.
+pub fn of_effect(effect: EffectKind, n: usize, joint: &str) -> String {
+    match n {
+        0 => name_at(effect.name(), joint),
+        n => name_at(
+            &format!(
+                "{}.{}",
+                effect.name(),
+                effect.description().parameters[n].symbol
+            ),
+            joint,
+        ),
+    }
+}
+
 /// A parameter and its value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {

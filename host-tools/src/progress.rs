@@ -42,6 +42,13 @@ impl Progress {
         });
         bar.set_position(done);
     }
+
+    /// Says more of what is being done, once the bar is shown.
+    pub(crate) fn say(&self, words: String) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(words);
+        }
+    }
 }
 
 impl Drop for Progress {

@@ -1,10 +1,12 @@
 //! A diagnosis' ladder on logs that it has not seen: does an effect that one log asks for make another one's error larger?
 
-use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::{Recording, compare, diagnose};
+use proprio::compare::ValuesFrom;
+use proprio::compare::compare;
+use proprio::diagnose::diagnose;
 use proprio::estimate::Constraint;
-use proprio::identification::{FitOptions, fit_model};
+use proprio::identify::{FitOptions, fit_model};
 use proprio::model::{Model, Provenance};
+use proprio::recording::Recording;
 use proprio_core::effect::EffectKind;
 
 use crate::device_fit::Failure;

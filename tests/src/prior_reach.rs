@@ -5,10 +5,10 @@
 
 use std::path::Path;
 
-use proprio::criticism::Recording;
 use proprio::estimate::{Constraint, ParameterEstimate};
-use proprio::identification::{FitOptions, fit_model};
+use proprio::identify::{FitOptions, fit_model};
 use proprio::model::Model;
+use proprio::recording::Recording;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use proprio::identification::{Identification, Options, identify};
+use proprio::identify::{Identification, Options, identify};
 use proprio::log::{JointId, LogWriter};
 use proprio::parameter;
 use proprio::report::candidates::Candidate;
@@ -192,7 +192,7 @@ fn windows_of(
         for (j, joint) in joints.iter_mut().enumerate() {
             let mut columns = [0.0; LEG_PARAMETERS];
             for (n, column) in columns[..LEG_INERTIAL].iter_mut().enumerate() {
-                *column = rows.inertial[(j, n)];
+                *column = rows.inertial[LEG_INERTIAL * j + n];
             }
             let own = LEG_INERTIAL + EFFECTS.len() * j;
             columns[own..own + EFFECTS.len()].copy_from_slice(&rows.effects[j]);

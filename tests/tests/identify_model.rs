@@ -210,6 +210,7 @@ fn bad_input_overwrites_nothing() {
         "out.toml",
         "--html",
         "report.html",
+        "--force",
     ];
 
     // A rigid robot has no friction, so that some free estimates are negative.
@@ -298,7 +299,15 @@ fn a_bad_urdf_under_a_model_is_named() {
     let add = ["add", "coulomb", "-m", "model.toml", "--urdf", "go2.urdf"];
     done(folder, &add);
     fs::write(folder.join("out.toml"), "precious").unwrap();
-    let fit = ["identify", "log.csv", "-m", "model.toml", "-o", "out.toml"];
+    let fit = [
+        "identify",
+        "log.csv",
+        "-m",
+        "model.toml",
+        "-o",
+        "out.toml",
+        "--force",
+    ];
     // A rotor is fixed to the hip, whose mass would hide that the hip has none.
     let light = urdf.replace("<mass value=\"0.089\"/>", "<mass value=\"0\"/>");
     for (from, to, expected) in [

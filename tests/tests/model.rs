@@ -258,55 +258,21 @@ const ARM: &str = r#"<robot name="arm">
 </robot>
 "#;
 
-/// A chain of so many moving links.
-fn chain(length: usize) -> String {
-    let inertial = "<inertial><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial>";
-    let mut text = "<robot name=\"chain\"><link name=\"l0\"/>".to_owned();
-    for n in 1..=length {
-        let above = n - 1;
-        text += &format!(
-            "<link name=\"l{n}\">{inertial}</link><joint name=\"j{n}\" type=\"continuous\"><parent link=\"l{above}\"/><child \
-             link=\"l{n}\"/><axis xyz=\"1 0 0\"/></joint>"
-        );
-    }
-    text + "</robot>\n"
-}
-
 #[test]
 fn each_bad_urdf_is_refused_with_its_place_and_the_fix() {
     let folder = folder();
-    fs::write(folder.path().join("arm.urdf"), chain(32)).unwrap();
-    done(
-        folder.path(),
-        &["add", "bias", "-m", "chain.toml", "--urdf", "arm.urdf"],
-    );
     let changed = |from: &str, to: &str| {
         assert!(ARM.contains(from), "{from}");
         ARM.replacen(from, to, 1)
     };
-    let slider_inertia = "<mass value=\"2\"/>\n    <inertia ixx=\"0.01\"";
     let cases = [
         (
             "zero mass",
             changed("<mass value=\"5\"/>", "<mass value=\"0\"/>"),
         ),
         (
-            "no inertial",
-            changed(
-                "<inertial><mass value=\"1\"/>\n    <inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.01\" iyz=\"0\" izz=\"0.01\"/></inertial>",
-                "",
-            ),
-        ),
-        (
             "negative mass",
             changed("<mass value=\"5\"/>", "<mass value=\"-5\"/>"),
-        ),
-        (
-            "impossible inertia",
-            changed(
-                slider_inertia,
-                "<mass value=\"2\"/>\n    <inertia ixx=\"3\"",
-            ),
         ),
         ("negative inertia", changed("ixx=\"0.1\"", "ixx=\"-0.1\"")),
         (
@@ -334,18 +300,6 @@ fn each_bad_urdf_is_refused_with_its_place_and_the_fix() {
             changed("type=\"prismatic\"", "type=\"prismatc\""),
         ),
         (
-            "floating",
-            changed("type=\"continuous\"", "type=\"floating\""),
-        ),
-        ("planar", changed("type=\"continuous\"", "type=\"planar\"")),
-        (
-            "mimic",
-            changed(
-                "<axis xyz=\"1 0 0\"/>",
-                "<axis xyz=\"1 0 0\"/><mimic joint=\"lift\"/>",
-            ),
-        ),
-        (
             "long axis",
             changed("<axis xyz=\"1 0 0\"/>", "<axis xyz=\"1 1 0\"/>"),
         ),
@@ -361,7 +315,6 @@ fn each_bad_urdf_is_refused_with_its_place_and_the_fix() {
             "two joints of one name",
             changed("name=\"wrist\"", "name=\"slide\""),
         ),
-        ("too many", chain(33)),
         (
             "nothing moves",
             "<robot name=\"rock\"><link name=\"rock\"/></robot>".to_owned(),

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio::identification::{Identification, Options, identify};
+use proprio::identify::{Identification, Options, identify};
 use proprio_tests::command::json;
 
 fn folder() -> PathBuf {

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::{Comparison, Diagnosis, Recording, compare, diagnose};
+use proprio::compare::ValuesFrom;
+use proprio::compare::{Comparison, compare};
+use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::model::{Model, Robot};
+use proprio::recording::Recording;
 use proprio_tests::command::recorded_logs;
 
 fn diagnosis(log: &Path) -> Diagnosis {

@@ -1,6 +1,6 @@
 //! What the data gates say of logs recorded on real Go2s.
 
-use proprio::criticism::gate::{DataGates, Gate, GateReport, Joint, Reading};
+use proprio::gate::{DataGates, Gate, GateReport, Joint, Reading};
 use proprio::log::Log;
 use proprio_core::go2::ACTUATORS;
 use proprio_tests::command::recorded_logs;

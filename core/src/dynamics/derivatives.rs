@@ -19,7 +19,7 @@
 
 use crate::Real;
 use crate::spatial::Motion;
-use crate::tree::{Kinematics, Tree};
+use crate::tree::{Jacobians, Kinematics, Tree};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// Derivatives of p = H q̇ (N m s) and r = g − Cᵀ q̇ (N m); column c is per rad or rad/s of coordinate c.
@@ -44,13 +44,14 @@ impl<T: Real, const N: usize> Tree<T, N, N> {
             rate_by_position: SMatrix::zeros(),
             rate_by_base: SMatrix::zeros(),
         };
+        let jacobians = self.jacobians(k);
         let mut to_base = [Matrix3::identity(); N];
         for b in 0..N {
             to_base[b] = match self.bodies()[b].parent {
-                Some(parent) => to_base[parent] * k.from_parent[b].rotation,
-                None => k.from_parent[b].rotation,
+                Some(parent) => to_base[parent] * k.placements.from_parent[b].rotation,
+                None => k.placements.from_parent[b].rotation,
             };
-            self.add_derivatives(k, b, &to_base[b], &mut d);
+            self.add_derivatives(k, &jacobians, b, &to_base[b], &mut d);
         }
         d
     }
@@ -59,6 +60,7 @@ impl<T: Real, const N: usize> Tree<T, N, N> {
     fn add_derivatives(
         &self,
         k: &Kinematics<T, N, N>,
+        jacobians: &Jacobians<T, N, N>,
         b: usize,
         to_base: &Matrix3<T>,
         d: &mut MomentumDerivatives<T, N>,
@@ -68,7 +70,7 @@ impl<T: Real, const N: usize> Tree<T, N, N> {
         let (momentum, weight) = (inertia.momentum(&k.velocity[b]), inertia.momentum(&lift));
         let mut lower = Some(b);
         while let Some(i) = lower {
-            let (s, rate) = (&k.subspace[b][i], &k.subspace_rate[b][i]);
+            let (s, rate) = (&jacobians.subspace[b][i], &jacobians.subspace_rate[b][i]);
             let along = inertia.momentum(s);
             let x = s.cross_force(&momentum) + inertia.momentum(rate);
             let y = s.cross_force(&weight) + inertia.momentum(&lift.cross(s));
@@ -78,7 +80,7 @@ impl<T: Real, const N: usize> Tree<T, N, N> {
             }
             let mut upper = Some(i);
             while let Some(j) = upper {
-                let (s, rate) = (&k.subspace[b][j], &k.subspace_rate[b][j]);
+                let (s, rate) = (&jacobians.subspace[b][j], &jacobians.subspace_rate[b][j]);
                 let inertia = s.dot(&along);
                 let curvature = s.dot(&y) - rate.dot(&x);
                 d.momentum_by_position[(j, i)] += s.dot(&x);

@@ -327,7 +327,9 @@ mod tests {
                 EffectKind::ThermalViscous => 10.0 * dq,
                 EffectKind::Cogging => (SHAPE * q).cos(),
                 EffectKind::Delay => -3.0 * (3.0 * t).cos(),
-                EffectKind::Saturation => tau - tau.clamp(-SHAPE, SHAPE),
+                EffectKind::Saturation => {
+                    ((tau.abs() - 0.95 * SHAPE) / (0.05 * SHAPE)).clamp(0.0, 1.0) * tau.signum()
+                }
                 EffectKind::TorqueGain
                 | EffectKind::VelocityGain
                 | EffectKind::EncoderOffset

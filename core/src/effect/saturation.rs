@@ -1,8 +1,14 @@
-//! A torque that is limited below the reported one: true = reported within ± limit. The column is the excess; its
-//! coefficient, the share of it that is missing, is one where the limit is right. The limit is scanned.
+//! A drive that gives less than it reports: the true torque is the reported one within ± limit.
+//!
+//! From the motion alone only the true torque can be told, and it never exceeds the limit: where it is there, what is reported is
+//! larger by an excess that the motion does not show. So the column is where the limit acts, and its coefficient the mean excess;
+//! the limit is scanned. A share of [`EDGE`] below the limit counts in part, as far as a model of the torque can tell.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, go2::Actuator, scalar::real};
+
+/// Share of the limit from which on a torque may be at it.
+const EDGE: f64 = 0.05;
 
 /// See the module.
 pub(super) struct Saturation;
@@ -14,7 +20,7 @@ impl Effect for Saturation {
         form: Form::Columns,
         parameters: &[
             Parameter::new("limit", "N m", 0.0, f64::INFINITY).shape(),
-            Parameter::new("share", "1", 0.5, 1.5),
+            Parameter::new("excess", "N m", 0.0, f64::INFINITY),
         ],
         words: "the motor gives less than it reports beyond a limit (current limit, voltage)",
         look_alikes: &["torque_gain", "load_friction"],
@@ -23,21 +29,28 @@ impl Effect for Saturation {
         mjcf: None,
     };
 
-    fn prior(_: &Actuator, parameter: usize) -> Prior {
+    fn prior(actuator: &Actuator, parameter: usize) -> Prior {
         match parameter {
             0 => Prior {
                 mean: 20.0,
                 std: 20.0,
             },
+            // A controller may ask for as much again as the drive gives.
             _ => Prior {
-                mean: 1.0,
-                std: 0.3,
+                mean: 0.0,
+                std: if actuator.effort.is_finite() && actuator.effort > 0.0 {
+                    actuator.effort
+                } else {
+                    20.0
+                },
             },
         }
     }
 
     fn terms<T: Real>(state: &JointState<T>, limit: T) -> [Term<T>; MAX_COLUMNS] {
-        let excess = state.tau - state.tau.max(-limit).min(limit);
-        [Term::rate(excess), Term::zero()]
+        let edge = real::<T>(EDGE) * limit;
+        let share = (state.tau.abs() - limit + edge) / edge;
+        let share = share.max(T::zero()).min(T::one());
+        [Term::rate(share * state.tau.signum()), Term::zero()]
     }
 }

@@ -26,15 +26,30 @@ pub(crate) struct Add {
     /// The robot of a model file that does not exist yet [default: the Go2]
     #[arg(long, value_name = "FILE")]
     urdf: Option<PathBuf>,
+    /// With --urdf: a joint that does not move and is not recorded, and where it is held, rad or m
+    #[arg(long, value_name = "JOINT=POSITION", value_parser = held, requires = "urdf")]
+    hold: Vec<(String, f64)>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
+/// `finger=0.02`.
+fn held(text: &str) -> Result<(String, f64), String> {
+    let (joint, position) = text.split_once('=').ok_or("write JOINT=POSITION")?;
+    let position: f64 = position
+        .parse()
+        .map_err(|_| format!("`{position}` is not a number"))?;
+    if !position.is_finite() {
+        return Err(format!("`{position}` is no position"));
+    }
+    Ok((joint.to_owned(), position))
+}
+
 const EXAMPLES: &str = "Examples:
   proprio add viscous coulomb -m go2.toml
   proprio add armature:FR_calf bias:FR_hip -m go2.toml --json
-  proprio add coulomb -m arm.toml --urdf arm.urdf";
+  proprio add coulomb -m arm.toml --urdf arm.urdf --hold finger=0.02";
 
 /// Examples, then every effect of the catalogue.
 fn long_help() -> String {
@@ -55,6 +70,8 @@ struct Report {
     added: Vec<String>,
     /// Those it had.
     present: Vec<String>,
+    /// What of a new robot was taken otherwise than its URDF has it.
+    notes: Vec<String>,
 }
 
 impl Add {
@@ -63,7 +80,7 @@ impl Add {
         let mut model = match &self.urdf {
             Some(_) if !created => return Err(Error::RobotIsSet(self.model)),
             None if !created => Model::load(&self.model)?,
-            Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
+            Some(urdf) => Model::new(Robot::from_urdf_held(urdf, &self.hold)?),
             None => Model::default(),
         };
         let mut places = Vec::new();
@@ -84,11 +101,17 @@ impl Add {
         if created || !added.is_empty() {
             model.save(&self.model)?;
         }
+        let notes = if created {
+            model.robot().notes().to_vec()
+        } else {
+            Vec::new()
+        };
         let report = Report {
             model: self.model,
             created,
             added,
             present,
+            notes,
         };
         Ok(if self.json {
             json(&report)
@@ -102,7 +125,7 @@ impl Add {
 type Place = (EffectKind, usize);
 
 /// The effect and joints of `EFFECT[:JOINT]`.
-fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>), UnknownName> {
+pub(super) fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>), UnknownName> {
     let (effect, joint) = match text.split_once(':') {
         Some((effect, joint)) => (effect, Some(joint)),
         None => (text, None),
@@ -118,6 +141,9 @@ impl std::fmt::Display for Report {
         let path = self.model.display();
         if self.created {
             writeln!(f, "{path} is new.")?;
+        }
+        for note in &self.notes {
+            writeln!(f, "Note: {note}.")?;
         }
         if !self.added.is_empty() {
             writeln!(f, "Added to {path}: {}", self.added.join(", "))?;

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::criticism::{Recording, compare, comparison::ValuesFrom};
+use proprio::compare::{ValuesFrom, compare};
+use proprio::recording::Recording;
 use proprio::report::pages;
 
 use super::{Error, json, unreadable};

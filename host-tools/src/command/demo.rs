@@ -4,12 +4,14 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::diagnosis::Verdict;
-use proprio::criticism::{Comparison, Diagnosis, Recording, compare, diagnose};
+use proprio::compare::ValuesFrom;
+use proprio::compare::{Comparison, compare};
+use proprio::diagnose::Verdict;
+use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::model::Model;
 use proprio::output::{self, WriteError};
 use proprio::parameter::Parameter;
+use proprio::recording::Recording;
 use proprio::report::pages;
 use proprio::simulator::hidden::typical;
 use proprio::simulator::{HiddenEffect, Hide, Simulation};

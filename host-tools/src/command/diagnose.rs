@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::recording::LogGates;
-use proprio::criticism::{Diagnosis, Recording, compare, diagnose, gate_words};
+use proprio::compare::ValuesFrom;
+use proprio::compare::compare;
+use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::model::Model;
+use proprio::recording::LogGates;
+use proprio::recording::{Recording, gate_words};
 use proprio::report::pages;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;

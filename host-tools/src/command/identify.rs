@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::criticism::Recording;
-use proprio::criticism::comparison::{ValuesFrom, compare, series_of};
+use proprio::compare::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
-use proprio::identification::{FitOptions, Identification, Method, Options, fit_runs, identify};
+use proprio::identify::{FitOptions, Method, Options, check_reproduced, fit_runs, identify};
 use proprio::model::{Model, Provenance};
 use proprio::output;
+use proprio::recording::Recording;
 use proprio::report::pages;
-use proprio_core::estimator::EFFECTS;
 
 use super::{Error, json, unreadable};
 use crate::progress::Progress;
@@ -89,10 +88,56 @@ impl From<Equation> for Method {
 
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
+        let Some(path) = &self.model else {
+            return self.run_plain();
+        };
+        let model = Model::load(path)?;
+        let options = FitOptions {
+            constraint: if self.free {
+                Constraint::Free
+            } else {
+                Constraint::Physical
+            },
+            method: self.method.into(),
+            stages: self.stages,
+        };
         let mut progress = Progress::new("Identifying");
-        if let Some(path) = &self.model {
-            return self.run_model(&Model::load(path)?, progress);
+        let recording =
+            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+        let fitted = fit_runs(&recording, &model, options)?;
+        drop(progress);
+        for warning in &fitted.warnings {
+            eprintln!("warning: {warning}");
         }
+        // An unphysical fit is no model; a JSON file alone takes it.
+        let filled = match (self.model_file(), &self.html) {
+            (None, None) => None,
+            _ => Some(fitted.to_model(&model, self.provenance()?)?),
+        };
+        if let Some(path) = self.json_file() {
+            output::write(path, &json(&fitted))?;
+        }
+        if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
+            filled.save(path)?;
+            if options.method == Method::Momentum {
+                check_reproduced(&recording, &Model::load(path)?, &fitted)?;
+            }
+        }
+        if let (Some(path), Some(filled)) = (&self.html, &filled) {
+            let comparison = compare(&recording, filled, ValuesFrom::Given)?;
+            let page = pages::fit(&fitted, &comparison).map_err(unreadable)?;
+            page.write(path)?;
+        }
+        Ok(match (self.json, self.base) {
+            (true, _) => json(&fitted),
+            (false, true) => format!("{fitted}{}", fitted.identifiability()),
+            (false, false) => fitted.to_string(),
+        })
+    }
+
+    /// A Go2's plain effects, by the estimator of the device.
+    fn run_plain(&self) -> Result<String, Error> {
+        let mut progress = Progress::new("Identifying");
         let constraint = if self.physical {
             Constraint::Physical
         } else {
@@ -114,52 +159,18 @@ impl Identify {
             result.to_model(self.provenance()?)?.save(path)?;
         }
         if let Some(path) = &self.html {
-            write_page(path, &result)?;
+            let cad = Model::default();
+            let recording = Recording::read(&result.logs, &cad, |_, _| ())?;
+            let found = result.to_model(self.provenance()?)?;
+            let [cad, found] = [series_of(&recording, &cad)?, series_of(&recording, &found)?];
+            pages::identification(&result, cad, &found)
+                .map_err(unreadable)?
+                .write(path)?;
         }
         Ok(if self.json {
             json(&result)
         } else {
             result.to_string()
-        })
-    }
-
-    fn run_model(&self, model: &Model, mut progress: Progress) -> Result<String, Error> {
-        let options = FitOptions {
-            constraint: if self.free {
-                Constraint::Free
-            } else {
-                Constraint::Physical
-            },
-            method: self.method.into(),
-            stages: self.stages,
-        };
-        let recording =
-            Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
-        let fitted = fit_runs(&recording, model, options)?;
-        drop(progress);
-        for warning in &fitted.warnings {
-            eprintln!("warning: {warning}");
-        }
-        // An unphysical fit is no model; a JSON file alone takes it.
-        let filled = match (self.model_file(), &self.html) {
-            (None, None) => None,
-            _ => Some(fitted.to_model(model, self.provenance()?)?),
-        };
-        if let Some(path) = self.json_file() {
-            output::write(path, &json(&fitted))?;
-        }
-        if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
-            filled.save(path)?;
-        }
-        if let (Some(path), Some(filled)) = (&self.html, &filled) {
-            let comparison = compare(&recording, filled, ValuesFrom::Given)?;
-            let page = pages::fit(&fitted, &comparison).map_err(unreadable)?;
-            page.write(path)?;
-        }
-        Ok(match (self.json, self.base) {
-            (true, _) => json(&fitted),
-            (false, true) => format!("{fitted}{}", fitted.identifiability()),
-            (false, false) => fitted.to_string(),
         })
     }
 
@@ -181,20 +192,4 @@ impl Identify {
 fn is_json(path: &Path) -> bool {
     path.extension()
         .is_some_and(|extension| extension == "json")
-}
-
-/// Writes the report: torque under the CAD and under what was identified, window by window.
-fn write_page(path: &Path, result: &Identification) -> Result<(), Error> {
-    let mut model = Model::default();
-    let recording = Recording::read(&result.logs, &model, |_, _| ())?;
-    let cad = series_of(&recording, &model, &|_| None)?;
-    for effect in EFFECTS {
-        for joint in 0..model.robot().bodies().len() {
-            model.add_effect(effect, joint);
-        }
-    }
-    let value = |name: &str| result.parameter(name).map(|p| p.value);
-    let series = series_of(&recording, &model, &value)?;
-    let page = pages::identification(result, cad, &series).map_err(unreadable)?;
-    Ok(page.write(path)?)
 }

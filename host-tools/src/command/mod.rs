@@ -1,27 +1,40 @@
 //! The subcommands, one file each.
 
 mod add;
+mod advise;
 mod compare;
+mod completions;
 mod demo;
 mod diagnose;
+mod effects;
+mod excite;
 mod export;
 mod identify;
+mod import;
+mod man;
+mod overwrite;
+mod remove;
 mod replay;
+mod show;
 mod simulate;
+mod validate;
 
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
-use proprio::criticism::CriticismError;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use proprio::device::replay::ReplayError;
-use proprio::identification::{IdentificationError, NotAModel};
+use proprio::excite::ExciteError;
+use proprio::excite::earlier::EarlierError;
+use proprio::identify::{IdentificationError, NotAModel, NotReproduced};
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{Model, ModelError, RobotError, UnknownName};
 use proprio::output::WriteError;
+use proprio::recording::RecordingError;
 use proprio::report::pages::Unreadable;
-use proprio::simulator::Diverged;
+use proprio::simulator::{Diverged, FollowError};
+use proprio::validate::ValidateError;
 use serde::Serialize;
 
 /// What your robot's body really is, and what the model of it is still missing.
@@ -38,32 +51,63 @@ use serde::Serialize;
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// Replace files that proprio did not make
+    #[arg(long, global = true)]
+    force: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
     Add(add::Add),
+    Advise(advise::Advise),
     Compare(compare::Compare),
+    Completions(completions::Completions),
     Demo(demo::Demo),
     Diagnose(diagnose::Diagnose),
+    Effects(effects::Effects),
+    Excite(excite::Excite),
     Export(export::Export),
     Identify(identify::Identify),
+    Import(import::Import),
+    Man(man::Manual),
+    Remove(remove::Remove),
     Replay(replay::Replay),
+    Show(show::Show),
     Simulate(simulate::Simulate),
+    Validate(validate::Validate),
+}
+
+/// Does what the command line asks and returns what goes to standard output.
+pub(crate) fn run() -> Result<String, Error> {
+    let matches = Arguments::command().get_matches();
+    // Clap has matched the same definition.
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    arguments.run(&matches)
 }
 
 impl Arguments {
-    /// Does what is asked and returns what goes to standard output.
-    pub(crate) fn run(self) -> Result<String, Error> {
+    fn run(self, matches: &ArgMatches) -> Result<String, Error> {
+        if let Some((_, command)) = matches.subcommand() {
+            overwrite::check(command, self.force)?;
+        }
         match self.command {
             Command::Add(command) => command.run(),
+            Command::Advise(command) => command.run(),
             Command::Compare(command) => command.run(),
+            Command::Completions(command) => command.run(),
             Command::Demo(command) => command.run(),
             Command::Diagnose(command) => command.run(),
+            Command::Effects(command) => command.run(),
+            Command::Excite(command) => command.run(),
             Command::Export(command) => command.run(),
             Command::Identify(command) => command.run(),
+            Command::Import(command) => command.run(),
+            Command::Man(command) => command.run(),
+            Command::Remove(command) => command.run(),
             Command::Replay(command) => command.run(),
+            Command::Show(command) => command.run(),
             Command::Simulate(command) => command.run(),
+            Command::Validate(command) => command.run(),
         }
     }
 }
@@ -74,7 +118,7 @@ pub(crate) enum Error {
     #[error(transparent)]
     Identification(#[from] IdentificationError),
     #[error(transparent)]
-    Criticism(#[from] CriticismError),
+    Recording(#[from] RecordingError),
     #[error(transparent)]
     Log(#[from] LogError),
     #[error(transparent)]
@@ -106,10 +150,29 @@ pub(crate) enum Error {
     UnknownName(#[from] UnknownName),
     #[error(transparent)]
     NotAModel(#[from] NotAModel),
+    #[error(transparent)]
+    NotReproduced(#[from] NotReproduced),
+    #[error(transparent)]
+    Follow(#[from] FollowError),
+    #[error(transparent)]
+    Earlier(#[from] EarlierError),
+    #[error(transparent)]
+    Validate(#[from] ValidateError),
+    #[error(transparent)]
+    Excite(#[from] ExciteError),
+    /// The best motion is not proved to be within the limits.
+    #[error("no motion could be proved to be within the limits: {0}")]
+    NotWithinLimits(String),
     #[error("{0}: {1}")]
     Unreadable(String, std::io::Error),
     #[error(transparent)]
     Export(#[from] ExportError),
+    /// A file that would be lost.
+    #[error("{}, {what}, would be replaced", .path.display())]
+    WouldReplace { path: PathBuf, what: String },
+    /// A log that is read would be written over.
+    #[error("{}: the log would be replaced by what is found in it", .0.display())]
+    WouldReplaceLog(PathBuf),
     /// `demo` in a directory of something else.
     #[error("{}: holds files that no demo made", .0.display())]
     NotADemo(PathBuf),

@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
@@ -12,7 +13,7 @@ use proprio::output::{self, AtomicFile, WriteError};
 use proprio::parameter;
 use proprio::simulator::hidden::typical;
 use proprio::simulator::{
-    Description, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
+    Description, Followed, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
 };
 use proprio_core::go2::Leg;
 use serde::Serialize;
@@ -51,15 +52,27 @@ pub(crate) struct Simulate {
     /// What the joints are asked to do
     #[arg(long, value_enum, default_value_t = MotionName::Multisine)]
     motion: MotionName,
-    /// Length, s
-    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = within(0.1, 86400.0))]
-    duration: f64,
+    /// Follow a motion of `proprio excite` instead: its legs, its feed-forward torques, its gains
+    #[arg(long, value_name = "MOTION", conflicts_with_all = ["motion", "legs"])]
+    follow: Option<PathBuf>,
+    /// Length, s [default: 20, or the motion's]
+    #[arg(long, value_name = "S", value_parser = within(0.1, 86400.0))]
+    duration: Option<f64>,
     /// Samples per second, Hz
     #[arg(long, value_name = "HZ", default_value_t = 500.0, value_parser = within(10.0, 5000.0))]
     rate: f64,
     /// Noise of velocity and torque, as a multiple of a standing Go2's
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = within(0.0, 100.0))]
     noise: f64,
+    /// Further noise of the torque: its standard deviation
+    #[arg(long, value_name = "N_M", default_value_t = 0.0, value_parser = within(0.0, 100.0))]
+    torque_noise: f64,
+    /// For how long that noise remembers itself; 0: white
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = within(0.0, 10.0))]
+    torque_memory: f64,
+    /// Further white noise of the velocity: its standard deviation
+    #[arg(long, value_name = "RAD/S", default_value_t = 0.0, value_parser = within(0.0, 100.0))]
+    velocity_noise: f64,
     /// Do not round values to the steps of the motor bus
     #[arg(long)]
     unquantised: bool,
@@ -76,6 +89,9 @@ pub(crate) struct Simulate {
     #[arg(long)]
     json: bool,
 }
+
+/// Length of a log, s, if none is given.
+const DURATION: f64 = 20.0;
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum MotionName {
@@ -110,14 +126,20 @@ struct Truth {
 }
 
 impl Simulate {
-    pub(crate) fn run(self) -> Result<String, Error> {
+    pub(crate) fn run(mut self) -> Result<String, Error> {
+        let follow = self.follow.as_deref().map(Followed::read).transpose()?;
+        if let Some(motion) = &follow {
+            self.legs = Legs(motion.legs().to_vec());
+        }
+        let length = follow.as_ref().map_or(DURATION, Followed::duration);
         let simulation = Simulation {
+            follow: follow.map(Arc::new),
             motion: match self.motion {
                 MotionName::Multisine => Motion::Multisine,
                 MotionName::Chirp => Motion::Chirp,
                 MotionName::Moves => Motion::Moves,
             },
-            duration: self.duration,
+            duration: self.duration.unwrap_or(length),
             rate: self.rate,
             effects: self.effects(),
             inertia_error: self.inertia_error,
@@ -127,6 +149,9 @@ impl Simulate {
                 quantised: !self.unquantised,
                 jitter: self.jitter,
                 repeats: self.repeats,
+                torque_noise: self.torque_noise,
+                torque_memory: self.torque_memory,
+                velocity_noise: self.velocity_noise,
             },
             seed: self.seed,
             ..Simulation::new(&self.legs.0)
@@ -263,6 +288,7 @@ const EXAMPLES: &str = "Examples:
   proprio simulate --typical -o leg.csv
   proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz
   proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
+  proprio simulate --follow motion.csv --typical --inertia-error 0.06 -o fr_log.csv
   proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02";
 
 /// Examples, then every effect with its parameters.
@@ -323,7 +349,7 @@ fn suggest(unknown: UnknownName) -> String {
 }
 
 /// A parser of numbers within bounds.
-fn within(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+pub(super) fn within(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| {
         let value: f64 = text
             .parse()

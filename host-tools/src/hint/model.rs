@@ -31,6 +31,9 @@ pub(super) fn of_model(error: &ModelError) -> Option<String> {
         ModelProblem::WhichRobot => {
             "write `builtin = \"go2\"`, or `urdf = \"robot.urdf\"`".to_owned()
         }
+        ModelProblem::HeldWithoutUrdf => {
+            "write `urdf = \"robot.urdf\"` instead of `builtin`; `proprio export --urdf` writes the built-in one".to_owned()
+        }
         ModelProblem::Orientation => "for a level base write `rpy = [0.0, 0.0, 0.0]`".to_owned(),
         ModelProblem::Twice { .. } => "delete one of the two".to_owned(),
         ModelProblem::StdAlone { .. } => "delete `std`, or add `value`".to_owned(),
@@ -60,9 +63,9 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         RobotProblem::Syntax(_) => {
             "`check_urdf FILE` tells more; expand a .xacro first: `xacro FILE > robot.urdf`".to_owned()
         }
-        RobotProblem::UnknownType { unknown, .. } | RobotProblem::UnknownLink { unknown, .. } => {
-            return of_name(unknown);
-        }
+        RobotProblem::UnknownType { unknown, .. }
+        | RobotProblem::UnknownLink { unknown, .. }
+        | RobotProblem::UnknownHeld(unknown) => return of_name(unknown),
         RobotProblem::UnsupportedType { kind: "floating", .. } => {
             "the base is pinned: delete the floating joint and the link above it, or make it `fixed`".to_owned()
         }
@@ -72,6 +75,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         RobotProblem::Loop { .. } | RobotProblem::NoBase => {
             "a URDF is a tree: cut the loop by deleting the joint that closes it".to_owned()
         }
+        RobotProblem::NoLinks => "the file is what a failed xacro leaves: `xacro FILE > robot.urdf` says why".to_owned(),
         RobotProblem::TwoBases { .. } => "connect them by a fixed joint, or delete one".to_owned(),
         RobotProblem::Duplicate { .. } => "rename one of them".to_owned(),
         RobotProblem::Numbers { .. } => "write decimals with a point, numbers apart by spaces".to_owned(),
@@ -80,7 +84,6 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
             "give it an <inertial> with the mass from the CAD, or make the joint `fixed`".to_owned()
         }
         RobotProblem::Unphysical { fault, .. } => of_unphysical(fault),
-        RobotProblem::TooMany(_) => "make the joints that you do not identify `fixed`".to_owned(),
         RobotProblem::NothingMoves => "at least one joint must be revolute, continuous or prismatic".to_owned(),
     })
 }

@@ -14,10 +14,9 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::estimate::Status;
-use crate::identification::deviation::Deviations;
-use crate::identification::limb::LimbFit;
-use crate::identification::model_fit::entry_name;
-use crate::identification::physical::inverse;
+use crate::estimate::bounded::inverse;
+use crate::estimate::deviation::Deviations;
+use crate::estimate::fit::LimbFit;
 use reduction::{Reduction, pivoted};
 
 /// A combination changes the data by less than this many standard deviations of the noise when it changes by one of its prior:
@@ -103,7 +102,7 @@ impl Identifiability {
 }
 
 fn name(fit: &LimbFit, entry: usize) -> String {
-    entry_name(fit.model, fit.limb, &fit.criticism.columns.entries[entry])
+    fit.data.name(&fit.columns.entries[entry])
 }
 
 fn prior_std(fit: &LimbFit) -> Vec<f64> {
@@ -137,9 +136,9 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
             .filter(|(_, c)| c.abs() > 1e-6);
         let mut terms: Vec<(usize, f64)> = terms.map(|(k, c)| (k, *c)).collect();
         terms.sort_by_key(|(k, _)| (*k != first, *k));
-        let entry = &fit.criticism.columns.entries[first];
+        let entry = &fit.columns.entries[first];
         BaseParameter {
-            limb: fit.limb.name.clone(),
+            limb: fit.data.limb.name.clone(),
             unit: entry
                 .effect
                 .map_or(proprio_core::inertia::UNITS[entry.parameter], |effect| {
@@ -177,7 +176,7 @@ fn data_std(fit: &LimbFit, structure: &Reduction) -> Vec<Option<f64>> {
     for (c, &k) in kept.iter().enumerate() {
         columns.set_column(c, &fit.problem.data.column(k));
     }
-    let triangle = crate::identification::physical::triangle(columns);
+    let triangle = crate::estimate::bounded::triangle(columns);
     let first = kept.len() - structure.independent.len();
     let told = (0..kept.len()).all(|k| triangle[(k, k)].abs() > 1e-12 * triangle.amax());
     let inverse = inverse(&triangle);
@@ -247,7 +246,7 @@ fn direction(fit: &LimbFit, terms: Vec<(usize, f64)>, structural: bool) -> NullD
         coefficient,
     };
     NullDirection {
-        limb: fit.limb.name.clone(),
+        limb: fit.data.limb.name.clone(),
         structural,
         words: words(&names),
         terms: terms.into_iter().map(term).collect(),

@@ -11,8 +11,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::reduction::{Reduction, from_the_left};
-use crate::criticism::column::Column;
-use crate::identification::limb::LimbFit;
+use crate::equation::column::Column;
+use crate::estimate::fit::LimbFit;
 
 /// Step of the central differences, s.
 const STEP: f64 = 1e-5;
@@ -57,7 +57,7 @@ impl Instant {
 }
 
 pub(crate) fn of(fit: &LimbFit) -> Reduction {
-    let columns = &fit.criticism.columns;
+    let columns = &fit.columns;
     let analysed: Vec<usize> = (0..columns.entries.len())
         .filter(|&k| {
             matches!(
@@ -66,7 +66,11 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
             )
         })
         .collect();
-    let (n, limb) = (columns.joints(), fit.criticism.rows());
+    let n = columns.joints();
+    let (rigid, base) = (
+        fit.data.body.loaded(&fit.values),
+        fit.data.body.base(&fit.values),
+    );
     let width = INERTIAL * n;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     // Rows of all joints: twice as many as columns.
@@ -83,8 +87,7 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
         let regressors = |t: f64| {
             let (q, dq) = motion(t);
             let (mut momentum, mut rate) = (vec![0.0; n * width], vec![0.0; n * width]);
-            limb.body
-                .regressors(&limb.base, &q, &dq, Some(&mut momentum), &mut rate, None);
+            rigid.regressors(&base, &q, &dq, Some(&mut momentum), &mut rate, None);
             (momentum, rate)
         };
         let (before, now, after) = (regressors(-STEP), regressors(0.0), regressors(STEP));

@@ -5,19 +5,22 @@ use std::fmt;
 use std::path::Path;
 
 use super::columns::{Channel, Columns};
-use super::error::{LogError, Problem};
+use super::error::{LogError, Place, Problem, Unit};
 use super::reader::Row;
 use super::slots::TIME;
-use crate::model::JointKind;
+use crate::model::{JointKind, significant};
 
-/// The least sampling rate, Hz. A leg's fastest own motion (a calf on its controller's gains) lies near 15 Hz, and
-/// a window of 20 ms must hold several samples.
-pub const LEAST_RATE: f64 = 100.0;
+/// The least sampling rate, Hz: a limb's fastest own motion (a Go2's calf on its controller's gains) lies near 15 Hz, and
+/// below three samples to a period nothing is seen of it.
+pub const LEAST_RATE: f64 = 50.0;
 
 /// A longer silence than this, s, is no lost message: two recordings in one file, or a clock that was set.
 pub const LONGEST_GAP: f64 = 600.0;
 
-/// A gap that ends a window, s; [`proprio_core::window::Settings::max_gap_us`] by default.
+/// A silence of more sampling periods than this is a gap: with one message lost, or two, integrals over a window are still good.
+pub const GAP_PERIODS: f64 = 5.0;
+
+/// [`GAP_PERIODS`] of a log at 500 Hz, s; [`proprio_core::window::Settings::max_gap_us`] by default.
 pub const GAP: f64 = 0.01;
 
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
@@ -26,14 +29,14 @@ const LIMIT_MARGIN: f64 = 0.2;
 /// What the reader has noticed of a log so far.
 #[derive(Debug, Clone)]
 pub struct Checks {
+    unit: Unit,
     rows: u64,
     first: f64,
     previous: f64,
-    previous_line: u64,
+    previous_row: u64,
     periods: Periods,
     first_slow: Option<u64>,
     repeated_stamps: u64,
-    gaps: u64,
     longest: (f64, u64),
     /// Of each recorded joint.
     limits: Vec<LimitCheck>,
@@ -57,10 +60,12 @@ pub enum Warning {
     Gaps {
         /// How many gaps.
         count: u64,
+        /// What is longer is one, s.
+        limit: f64,
         /// The longest, s.
         longest: f64,
-        /// Line of the row before the longest.
-        line: u64,
+        /// The row before the longest.
+        after: Place,
     },
     /// Rows with the time stamp of the row above.
     RepeatedStamps {
@@ -69,6 +74,25 @@ pub enum Warning {
         /// Of how many rows.
         rows: u64,
     },
+    /// The file was cut short; what is whole was read.
+    Cut {
+        /// The last message that is whole.
+        last: u64,
+    },
+    /// A bag has more than one topic of joint states.
+    OtherTopics {
+        /// The one that was read.
+        read: String,
+        /// The others.
+        left: Vec<String>,
+    },
+    /// Messages of the topic that do not tell of all joints.
+    Skipped {
+        /// How many.
+        count: u64,
+        /// Of how many.
+        of: u64,
+    },
 }
 
 impl fmt::Display for Warning {
@@ -76,14 +100,15 @@ impl fmt::Display for Warning {
         match self {
             Self::Gaps {
                 count,
+                limit,
                 longest,
-                line,
+                after,
             } => write!(
                 f,
-                "{count} gap{} over {:.0} ms, the longest {:.0} ms after line {line}; no window bridges a gap",
+                "{count} gap{} over {} ms, the longest {} ms after {after}; no window bridges a gap",
                 if *count == 1 { "" } else { "s" },
-                GAP * 1e3,
-                longest * 1e3,
+                significant(limit * 1e3, 2),
+                significant(longest * 1e3, 4),
             ),
             Self::RepeatedStamps { count, rows } => {
                 write!(
@@ -91,21 +116,34 @@ impl fmt::Display for Warning {
                     "{count} of {rows} rows repeat the time stamp of the row above and are skipped"
                 )
             }
+            Self::Cut { last } => write!(
+                f,
+                "the file was cut short: its {last} whole messages are read"
+            ),
+            Self::OtherTopics { read, left } => write!(
+                f,
+                "topic {read} is read; {} too would tell of joints",
+                left.join(", ")
+            ),
+            Self::Skipped { count, of } => write!(
+                f,
+                "{count} of {of} messages tell of other joints and are left out"
+            ),
         }
     }
 }
 
 impl Checks {
-    pub(super) fn new(columns: &Columns) -> Self {
+    pub(super) fn new(columns: &Columns, unit: Unit) -> Self {
         Self {
+            unit,
             rows: 0,
             first: 0.0,
             previous: 0.0,
-            previous_line: 0,
+            previous_row: 0,
             periods: Periods::new(),
             first_slow: None,
             repeated_stamps: 0,
-            gaps: 0,
             longest: (0.0, 0),
             limits: columns
                 .joints()
@@ -130,13 +168,12 @@ impl Checks {
             if gap > LONGEST_GAP {
                 return Err(Problem::TimeJump {
                     gap,
-                    before: self.previous_line,
+                    before: self.place(self.previous_row),
                 });
             }
-            self.gaps += u64::from(gap > GAP);
             self.repeated_stamps += u64::from(gap == 0.0);
             if gap > self.longest.0 {
-                self.longest = (gap, self.previous_line);
+                self.longest = (gap, self.previous_row);
             }
             if gap * LEAST_RATE > 1.0 {
                 self.first_slow.get_or_insert(row.line);
@@ -148,8 +185,15 @@ impl Checks {
             limits.add(row.line, q[limits.joint]);
         }
         self.rows += 1;
-        (self.previous, self.previous_line) = (now, row.line);
+        (self.previous, self.previous_row) = (now, row.line);
         Ok(())
+    }
+
+    fn place(&self, number: u64) -> Place {
+        Place {
+            unit: self.unit,
+            number,
+        }
     }
 
     /// Rows read.
@@ -162,42 +206,51 @@ impl Checks {
         self.previous - self.first
     }
 
+    /// Sampling rate, Hz: one over the median period.
+    pub fn rate(&self) -> f64 {
+        1.0 / self.periods.median()
+    }
+
     /// Judges the log, once all of it is read.
     pub(super) fn finish(&self, path: &Path, columns: &Columns) -> Result<Vec<Warning>, LogError> {
         let error = |problem| LogError::new(path, problem);
         if self.rows < 2 {
-            let line = self.previous_line.max(1);
-            return Err(error(Problem::TooShort { rows: self.rows }).at_line(line));
+            let place = self.place(self.previous_row.max(1));
+            return Err(error(Problem::TooShort { rows: self.rows }).at(Some(place)));
         }
         let period = self.periods.median();
         // The median is known to 1 %: a log of exactly the least rate passes.
-        if let Some(line) = self.first_slow.filter(|_| period * LEAST_RATE > 1.02) {
+        if let Some(row) = self.first_slow.filter(|_| period * LEAST_RATE > 1.02) {
             let column = columns.cell[TIME].unwrap_or_default();
             let problem = Problem::TooSlow {
                 rate: 1.0 / period,
                 least: LEAST_RATE,
             };
-            return Err(error(problem).at_line(line).at_column(column, "t"));
+            let error = error(problem).at(Some(self.place(row)));
+            return Err(error.at_column(column, columns.column_name(column)));
         }
         let degrees = self.limits.iter().any(|l| 2 * l.surely_degrees > self.rows);
         for limits in &self.limits {
             let name = columns.name(limits.joint);
-            if let Some((line, problem)) = limits.judge(name, self.rows, degrees) {
+            if let Some((row, problem)) = limits.judge(name, self.rows, degrees) {
                 let slot = columns.slots.of(Channel::Q, limits.joint);
                 let cell = columns.cell[slot].unwrap_or_default();
-                let column = Channel::Q.column(name);
-                return Err(error(problem).at_line(line).at_column(cell, &column));
+                let error = error(problem).at(Some(self.place(row)));
+                return Err(error.at_column(cell, columns.column_name(cell)));
             }
         }
         Ok(self.warnings())
     }
 
     fn warnings(&self) -> Vec<Warning> {
-        let (longest, line) = self.longest;
-        let gaps = (self.gaps > 0).then_some(Warning::Gaps {
-            count: self.gaps,
+        let (longest, row) = self.longest;
+        let limit = GAP_PERIODS * self.periods.median();
+        let count = self.periods.longer_than(limit);
+        let gaps = (count > 0).then_some(Warning::Gaps {
+            count,
+            limit,
             longest,
-            line,
+            after: self.place(row),
         });
         let repeated = (self.repeated_stamps > 0).then_some(Warning::RepeatedStamps {
             count: self.repeated_stamps,
@@ -283,6 +336,12 @@ impl Periods {
         let bin = (period.max(SHORTEST) / SHORTEST).ln() / RATIO.ln();
         self.counts[(bin as usize).min(BINS - 1)] += 1;
         self.total += 1;
+    }
+
+    /// How many are longer than `limit`, s, by more than bins can tell.
+    fn longer_than(&self, limit: f64) -> u64 {
+        let bin = (limit / SHORTEST).ln() / RATIO.ln();
+        self.counts.iter().skip(bin as usize + 2).sum()
     }
 
     /// Within 1 %.

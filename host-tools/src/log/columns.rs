@@ -1,16 +1,18 @@
-//! From a header to the place of each channel in a row.
+//! From the names of a file's cells to the place of each channel in a row.
 
-use std::collections::HashMap;
+mod targets;
+
 use std::fmt;
 use std::path::Path;
 
-use csv::ByteRecord;
 use proprio_core::go2::Leg;
 
-use super::error::{LogError, Problem};
+use super::error::{LogError, Place, Problem};
 use super::joint::leg_named;
+use super::motors::{MotorSide, Motors};
 use super::slots::{Slots, TIME};
-use crate::model::{Limb, Robot, UnknownName};
+use super::source::{Empty, Wanted};
+use crate::model::{Limb, Robot};
 
 /// A signal that each joint has of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,12 +27,22 @@ pub enum Channel {
     Temp,
     /// Commanded position, rad.
     QDes,
+    /// Position of a second encoder, at the link instead of the motor, rad.
+    QLink,
 }
 
 impl Channel {
     /// The channels every recorded joint must have.
     pub const MOTION: [Self; 3] = [Self::Q, Self::Dq, Self::Tau];
-    const ALL: [Self; 5] = [Self::Q, Self::Dq, Self::Tau, Self::Temp, Self::QDes];
+    /// All of them, in the order of a row in memory.
+    pub const ALL: [Self; 6] = [
+        Self::Q,
+        Self::Dq,
+        Self::Tau,
+        Self::Temp,
+        Self::QDes,
+        Self::QLink,
+    ];
 
     /// The part of the column's name before the slash.
     pub const fn prefix(self) -> &'static str {
@@ -40,12 +52,18 @@ impl Channel {
             Self::Tau => "tau",
             Self::Temp => "temp",
             Self::QDes => "q_des",
+            Self::QLink => "q_link",
         }
     }
 
     /// The column's name in a header, such as `dq/FR_hip`.
     pub fn column(self, joint: impl fmt::Display) -> String {
         format!("{}/{joint}", self.prefix())
+    }
+
+    /// The column's name where the signal is the motor's, before its gear: `q_motor/A1`.
+    pub fn motor_column(self, joint: impl fmt::Display) -> String {
+        format!("{}_motor/{joint}", self.prefix())
     }
 }
 
@@ -65,29 +83,26 @@ pub struct Columns {
     limbs: Vec<Limb>,
     /// Where they are in a row.
     pub(super) slots: Slots,
-    /// Header, for messages.
+    /// Names of the file's cells, for messages.
     pub(super) names: Vec<String>,
-    /// (cell in the row, slot in the flat array), in the order of the cells.
-    pub(super) wanted: Vec<(usize, usize)>,
+    /// What is read of a row, in the order of the cells.
+    pub(super) wanted: Vec<Wanted>,
     /// Cell of each slot.
     pub(super) cell: Vec<Option<usize>>,
+    /// What is recorded at motors and not at joints.
+    pub(super) motors: Option<Motors>,
 }
 
 impl Columns {
-    /// Reads the header of the log of `robot` at `path`.
+    /// Finds the channels of `robot` among the cells of the log at `path`; errors of the names are told at `place`.
     pub(super) fn new(
         path: &Path,
-        line: u64,
-        header: &ByteRecord,
+        place: Option<Place>,
+        names: Vec<String>,
         selection: Selection,
         robot: &Robot,
     ) -> Result<Self, LogError> {
-        let error = |problem| LogError::new(path, problem).at_line(line);
-        let names: Vec<String> = header
-            .iter()
-            .map(|name| String::from_utf8_lossy(name).trim().to_owned())
-            .collect();
-        check_header(&names).map_err(error)?;
+        let error = |problem| LogError::new(path, problem).at(place);
         let limbs = robot.limbs();
         let slots = Slots::new(robot.bodies().len(), limbs.len());
         let mut columns = Self {
@@ -97,19 +112,33 @@ impl Columns {
             names,
             wanted: Vec::new(),
             cell: vec![None; slots.count()],
+            motors: None,
         };
-        let known = columns.known();
-        for (index, name) in columns.names.iter().enumerate() {
-            if let Some(&slot) = known.get(name) {
-                if let Some(first) = columns.cell[slot].replace(index) {
-                    let problem = Problem::DuplicateColumn { first: first + 1 };
-                    return Err(error(problem).at_column(index, name));
-                }
-            } else if let Some(problem) = columns.misspelt(name, &known) {
-                return Err(error(problem).at_column(index, name));
+        let (targets, empty) = columns.targets().map_err(|(cell, problem)| {
+            let error = error(problem);
+            match cell {
+                Some(cell) => error.at_column(cell, &columns.names[cell]),
+                None => error,
             }
+        })?;
+        let mut at_motor = MotorSide::none(slots.joints());
+        for (index, target) in targets {
+            if let Some(first) = columns.cell[target.slot].replace(index) {
+                let problem = Problem::DuplicateColumn { first: first + 1 };
+                return Err(error(problem).at_column(index, &columns.names[index]));
+            }
+            if target.motor {
+                at_motor.set(slots, target.slot);
+            }
+            columns.wanted.push(Wanted {
+                cell: index,
+                slot: target.slot,
+                scale: target.scale,
+                empty,
+            });
         }
-        columns.check_complete(path, line)?;
+        columns.check_complete(&error)?;
+        columns.motors = Motors::new(robot, slots, &at_motor).map_err(error)?;
         Ok(columns.select(selection))
     }
 
@@ -129,6 +158,11 @@ impl Columns {
         self.limbs.iter().filter(recorded)
     }
 
+    /// All limbs of the robot.
+    pub(super) fn all_limbs(&self) -> &[Limb] {
+        &self.limbs
+    }
+
     /// The legs of a Go2 recorded; each with all its joints.
     pub fn legs(&self) -> impl Iterator<Item = Leg> {
         self.limbs().filter_map(|limb| leg_named(&limb.name).ok())
@@ -144,64 +178,14 @@ impl Columns {
         self.cell[slot].is_some()
     }
 
+    /// What the file calls a cell.
+    pub(super) fn column_name(&self, cell: usize) -> &str {
+        self.names.get(cell).map_or("", String::as_str)
+    }
+
     /// A joint's name.
     pub(super) fn name(&self, joint: usize) -> &str {
         &self.robot.bodies()[joint].name
-    }
-
-    /// Every column name of the format and its slot.
-    fn known(&self) -> HashMap<String, usize> {
-        let slots = self.slots;
-        let per_joint = Channel::ALL.into_iter().flat_map(|channel| {
-            let column = move |joint| (channel.column(self.name(joint)), slots.of(channel, joint));
-            (0..slots.joints()).map(column)
-        });
-        let grouped = slots
-            .groups()
-            .into_iter()
-            .flat_map(|(prefix, first, axes)| {
-                let axes = axes.iter().enumerate();
-                axes.map(move |(i, axis)| (format!("{prefix}/{axis}"), first + i))
-            });
-        let feet = self.limbs.iter().zip(slots.feet());
-        let feet = feet.map(|(limb, slot)| (format!("foot/{}", limb.name), slot));
-        per_joint
-            .chain(grouped)
-            .chain(feet)
-            .chain([("t".to_owned(), TIME)])
-            .collect()
-    }
-
-    /// A column that begins like one of the format but names no joint or limb of the robot is a mistake, not a column to
-    /// ignore.
-    fn misspelt(&self, name: &str, known: &HashMap<String, usize>) -> Option<Problem> {
-        let (prefix, rest) = name.split_once('/')?;
-        let robot = || self.robot.name().to_owned();
-        let unknown = if Channel::ALL.iter().any(|c| c.prefix() == prefix) {
-            let joints = self.slots.of(Channel::Q, 0)..self.slots.quat();
-            let is_joint = |name: &String| known.get(name).is_some_and(|s| joints.contains(s));
-            if !self.names.iter().any(is_joint) {
-                return Some(Problem::OtherRobot {
-                    name: rest.to_owned(),
-                    robot: robot(),
-                    joints: self.joint_names(),
-                });
-            }
-            self.robot.joint(rest).err()?
-        } else if prefix == "foot" {
-            UnknownName::new(
-                "limb",
-                rest,
-                self.limbs.iter().map(|limb| limb.name.as_str()),
-            )
-        } else {
-            return None;
-        };
-        Some(Problem::UnknownName {
-            nearest: format!("{prefix}/{}", unknown.nearest()?),
-            name: unknown.name,
-            robot: robot(),
-        })
     }
 
     fn joint_names(&self) -> Vec<String> {
@@ -209,8 +193,7 @@ impl Columns {
         bodies.map(|body| body.name.clone()).collect()
     }
 
-    fn check_complete(&self, path: &Path, line: u64) -> Result<(), LogError> {
-        let error = |problem| LogError::new(path, problem).at_line(line);
+    fn check_complete(&self, error: &impl Fn(Problem) -> LogError) -> Result<(), LogError> {
         if !self.has_slot(TIME) {
             let name = "t".to_owned();
             return Err(error(Problem::MissingColumn { name }));
@@ -284,25 +267,18 @@ impl Columns {
             Selection::Everything => self.slots.count(),
         };
         self.cell[end..].fill(None);
-        let slots = self.cell.iter().enumerate();
-        self.wanted = slots.filter_map(|(s, cell)| Some(((*cell)?, s))).collect();
-        self.wanted.sort_unstable();
+        let cell = &self.cell;
+        self.wanted.retain(|wanted| cell[wanted.slot].is_some());
+        // Beyond the motion nothing needs a value in every row: a temperature comes more slowly.
+        let motion = self.slots.of(Channel::Temp, 0);
+        let others = self
+            .wanted
+            .iter_mut()
+            .filter(|wanted| wanted.slot >= motion);
+        others.for_each(|wanted| wanted.empty = Empty::Nan);
+        self.wanted.sort_unstable_by_key(|wanted| wanted.cell);
         self
     }
-}
-
-/// A header has names, and commas between them.
-fn check_header(names: &[String]) -> Result<(), Problem> {
-    let is_number = |name: &String| fast_float2::parse::<f64, _>(name).is_ok();
-    if names.iter().all(is_number) {
-        return Err(Problem::NoHeader);
-    }
-    if let [only] = names
-        && let Some(separator) = only.chars().find(|c| [';', '\t', ' ', '|'].contains(c))
-    {
-        return Err(Problem::Separator(separator));
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -310,8 +286,8 @@ mod tests {
     use super::*;
 
     fn columns(header: &[&str], selection: Selection) -> Columns {
-        let header = ByteRecord::from(header.to_vec());
-        Columns::new(Path::new("log.csv"), 1, &header, selection, &Robot::go2()).unwrap()
+        let names = header.iter().map(|name| (*name).to_owned()).collect();
+        Columns::new(Path::new("log.csv"), None, names, selection, &Robot::go2()).unwrap()
     }
 
     const FL: [&str; 10] = [
@@ -333,7 +309,11 @@ mod tests {
         let columns = columns(&FL, Selection::Motion);
         assert_eq!(columns.joints().collect::<Vec<_>>(), [3, 4, 5]);
         assert_eq!(columns.legs().collect::<Vec<_>>(), [Leg::FL]);
-        assert_eq!(columns.wanted[0], (0, columns.slots.of(Channel::Tau, 5)));
+        let first = columns.wanted[0];
+        assert_eq!(
+            (first.cell, first.slot),
+            (0, columns.slots.of(Channel::Tau, 5))
+        );
         assert_eq!(columns.wanted.len(), FL.len());
     }
 

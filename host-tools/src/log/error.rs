@@ -8,13 +8,44 @@ use std::path::{Path, PathBuf};
 pub struct LogError {
     /// The file as the user named it.
     pub path: PathBuf,
-    /// Line in the file, counted from 1; none when the file could not be opened.
-    pub line: Option<u64>,
+    /// Where in the file; none when all of it is meant.
+    pub place: Option<Place>,
     /// The column, where one is to blame.
     pub column: Option<Box<Column>>,
     /// What is wrong.
     #[source]
     pub problem: Box<Problem>,
+}
+
+/// A row of a log, in what its file counts in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// What is counted.
+    pub unit: Unit,
+    /// Which, counted from 1.
+    pub number: u64,
+}
+
+/// What the rows of a file are counted in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Lines of text.
+    Line,
+    /// Messages of a topic.
+    Message,
+    /// Rows of a table.
+    Row,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = match self.unit {
+            Unit::Line => "line",
+            Unit::Message => "message",
+            Unit::Row => "row",
+        };
+        write!(f, "{unit} {}", self.number)
+    }
 }
 
 /// A column of a log.
@@ -30,14 +61,14 @@ impl LogError {
     pub(super) fn new(path: &Path, problem: Problem) -> Self {
         Self {
             path: path.to_owned(),
-            line: None,
+            place: None,
             column: None,
             problem: Box::new(problem),
         }
     }
 
-    pub(super) fn at_line(mut self, line: u64) -> Self {
-        self.line = Some(line);
+    pub(super) fn at(mut self, place: Option<Place>) -> Self {
+        self.place = place;
         self
     }
 
@@ -53,8 +84,8 @@ impl LogError {
 impl fmt::Display for LogError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.path.display())?;
-        if let Some(line) = self.line {
-            write!(f, ", line {line}")?;
+        if let Some(place) = self.place {
+            write!(f, ", {place}")?;
         }
         if let Some(column) = &self.column {
             write!(f, ", column {} ({})", column.number, column.name)?;
@@ -72,6 +103,115 @@ pub enum Problem {
     /// Reading failed part-way (a cut-off .gz, a disk error).
     #[error("cannot read on: {0}")]
     Read(#[source] std::io::Error),
+    /// The file has the beginning of a format that is read, and is damaged.
+    #[error("the file is damaged: {0}")]
+    Damaged(String),
+    /// The file is something else.
+    #[error("this is {what}, not a log that can be read as it is")]
+    NotALog {
+        /// What it is.
+        what: &'static str,
+        /// How its data come in all the same.
+        way: &'static str,
+    },
+    /// A format whose reader was left out of this build.
+    #[error("this is {what}, which this build of proprio does not read")]
+    NotBuilt {
+        /// What it is.
+        what: &'static str,
+        /// The feature to build with.
+        feature: &'static str,
+    },
+    /// A recording of messages, none of which tells of joints.
+    #[error("the bag has no topic of joint states{}", listed(topics))]
+    NoTopic {
+        /// Its topics with their types.
+        topics: Vec<String>,
+    },
+    /// A topic that is listed but has no message.
+    #[error("topic {topic} has no message")]
+    NoMessages {
+        /// The topic.
+        topic: String,
+    },
+    /// Messages in an encoding that is not read.
+    #[error("the message is {0}; messages are read in plain, little-endian CDR")]
+    Encoding(&'static str),
+    /// A message of fixed length has another one.
+    #[error("the message has {found} bytes; a {kind} has {expected}")]
+    MessageLength {
+        /// The message's type.
+        kind: &'static str,
+        /// Its length, bytes.
+        found: usize,
+        /// What it should be.
+        expected: usize,
+    },
+    /// A message ends before what it announces.
+    #[error("the message ends early, after {found} bytes: it is no {kind}")]
+    MessageShort {
+        /// The message's type.
+        kind: &'static str,
+        /// Its length, bytes.
+        found: usize,
+    },
+    /// Motors are numbered, and nothing says which joints they move.
+    #[error("motors are recorded by number, and nothing says which joint of `{robot}` has motor 0")]
+    MotorOrder {
+        /// The robot.
+        robot: String,
+    },
+    /// A motor's signal, but not what gear it is behind.
+    #[error("the motor of {joint} is recorded, but its gear ratio is not known")]
+    NoGear {
+        /// The joint.
+        joint: String,
+    },
+    /// Of motors that are coupled only some are recorded.
+    #[error(
+        "the motors of {joint} and {other} are coupled, but only the first is recorded at the motor"
+    )]
+    CoupledInPart {
+        /// A joint recorded at the motor.
+        joint: String,
+        /// One that is not.
+        other: String,
+    },
+    /// No joints' motion follows from that of their motors.
+    #[error("the transmission of the motors recorded cannot be inverted")]
+    Transmission,
+    /// An array with a column per joint, and no names for them.
+    #[error(
+        "the array has {columns} columns, and {} names them",
+        match named {
+            Some(n) => format!("a list of {n} joints"),
+            None => "nothing".to_owned(),
+        }
+    )]
+    NoJointNames {
+        /// Columns of the array.
+        columns: usize,
+        /// Length of a list of names that does not fit.
+        named: Option<usize>,
+    },
+    /// Arrays of different lengths.
+    #[error("the array has {found} rows, `{other}` has {rows}")]
+    OtherLength {
+        /// Its rows.
+        found: usize,
+        /// Rows of the other.
+        rows: usize,
+        /// The other.
+        other: String,
+    },
+    /// Files of one folder that do not belong together.
+    #[error("part {part} of {parts} records other things than the first")]
+    OtherCells {
+        /// Which, counted from 1.
+        part: usize,
+        /// How many there are.
+        parts: usize,
+    },
     /// Nothing in the file.
     #[error("the log is empty")]
     Empty,
@@ -79,7 +219,7 @@ pub enum Problem {
     #[error("the log has no header: its first line is numbers")]
     NoHeader,
     /// The first line has one column, with other separators in it.
-    #[error("the header is not separated by commas but by `{0}`")]
+    #[error("the header is separated by `{0}`, not by commas")]
     Separator(char),
     /// No column of this name.
     #[error("the header has no column `{name}`")]
@@ -114,13 +254,16 @@ pub enum Problem {
         joints: Vec<String>,
     },
     /// Not one joint is recorded.
-    #[error("the header names no joint: there is no column `q/…`, `dq/…` or `tau/…`")]
+    #[error("no joint is recorded: there is no column `q/…`, `dq/…` or `tau/…`")]
     NoJoints {
         /// The robot's joints.
         joints: Vec<String>,
     },
     /// A joint has one of position, velocity and torque but not all.
-    #[error("{joint} is recorded, but the header has no column `{missing}`")]
+    #[error(
+        "{joint} is recorded without its {}: there is no `{missing}`",
+        quantity(missing)
+    )]
     MissingChannel {
         /// The joint.
         joint: String,
@@ -152,7 +295,7 @@ pub enum Problem {
     #[error("the value is {0}; every value must be finite")]
     NotFinite(f64),
     /// A time stamp before that of the row above.
-    #[error("time runs backwards: {now} s after {before} s on the line above")]
+    #[error("time runs backwards: {now} s comes after {before} s")]
     TimeBackwards {
         /// Time stamp of the row above, s.
         before: f64,
@@ -160,15 +303,15 @@ pub enum Problem {
         now: f64,
     },
     /// A jump in time that is no lost message: two recordings in one file, or a clock that was set.
-    #[error("time jumps by {} from the line above", duration(*.gap))]
+    #[error("time jumps by {}", duration(*.gap))]
     TimeJump {
         /// The jump, s.
         gap: f64,
-        /// Line of the last row before it.
-        before: u64,
+        /// The last row before it.
+        before: Place,
     },
     /// A header and at most one row.
-    #[error("the log has {rows} row{}; motion needs at least two", if *.rows == 1 { "" } else { "s" })]
+    #[error("the log has {rows} sample{}; motion needs at least two", if *.rows == 1 { "" } else { "s" })]
     TooShort {
         /// Rows after the header.
         rows: u64,
@@ -184,7 +327,7 @@ pub enum Problem {
     /// Positions beyond the joint's limits nearly everywhere.
     #[error(
         "{joint} is outside its limits ({lower:.3} to {upper:.3} {unit}) in {percent:.0} % of the samples, \
-         {value} on this line{}",
+         {value} here{}",
         if *.degrees { "; the values look like degrees" } else { "" }
     )]
     OutsideLimits {
@@ -203,6 +346,31 @@ pub enum Problem {
         /// The values fall within the limits when read as degrees.
         degrees: bool,
     },
+}
+
+/// `: it has /tf (tf2_msgs/msg/TFMessage), …`.
+fn listed(topics: &[String]) -> String {
+    const MOST: usize = 6;
+    let some = topics
+        .iter()
+        .take(MOST)
+        .map(String::as_str)
+        .collect::<Vec<_>>()
+        .join(", ");
+    match topics.len() {
+        0 => "; it has none at all".to_owned(),
+        n if n > MOST => format!("; it has {some} and {} more", n - MOST),
+        _ => format!("; it has {some}"),
+    }
+}
+
+/// What a column such as `tau/elbow` holds, in words.
+fn quantity(column: &str) -> &'static str {
+    match column.split('/').next() {
+        Some("q") => "position",
+        Some("dq") => "velocity",
+        _ => "torque",
+    }
 }
 
 /// `4 h`, `12 min`, `8.5 s`: a span of time for a human.

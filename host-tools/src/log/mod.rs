@@ -6,6 +6,13 @@
 //! `gyro/x|y|z`, `acc/x|y|z` and `foot/<limb>`. Joints have the names of the robot's model and come by whole limbs: a log
 //! of one leg of a pinned Go2 has nine signal columns.
 //!
+//! What was recorded at motors, before the gear, is called `q_motor/<joint>`, `dq_motor/<joint>`, `tau_motor/<joint>`, and
+//! becomes the joint's through the model's gear ratios and couplings; `q_link/<joint>` is a second encoder at the link.
+//!
+//! Other formats give the same rows: rosbag2 (MCAP and .db3) with `unitree_go/LowState`, `unitree_hg/LowState` or
+//! `sensor_msgs/JointState`; CSV as PlotJuggler and ROS 1 write it, separated by semicolons and with decimal commas if need
+//! be; NumPy archives; Parquet, of a LeRobot data set or with a column per signal. `-` is standard input.
+//!
 //! [`LogReader`] streams the log of any robot, of any length, in constant memory and checks it on the way; [`Log`] holds
 //! a short one of a Go2 whole; [`LogWriter`] makes one.
 
@@ -13,20 +20,25 @@ mod checks;
 mod columns;
 mod error;
 mod joint;
+mod motors;
+mod names;
 mod reader;
 mod slots;
+mod source;
 mod writer;
 
 use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{LEGS, Leg};
 
-pub use checks::{Checks, GAP, LEAST_RATE, LONGEST_GAP, Warning};
+pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Warning};
 pub use columns::{Channel, Columns, Selection};
-pub use error::{Column, LogError, Problem};
+pub use error::{Column, LogError, Place, Problem, Unit};
 pub use joint::{JointId, UnknownName, leg_named};
 pub use reader::{LogReader, Row};
-pub use writer::LogWriter;
+pub use source::files;
+pub(crate) use source::open_bytes;
+pub use writer::{CanonicalWriter, LogWriter};
 
 /// A Go2's log held whole.
 #[derive(Debug, Clone)]

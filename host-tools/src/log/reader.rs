@@ -1,18 +1,12 @@
 //! A log as a stream of rows, in memory that does not grow with its length.
 
-use std::cell::Cell;
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-
-use csv::ByteRecord;
-use flate2::bufread::MultiGzDecoder;
 
 use super::checks::{Checks, Warning};
 use super::columns::{Channel, Columns, Selection};
-use super::error::{LogError, Problem};
+use super::error::{LogError, Place, Problem};
 use super::slots::{Slots, TIME};
+use super::source::{self, Source};
 use crate::model::Robot;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_core::window::Sample;
@@ -20,7 +14,7 @@ use proprio_core::window::Sample;
 /// One row of a log. Channels that the log does not have are NaN.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// Line in the file.
+    /// Number in the file, in what the file counts in: lines, messages, rows.
     pub line: u64,
     /// Time since the first row, rounded to µs.
     pub time_us: u64,
@@ -95,6 +89,11 @@ impl Row {
         self.of_joints(Channel::QDes)
     }
 
+    /// Positions of second encoders, at the links, rad (m).
+    pub fn q_link(&self) -> &[f64] {
+        self.of_joints(Channel::QLink)
+    }
+
     /// Attitude quaternion, w x y z.
     pub fn quat(&self) -> &[f64; 4] {
         self.part(self.slots.quat())
@@ -108,6 +107,11 @@ impl Row {
     /// Specific force at the IMU, m/s².
     pub fn acc(&self) -> &[f64; 3] {
         self.part(self.slots.acc())
+    }
+
+    /// What lies at a slot.
+    pub(super) fn at(&self, slot: usize) -> f64 {
+        self.values[slot]
     }
 
     /// Foot sensors, uncalibrated, in the order of the robot's limbs.
@@ -132,27 +136,10 @@ impl Row {
 /// ```
 pub struct LogReader {
     path: PathBuf,
-    csv: csv::Reader<Box<dyn Read>>,
+    source: Box<dyn Source>,
     columns: Columns,
-    record: ByteRecord,
     row: Row,
     checks: Checks,
-    read: Rc<Cell<u64>>,
-    size: u64,
-}
-
-/// A file that counts what is read from it.
-struct Counted {
-    file: File,
-    read: Rc<Cell<u64>>,
-}
-
-impl Read for Counted {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.file.read(buffer)?;
-        self.read.set(self.read.get() + count as u64);
-        Ok(count)
-    }
 }
 
 impl LogReader {
@@ -164,54 +151,21 @@ impl LogReader {
         Self::open_of(path, selection, &Robot::go2())
     }
 
-    /// Opens the log of `robot` at `path`, plain or compressed (told by content, not by name), and reads its header. Joints
-    /// are found by the robot's names, limbs recorded whole or not at all.
+    /// Opens the log of `robot` at `path`, of any format that is known (told by content, not by name), `-` for standard
+    /// input, and finds its channels. Joints are found by the robot's names, limbs recorded whole or not at all.
     ///
     /// # Errors
     /// [`Problem::Open`] to [`Problem::IncompleteLimb`].
     pub fn open_of(path: &Path, selection: Selection, robot: &Robot) -> Result<Self, LogError> {
-        let open = |error| LogError::new(path, Problem::Open(error));
-        let file = File::open(path).map_err(open)?;
-        let metadata = file.metadata().map_err(open)?;
-        if metadata.is_dir() {
-            return Err(open(io::ErrorKind::IsADirectory.into()));
-        }
-        let read = Rc::new(Cell::new(0));
-        let counted = Counted {
-            file,
-            read: Rc::clone(&read),
-        };
-        let mut file = BufReader::with_capacity(1 << 16, counted);
-        let gzip = file.fill_buf().map_err(open)?.starts_with(&[0x1f, 0x8b]);
-        let bytes: Box<dyn Read> = if gzip {
-            Box::new(MultiGzDecoder::new(file))
-        } else {
-            Box::new(file)
-        };
-        let mut csv = csv::ReaderBuilder::new()
-            .has_headers(false)
-            // Ragged rows are reported here, with the place.
-            .flexible(true)
-            .buffer_capacity(1 << 16)
-            .from_reader(bytes);
-
-        let mut record = ByteRecord::new();
-        let found = csv
-            .read_byte_record(&mut record)
-            .map_err(|error| unreadable(path, 1, error))?;
-        if !found {
-            return Err(LogError::new(path, Problem::Empty).at_line(1));
-        }
-        let columns = Columns::new(path, line(&record), &record, selection, robot)?;
+        let source = source::open(path)?;
+        let names = source.names().to_vec();
+        let columns = Columns::new(path, source.header(), names, selection, robot)?;
         Ok(Self {
             path: path.to_owned(),
-            csv,
             row: Row::new(columns.slots),
-            checks: Checks::new(&columns),
+            checks: Checks::new(&columns, source.unit()),
             columns,
-            record,
-            read,
-            size: metadata.len(),
+            source,
         })
     }
 
@@ -220,9 +174,9 @@ impl LogReader {
         &self.columns
     }
 
-    /// Bytes of the file read so far, and in all; of a compressed file, compressed ones.
+    /// How much of the file has been read, and of how much: bytes, of a compressed file compressed ones; messages; rows.
     pub fn progress(&self) -> (u64, u64) {
-        (self.read.get(), self.size)
+        self.source.progress()
     }
 
     /// The next row, or none at the end.
@@ -230,23 +184,18 @@ impl LogReader {
     /// # Errors
     /// [`Problem::Read`], [`Problem::Ragged`] to [`Problem::TimeJump`].
     pub fn next_row(&mut self) -> Result<Option<&Row>, LogError> {
-        let here = self.csv.position().line();
-        let more = self.csv.read_byte_record(&mut self.record);
-        if !more.map_err(|error| unreadable(&self.path, here, error))? {
+        let next = self.source.next(&self.columns.wanted, &mut self.row.values);
+        let next =
+            next.map_err(|fault| fault.error(&self.path, self.source.unit(), &self.columns.names))?;
+        let Some(number) = next else {
             return Ok(None);
-        }
-        self.row.line = line(&self.record);
-        let (found, expected) = (self.record.len(), self.columns.names.len());
-        if found != expected {
-            return Err(self.error(Problem::Ragged { found, expected }));
-        }
-        for &(cell, slot) in &self.columns.wanted {
-            self.row.values[slot] =
-                number(&self.record[cell]).map_err(|problem| self.cell_error(cell, problem))?;
+        };
+        self.row.line = number;
+        if let Some(motors) = &self.columns.motors {
+            motors.apply(&mut self.row.values);
         }
         if let Err(problem) = self.checks.row(&self.row) {
-            let cell = self.columns.cell[TIME].unwrap_or_default();
-            return Err(self.cell_error(cell, problem));
+            return Err(self.time_error(problem));
         }
         self.row.time_us = (self.checks.duration() * 1e6).round() as u64;
         Ok(Some(&self.row))
@@ -257,7 +206,9 @@ impl LogReader {
     /// # Errors
     /// [`Problem::TooShort`], [`Problem::TooSlow`], [`Problem::OutsideLimits`].
     pub fn finish(&self) -> Result<Vec<Warning>, LogError> {
-        self.checks.finish(&self.path, &self.columns)
+        let mut warnings = self.source.warnings();
+        warnings.extend(self.checks.finish(&self.path, &self.columns)?);
+        Ok(warnings)
     }
 
     /// What was noticed so far.
@@ -265,39 +216,14 @@ impl LogReader {
         &self.checks
     }
 
-    fn error(&self, problem: Problem) -> LogError {
-        LogError::new(&self.path, problem).at_line(self.row.line)
-    }
-
-    fn cell_error(&self, cell: usize, problem: Problem) -> LogError {
-        self.error(problem)
-            .at_column(cell, &self.columns.names[cell])
-    }
-}
-
-fn line(record: &ByteRecord) -> u64 {
-    record.position().map_or(1, csv::Position::line)
-}
-
-fn unreadable(path: &Path, line: u64, error: csv::Error) -> LogError {
-    let error = match error.into_kind() {
-        csv::ErrorKind::Io(error) => error,
-        other => io::Error::other(format!("{other:?}")),
-    };
-    LogError::new(path, Problem::Read(error)).at_line(line)
-}
-
-/// A finite number.
-fn number(text: &[u8]) -> Result<f64, Problem> {
-    let value = match fast_float2::parse(text) {
-        Ok(value) => value,
-        // The slow path: only here are blanks around the number worth a look.
-        Err(_) => fast_float2::parse(text.trim_ascii())
-            .map_err(|_| Problem::NotANumber(String::from_utf8_lossy(text).into_owned()))?,
-    };
-    if f64::is_finite(value) {
-        Ok(value)
-    } else {
-        Err(Problem::NotFinite(value))
+    fn time_error(&self, problem: Problem) -> LogError {
+        let place = Place {
+            unit: self.source.unit(),
+            number: self.row.line,
+        };
+        let cell = self.columns.cell[TIME].unwrap_or_default();
+        LogError::new(&self.path, problem)
+            .at(Some(place))
+            .at_column(cell, self.columns.column_name(cell))
     }
 }

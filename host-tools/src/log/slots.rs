@@ -34,7 +34,7 @@ impl Slots {
     }
 
     pub(super) const fn quat(self) -> usize {
-        self.all(Channel::QDes).end
+        self.all(Channel::QLink).end
     }
 
     pub(super) const fn gyro(self) -> usize {

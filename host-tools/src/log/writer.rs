@@ -2,8 +2,10 @@
 
 use std::io::{self, Write};
 
-use super::columns::Channel;
+use super::columns::{Channel, Columns};
 use super::joint::JointId;
+use super::reader::Row;
+use super::slots::{Slots, TIME};
 use proprio_core::go2::Leg;
 
 /// Writes a log of the motion of one or more legs.
@@ -80,4 +82,79 @@ impl<W: Write> LogWriter<W> {
         self.out.flush()?;
         Ok(self.out)
     }
+}
+
+/// Writes the rows of any log as proprio's own CSV, each number as the shortest that reads back the same.
+pub struct CanonicalWriter<W: Write> {
+    out: W,
+    slots: Vec<usize>,
+    start: Option<f64>,
+}
+
+impl<W: Write> CanonicalWriter<W> {
+    /// Begins a log of all that `columns` records on `out`, with its header.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W, columns: &Columns) -> io::Result<Self> {
+        write!(out, "t")?;
+        let mut slots = Vec::new();
+        for (name, slot) in named(columns) {
+            if columns.has_slot(slot) {
+                write!(out, ",{name}")?;
+                slots.push(slot);
+            }
+        }
+        writeln!(out)?;
+        Ok(Self {
+            out,
+            slots,
+            start: None,
+        })
+    }
+
+    /// Adds a row; time counts from the first, s.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn row(&mut self, row: &Row) -> io::Result<()> {
+        let start = *self.start.get_or_insert(row.t());
+        write!(self.out, "{}", row.t() - start)?;
+        for &slot in &self.slots {
+            write!(self.out, ",{}", row.at(slot))?;
+        }
+        writeln!(self.out)
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.out.flush()?;
+        Ok(self.out)
+    }
+}
+
+/// Every column of the format but the time, and its slot.
+fn named(columns: &Columns) -> Vec<(String, usize)> {
+    let slots: Slots = columns.slots;
+    let joints = columns.robot().bodies();
+    let of = |channel: Channel| {
+        let names = joints.iter().map(move |body| channel.column(&body.name));
+        names.zip(slots.all(channel))
+    };
+    let mut named: Vec<(String, usize)> = Channel::ALL.into_iter().flat_map(of).collect();
+    for (prefix, first, axes) in slots.groups() {
+        let axes = axes.iter().enumerate();
+        named.extend(axes.map(|(n, axis)| (format!("{prefix}/{axis}"), first + n)));
+    }
+    let limbs = columns.all_limbs().iter();
+    named.extend(
+        limbs
+            .map(|limb| format!("foot/{}", limb.name))
+            .zip(slots.feet()),
+    );
+    debug_assert!(named.iter().all(|(_, slot)| *slot != TIME));
+    named
 }

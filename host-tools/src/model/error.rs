@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Impossible, MAX_BODIES, UnknownName, Unphysical};
+use super::{Impossible, UnknownName, Unphysical};
 
 /// A model file is bad.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +48,9 @@ pub enum ModelProblem {
     /// `[robot]` names no robot, or two.
     #[error("[robot] needs either `builtin` or `urdf`")]
     WhichRobot,
+    /// `[held]` with a robot that is built in.
+    #[error("[held] needs a robot with a `urdf`")]
+    HeldWithoutUrdf,
     /// `[base]` states two orientations, or one that is none.
     #[error("[base] needs either `rpy` in rad or a `quaternion` w, x, y, z of length 1")]
     Orientation,
@@ -132,6 +135,9 @@ pub enum RobotProblem {
         /// The two joints.
         joints: [String; 2],
     },
+    /// There is nothing in it.
+    #[error("the robot has no links")]
+    NoLinks,
     /// Every link hangs on another one.
     #[error("the links form a loop: each is the child of another, and none is the base")]
     NoBase,
@@ -187,9 +193,9 @@ pub enum RobotProblem {
         /// Why.
         fault: Unphysical,
     },
-    /// More bodies than there is room for.
-    #[error("{0} joints move; at most {MAX_BODIES} are identified")]
-    TooMany(usize),
+    /// A joint that is to be held does not exist.
+    #[error(transparent)]
+    UnknownHeld(UnknownName),
     /// Nothing moves.
     #[error("no joint moves")]
     NothingMoves,

@@ -11,13 +11,15 @@ use std::path::Path;
 use nalgebra::SVector;
 use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::InertialParameters;
-use tables::{BaseTable, EffectTable, File, Mount, PriorEntry, PriorTable, RobotTable, Ten};
+use tables::{
+    BaseTable, EffectTable, File, LogSpeech, Mount, PriorEntry, PriorTable, RobotTable, Ten,
+};
 use toml::Spanned;
 pub(super) use write::text;
 
 use super::{
-    Impossible, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting, Provenance, Robot,
-    UnknownName,
+    Impossible, LogConventions, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting,
+    Provenance, Robot, UnknownName,
 };
 
 /// The newest format that this version reads, and the one it writes.
@@ -63,11 +65,18 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
         Some(_) => {}
     }
     let file: File = toml::from_str(text).map_err(|e| syntax(&e))?;
-    let mut model = Model::new(robot(&file.robot, folder)?);
+    let held: Vec<(String, f64)> = file
+        .held
+        .iter()
+        .map(|(name, position)| (name.get_ref().clone(), *position))
+        .collect();
+    let mut model = Model::new(robot(&file.robot, folder, &held)?);
     if let Some(base) = &file.base {
         model.mounting = mounting(base)?;
     }
     read_motors(&mut model, &file)?;
+    let conventions = read_conventions(&model, &file.log)?;
+    model.robot.set_conventions(conventions);
     read_priors(&mut model, &file.prior)?;
     read_bodies(&mut model, &file)?;
     file.effect
@@ -98,9 +107,17 @@ fn problem_of(error: &toml::de::Error) -> ModelProblem {
     }
 }
 
-fn robot(table: &Spanned<RobotTable>, folder: &Path) -> Result<Robot, Fault> {
+fn robot(
+    table: &Spanned<RobotTable>,
+    folder: &Path,
+    held: &[(String, f64)],
+) -> Result<Robot, Fault> {
     let at = Some(table.span().start);
     match table.get_ref() {
+        RobotTable {
+            builtin: Some(_),
+            urdf: None,
+        } if !held.is_empty() => Err((at, ModelProblem::HeldWithoutUrdf)),
         RobotTable {
             builtin: Some(name),
             urdf: None,
@@ -115,7 +132,8 @@ fn robot(table: &Spanned<RobotTable>, folder: &Path) -> Result<Robot, Fault> {
         RobotTable {
             builtin: None,
             urdf: Some(path),
-        } => Robot::from_urdf(&folder.join(path)).map_err(|e| (at, ModelProblem::Robot(e))),
+        } => Robot::from_urdf_held(&folder.join(path), held)
+            .map_err(|e| (at, ModelProblem::Robot(e))),
         _ => Err((at, ModelProblem::WhichRobot)),
     }
 }
@@ -191,6 +209,40 @@ fn read_motors(model: &mut Model, file: &File) -> Result<(), Fault> {
         );
     }
     Ok(())
+}
+
+fn read_conventions(model: &Model, table: &LogSpeech) -> Result<LogConventions, Fault> {
+    let named = |name: &Spanned<String>| joint(model, name.get_ref(), name.span().start);
+    let motors = table.motors.as_ref();
+    let motors = motors.map(|names| names.iter().map(named).collect::<Result<Vec<_>, _>>());
+    let mut at_motor = [false; 3];
+    for signal in &table.at_motor {
+        at_motor[*signal as usize] = true;
+    }
+    let mut transmission = Vec::new();
+    for (motor, ratios) in &table.transmission {
+        let of = |(name, ratio): (&Spanned<String>, &f64)| {
+            let joint = named(name)?;
+            if ratio.is_finite() && *ratio != 0.0 {
+                return Ok((joint, *ratio));
+            }
+            let what = format!("the transmission of {}", motor.get_ref());
+            let fault = Impossible::Bounds {
+                symbol: "ratio",
+                value: *ratio,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+            };
+            Err(impossible(name.span().start, what)(fault))
+        };
+        let ratios = ratios.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        transmission.push((named(motor)?, ratios));
+    }
+    Ok(LogConventions {
+        motors: motors.transpose()?,
+        at_motor,
+        transmission,
+    })
 }
 
 fn read_priors(model: &mut Model, table: &PriorTable) -> Result<(), Fault> {

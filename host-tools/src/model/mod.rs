@@ -15,6 +15,16 @@
 //! mount = "pinned"
 //! rpy = [0.0, 0.0, 0.0]           # or quaternion = [w, x, y, z]: the base in the world
 //!
+//! [held]                          # joints that do not move, with a URDF: rad or m
+//! finger = 0.02
+//!
+//! [log]                           # what messages leave open; columns with names of their own need none of it
+//! motors = ["FR_hip"]             # … the joint of motor 0, 1, …
+//! at_motor = ["q", "dq", "tau"]   # these are the motor's, before the gear
+//!
+//! [log.transmission]              # a motor's turns per turn of joints; without, the gear of [motor]
+//! FR_thigh = { FR_thigh = 6.333, FR_calf = 0.5 }
+//!
 //! [prior]
 //! cad_uncertainty = 0.1           # relative standard deviation of the CAD's inertias
 //! body = { FR_calf = 0.3 }        # the same for one body
@@ -48,6 +58,7 @@
 //! sha256 = "…"
 //! ```
 
+mod conventions;
 mod effects;
 mod error;
 pub mod export;
@@ -68,15 +79,17 @@ use proprio_core::estimator::CAD_UNCERTAINTY;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 
+pub use conventions::LogConventions;
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use limb::ModelParameter;
 pub use name::UnknownName;
 pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
-use possible::{deviation, positive, rounded, significant};
+pub(crate) use possible::significant;
+use possible::{deviation, positive, rounded};
 pub use provenance::{LogRecord, Provenance, sha256};
-pub use robot::{Body, JointKind, Limb, MAX_BODIES, Motor, Robot, Source};
+pub use robot::{Body, JointKind, Limb, Motor, Robot, Source};
 
 use crate::output::{self, WriteError};
 
@@ -186,6 +199,12 @@ impl Model {
         self.mounting = mounting;
     }
 
+    /// The same, its base mounted as another model's.
+    pub fn mounted_as(mut self, other: &Self) -> Self {
+        self.mounting = other.mounting;
+        self
+    }
+
     /// Name of a joint; `base` for [`BASE`].
     pub fn joint_name(&self, joint: usize) -> &str {
         self.robot
@@ -215,8 +234,8 @@ impl Model {
             .and_then(|(_, std)| std.as_ref())
     }
 
-    /// Sets a body's identified inertial parameters, rounded to nine significant digits: the file is for reading, and no
-    /// measurement means more.
+    /// Sets a body's identified inertial parameters, rounded to twelve significant digits: the file is for reading, and
+    /// predicts what was fitted.
     ///
     /// # Errors
     /// [`Impossible`] if no body has them; then nothing changes.

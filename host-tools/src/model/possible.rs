@@ -27,13 +27,13 @@ pub enum Impossible {
     Body(#[from] Unphysical),
 }
 
-/// `value` to nine significant digits.
+/// `value` to twelve significant digits: what a file predicts is then what was fitted, to 1e-10 of a torque.
 pub(super) fn rounded(value: f64) -> f64 {
-    significant(value, 9)
+    significant(value, 12)
 }
 
 /// `value` to so many significant digits.
-pub(super) fn significant(value: f64, digits: usize) -> f64 {
+pub(crate) fn significant(value: f64, digits: usize) -> f64 {
     let text = format!("{value:.*e}", digits.saturating_sub(1));
     text.parse().unwrap_or(value)
 }

@@ -1,6 +1,5 @@
 //! Where a model's values come from.
 
-use std::fs::File;
 use std::io;
 use std::path::Path;
 
@@ -56,13 +55,18 @@ impl Provenance {
     }
 }
 
-/// SHA-256 of a file's bytes, in hexadecimal.
+/// SHA-256 of a log's bytes, in hexadecimal: of a file, of standard input (`-`), of a folder's files one after the other.
 ///
 /// # Errors
 /// If the file cannot be read.
 pub fn sha256(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
-    io::copy(&mut File::open(path)?, &mut HashWriter(&mut hash))?;
+    for file in crate::log::files(path)? {
+        io::copy(
+            &mut crate::log::open_bytes(&file)?.file,
+            &mut HashWriter(&mut hash),
+        )?;
+    }
     let digest = hash.finalize();
     Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
 }

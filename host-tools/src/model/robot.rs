@@ -16,12 +16,10 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::{self, Joint, Tree};
 
 use super::BASE;
+use super::conventions::LogConventions;
 use super::error::RobotError;
 use super::name::UnknownName;
 use super::urdf;
-
-/// Most bodies a robot may have.
-pub const MAX_BODIES: usize = 32;
 
 /// Where a robot's description comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,6 +110,10 @@ pub struct Robot {
     base_inertia: InertialParameters<f64>,
     bodies: Vec<Body>,
     subtree_ends: Vec<usize>,
+    held: Vec<(String, f64)>,
+    stated: Vec<(String, f64)>,
+    notes: Vec<String>,
+    conventions: LogConventions,
 }
 
 impl Robot {
@@ -157,7 +159,16 @@ impl Robot {
     /// # Errors
     /// [`RobotError`] with file, line and what is wrong.
     pub fn from_urdf(path: &Path) -> Result<Self, RobotError> {
-        urdf::Description::read(path)?.checked()
+        Self::from_urdf_held(path, &[])
+    }
+
+    /// [`from_urdf`](Self::from_urdf), with joints that do not move: held at these positions, rad or m, what they carry is part
+    /// of the body that carries them.
+    ///
+    /// # Errors
+    /// [`RobotError`] with file, line and what is wrong.
+    pub fn from_urdf_held(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {
+        urdf::Description::read(path, held)?.checked()
     }
 
     /// A robot of bodies numbered depth first.
@@ -190,7 +201,64 @@ impl Robot {
             base_inertia,
             bodies,
             subtree_ends,
+            held: Vec::new(),
+            stated: Vec::new(),
+            notes: Vec::new(),
+            conventions: LogConventions::default(),
         }
+    }
+
+    /// The same with joints that are held, and what else a user should know of how the description was read.
+    pub(super) fn reading(
+        self,
+        held: Vec<(String, f64)>,
+        stated: &[(String, f64)],
+        notes: Vec<String>,
+    ) -> Self {
+        Self {
+            held,
+            stated: stated.to_vec(),
+            notes,
+            ..self
+        }
+    }
+
+    /// Those of the held joints of which the user said so, by the user's names.
+    pub(super) fn stated(&self) -> &[(String, f64)] {
+        &self.stated
+    }
+
+    /// The same with some bodies' inertias completed, and what to tell of it.
+    pub(super) fn completed(
+        mut self,
+        inertias: Vec<(usize, InertialParameters<f64>)>,
+        notes: Vec<String>,
+    ) -> Self {
+        for (body, inertia) in inertias {
+            self.bodies[body].inertia = inertia;
+        }
+        self.notes.extend(notes);
+        self
+    }
+
+    /// Joints that are held, and where, rad or m: they are no joints of this robot.
+    pub fn held(&self) -> &[(String, f64)] {
+        &self.held
+    }
+
+    /// What was taken otherwise than the description has it, a sentence each: mimic joints, bodies without mass.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// How the robot's logs speak of its joints.
+    pub fn conventions(&self) -> &LogConventions {
+        &self.conventions
+    }
+
+    /// States how the robot's logs speak of its joints.
+    pub(super) fn set_conventions(&mut self, conventions: LogConventions) {
+        self.conventions = conventions;
     }
 
     /// The robot's name.
@@ -247,7 +315,8 @@ impl Robot {
         let of_base = effect.description().form == Form::Gravity;
         match name {
             None if of_base => Ok(vec![BASE]),
-            Some("base") if of_base => Ok(vec![BASE]),
+            // One delay of all joints is the base's as well.
+            Some("base") if of_base || effect == EffectKind::Delay => Ok(vec![BASE]),
             Some(name) if of_base => Err(UnknownName::new("joint", name, ["base"])),
             Some(name) => Ok(vec![self.joint(name)?]),
             None => Ok((0..self.bodies.len()).collect()),

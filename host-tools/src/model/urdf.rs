@@ -2,14 +2,17 @@
 //!
 //! `urdf-rs` reads the values; the XML itself is kept for the lines of errors and, in [`super::export`], for writing into.
 
+mod complete;
+mod holds;
 mod links;
 mod parts;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use proprio_core::inertia::InertialParameters;
 
-use super::{MAX_BODIES, Robot, RobotError, RobotProblem, Source, UnknownName, Unphysical};
+use super::{Robot, RobotError, RobotProblem, Source, UnknownName, Unphysical};
 use links::Links;
 use parts::Parts;
 
@@ -50,23 +53,25 @@ pub(super) struct Description {
     pub(super) robot: Robot,
     /// Per body, what the links fixed to the moving one contribute to it.
     pub(super) carried: Vec<InertialParameters<f64>>,
+    /// Per body, whether it or what is fixed to it has a shape.
+    shapes: Vec<bool>,
     path: PathBuf,
 }
 
 impl Description {
-    /// Reads a file.
-    pub(super) fn read(path: &Path) -> Result<Self, RobotError> {
+    /// Reads a file; the joints named are held at these positions, rad or m.
+    pub(super) fn read(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {
         let text = std::fs::read_to_string(path).map_err(|error| RobotError {
             path: path.to_owned(),
             line: None,
             problem: Box::new(RobotProblem::Read(error)),
         })?;
-        Self::parse(path, text)
+        Self::parse(path, text, held)
     }
 
     /// The robot of a URDF's text; `path` is what errors call it.
-    fn parse(path: &Path, text: String) -> Result<Self, RobotError> {
-        let (name, parts) = match parts(&text) {
+    fn parse(path: &Path, text: String, held: &[(String, f64)]) -> Result<Self, RobotError> {
+        let (name, parts) = match parts(&text, held) {
             Ok(parts) => parts,
             Err(fault) => {
                 return Err(RobotError {
@@ -83,27 +88,28 @@ impl Description {
             &parts.base_link,
             parts.base_inertia,
             parts.bodies,
-        );
+        )
+        .reading(parts.held, held, parts.notes);
         Ok(Self {
             robot,
             carried: parts.carried,
+            shapes: parts.shapes,
             path: path.to_owned(),
             text,
         })
     }
 
-    /// The robot, if every body of it can exist.
-    pub(super) fn checked(self) -> Result<Robot, RobotError> {
+    /// The robot, if every body of it can exist, or could with what its links leave out.
+    pub(super) fn checked(mut self) -> Result<Robot, RobotError> {
+        self.robot = complete::robot(self.robot, &self.shapes);
         let error = |element: Option<&str>, problem| RobotError {
             path: self.path.clone(),
             line: element.and_then(|link| line_of(&self.text, "link", link)),
             problem: Box::new(problem),
         };
         let bodies = self.robot.bodies();
-        match bodies.len() {
-            0 => return Err(error(None, RobotProblem::NothingMoves)),
-            n if n > MAX_BODIES => return Err(error(None, RobotProblem::TooMany(n))),
-            _ => {}
+        if bodies.is_empty() {
+            return Err(error(None, RobotProblem::NothingMoves));
         }
         for body in bodies {
             let link = body.link_name.clone();
@@ -151,15 +157,52 @@ fn line_of(text: &str, tag: &str, name: &str) -> Option<u32> {
 }
 
 /// The robot's name and what it consists of.
-fn parts(text: &str) -> Result<(String, Parts), Box<Fault>> {
+fn parts(text: &str, held: &[(String, f64)]) -> Result<(String, Parts), Box<Fault>> {
     let syntax = |message| Fault::boxed("robot", "", RobotProblem::Syntax(message));
     let document = roxmltree::Document::parse(text).map_err(|e| syntax(e.to_string()))?;
     check_root(&document)?;
     check_types(&document)?;
     check_numbers(&document)?;
-    let robot = urdf_rs::read_from_string(text).map_err(|e| syntax(e.to_string()))?;
-    let parts = Parts::of(&Links::new(&robot)?)?;
+    let (skeleton, shapes) = skeleton(&document, text);
+    let robot = urdf_rs::read_from_string(&skeleton).map_err(|e| syntax(e.to_string()))?;
+    let parts = Parts::of(&Links::new(&robot)?, held, &shapes)?;
     Ok((robot.name, parts))
+}
+
+/// The text with links and joints only, without their shapes, every byte in its place; and the links that have shapes.
+///
+/// What is left out has no part in dynamics, and other programs' extensions and slips in it are not ours to judge.
+fn skeleton<'a>(document: &'a roxmltree::Document<'a>, text: &str) -> (String, HashSet<&'a str>) {
+    let mut kept = text.as_bytes().to_vec();
+    let mut blank = |range: std::ops::Range<usize>| {
+        let breaks = |byte: &u8| [b'\n', b'\r'].contains(byte);
+        kept[range]
+            .iter_mut()
+            .filter(|byte| !breaks(byte))
+            .for_each(|byte| *byte = b' ');
+    };
+    let mut shapes = HashSet::new();
+    for element in document
+        .root_element()
+        .children()
+        .filter(roxmltree::Node::is_element)
+    {
+        if !["link", "joint"]
+            .iter()
+            .any(|tag| element.has_tag_name(*tag))
+        {
+            blank(element.range());
+            continue;
+        }
+        let is_shape =
+            |n: &roxmltree::Node| n.has_tag_name("visual") || n.has_tag_name("collision");
+        for shape in element.children().filter(is_shape) {
+            blank(shape.range());
+            shapes.extend(element.attribute("name"));
+        }
+    }
+    // Whole elements have become blanks, which are text.
+    (String::from_utf8_lossy(&kept).into_owned(), shapes)
 }
 
 /// The text is a URDF; `urdf-rs` takes any root for a robot without links.
@@ -244,7 +287,7 @@ mod tests {
             let word = words[from];
             words.drain(from..(from + lost).min(words.len()));
             words.insert(to.min(words.len()), word);
-            let parsed = Description::parse(Path::new("go2.urdf"), words.concat());
+            let parsed = Description::parse(Path::new("go2.urdf"), words.concat(), &[]);
             if let Ok(robot) = parsed.and_then(Description::checked) {
                 prop_assert!(robot.bodies().iter().all(|body| body.inertia.is_physical()));
             }

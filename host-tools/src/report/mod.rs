@@ -36,6 +36,7 @@ mod data_table;
 pub mod escape;
 mod figure;
 mod library;
+pub mod motion;
 mod page;
 pub mod pages;
 pub mod parameters;

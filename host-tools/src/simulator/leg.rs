@@ -1,6 +1,7 @@
 //! One pinned leg: its mechanics, its motors with their controller, and what the bus reports of them.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use nalgebra::{Rotation3, Vector3};
 use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG as JOINTS, Leg};
@@ -10,7 +11,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::effect::{Effect, HiddenKind, Site, Transmission};
-use super::motion::{Reference, centre};
+use super::follow::Followed;
+use super::motion::{Reference, Wanted, centre};
 use super::plant::{Plant, PlantJoint, State};
 use super::{Diverged, Simulation};
 
@@ -29,6 +31,7 @@ pub(super) struct SimulatedLeg {
     plant: Plant,
     state: State,
     reference: Reference,
+    follow: Option<Arc<Followed>>,
     /// What the controller believes: the CAD, and how the base is said to be mounted.
     cad: Tree<f64, JOINTS, JOINTS>,
     mount: Transform<f64>,
@@ -65,12 +68,15 @@ impl SimulatedLeg {
         let delay = [0, 1, 2].map(|j: usize| joints[j].effects.iter().map(|e| e.delay()).sum());
         let [roll, pitch] = simulation.tilt();
         let base = mount.compose(&turned(Rotation3::from_euler_angles(roll, pitch, 0.0)));
-        let wanted = reference.at(0.0);
+        let follow = simulation.follow.clone();
+        let followed = follow.as_ref().and_then(|motion| motion.at(leg, 0.0));
+        let wanted = followed.map_or_else(|| reference.at(0.0), |(wanted, ..)| wanted);
         let mut leg = Self {
             leg,
             plant: Plant::new(go2::leg(leg).with_inertia(&bodies), base, joints),
             state: State::new(wanted.q, wanted.dq, temperature),
             reference,
+            follow,
             cad: go2::leg(leg),
             mount,
             delay,
@@ -126,14 +132,27 @@ impl SimulatedLeg {
         Ok(())
     }
 
-    /// A tick of the controller: PD on the reference and the CAD's inverse dynamics, within what the motor can give.
-    fn control(&mut self) {
-        let t = self.state.t;
-        let (q, dq) = self.measured();
+    /// What is asked for at time `t`, the torque that goes with it by the CAD or by the motion that is followed, and the gains.
+    fn asked(&self, t: f64) -> (Wanted, Vector3<f64>, [Vector3<f64>; 2]) {
+        if let Some(asked) = self
+            .follow
+            .as_ref()
+            .and_then(|motion| motion.at(self.leg, t))
+        {
+            return asked;
+        }
         let wanted = self.reference.at(t);
         let k = self.cad.kinematics(&self.mount, &wanted.q, &wanted.dq);
         let forward = self.cad.inverse_dynamics(&k, &wanted.dq, &wanted.ddq);
-        let back = (wanted.q - q) * GAIN_P + (wanted.dq - dq) * GAIN_D;
+        (wanted, forward, [GAIN_P, GAIN_D].map(Vector3::repeat))
+    }
+
+    /// A tick of the controller: PD on the reference and a feed-forward torque, within what the motor can give.
+    fn control(&mut self) {
+        let t = self.state.t;
+        let (q, dq) = self.measured();
+        let (wanted, forward, [gain_p, gain_d]) = self.asked(t);
+        let back = (wanted.q - q).component_mul(&gain_p) + (wanted.dq - dq).component_mul(&gain_d);
         for j in 0..JOINTS {
             let effort = ACTUATORS[j].effort;
             self.reported[j] = (forward[j] + back[j]).clamp(-effort, effort);

@@ -8,6 +8,7 @@
 
 mod dry;
 mod effect;
+pub mod follow;
 pub mod hidden;
 mod inertia_error;
 mod leg;
@@ -16,6 +17,8 @@ mod plant;
 mod sensors;
 #[cfg(test)]
 mod tests;
+
+use std::sync::Arc;
 
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG, Leg};
@@ -26,6 +29,7 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::log::JointId;
 use crate::parameter::{self, Parameter};
 pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
+pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide, SIZES, Sizes};
 use leg::SimulatedLeg;
 pub use motion::Motion;
@@ -43,6 +47,8 @@ pub struct Simulation {
     pub legs: Vec<Leg>,
     /// What the joints are asked to do.
     pub motion: Motion,
+    /// A motion to follow instead, with its feed-forward torque and its gains, by the legs that it moves.
+    pub follow: Option<Arc<Followed>>,
     /// Length, s.
     pub duration: f64,
     /// Samples per second.
@@ -93,6 +99,7 @@ impl Simulation {
         Self {
             legs: legs.to_vec(),
             motion: Motion::Multisine,
+            follow: None,
             duration: 20.0,
             rate: 500.0,
             effects: Vec::new(),
@@ -118,7 +125,7 @@ impl Simulation {
         let mut rng = self.random(NOISE_STREAM);
         let thermal = self.logs_temperature();
         let count = (self.duration * self.rate).round() as u64;
-        let mut previous = None;
+        let (mut previous, mut noise) = (None, Vec::new());
         let mut failed = false;
         (0..=count).map_while(move |k| {
             if failed {
@@ -126,7 +133,9 @@ impl Simulation {
             }
             let t = self.sensors.sampling_time(k, self.rate, &mut rng);
             let sample = sample(&mut legs, t, thermal).map(|truth| {
-                let measured = self.sensors.measure(truth, previous.as_ref(), &mut rng);
+                let (sensors, joints) = (&self.sensors, truth.tau.len());
+                noise = sensors.torque_noise_after(&noise, joints, self.rate, &mut rng);
+                let measured = sensors.measure(truth, &noise, previous.as_ref(), &mut rng);
                 previous = Some(measured.clone());
                 measured
             });

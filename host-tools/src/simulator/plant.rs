@@ -195,12 +195,14 @@ impl Plant {
             return force;
         }
         let in_base = k
+            .placements
             .from_parent
             .iter()
             .fold(Matrix3::identity(), |r, x| r * x.rotation);
         let here = in_base.tr_mul(&force);
+        let jacobians = self.tree.jacobians(k);
         Vector3::from_fn(|c, _| {
-            let s: &Motion<f64> = &k.subspace[JOINTS - 1][c];
+            let s: &Motion<f64> = &jacobians.subspace[JOINTS - 1][c];
             (s.linear + s.angular.cross(&FOOT)).dot(&here)
         })
     }

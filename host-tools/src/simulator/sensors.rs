@@ -22,6 +22,12 @@ pub struct Sensors {
     pub jitter: f64,
     /// Share of samples that repeat the one before under a new stamp, as when a host reads the latest message.
     pub repeats: f64,
+    /// Further noise of the torque: its standard deviation, N m.
+    pub torque_noise: f64,
+    /// For how long that noise remembers itself, s: a first-order autoregression; zero is white.
+    pub torque_memory: f64,
+    /// Further white noise of the velocity: its standard deviation, rad/s.
+    pub velocity_noise: f64,
 }
 
 impl Default for Sensors {
@@ -32,6 +38,9 @@ impl Default for Sensors {
             quantised: true,
             jitter: 0.0,
             repeats: 0.0,
+            torque_noise: 0.0,
+            torque_memory: 0.0,
+            velocity_noise: 0.0,
         }
     }
 }
@@ -44,6 +53,9 @@ impl Sensors {
             quantised: false,
             jitter: 0.0,
             repeats: 0.0,
+            torque_noise: 0.0,
+            torque_memory: 0.0,
+            velocity_noise: 0.0,
         }
     }
 
@@ -55,10 +67,37 @@ impl Sensors {
         (k as f64 + rng.random_range(-self.jitter..=self.jitter)) / rate
     }
 
-    /// What is recorded of `truth` after `previous` was.
+    /// The further noise of the torque of `joints` joints at the next of `rate` samples a second, after `last`: nothing at first.
+    pub(super) fn torque_noise_after(
+        &self,
+        last: &[f64],
+        joints: usize,
+        rate: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<f64> {
+        if self.torque_noise == 0.0 {
+            return vec![0.0; joints];
+        }
+        let keep = if self.torque_memory > 0.0 && !last.is_empty() {
+            (-1.0 / (rate * self.torque_memory)).exp()
+        } else {
+            0.0
+        };
+        // The standard deviation stays what it is.
+        let new = self.torque_noise * (1.0 - keep * keep).sqrt();
+        (0..joints)
+            .map(|joint| {
+                let white: f64 = rng.sample(StandardNormal);
+                keep * last.get(joint).copied().unwrap_or(0.0) + new * white
+            })
+            .collect()
+    }
+
+    /// What is recorded of `truth` after `previous` was, with the further noise `torque` of the torques.
     pub(super) fn measure(
         &self,
         truth: SimulatedSample,
+        torque: &[f64],
         previous: Option<&SimulatedSample>,
         rng: &mut ChaCha8Rng,
     ) -> SimulatedSample {
@@ -79,6 +118,10 @@ impl Sensors {
                 let sigma = self.noise * TORQUE_NOISE * go2::quanta(joint)[2];
                 measured.tau[joint] += sigma * rng.sample::<f64, _>(StandardNormal);
             }
+            measured.tau[joint] += torque[joint];
+            if self.velocity_noise > 0.0 {
+                measured.dq[joint] += self.velocity_noise * rng.sample::<f64, _>(StandardNormal);
+            }
             if self.quantised {
                 let [q, dq, tau] = go2::quanta(joint);
                 round_to(q, &mut measured.q[joint]);
@@ -95,4 +138,33 @@ impl Sensors {
 
 fn round_to(step: f64, value: &mut f64) {
     *value = (*value / step).round() * step;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    /// The standard deviation asked for, and exp(−1/(rate × memory)) from one sample to the next.
+    #[test]
+    fn coloured_noise_has_its_size_and_its_memory() {
+        for (memory, correlation) in [(0.0, 0.0), (0.01, (-0.2f64).exp())] {
+            let sensors = Sensors {
+                torque_noise: 0.4,
+                torque_memory: memory,
+                ..Sensors::ideal()
+            };
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            let (mut last, mut square, mut product) = (Vec::new(), 0.0, 0.0);
+            const COUNT: usize = 200_000;
+            for _ in 0..COUNT {
+                let new = sensors.torque_noise_after(&last, 1, 500.0, &mut rng);
+                square += new[0] * new[0] / COUNT as f64;
+                product += new[0] * last.first().copied().unwrap_or(0.0) / COUNT as f64;
+                last = new;
+            }
+            assert!((square.sqrt() / 0.4 - 1.0).abs() < 0.01, "{square}");
+            assert!((product / square - correlation).abs() < 0.01, "{product}");
+        }
+    }
 }

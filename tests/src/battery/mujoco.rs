@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use proprio::criticism::comparison::{ValuesFrom, compare};
-use proprio::criticism::{Recording, diagnose};
+use proprio::compare::{ValuesFrom, compare};
+use proprio::diagnose::diagnose;
 use proprio::model::Model;
+use proprio::recording::Recording;
 use proprio_core::effect::EffectKind;
 use serde::Deserialize;
 

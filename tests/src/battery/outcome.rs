@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-use proprio::criticism::comparison::{ValuesFrom, compare};
-use proprio::criticism::diagnosis::Verdict;
-use proprio::criticism::{Diagnosis, Recording, diagnose};
+use proprio::compare::{ValuesFrom, compare};
+use proprio::diagnose::Verdict;
+use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::log::JointId;
 use proprio::model::Model;
+use proprio::recording::Recording;
 use proprio::simulator::{HiddenEffect, HiddenKind, SimulatedSample, Sizes};
 use proprio_core::go2::Leg;
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use proprio::criticism::diagnose;
+use proprio::diagnose::diagnose;
 use proprio_tests::battery::case::{self, Case};
 use proprio_tests::battery::outcome::{self, Bench, Outcome};
 use proprio_tests::battery::{self, mujoco, record, table};

@@ -19,11 +19,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use proprio::criticism::Recording;
 use proprio::estimate::Status;
 use proprio::identifiability::BaseParameter;
-use proprio::identification::{FitOptions, fit_model};
+use proprio::identify::{FitOptions, fit_model};
 use proprio::model::Model;
+use proprio::recording::Recording;
 use proprio::simulator::{HiddenEffect, Sensors, SimulatedSample, Simulation};
 use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::estimator::EFFECTS;

@@ -9,9 +9,10 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use proprio::criticism::{Recording, diagnose};
+use proprio::diagnose::diagnose;
 use proprio::log::LogWriter;
 use proprio::model::Model;
+use proprio::recording::Recording;
 use proprio::simulator::hidden::typical;
 use proprio::simulator::{Hide, Simulation};
 use proprio_core::effect::EffectKind;

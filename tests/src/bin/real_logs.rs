@@ -6,11 +6,13 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use proprio::criticism::comparison::ValuesFrom;
-use proprio::criticism::{Recording, compare, diagnose};
+use proprio::compare::ValuesFrom;
+use proprio::compare::compare;
+use proprio::diagnose::diagnose;
 use proprio::estimate::Constraint;
-use proprio::identification::{FitOptions, Fitted, fit_model};
+use proprio::identify::{FitOptions, Fitted, fit_model};
 use proprio::model::{Model, Provenance};
+use proprio::recording::Recording;
 use proprio_core::Real;
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{EFFECTS, LegPrior, LegSolver};

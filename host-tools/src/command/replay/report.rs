@@ -3,7 +3,7 @@
 use std::fmt;
 
 use proprio::estimate::{self, LEGEND, ParameterEstimate, effect_table};
-use proprio::identification::IdentificationError;
+use proprio::identify::IdentificationError;
 use proprio::log::{JointId, leg_named};
 use proprio::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;

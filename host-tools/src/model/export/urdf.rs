@@ -34,7 +34,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
             notes,
         });
     };
-    let file = Description::read(path).map_err(|e| ExportError {
+    let file = Description::read(path, model.robot().held()).map_err(|e| ExportError {
         path: e.path,
         line: e.line,
         problem: Box::new(match *e.problem {

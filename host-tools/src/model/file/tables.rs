@@ -16,6 +16,11 @@ pub(super) struct File {
     pub(super) robot: Spanned<RobotTable>,
     #[serde(default)]
     pub(super) base: Option<Spanned<BaseTable>>,
+    /// Positions of joints that do not move, rad or m.
+    #[serde(default)]
+    pub(super) held: BTreeMap<Spanned<String>, f64>,
+    #[serde(default)]
+    pub(super) log: LogSpeech,
     #[serde(default)]
     pub(super) prior: PriorTable,
     #[serde(default)]
@@ -47,6 +52,26 @@ pub(super) struct BaseTable {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Mount {
     Pinned,
+}
+
+/// What messages leave open.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LogSpeech {
+    pub(super) motors: Option<Vec<Spanned<String>>>,
+    #[serde(default)]
+    pub(super) at_motor: Vec<Signal>,
+    #[serde(default)]
+    pub(super) transmission: BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, f64>>,
+}
+
+/// A signal of a motor, in the order of [`crate::model::LogConventions::at_motor`].
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Signal {
+    Q,
+    Dq,
+    Tau,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -164,7 +164,7 @@ fn a_changed_value_is_a_changed_line() {
     }
     let before = file_text(&model);
     model
-        .set_effect(EffectKind::Coulomb, 5, 0.123_456_789_012, Some(0.01))
+        .set_effect(EffectKind::Coulomb, 5, 0.123_456_789_012_345, Some(0.01))
         .unwrap();
     let after = file_text(&model);
     let changed: Vec<_> = before
@@ -172,7 +172,7 @@ fn a_changed_value_is_a_changed_line() {
         .zip(after.lines())
         .filter(|(a, b)| a != b)
         .collect();
-    assert_eq!(changed, [("value = 5.1", "value = 0.123456789")]);
+    assert_eq!(changed, [("value = 5.1", "value = 0.123456789012")]);
 }
 
 #[test]

@@ -7,7 +7,9 @@ use proprio_core::effect::Prior;
 use proprio_core::inertia::{INERTIAL, NAMES};
 
 use super::FORMAT;
-use crate::model::{Estimate, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance, Source};
+use crate::model::{
+    Estimate, LogConventions, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance, Source,
+};
 
 /// The file's text; `path` is where it goes, from which a URDF's path is told.
 pub(in crate::model) fn text(model: &Model, path: &Path) -> String {
@@ -34,6 +36,8 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
         Mounting::Rpy(rpy) => writeln!(out, "rpy = {rpy:?}")?,
         Mounting::Quaternion(q) => writeln!(out, "quaternion = {q:?}")?,
     }
+    write_held(out, model)?;
+    write_conventions(out, model)?;
     write_priors(out, model)?;
     let named = || model.robot.bodies().iter().enumerate();
     for (joint, body) in named() {
@@ -126,6 +130,48 @@ fn write_more_parameters(out: &mut String, e: &ModelEffect) -> std::fmt::Result 
         return Ok(());
     }
     writeln!(out, "parameters = {{ {} }}", entries.join(", "))
+}
+
+fn write_held(out: &mut String, model: &Model) -> std::fmt::Result {
+    let held = model.robot.stated();
+    if held.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "\n[held]")?;
+    for (joint, position) in held {
+        writeln!(out, "{} = {position:?}", key(joint))?;
+    }
+    Ok(())
+}
+
+fn write_conventions(out: &mut String, model: &Model) -> std::fmt::Result {
+    let conventions = model.robot.conventions();
+    if *conventions == LogConventions::default() {
+        return Ok(());
+    }
+    let name = |joint: usize| model.joint_name(joint);
+    writeln!(out, "\n[log]")?;
+    if let Some(motors) = &conventions.motors {
+        let motors: Vec<String> = motors.iter().map(|j| string(name(*j))).collect();
+        writeln!(out, "motors = [{}]", motors.join(", "))?;
+    }
+    let signals = ["q", "dq", "tau"].into_iter().zip(conventions.at_motor);
+    let at_motor = signals.filter(|(_, at_motor)| *at_motor);
+    let at_motor: Vec<String> = at_motor.map(|(signal, _)| string(signal)).collect();
+    if !at_motor.is_empty() {
+        writeln!(out, "at_motor = [{}]", at_motor.join(", "))?;
+    }
+    if !conventions.transmission.is_empty() {
+        writeln!(out, "\n[log.transmission]")?;
+    }
+    for (motor, ratios) in &conventions.transmission {
+        let ratios = ratios
+            .iter()
+            .map(|(j, ratio)| format!("{} = {ratio:?}", key(name(*j))));
+        let ratios = ratios.collect::<Vec<_>>().join(", ");
+        writeln!(out, "{} = {{ {ratios} }}", key(name(*motor)))?;
+    }
+    Ok(())
 }
 
 fn write_priors(out: &mut String, model: &Model) -> std::fmt::Result {

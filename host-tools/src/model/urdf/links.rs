@@ -36,7 +36,11 @@ impl<'a> Links<'a> {
         }
         let mut roots = (0..robot.links.len()).filter(|&n| moved_by[n].is_none());
         let Some(base) = roots.next() else {
-            return Err(Fault::boxed("robot", "", RobotProblem::NoBase));
+            let problem = match robot.links.is_empty() {
+                true => RobotProblem::NoLinks,
+                false => RobotProblem::NoBase,
+            };
+            return Err(Fault::boxed("robot", "", problem));
         };
         if let Some(other) = roots.next() {
             let links = [base, other].map(|n| robot.links[n].name.clone());
@@ -62,6 +66,24 @@ impl<'a> Links<'a> {
         joints.map(|joint| (*joint, self.index[joint.child.link.as_str()]))
     }
 
+    /// Whether each link, or anything that hangs on it, has a mass or a moment of inertia.
+    pub(super) fn weighty(&self) -> Vec<bool> {
+        let links = self.robot.links.iter();
+        let mut weighty: Vec<bool> = links.map(|link| has_inertia(&link.inertial)).collect();
+        // Links farther from the base first, each into the one it hangs on.
+        let mut order = vec![self.base];
+        let mut next = 0;
+        while let Some(&link) = order.get(next) {
+            order.extend(self.children(link).map(|(_, child)| child));
+            next += 1;
+        }
+        for &link in order.iter().rev() {
+            let carries = self.children(link).any(|(_, child)| weighty[child]);
+            weighty[link] |= carries;
+        }
+        weighty
+    }
+
     /// A circle of links beside the tree is reached from nowhere.
     fn all_hang_on_the_base(&self) -> Result<(), Box<Fault>> {
         let mut reached = vec![false; self.children.len()];
@@ -81,6 +103,20 @@ impl<'a> Links<'a> {
         let mut name = || names.next().unwrap_or_default();
         Err(looped(link, [name(), name()]))
     }
+}
+
+fn has_inertia(inertial: &urdf_rs::Inertial) -> bool {
+    let i = &inertial.inertia;
+    let numbers = [
+        inertial.mass.value,
+        i.ixx,
+        i.ixy,
+        i.ixz,
+        i.iyy,
+        i.iyz,
+        i.izz,
+    ];
+    numbers.iter().any(|x| *x != 0.0)
 }
 
 fn index(robot: &urdf_rs::Robot) -> Result<HashMap<&str, usize>, Box<Fault>> {

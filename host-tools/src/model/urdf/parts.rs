@@ -1,5 +1,7 @@
 //! The moving bodies of a URDF, what is fixed lumped into what carries it.
 
+use std::collections::HashSet;
+
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proprio_core::go2::JOINT_NAMES;
 use proprio_core::inertia::InertialParameters;
@@ -7,6 +9,7 @@ use proprio_core::spatial::Transform;
 use urdf_rs::{Inertial, JointType, Pose};
 
 use super::Fault;
+use super::holds::Holds;
 use super::links::{Links, duplicate};
 use crate::model::{Body, JointKind, RobotProblem};
 
@@ -21,17 +24,32 @@ pub(super) struct Parts {
     pub(super) bodies: Vec<Body>,
     /// Per body, what the links fixed to the moving one contribute.
     pub(super) carried: Vec<InertialParameters<f64>>,
+    /// Per body, whether it or what is fixed to it has a shape.
+    pub(super) shapes: Vec<bool>,
+    /// Joints that do not move, and where they are held, rad or m.
+    pub(super) held: Vec<(String, f64)>,
+    /// What was taken otherwise than the file has it.
+    pub(super) notes: Vec<String>,
 }
 
 impl Parts {
-    pub(super) fn of(links: &Links) -> Result<Self, Box<Fault>> {
+    /// Those of a URDF's links, some of its joints held as the user says; `shapes` names the links that have one.
+    pub(super) fn of(
+        links: &Links,
+        held: &[(String, f64)],
+        shapes: &HashSet<&str>,
+    ) -> Result<Self, Box<Fault>> {
         let mut parts = Self {
             base_link: links.robot.links[links.base].name.clone(),
             base_inertia: InertialParameters::zero(),
             bodies: Vec::new(),
             carried: Vec::new(),
+            shapes: Vec::new(),
+            held: Vec::new(),
+            notes: Vec::new(),
         };
-        parts.visit(links, links.base, None, identity())?;
+        let holds = Holds::new(links, held, shapes)?;
+        parts.visit(links, &holds, links.base, None, identity())?;
         for parent in (0..parts.bodies.len())
             .filter_map(|b| parts.bodies[b].parent)
             .collect::<Vec<_>>()
@@ -51,6 +69,7 @@ impl Parts {
     fn visit(
         &mut self,
         links: &Links,
+        holds: &Holds,
         link: usize,
         body: Option<usize>,
         placement: Transform<f64>,
@@ -60,6 +79,7 @@ impl Parts {
             None => self.base_inertia = self.base_inertia + phi,
             Some(b) => {
                 self.bodies[b].inertia = self.bodies[b].inertia + phi;
+                self.shapes[b] |= holds.shapes.contains(links.robot.links[link].name.as_str());
                 if self.bodies[b].link_name != links.robot.links[link].name {
                     self.carried[b] = self.carried[b] + phi;
                     let (there, foot) = (placement.translation, &mut self.bodies[b].foot);
@@ -72,13 +92,20 @@ impl Parts {
         for (joint, child) in links.children(link) {
             let there = placement.compose(&transform(&joint.origin));
             if joint.joint_type == JointType::Fixed {
-                self.visit(links, child, body, there)?;
+                self.visit(links, holds, child, body, there)?;
+            } else if let Some((position, note)) = holds.of(joint, child) {
+                self.held.push((short_name(joint), position));
+                self.notes.extend(note);
+                let there = there.compose(&motion(joint, position));
+                self.visit(links, holds, child, body, there)?;
             } else {
                 let moved = moved(joint, body, there)
                     .map_err(|problem| Fault::boxed("joint", &joint.name, problem))?;
                 self.bodies.push(moved);
                 self.carried.push(InertialParameters::zero());
-                self.visit(links, child, Some(self.bodies.len() - 1), identity())?;
+                self.shapes.push(false);
+                let body = Some(self.bodies.len() - 1);
+                self.visit(links, holds, child, body, identity())?;
             }
         }
         Ok(())
@@ -100,7 +127,6 @@ fn moved(
         kind,
     };
     let kind = match joint.joint_type {
-        _ if joint.mimic.is_some() => return Err(unsupported("a mimic of another")),
         JointType::Revolute => JointKind::Revolute,
         JointType::Continuous => JointKind::Continuous,
         JointType::Prismatic => JointKind::Prismatic,
@@ -119,12 +145,8 @@ fn moved(
     let stated = |value: f64| if value > 0.0 { value } else { f64::INFINITY };
     let limits = [joint.limit.lower, joint.limit.upper];
     let stops = kind != JointKind::Continuous && limits != [0.0, 0.0];
-    let short = joint
-        .name
-        .strip_suffix("_joint")
-        .filter(|name| JOINT_NAMES.contains(name));
     Ok(Body {
-        name: short.unwrap_or(&joint.name).to_owned(),
+        name: short_name(joint),
         joint_name: joint.name.clone(),
         link_name: joint.child.link.clone(),
         parent,
@@ -142,6 +164,29 @@ fn moved(
         motor: None,
         foot: None,
     })
+}
+
+/// What logs call a joint.
+fn short_name(joint: &urdf_rs::Joint) -> String {
+    let short = joint.name.strip_suffix("_joint");
+    let short = short.filter(|name| JOINT_NAMES.contains(name));
+    short.unwrap_or(&joint.name).to_owned()
+}
+
+/// Displacement of a joint from its zero.
+fn motion(joint: &urdf_rs::Joint, position: f64) -> Transform<f64> {
+    let axis = Vector3::from(*joint.axis.xyz);
+    let axis = axis
+        .try_normalize(f64::MIN_POSITIVE)
+        .unwrap_or_else(Vector3::zeros);
+    match joint.joint_type {
+        JointType::Revolute | JointType::Continuous => Transform {
+            rotation: *Rotation3::new(axis * position).matrix(),
+            translation: Vector3::zeros(),
+        },
+        JointType::Prismatic => Transform::from_translation(axis * position),
+        _ => identity(),
+    }
 }
 
 fn transform(pose: &Pose) -> Transform<f64> {

@@ -1,8 +1,8 @@
 //! The page of `compare`.
 
 use super::{Unreadable, correlations, header, of_data, residuals, torques};
-use crate::criticism::Comparison;
-use crate::criticism::comparison::EffectValue;
+use crate::compare::Comparison;
+use crate::compare::EffectValue;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};
 use crate::report::{Page, Section};

@@ -2,7 +2,8 @@
 
 use super::compare::sections;
 use super::{Unreadable, header, of_data};
-use crate::criticism::{Comparison, Diagnosis};
+use crate::compare::Comparison;
+use crate::diagnose::Diagnosis;
 use crate::report::candidates::{self, Candidate};
 use crate::report::waterfall::Step;
 use crate::report::{Page, Section};
@@ -36,7 +37,7 @@ pub fn diagnosis(diagnosis: &Diagnosis, after: &Comparison) -> Result<Page, Unre
 }
 
 fn bars(diagnosis: &Diagnosis) -> Section {
-    let candidate = |c: &crate::criticism::diagnosis::CandidateReport| Candidate {
+    let candidate = |c: &crate::diagnose::CandidateReport| Candidate {
         name: c.name(),
         gain: c.held_out_gain,
         gain_std: c.held_out_gain_error,

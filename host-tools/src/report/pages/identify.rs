@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use super::{Unreadable, correlations, header, residuals, torques};
-use crate::criticism::comparison::{Comparison, JointSeries};
-use crate::criticism::residual::{self, Criticism};
+use crate::compare::{Comparison, JointSeries};
+use crate::detect::residual::{self, Criticism};
 use crate::estimate::{ParameterEstimate, Status};
-use crate::identification::{Fitted, Identification};
+use crate::identify::{Fitted, Identification};
 use crate::report::Page;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};

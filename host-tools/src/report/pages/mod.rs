@@ -2,7 +2,9 @@
 
 mod compare;
 mod diagnose;
+pub mod excite;
 mod identify;
+pub mod validate;
 
 use std::io;
 use std::path::PathBuf;
@@ -11,10 +13,10 @@ use super::correlation::Correlation;
 use super::residual::ResidualSeries;
 use super::torque::TorqueSeries;
 use super::{Header, LogFile, Section, correlation, residual, torque};
-use crate::criticism::comparison::JointSeries;
-use crate::criticism::recording::LogGates;
-use crate::criticism::residual::{Correlation as Lagged, Criticism, Input};
+use crate::compare::JointSeries;
+use crate::detect::residual::{Correlation as Lagged, Criticism, Input};
 use crate::model::Provenance;
+use crate::recording::LogGates;
 
 pub use compare::comparison;
 pub use diagnose::diagnosis;

@@ -1,0 +1,224 @@
+//! What logs could not tell, in words, and the motion that would.
+//!
+//! Of each parameter three standard deviations are compared: before any data, after the logs, and after the best and longest of
+//! motions ([`crate::excite::told`]). What lies between the last two is what a better motion can still give.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::excite::earlier::{self, EarlierError};
+use crate::excite::{Told, told};
+use crate::model::{Limb, Model};
+
+/// Share of what can be learned of a parameter at all, as a variance, below which it is open, and from which on it is told.
+const OPEN: f64 = 0.5;
+const TOLD: f64 = 0.9;
+/// What no motion can bring below this share of its prior's standard deviation is no motion's fault.
+const STRUCTURAL: f64 = 0.9;
+/// Parameters that the command for the next motion names per limb.
+const NAMED: usize = 6;
+
+/// How much of what can be learned of a parameter was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Learned {
+    /// Nearly all.
+    Told,
+    /// Some.
+    Partly,
+    /// Little or nothing.
+    Open,
+    /// No motion of a pinned limb tells it apart from others.
+    Never,
+}
+
+/// What the logs say of a parameter.
+#[derive(Debug, Clone, Serialize)]
+pub struct Advice {
+    /// Its name.
+    pub parameter: String,
+    /// In one word.
+    pub learned: Learned,
+    /// Share of the variance that a motion can take away which the logs did.
+    pub share: f64,
+    /// Standard deviation before any data, in its unit.
+    pub prior_std: f64,
+    /// After the logs.
+    pub std: f64,
+    /// After the best and longest of motions.
+    pub best_std: f64,
+}
+
+/// What the logs say of a limb.
+#[derive(Debug, Clone, Serialize)]
+pub struct LimbAdvice {
+    /// Its name.
+    pub limb: String,
+    /// Condition number of the identifiable inertias, scaled as `excite` does.
+    pub condition_number: f64,
+    /// Parameters, those of which a motion can still tell most first.
+    pub parameters: Vec<Advice>,
+    /// The command that fills the gap; none if nothing is open.
+    pub command: Option<String>,
+}
+
+/// What logs could not tell.
+#[derive(Debug, Clone, Serialize)]
+pub struct Advised {
+    /// Limb by limb.
+    pub limbs: Vec<LimbAdvice>,
+}
+
+/// Judges what `logs` tell of each of `limbs` that they record.
+///
+/// # Errors
+/// [`EarlierError`]: a log that cannot be read, or none with any of the limbs.
+pub fn advise(
+    model: &Model,
+    limbs: &[Limb],
+    logs: &[PathBuf],
+    progress: impl FnMut(u64, u64),
+) -> Result<Advised, EarlierError> {
+    let known = earlier::read(model, limbs, logs, progress)?;
+    let mut all = Vec::new();
+    for limb in limbs {
+        let Some(own) = known.iter().find(|known| known.limb == limb.name) else {
+            continue;
+        };
+        let told = told(model, limb, own)?;
+        let mut parameters: Vec<Advice> = told.parameters.iter().map(advice).collect();
+        let open = |a: &Advice| !matches!(a.learned, Learned::Never);
+        parameters.sort_by(|a, b| open(b).cmp(&open(a)).then(a.share.total_cmp(&b.share)));
+        all.push(LimbAdvice {
+            limb: limb.name.clone(),
+            condition_number: told.condition_number,
+            command: command(&limb.name, &parameters, logs),
+            parameters,
+        });
+    }
+    Ok(Advised { limbs: all })
+}
+
+fn advice(told: &Told) -> Advice {
+    let square = |x: f64| x * x;
+    let can = square(told.prior_std) - square(told.best_std);
+    let did = square(told.prior_std) - square(told.std);
+    let share = if can > 0.0 {
+        (did / can).clamp(0.0, 1.0)
+    } else {
+        1.0
+    };
+    let learned = if told.best_std > STRUCTURAL * told.prior_std {
+        Learned::Never
+    } else if share >= TOLD {
+        Learned::Told
+    } else if share >= OPEN {
+        Learned::Partly
+    } else {
+        Learned::Open
+    };
+    Advice {
+        parameter: told.parameter.clone(),
+        learned,
+        share,
+        prior_std: told.prior_std,
+        std: told.std,
+        best_std: told.best_std,
+    }
+}
+
+fn command(limb: &str, parameters: &[Advice], logs: &[PathBuf]) -> Option<String> {
+    let open = parameters
+        .iter()
+        .filter(|a| matches!(a.learned, Learned::Open | Learned::Partly));
+    let names: Vec<&str> = open.take(NAMED).map(|a| a.parameter.as_str()).collect();
+    let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "proprio excite --legs {limb} --for {} --from {} -o next.csv",
+            names.join(","),
+            logs.join(" ")
+        )
+    })
+}
+
+impl Advised {
+    /// In words; `all` tells of every parameter.
+    pub fn text(&self, all: bool) -> String {
+        let mut text = String::new();
+        for limb in &self.limbs {
+            text += &limb.text(all);
+        }
+        text
+    }
+}
+
+impl LimbAdvice {
+    fn text(&self, all: bool) -> String {
+        let of = |learned| {
+            self.parameters
+                .iter()
+                .filter(|a| a.learned == learned)
+                .count()
+        };
+        let mut text = format!(
+            "{}: {} parameters told, {} partly, {} open; {} that no motion tells apart from others. Condition number {:.0}.\n",
+            self.limb,
+            of(Learned::Told),
+            of(Learned::Partly),
+            of(Learned::Open),
+            of(Learned::Never),
+            self.condition_number,
+        );
+        for advice in &self.parameters {
+            let worth = matches!(advice.learned, Learned::Open | Learned::Partly);
+            if worth || all {
+                text += &format!("  {advice}\n");
+            }
+        }
+        if let Some(command) = &self.command {
+            text += &format!("  the motion that would tell: {command}\n");
+        }
+        text
+    }
+}
+
+impl fmt::Display for Advice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words = match self.learned {
+            Learned::Told => "told",
+            Learned::Partly => "told in part",
+            Learned::Open => "open",
+            Learned::Never => "no motion tells it alone",
+        };
+        write!(
+            f,
+            "{:<22} {words:<24} ± {:.2e} now, {:.2e} before, {:.2e} at best",
+            self.parameter, self.std, self.prior_std, self.best_std
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_share_is_of_what_a_motion_can_tell() {
+        let of = |prior_std, std, best_std| {
+            advice(&Told {
+                parameter: "m:FR_calf".to_owned(),
+                prior_std,
+                std,
+                best_std,
+            })
+        };
+        assert_eq!(of(1.0, 0.1, 0.0).learned, Learned::Told);
+        assert_eq!(of(1.0, 0.98, 0.3).learned, Learned::Open);
+        assert_eq!(of(1.0, 0.55, 0.5).learned, Learned::Told);
+        assert_eq!(of(1.0, 0.6, 0.0).learned, Learned::Partly);
+        assert_eq!(of(1.0, 0.99, 0.99).learned, Learned::Never);
+    }
+}

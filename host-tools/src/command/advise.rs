@@ -1,0 +1,54 @@
+//! `proprio advise`: what a log could not tell.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use proprio::advise::advise;
+
+use super::excite::chosen;
+use super::{Error, json, model_or_default};
+use crate::progress::Progress;
+
+/// Say what logs could not tell, and the motion that would
+///
+/// Each inertial parameter and each joint's friction, rotor inertia and offset: its standard deviation before the logs, after
+/// them, and after the best of motions. What no motion of a pinned limb tells apart is counted, not blamed on the log.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio advise chirp.csv
+  proprio advise monday.csv tuesday.csv --legs FR --all
+  proprio advise arm.csv --model arm.toml --json")]
+pub(crate) struct Advise {
+    /// Logs: CSV, plain or gzip-compressed
+    #[arg(value_name = "LOG", required = true)]
+    logs: Vec<PathBuf>,
+    /// The robot and what is known of it [default: the Go2's CAD]
+    #[arg(short, long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Which legs (limbs of another robot) [default: all that the logs have]
+    #[arg(long, value_name = "LEGS", value_delimiter = ',')]
+    legs: Vec<String>,
+    /// Tell of every parameter, not the open ones only
+    #[arg(long)]
+    all: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Advise {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let model = model_or_default(self.model.as_deref(), false)?;
+        let limbs = chosen(&model, &self.legs)?;
+        let mut progress = Progress::new("Reading");
+        let advised = advise(&model, &limbs, &self.logs, |done, total| {
+            progress.set(done, total)
+        })?;
+        drop(progress);
+        Ok(if self.json {
+            json(&advised)
+        } else {
+            advised.text(self.all)
+        })
+    }
+}

@@ -1,0 +1,136 @@
+//! What a command would write over, looked at before it begins.
+//!
+//! A file that proprio made of the same kind is replaced, and that is said. Anything else that would be lost stays, unless
+//! --force is given; a log that the command reads stays in any case. The model of `-m` is the command's own to update.
+//!
+//! The rule is one for all commands: it goes by the names of arguments, of which each that names a file is either read or
+//! written.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::ArgMatches;
+use proprio::model::Model;
+
+use super::Error;
+
+/// Arguments that name a file to write.
+const WRITTEN: [&str; 4] = ["output", "html", "truth", "coefficients"];
+/// Arguments that name a file which may be written again on purpose.
+const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];
+/// Arguments that name logs, motions and models that are read.
+const LOGS: [&str; 6] = ["logs", "log", "from", "motion", "follow", "models"];
+
+/// What stands where a file is to go.
+enum Standing {
+    /// Nothing that could be lost.
+    Free,
+    /// A result of proprio's that can be made again.
+    Own(&'static str),
+    /// Something else.
+    Foreign(String),
+}
+
+/// Refuses a command that would lose a file; says on standard error which are replaced.
+pub(super) fn check(command: &ArgMatches, force: bool) -> Result<(), Error> {
+    let kept = paths(command, &UPDATED);
+    let logs = paths(command, &LOGS);
+    for output in paths(command, &WRITTEN) {
+        if logs.iter().any(|log| is_same(log, &output)) {
+            return Err(Error::WouldReplaceLog(output));
+        }
+        if kept.iter().any(|kept| is_same(kept, &output)) {
+            continue;
+        }
+        match standing(&output) {
+            Standing::Free => {}
+            Standing::Own(what) => eprintln!("note: {}, {what}, is replaced", output.display()),
+            Standing::Foreign(what) if force => {
+                eprintln!("note: {}, {what}, is replaced", output.display());
+            }
+            Standing::Foreign(what) => return Err(Error::WouldReplace { path: output, what }),
+        }
+    }
+    Ok(())
+}
+
+/// The paths that arguments of these names hold.
+fn paths(command: &ArgMatches, names: &[&str]) -> Vec<PathBuf> {
+    let known = names
+        .iter()
+        .filter(|name| command.ids().any(|id| id == **name));
+    let paths = known.filter_map(|name| command.try_get_many::<PathBuf>(name).ok().flatten());
+    paths.flatten().cloned().collect()
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}
+
+fn standing(path: &Path) -> Standing {
+    // Folders, devices and pipes hold nothing that writing would replace.
+    let Ok(metadata) = fs::metadata(path) else {
+        return Standing::Free;
+    };
+    if !metadata.is_file() || metadata.len() == 0 {
+        return Standing::Free;
+    }
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(4096).read_to_end(&mut start));
+    let start = String::from_utf8_lossy(&start);
+    if read.is_err() {
+        return Standing::Foreign("which cannot be read".to_owned());
+    }
+    if start.contains("<meta name=\"generator\" content=\"proprio") {
+        return Standing::Own("a report of proprio");
+    }
+    if start.starts_with('{') && is_result(path) {
+        return Standing::Own("a result of proprio");
+    }
+    if path.with_extension("truth.json").exists() {
+        return Standing::Own("a simulated log");
+    }
+    if let Ok(model) = Model::load(path) {
+        let effects = model.effects().len();
+        let logs = model
+            .provenance()
+            .map_or(0, |provenance| provenance.logs.len());
+        return Standing::Foreign(format!(
+            "a model of {effects} effects, identified from {logs} logs"
+        ));
+    }
+    Standing::Foreign("which proprio did not make".to_owned())
+}
+
+/// Whether a file holds what a command prints with --json, or the truth of a simulation.
+fn is_result(path: &Path) -> bool {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    let value: Option<serde_json::Value> = serde_json::from_str(&text).ok();
+    let has = |key| value.as_ref().is_some_and(|value| value.get(key).is_some());
+    has("parameters") && (has("rms") || has("simulation") || has("logs") || has("seed"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    /// A new argument that names a file must be put on one of the lists, or on this one.
+    #[test]
+    fn every_argument_that_names_a_file_is_known() {
+        let path = clap::value_parser!(PathBuf).type_id();
+        for command in super::super::Arguments::command().get_subcommands() {
+            for argument in command.get_arguments() {
+                let id = argument.get_id().as_str();
+                let lists = [&WRITTEN[..], &UPDATED, &LOGS];
+                let known = lists.iter().any(|list| list.contains(&id));
+                let is_path = argument.get_value_parser().type_id() == path;
+                assert!(known || !is_path, "{} {id}", command.get_name());
+            }
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! `proprio show`: what a model file says.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use proprio::model::{BASE, Model, Source};
+use proprio::parameter;
+use serde::Serialize;
+
+use super::{Error, json};
+
+/// Show a model file
+///
+/// The robot, its effects with their values, the bodies that differ from the CAD, and from which logs they were identified.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio show go2.toml
+  proprio show go2.toml --json")]
+pub(crate) struct Show {
+    /// The model file
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `show` reports.
+#[derive(Debug, Serialize)]
+struct Report {
+    model: PathBuf,
+    robot: String,
+    /// `built in`, or the URDF.
+    source: String,
+    limbs: Vec<Limb>,
+    effects: Vec<Effect>,
+    bodies: Vec<Body>,
+    /// Joints that are held, and where, rad or m.
+    held: Vec<Held>,
+    /// What was taken otherwise than the URDF has it.
+    notes: Vec<String>,
+    logs: Vec<String>,
+    command: Option<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Limb {
+    limb: String,
+    joints: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct Effect {
+    effect: &'static str,
+    joint: String,
+    value: Option<f64>,
+    std: Option<f64>,
+    unit: &'static str,
+}
+
+#[derive(Debug, Serialize)]
+struct Body {
+    body: String,
+    /// Mass, kg, as identified and as the CAD has it.
+    mass: f64,
+    cad_mass: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Held {
+    joint: String,
+    position: f64,
+}
+
+impl Show {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let model = Model::load(&self.model)?;
+        let report = Report::of(self.model, &model);
+        Ok(if self.json {
+            json(&report)
+        } else {
+            report.to_string()
+        })
+    }
+}
+
+impl Report {
+    fn of(path: PathBuf, model: &Model) -> Self {
+        let robot = model.robot();
+        let name = |joint: usize| model.joint_name(joint).to_owned();
+        let limbs = robot.limbs().into_iter().map(|limb| Limb {
+            joints: limb.bodies.clone().map(name).collect(),
+            limb: limb.name,
+        });
+        let effects = model.effects().iter().map(|e| Effect {
+            effect: e.effect.name(),
+            joint: if e.joint == BASE {
+                "base".to_owned()
+            } else {
+                name(e.joint)
+            },
+            value: e.estimate().map(|estimate| estimate.value),
+            std: e.estimate().and_then(|estimate| estimate.std),
+            unit: parameter::unit(e.effect),
+        });
+        let bodies = (0..robot.bodies().len()).filter(|body| model.is_identified(*body));
+        let bodies = bodies.map(|body| Body {
+            body: name(body),
+            mass: model.inertia(body).mass(),
+            cad_mass: robot.bodies()[body].inertia.mass(),
+        });
+        let provenance = model.provenance();
+        Self {
+            model: path,
+            robot: robot.name().to_owned(),
+            source: match robot.source() {
+                Source::Go2 => "built in".to_owned(),
+                Source::Urdf(urdf) => urdf.display().to_string(),
+            },
+            limbs: limbs.collect(),
+            effects: effects.collect(),
+            bodies: bodies.collect(),
+            held: robot
+                .held()
+                .iter()
+                .map(|(joint, position)| Held {
+                    joint: joint.clone(),
+                    position: *position,
+                })
+                .collect(),
+            notes: robot.notes().to_vec(),
+            logs: provenance.map_or_else(Vec::new, |p| {
+                p.logs.iter().map(|l| l.path.clone()).collect()
+            }),
+            command: provenance.map(|p| p.command.clone()),
+        }
+    }
+
+    /// The effects, one line each kind: `coulomb  N m        FR_hip 0.146 ±0.004; not identified yet: FL_hip`.
+    fn effect_lines(&self) -> Vec<String> {
+        let mut kinds: Vec<&'static str> = Vec::new();
+        for effect in &self.effects {
+            if !kinds.contains(&effect.effect) {
+                kinds.push(effect.effect);
+            }
+        }
+        let width = kinds.iter().map(|kind| kind.len()).max().unwrap_or(0);
+        let units = self
+            .effects
+            .iter()
+            .map(|effect| effect.unit.chars().count());
+        let unit_width = units.max().unwrap_or(0);
+        let line = |kind: &&'static str| {
+            let own: Vec<&Effect> = self.effects.iter().filter(|e| e.effect == *kind).collect();
+            let unit = own.first().map_or("", |effect| effect.unit);
+            format!("  {kind:width$}  {unit:unit_width$}  {}", self.values(&own))
+        };
+        kinds.iter().map(line).collect()
+    }
+
+    /// The values of effects of one kind, and where there is none yet.
+    fn values(&self, effects: &[&Effect]) -> String {
+        let known: Vec<String> = effects.iter().filter_map(|effect| effect.words()).collect();
+        let unknown = effects.iter().filter(|effect| effect.value.is_none());
+        let unknown: Vec<&str> = unknown.map(|effect| effect.joint.as_str()).collect();
+        let all: usize = self.limbs.iter().map(|limb| limb.joints.len()).sum();
+        let unknown = match unknown.len() {
+            0 => None,
+            n if n == all => Some("not identified yet, at every joint".to_owned()),
+            _ => Some(format!("not identified yet: {}", unknown.join(", "))),
+        };
+        let known = (!known.is_empty()).then(|| known.join(", "));
+        known
+            .into_iter()
+            .chain(unknown)
+            .collect::<Vec<_>>()
+            .join("; ")
+    }
+}
+
+impl Effect {
+    fn words(&self) -> Option<String> {
+        let value = self.value?;
+        let std = self.std.map_or(String::new(), |std| format!(" ±{std:.4}"));
+        Some(format!("{} {value:.4}{std}", self.joint))
+    }
+}
+
+impl std::fmt::Display for Report {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(
+            f,
+            "{}: {} ({})",
+            self.model.display(),
+            self.robot,
+            self.source
+        )?;
+        for limb in &self.limbs {
+            writeln!(f, "  {}: {}", limb.limb, limb.joints.join(", "))?;
+        }
+        for held in &self.held {
+            writeln!(f, "  {} is held at {}", held.joint, held.position)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "  {note}")?;
+        }
+        if self.effects.is_empty() {
+            writeln!(f, "\nNo effects: the rigid body alone.")?;
+        } else {
+            writeln!(f, "\nEffects:")?;
+            self.effect_lines()
+                .iter()
+                .try_for_each(|line| writeln!(f, "{line}"))?;
+        }
+        if !self.bodies.is_empty() {
+            writeln!(f, "\nBodies of its own (mass, kg; the CAD's):")?;
+            for body in &self.bodies {
+                writeln!(
+                    f,
+                    "  {}  {:.4}  ({:.4})",
+                    body.body, body.mass, body.cad_mass
+                )?;
+            }
+        }
+        if let Some(command) = &self.command {
+            writeln!(f, "\nFrom {}: {command}", self.logs.join(", "))?;
+        }
+        Ok(())
+    }
+}

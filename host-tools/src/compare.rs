@@ -1,0 +1,417 @@
+//! Model against measurement: how well, where and when, beside baselines, on data that no fit has seen.
+//!
+//! What a model file gives is taken as it is given. Where an effect of the model has no value yet (it was just added), all
+//! parameters are fitted, within their priors, to every stretch of time but the one that is predicted.
+//!
+//! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
+
+mod feet;
+mod ranking;
+mod values;
+mod words;
+
+use std::path::PathBuf;
+
+use proprio_core::effect::Form;
+use serde::Serialize;
+
+use feet::Feet;
+pub use feet::FootForce;
+pub use ranking::{RankedEpisode, RankedPattern};
+pub use values::EffectValue;
+
+pub use crate::detect::JointSeries;
+use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::detect::residual::{self, Criticism, Input, Scores};
+use crate::equation::values::Values;
+use crate::estimate::Constraint;
+use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::limb_data::LimbData;
+use crate::estimate::robot::{self, side_by_side};
+use crate::identify::model_fit::places_of;
+use crate::model::{Model, ModelEffect};
+use crate::recording::{LogGates, Recording, RecordingError};
+
+/// What `proprio compare` says.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// What the samples of each log are worth.
+    pub data: Vec<LogGates>,
+    /// Forces at feet, whose windows are left out of everything else here; absent where there is none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub contact: Vec<FootForce>,
+    /// Each joint.
+    pub joints: Vec<JointComparison>,
+    /// Root mean square over all joints of measured − predicted mean torque over a window, N m.
+    pub rms: f64,
+    /// What that is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
+    /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
+    pub added: Vec<String>,
+    /// Whether values were fitted to the other stretches of time rather than taken from the model file.
+    pub fitted: bool,
+    /// The values of the model's effects.
+    pub effects: Vec<EffectValue>,
+    /// Where the error is, over all joints, the largest share first.
+    #[serde(rename = "where")]
+    pub patterns: Vec<RankedPattern>,
+    /// When it is worst, over all joints, the least usual first.
+    #[serde(rename = "when")]
+    pub episodes: Vec<RankedEpisode>,
+    /// Where and when each joint's error is, and whether it is noise.
+    pub criticism: Vec<Criticism>,
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+    /// Measured and predicted torque; for plots.
+    #[serde(skip)]
+    pub series: Vec<JointSeries>,
+    /// The same of the baselines that are models, by what to call them.
+    #[serde(skip)]
+    pub baselines: Vec<(&'static str, Vec<JointSeries>)>,
+}
+
+/// What a model's rms is to be measured against, of a joint or of all.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Yardsticks {
+    /// The rms of predicting zero, N m.
+    pub zero_rms: f64,
+    /// The rms of the CAD's rigid body without any effect, N m.
+    pub cad_rms: f64,
+    /// The rms of the model without the effects that were added last, if they have no value yet, N m.
+    pub before_rms: Option<f64>,
+    /// Error that no model can take away, N m; none for fewer than 100 windows, or of all joints if one has none.
+    pub noise_floor_rms: Option<f64>,
+    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
+    pub noise_floor_is_upper_bound: bool,
+    /// Share of the square error above that, %.
+    pub above_noise_percent: Option<f64>,
+}
+
+/// One joint.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointComparison {
+    /// Which.
+    pub joint: String,
+    /// How well the model does.
+    #[serde(flatten)]
+    pub scores: Scores,
+    /// What that is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
+    /// Whether the error is white; none for too short a series.
+    pub white: Option<bool>,
+    /// What of the motion the error is not independent of.
+    pub depends_on: Vec<Input>,
+}
+
+/// Whether values are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ValuesFrom {
+    /// Fitted if an effect has no value yet, or nothing of the model was identified; else as given.
+    #[default]
+    Auto,
+    /// Fitted, whatever the model file gives.
+    Fitted,
+    /// As given: an effect without a value does nothing.
+    Given,
+}
+
+/// Compares `model` with a recording.
+///
+/// # Errors
+/// [`RecordingError`] if no limb can be judged.
+pub fn compare(
+    recording: &Recording,
+    model: &Model,
+    values: ValuesFrom,
+) -> Result<Comparison, RecordingError> {
+    let unvalued = unvalued(model);
+    let fitted = match values {
+        ValuesFrom::Auto => !unvalued.is_empty() || !is_identified(model),
+        ValuesFrom::Fitted => true,
+        ValuesFrom::Given => false,
+    };
+    let from = if fitted { From::HeldOut } else { From::File };
+    let (data, feet) = swing(robot::data(recording, model));
+    check(recording, &data, &feet, fitted)?;
+    let predictions = predictions(&data, from);
+    let series = all_series(&data, &predictions);
+    let effects = predictions
+        .iter()
+        .zip(&data)
+        .zip(&feet)
+        .flat_map(|((of, data), foot)| values::of(data, of.fit.as_ref(), foot.as_ref()));
+    let effects: Vec<EffectValue> = values::once(effects);
+    let added = if fitted {
+        last_added(&unvalued)
+    } else {
+        Vec::new()
+    };
+    let baselines = Baselines::new(recording, model, from, &added, &feet);
+    let (contact, words) = feet::told(&feet, recording, model);
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let mut criticism = residual::criticise(&views);
+    feet::restrain(&mut criticism, &contact);
+    let joints = series.iter().zip(&criticism).enumerate();
+    let joints: Vec<JointComparison> = joints
+        .map(|(k, (series, criticism))| JointComparison::of(series, criticism, baselines.rms(k)))
+        .collect();
+    let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+    let rms = over_all(&joints, &|j| j.scores.rms);
+    Ok(Comparison {
+        data: recording.gates.clone(),
+        rms,
+        yardsticks: Yardsticks::over_all(&joints, rms),
+        added: added.iter().map(name).collect(),
+        effects,
+        fitted,
+        patterns: ranking::patterns(&criticism),
+        episodes: ranking::episodes(&criticism, recording),
+        criticism,
+        logs: recording.logs.clone(),
+        warnings: recording.warnings.iter().cloned().chain(words).collect(),
+        contact,
+        joints,
+        series,
+        baselines: baselines.named(),
+    })
+}
+
+/// What models that know less make of the same windows.
+struct Baselines {
+    cad: Vec<JointSeries>,
+    /// Without what was added last.
+    before: Option<Vec<JointSeries>>,
+}
+
+impl Baselines {
+    fn new(
+        recording: &Recording,
+        model: &Model,
+        from: From,
+        added: &[ModelEffect],
+        feet: &Feet,
+    ) -> Self {
+        let series = |model: &Model, from| {
+            let data = robot::data(recording, model).into_iter().zip(feet);
+            let data: Vec<LimbData> = data
+                .map(|(data, foot)| without_stance(data, foot))
+                .collect();
+            all_series(&data, &predictions(&data, from))
+        };
+        let before = (!added.is_empty()).then(|| series(&without(model, added), from));
+        Self {
+            before,
+            cad: series(
+                &Model::new(model.robot().clone()).mounted_as(model),
+                From::File,
+            ),
+        }
+    }
+
+    /// Of joint k: the CAD's rms and that of the model before, N m.
+    fn rms(&self, k: usize) -> (f64, Option<f64>) {
+        (self.cad[k].rms(), self.before.as_ref().map(|b| b[k].rms()))
+    }
+
+    fn named(self) -> Vec<(&'static str, Vec<JointSeries>)> {
+        let before = self.before.map(|before| ("before", before));
+        [("CAD", self.cad)].into_iter().chain(before).collect()
+    }
+}
+
+/// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
+fn unvalued(model: &Model) -> Vec<ModelEffect> {
+    let is_unvalued =
+        |e: &&ModelEffect| e.estimate().is_none() && e.effect.description().form != Form::Force;
+    (model.effects().iter().filter(is_unvalued).copied()).collect()
+}
+
+/// Whether anything of a model was identified.
+fn is_identified(model: &Model) -> bool {
+    model.effects().iter().any(|e| e.estimate().is_some())
+        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b))
+}
+
+/// Of the effects without a value those that were added last; all, if the model does not say.
+fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
+    let last = unvalued.iter().filter(|e| e.just_added);
+    let last: Vec<ModelEffect> = last.copied().collect();
+    if last.is_empty() {
+        unvalued.to_vec()
+    } else {
+        last
+    }
+}
+
+/// The model without those effects.
+fn without(model: &Model, added: &[ModelEffect]) -> Model {
+    let mut model = model.clone();
+    for e in added {
+        model.remove_effect(e.effect, e.joint);
+    }
+    model
+}
+
+/// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
+fn over_all(joints: &[JointComparison], rms: &dyn Fn(&JointComparison) -> f64) -> f64 {
+    let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
+        (sum + rms(j).powi(2) * j.scores.n as f64, n + j.scores.n)
+    });
+    (sum / n.max(1) as f64).sqrt()
+}
+
+impl Yardsticks {
+    /// Of all joints together, where the model's rms over all of them is `rms`.
+    fn over_all(joints: &[JointComparison], rms: f64) -> Self {
+        let all = |of: &dyn Fn(&Self) -> f64| over_all(joints, &|j| of(&j.yardsticks));
+        let all_known = |of: &dyn Fn(&Self) -> Option<f64>| {
+            let known = joints.iter().all(|j| of(&j.yardsticks).is_some());
+            known.then(|| all(&|y| of(y).unwrap_or(0.0)))
+        };
+        let floor = all_known(&|y| y.noise_floor_rms);
+        let above =
+            |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
+        Self {
+            zero_rms: all(&|y| y.zero_rms),
+            cad_rms: all(&|y| y.cad_rms),
+            before_rms: all_known(&|y| y.before_rms),
+            noise_floor_rms: floor,
+            noise_floor_is_upper_bound: joints
+                .iter()
+                .any(|j| j.yardsticks.noise_floor_is_upper_bound),
+            above_noise_percent: floor.map(above),
+        }
+    }
+}
+
+impl JointComparison {
+    /// One joint, beside the rms of the CAD and of the model before.
+    fn of(series: &JointSeries, criticism: &Criticism, (cad, before): (f64, Option<f64>)) -> Self {
+        let scores = Scores::of(&series.view());
+        let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
+        let dependent = criticism.independence.iter().filter(|i| !i.independent);
+        Self {
+            joint: series.joint.clone(),
+            scores,
+            yardsticks: Yardsticks {
+                zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
+                cad_rms: cad,
+                before_rms: before,
+                noise_floor_rms: criticism.noise.map(|noise| noise.rms),
+                noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
+                above_noise_percent: criticism.above_noise_percent,
+            },
+            white: criticism.whiteness.as_ref().map(|w| w.white),
+            depends_on: dependent.map(|i| i.input).collect(),
+        }
+    }
+}
+
+/// Where a model's values come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum From {
+    /// The file.
+    File,
+    /// Of each window, the fit to all data but its fold's.
+    HeldOut,
+}
+
+/// What a model makes of a limb.
+struct Prediction<'a> {
+    /// Mean torque of each window and joint, N m.
+    torque: Vec<f64>,
+    /// The fit to all data, where values were fitted.
+    fit: Option<LimbFit<'a>>,
+}
+
+/// The limbs without what is in contact with the ground, and the forces that were found.
+fn swing(data: Vec<LimbData>) -> (Vec<LimbData>, Feet) {
+    let of = |data: &LimbData<'_>| leave_out_contact(data.clone()).1;
+    let feet: Feet = side_by_side(&data, of);
+    let data = data
+        .into_iter()
+        .zip(&feet)
+        .map(|(data, foot)| without_stance(data, foot));
+    (data.collect(), feet)
+}
+
+fn without_stance<'a>(data: LimbData<'a>, foot: &Option<LeftOut>) -> LimbData<'a> {
+    match foot {
+        Some(foot) => data.without(&foot.contact.samples),
+        None => data,
+    }
+}
+
+/// Whether anything can be said.
+fn check(
+    recording: &Recording,
+    data: &[LimbData],
+    feet: &Feet,
+    fitted: bool,
+) -> Result<(), RecordingError> {
+    if data.is_empty() || fitted && data.iter().any(|limb| !limb.blocks.can_hold_out()) {
+        return Err(RecordingError::TooShort {
+            duration: recording.duration,
+        });
+    }
+    let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
+    if feet.iter().all(Option::is_none) && data.iter().all(rests) {
+        return Err(RecordingError::at_rest(recording));
+    }
+    Ok(())
+}
+
+/// What the limbs' model predicts, each limb's.
+fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> {
+    let given =
+        |data: &LimbData<'_>| data.predicted(&Values::given(data.model, data.limb), &|_| true);
+    if from == From::File {
+        let torque = side_by_side(data, given);
+        return torque
+            .into_iter()
+            .map(|torque| Prediction { torque, fit: None })
+            .collect();
+    }
+    let how = How {
+        constraint: Constraint::Physical,
+        ..How::default()
+    };
+    let places: Vec<_> = data.iter().map(places_of).collect();
+    let (fits, _) = robot::fit(data, &places, &how);
+    if fits.len() < data.len() {
+        // A fit that is not finite has no prediction: that of the file stands for it.
+        return predictions(data, From::File);
+    }
+    let of = |fit: &LimbFit| match fit.held_out() {
+        Some(values) => fit.data.predicted_by_fold(&values),
+        None => fit.data.predicted(&fit.values, &|_| true),
+    };
+    let torque = side_by_side(&fits, of);
+    let both = torque.into_iter().zip(fits);
+    both.map(|(torque, fit)| Prediction {
+        torque,
+        fit: Some(fit),
+    })
+    .collect()
+}
+
+fn all_series(data: &[LimbData], predictions: &[Prediction]) -> Vec<JointSeries> {
+    let limbs = data.iter().zip(predictions);
+    limbs
+        .flat_map(|(data, of)| JointSeries::of(data, &of.torque))
+        .collect()
+}
+
+/// What a model file predicts, joint by joint, windows in contact included.
+///
+/// # Errors
+/// As [`compare`].
+pub fn series_of(recording: &Recording, model: &Model) -> Result<Vec<JointSeries>, RecordingError> {
+    let data = robot::data(recording, model);
+    check(recording, &data, &Feet::new(), false)?;
+    Ok(all_series(&data, &predictions(&data, From::File)))
+}

@@ -1,0 +1,280 @@
+//! A comparison for humans.
+
+use std::fmt::{self, Write};
+
+use super::{Comparison, JointComparison, RankedEpisode};
+use crate::table::{Table, with_std};
+
+/// Patterns and episodes told unless all are asked for.
+const TOLD: usize = 5;
+
+impl Comparison {
+    /// The comparison in words: the data first, then how well, where and when. `all` tells every pattern and episode.
+    pub fn text(&self, all: bool) -> String {
+        let mut text = crate::recording::gate_words(&self.data);
+        // Writing to a string never fails.
+        let _ = self.write_contact(&mut text);
+        let _ = self.write_scores(&mut text);
+        let _ = self.write_where(&mut text, all);
+        let _ = self.write_when(&mut text, all);
+        text
+    }
+
+    /// One line: how large the error is, and how large it was.
+    pub fn headline(&self) -> String {
+        let mut text = match self.yardsticks.before_rms {
+            Some(before) => format!(
+                "{} added: rms {before:.4} → {:.4} N m ({:+.0} %)",
+                grouped(&self.added),
+                self.rms,
+                100.0 * (self.rms / before - 1.0)
+            ),
+            None => format!("rms {:.4} N m", self.rms),
+        };
+        let _ = write!(
+            text,
+            "; {:.4} with the CAD alone, {:.4} with nothing",
+            self.yardsticks.cad_rms, self.yardsticks.zero_rms
+        );
+        if let (Some(floor), Some(above)) = (
+            self.yardsticks.noise_floor_rms,
+            self.yardsticks.above_noise_percent,
+        ) {
+            let _ = write!(
+                text,
+                "; noise floor {}{floor:.4}: {above:.0} % of the square error is above it",
+                if self.yardsticks.noise_floor_is_upper_bound {
+                    "at most "
+                } else {
+                    ""
+                }
+            );
+        }
+        text
+    }
+
+    /// What was left out, foot by foot, and what that means for the rest.
+    fn write_contact(&self, to: &mut String) -> fmt::Result {
+        for sentence in self.contact_sentences() {
+            writeln!(to, "{sentence}")?;
+        }
+        if self.contact.is_empty() {
+            return Ok(());
+        }
+        writeln!(to)
+    }
+
+    /// The forces at feet, a sentence each, and why no cause is told of what is left.
+    pub fn contact_sentences(&self) -> Vec<String> {
+        let mut sentences: Vec<String> = (self.contact.iter())
+            .map(|foot| format!("Contact: {foot}."))
+            .collect();
+        if sentences.len() > 1 {
+            sentences.push(
+                "Contact: more than one leg carries a force, so the base moves, and other feet may carry one that cannot be \
+                 told; of what is left it is said where it is, not what it looks like."
+                    .to_owned(),
+            );
+        }
+        sentences
+    }
+
+    /// `spring:FR_thigh = 4.02 ±0.01 N m/rad`, of the effects that were added last.
+    fn write_added(&self, to: &mut String) -> fmt::Result {
+        if self.added.len() > TOLD {
+            return Ok(());
+        }
+        let is_added = |name: &str| {
+            self.added
+                .iter()
+                .any(|added| name.ends_with(added.as_str()))
+        };
+        for effect in self.effects.iter().filter(|effect| is_added(&effect.name)) {
+            let Some(value) = effect.value else { continue };
+            let value = match effect.std {
+                Some(std) => with_std(value, std),
+                None => format!("{value:.4}"),
+            };
+            writeln!(to, "  {} = {value} {}", effect.name, effect.unit)?;
+        }
+        Ok(())
+    }
+
+    fn write_scores(&self, to: &mut String) -> fmt::Result {
+        let mut table = Table::default();
+        let before = self.yardsticks.before_rms.is_some();
+        let heads = [
+            "joint", "rms", "fit %", "VAF %", "bias", "max", "floor", "above %", "zero", "CAD",
+        ];
+        let heads = heads.into_iter().chain(before.then_some("before"));
+        table.row(heads.chain(["what is left"]).map(str::to_owned));
+        for joint in &self.joints {
+            table.row(cells(joint, before));
+        }
+        table.row(self.last_row(before));
+        write!(to, "{table}")?;
+        let values = if self.fitted {
+            "Parameters are fitted within their priors to every stretch of time but the one predicted"
+        } else {
+            "Parameters are the model file's"
+        };
+        writeln!(
+            to,
+            "N m, mean torque over windows of 20 ms in which the joint moves; floor: the noise; above %: the share of the \
+             square error above it.\n{values}.\n\n{}.",
+            self.headline()
+        )?;
+        self.write_added(to)
+    }
+
+    fn last_row(&self, before: bool) -> Vec<String> {
+        let blank = || String::new();
+        let mut cells = vec!["all".to_owned(), rms(self.rms)];
+        cells.extend([blank(), blank(), blank(), blank()]);
+        let upper_bound = self.yardsticks.noise_floor_is_upper_bound;
+        cells.push(
+            self.yardsticks
+                .noise_floor_rms
+                .map_or_else(blank, |x| floor(x, upper_bound)),
+        );
+        cells.push(
+            self.yardsticks
+                .above_noise_percent
+                .map_or_else(blank, whole),
+        );
+        cells.extend([rms(self.yardsticks.zero_rms), rms(self.yardsticks.cad_rms)]);
+        if before {
+            cells.push(self.yardsticks.before_rms.map_or_else(blank, rms));
+        }
+        cells
+    }
+
+    fn write_where(&self, to: &mut String, all: bool) -> fmt::Result {
+        if self.patterns.is_empty() {
+            return writeln!(
+                to,
+                "\nWhere: the error follows no position, velocity, acceleration, load, temperature or time."
+            );
+        }
+        writeln!(to, "\nWhere, by its share of all the square error:")?;
+        let told = if all { self.patterns.len() } else { TOLD };
+        for pattern in self.patterns.iter().take(told) {
+            writeln!(to, "{:>5.1} %  {}", pattern.share_percent, pattern.sentence)?;
+        }
+        more(to, self.patterns.len(), told)
+    }
+
+    fn write_when(&self, to: &mut String, all: bool) -> fmt::Result {
+        if self.episodes.is_empty() {
+            return Ok(());
+        }
+        writeln!(to, "\nWhen, by its size against the joint's typical error:")?;
+        let told = if all { self.episodes.len() } else { TOLD };
+        for episode in self.episodes.iter().take(told) {
+            let log = if self.data.len() > 1 {
+                format!("{} ", episode.log.display())
+            } else {
+                String::new()
+            };
+            writeln!(to, "{:>4.1} ×  {log}{episode}", episode.episode.size)?;
+        }
+        more(to, self.episodes.len(), told)
+    }
+}
+
+/// Places by effect: `spring:FR_thigh`, but `viscous (12 joints)`.
+fn grouped(places: &[String]) -> String {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for place in places {
+        let (effect, joint) = place.split_once(':').unwrap_or((place, ""));
+        match groups.iter_mut().find(|(known, _)| *known == effect) {
+            Some((_, joints)) => joints.push(joint),
+            None => groups.push((effect, vec![joint])),
+        }
+    }
+    let words = groups
+        .into_iter()
+        .map(|(effect, joints)| match joints.as_slice() {
+            [_] | [_, _] | [_, _, _] => format!("{effect}:{}", joints.join(",")),
+            more => format!("{effect} ({} joints)", more.len()),
+        });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// What is not told.
+fn more(to: &mut String, count: usize, told: usize) -> fmt::Result {
+    match count.saturating_sub(told) {
+        0 => Ok(()),
+        rest => writeln!(to, "         and {rest} more (--all)"),
+    }
+}
+
+fn rms(x: f64) -> String {
+    format!("{x:.3}")
+}
+
+fn floor(x: f64, upper_bound: bool) -> String {
+    let sign = if upper_bound { "≤" } else { "" };
+    format!("{sign}{x:.3}")
+}
+
+fn whole(x: f64) -> String {
+    format!("{x:.0}")
+}
+
+fn cells(joint: &JointComparison, before: bool) -> Vec<String> {
+    let percent = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.1}"));
+    let mut cells = vec![
+        joint.joint.clone(),
+        rms(joint.scores.rms),
+        percent(joint.scores.fit_percent),
+        percent(joint.scores.vaf_percent),
+        format!("{:+.3}", joint.scores.bias),
+        rms(joint.scores.max),
+        joint
+            .yardsticks
+            .noise_floor_rms
+            .map_or("-".to_owned(), |x| {
+                floor(x, joint.yardsticks.noise_floor_is_upper_bound)
+            }),
+        joint
+            .yardsticks
+            .above_noise_percent
+            .map_or("-".to_owned(), whole),
+        rms(joint.yardsticks.zero_rms),
+        rms(joint.yardsticks.cad_rms),
+    ];
+    if before {
+        cells.push(joint.yardsticks.before_rms.map_or("-".to_owned(), rms));
+    }
+    cells.push(left(joint));
+    cells
+}
+
+/// `white`, or what the residual still depends on.
+fn left(joint: &JointComparison) -> String {
+    let depends: Vec<&str> = joint
+        .depends_on
+        .iter()
+        .map(|input| input.symbol())
+        .collect();
+    let depends = depends.join(" ");
+    match (joint.white, depends.is_empty()) {
+        (None, true) => "too short to tell".to_owned(),
+        (Some(true), true) => "noise".to_owned(),
+        (Some(false), true) => "not white".to_owned(),
+        (Some(false), false) => format!("not white; {depends}"),
+        (_, false) => depends,
+    }
+}
+
+impl fmt::Display for RankedEpisode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let e = &self.episode;
+        write!(
+            f,
+            "t = {:.2} s: {} {:+.3} N m (q = {:.2} rad, q̇ = {:.2} rad/s, τ = {:.2} N m)",
+            self.since_start, self.joint, e.residual, e.q, e.dq, e.tau
+        )
+    }
+}

@@ -1,0 +1,394 @@
+//! `contact`: a force at the foot that the model does not know, found by its direction, its episodes and the joints' agreement.
+//!
+//! A force λ of the ground adds −Jᵀλ to what the motors give. It is unknown at every instant, and a leg has as many joints
+//! as the force has components, so any residual is that of *some* force. What tells a contact from any other effect:
+//!
+//! - It comes in episodes, with a swing between them in which the catalogue explains the torque. So the catalogue is fitted
+//!   to the swing alone, and what is in contact is found anew with that fit, until both agree (a trimmed fit: Rousseeuw &
+//!   Leroy 1987, ch. 4).
+//! - The ground pushes and does not pull, within a cone of friction.
+//! - The joints agree: the force, from all joints but one, predicts that one's residual. What acts on one joint alone looks
+//!   to it like a force that the others would feel, and do not.
+//!
+//! All residuals are of time that the fit has not seen.
+
+mod judge;
+mod report;
+mod words;
+
+use nalgebra::{Matrix3, Matrix3xX, Vector3};
+
+use proprio_core::effect::EffectKind;
+
+use crate::equation::column::Columns;
+use crate::equation::dot::dot;
+use crate::equation::foot::Foot;
+use crate::equation::rows::Rows;
+use crate::equation::values::Values;
+use crate::estimate::blocks::{BlockFactors, HeapFactor};
+use crate::estimate::fit::{LimbFit, fold};
+use crate::estimate::triangle::Triangle;
+use crate::select::screen::{cad_prior, possible};
+pub(crate) use report::{LeftOut, leave_out_contact};
+pub(crate) use words::words;
+
+/// Coefficient of friction of the ground at most: rubber on dry concrete.
+const FRICTION: f64 = 1.0;
+/// Windows whose residuals together exceed so many standard deviations of the swing's are no swing.
+const LEAST_DEVIATION: f64 = 6.0;
+/// Shortest episode, windows of 20 ms.
+const SHORTEST: usize = 3;
+/// Fewest episodes: from fewer, nothing can be said of how they agree.
+const LEAST_EPISODES: usize = 4;
+/// Times that the swing and the fit to it are found anew.
+const ROUNDS: usize = 6;
+/// Least share of windows in swing that the catalogue can be fitted to.
+const LEAST_SWING: f64 = 0.1;
+/// Least noise of a joint, as a share of the friction that is expected of it.
+const LEAST_NOISE: f64 = 0.1;
+/// A force weaker than this is not told from what the model has wrong, N.
+const LEAST_FORCE: f64 = 1.0;
+/// Size of the mean force in units of its standard deviation from which on it counts. Four legs are tested, not a hundred
+/// candidates: chance gives one of them this much once in ten thousand logs.
+const LEAST_Z: f64 = 4.0;
+/// The same where the joints agree on the force up to [`AGREED`]: from few episodes chance reaches no more, and nothing else in
+/// a leg acts on all its joints as a force at the foot does.
+const LEAST_Z_AGREED: f64 = 3.0;
+/// Share of the residuals' sum of squares that the other joints predict, from which on they agree.
+const AGREED: f64 = 0.9;
+/// Least share of the residuals' sum of squares that the other joints must predict.
+const LEAST_GAIN: f64 = 0.3;
+/// Least share of the windows that are no swing in which the ground pushes: any other effect pulls as often.
+const LEAST_PUSHING: f64 = 0.7;
+
+/// What a limb's residuals say of a force at its foot.
+#[derive(Debug, Clone)]
+pub(crate) struct Contact {
+    /// Normal force during episodes, N: its mean over episodes.
+    pub(crate) force: f64,
+    /// Standard deviation of that, from the spread over episodes.
+    pub(crate) std: f64,
+    /// The mean in units of its standard deviation, as a normal variable has it.
+    pub(crate) z: f64,
+    /// 1 − the held-out sum of squares in contact, each joint's residual less what the others predict of it, over that without.
+    pub(crate) gain: f64,
+    /// Error of that, from the spread over folds.
+    pub(crate) gain_error: f64,
+    /// Share of time in contact.
+    pub(crate) share: f64,
+    /// Of the windows that are no swing, the share in which the ground pushes.
+    pub(crate) pushing: f64,
+    /// Number of episodes.
+    pub(crate) episodes: usize,
+    /// Correlation of contact with the foot's sensor, where there is one.
+    pub(crate) sensor: Option<f64>,
+    /// Samples in contact, as ranges \[first, last\], ascending.
+    pub(crate) samples: Vec<[usize; 2]>,
+    /// Whether the place of the foot is in the robot's description.
+    pub(crate) described: bool,
+}
+
+impl Contact {
+    /// Whether there is a contact beyond chance, and nothing but a contact looks like it.
+    pub(crate) fn is_significant(&self) -> bool {
+        self.force > LEAST_FORCE
+            && (self.z >= LEAST_Z || self.z >= LEAST_Z_AGREED && self.gain > AGREED)
+            && self.gain > LEAST_GAIN
+            && self.gain > 2.0 * self.gain_error
+            && self.pushing >= LEAST_PUSHING
+    }
+
+    /// What a limb's residuals say; `None` if hardly anything is unlike swing, or the limb is too short to tell.
+    pub(crate) fn of(fit: &LimbFit) -> Option<Self> {
+        let mut search = Search::new(fit, true)?;
+        search.run().then(|| search.judge())?
+    }
+}
+
+/// Whether a contact is worth looking for: a look with the effects of the model alone, without the columns of a catalogue that
+/// it does not have. A force that is no larger than what these have wrong in swing is overlooked.
+pub(crate) fn is_suspected(fit: &LimbFit) -> bool {
+    let Some(mut search) = Search::new(fit, false) else {
+        return false;
+    };
+    // Little swing is what a leg on the ground has.
+    !search.run() || search.episodes(Phase::Contact).len() >= LEAST_EPISODES
+}
+
+/// One window of the limb.
+struct Window {
+    fold: usize,
+    samples: [usize; 2],
+    jacobian: Matrix3xX<f64>,
+}
+
+/// What a window is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    Swing,
+    /// The ground pushes.
+    Contact,
+    /// Neither: torques of another cause.
+    Other,
+}
+
+struct Search<'a> {
+    fit: &'a LimbFit<'a>,
+    /// The columns of the model and, where it is asked for, of the whole catalogue.
+    columns: Columns,
+    rows: Rows,
+    windows: Vec<Window>,
+    described: bool,
+    /// Away from the ground.
+    up: Vector3<f64>,
+    /// Measured − predicted torque of each window's joints, N m.
+    residuals: Vec<Vec<f64>>,
+    /// Of each joint in swing, N m.
+    noise: Vec<f64>,
+    phases: Vec<Phase>,
+}
+
+impl<'a> Search<'a> {
+    fn new(fit: &'a LimbFit<'a>, catalogue: bool) -> Option<Self> {
+        let data = fit.data;
+        let foot = Foot::of(data.model, data.limb)?;
+        let (n, base) = (data.joints(), data.body.base(&fit.values));
+        let of = |(w, window): (usize, &crate::equation::motion::Window)| {
+            let mean = |j: usize| {
+                data.motion
+                    .mean(window, |k| data.motion.joint[j].state[k][0])
+            };
+            Window {
+                fold: data.fold(w),
+                samples: window.samples,
+                jacobian: foot.jacobian(&base, &(0..n).map(mean).collect::<Vec<_>>()),
+            }
+        };
+        let windows: Vec<Window> = data.motion.windows.iter().enumerate().map(of).collect();
+        // Two joints or fewer cannot vouch for each other.
+        if n < 3 || windows.len() < 10 * SHORTEST || !data.blocks.can_hold_out() {
+            return None;
+        }
+        let candidates = if catalogue {
+            possible(fit, &[])
+        } else {
+            Vec::new()
+        };
+        let columns = data.columns(&fit.values, &fit.places, &candidates);
+        Some(Self {
+            rows: Rows::of(&data.motion, &data.body, &fit.values, &columns, &|_| true),
+            columns,
+            described: foot.described,
+            up: Vector3::z(),
+            residuals: Vec::new(),
+            noise: fit.noise.clone(),
+            phases: vec![Phase::Swing; windows.len()],
+            windows,
+            fit,
+        })
+    }
+
+    /// Finds swing and contact, beginning with the model as it is given; false if too little swing is found.
+    ///
+    /// On little swing the whole catalogue may predict worse than the model as it is given: of each joint, the one that
+    /// predicts unseen swing better is taken.
+    fn run(&mut self) -> bool {
+        let given = self.given();
+        self.residuals.clone_from(&given);
+        let friction = self.friction();
+        // Generous with contact at first: a force that the fit takes for swing it explains away.
+        self.noise = friction.iter().map(|noise| 0.5 * noise).collect();
+        for _ in 0..ROUNDS {
+            let before = self.phases.clone();
+            self.classify();
+            if (self.count(Phase::Swing) as f64) < LEAST_SWING * self.windows.len() as f64 {
+                return false;
+            }
+            if before == self.phases {
+                return true;
+            }
+            let fitted = self.predict(&self.fit_swing());
+            let swing = |w: usize| self.phases[w] == Phase::Swing;
+            let scales = [&given, &fitted].map(|of| self.scale(of, 0.5, 0.6745, swing));
+            for joint in 0..friction.len() {
+                let better = usize::from(scales[1][joint] < scales[0][joint]);
+                let chosen = [&given, &fitted][better];
+                for (to, from) in self.residuals.iter_mut().zip(chosen) {
+                    to[joint] = from[joint];
+                }
+                // A leg at rest has less noise than one that moves.
+                self.noise[joint] = scales[better][joint].max(LEAST_NOISE * friction[joint]);
+            }
+        }
+        true
+    }
+
+    /// What the model as it is given may have wrong in swing, of each joint, N m: friction as the catalogue expects it, or
+    /// less where a quarter of all windows says so; half of the time or more may be contact.
+    fn friction(&self) -> Vec<f64> {
+        let small = self.scale(&self.residuals, 0.25, 0.3186, |_| true);
+        let of = |(joint, small): (usize, f64)| {
+            let (mean, std) = self.fit.data.prior((EffectKind::Coulomb, joint), 0);
+            small.min(mean + std)
+        };
+        small.into_iter().enumerate().map(of).collect()
+    }
+
+    fn count(&self, phase: Phase) -> usize {
+        self.phases.iter().filter(|p| **p == phase).count()
+    }
+
+    /// Residuals of the model as its file gives it.
+    fn given(&self) -> Vec<Vec<f64>> {
+        let data = self.fit.data;
+        let predicted = data.predicted(&Values::given(data.model, data.limb), &|_| true);
+        let differences: Vec<f64> = data
+            .torque
+            .iter()
+            .zip(predicted)
+            .map(|(y, p)| y - p)
+            .collect();
+        differences
+            .chunks(data.joints())
+            .map(<[f64]>::to_vec)
+            .collect()
+    }
+
+    /// Residuals under each fold's θ.
+    fn predict(&self, theta: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let data = self.fit.data;
+        let own: Vec<Vec<Vec<f64>>> = theta
+            .iter()
+            .map(|theta| self.columns.combined(theta))
+            .collect();
+        let residual = |w: usize, j: usize| {
+            let torque = data.torque[w * data.joints() + j];
+            torque - dot(&own[data.fold(w)][j], self.rows.row(w, j))
+        };
+        (0..self.windows.len())
+            .map(|w| (0..data.joints()).map(|j| residual(w, j)).collect())
+            .collect()
+    }
+
+    /// Standard deviation of each joint's `residuals` from a quantile of their size, which is `normal` for a normal variable.
+    fn scale(
+        &self,
+        residuals: &[Vec<f64>],
+        quantile: f64,
+        normal: f64,
+        chosen: impl Fn(usize) -> bool,
+    ) -> Vec<f64> {
+        let of = |joint: usize| {
+            let mut sizes: Vec<f64> = (0..self.windows.len())
+                .filter(|&w| chosen(w))
+                .map(|w| residuals[w][joint].abs())
+                .collect();
+            sizes.sort_unstable_by(f64::total_cmp);
+            let at = (quantile * sizes.len() as f64) as usize;
+            let size = sizes.get(at).copied().unwrap_or(0.0) / normal;
+            size.max(1e-3 * self.fit.noise[joint])
+        };
+        (0..self.fit.data.joints()).map(of).collect()
+    }
+
+    /// θ of each fold by the swing of all others: the whole catalogue within its priors, so that nothing which another
+    /// effect explains is left to a force.
+    fn fit_swing(&self) -> Vec<Vec<f64>> {
+        let data = self.fit.data;
+        let swing = |w: usize| self.phases[w] == Phase::Swing;
+        let theta = self.columns.theta(&self.fit.values);
+        let correlation = &self.fit.correlation;
+        let blocks = fold(
+            data,
+            &self.columns,
+            &self.rows,
+            &theta,
+            correlation,
+            &self.noise,
+            &swing,
+        );
+        let mut folds = BlockFactors::none(&self.columns, data.blocks.folds);
+        for (b, block) in blocks.blocks.iter().enumerate() {
+            folds.merge(data.blocks.fold(b), block);
+        }
+        let all: Vec<usize> = (0..self.columns.entries.len()).collect();
+        let prior = cad_prior(data);
+        let solve = |train: &Vec<HeapFactor>| {
+            Triangle::new(&self.columns, &prior, train, &self.noise, &all, &[])
+                .solve(all.len(), &[])
+        };
+        let (trains, _) = folds.without_each(&self.columns);
+        trains.iter().map(solve).collect()
+    }
+
+    /// Says of each window what it is.
+    fn classify(&mut self) {
+        let phase = |w: usize| {
+            let sizes = self.residuals[w].iter().zip(&self.noise);
+            let deviation: f64 = sizes.map(|(r, noise)| (r / noise).powi(2)).sum();
+            if deviation < LEAST_DEVIATION.powi(2) {
+                return Phase::Swing;
+            }
+            let force = self.force(w, None, &weak());
+            let normal = force.dot(&self.up);
+            let tangential = (force - self.up * normal).norm();
+            if normal > LEAST_FORCE && tangential <= FRICTION * normal {
+                Phase::Contact
+            } else {
+                Phase::Other
+            }
+        };
+        self.phases = (0..self.windows.len()).map(phase).collect();
+        self.tidy();
+    }
+
+    /// Closes gaps of one window in a contact, and what is shorter than an episode is no contact.
+    fn tidy(&mut self) {
+        for w in 1..self.phases.len().saturating_sub(1) {
+            if self.phases[w - 1] == Phase::Contact && self.phases[w + 1] == Phase::Contact {
+                self.phases[w] = Phase::Contact;
+            }
+        }
+        for [first, last] in self.episodes(Phase::Contact) {
+            if last - first < SHORTEST {
+                self.phases[first..last].fill(Phase::Other);
+            }
+        }
+    }
+
+    /// Runs of windows of one phase, each as [first, one past the last].
+    fn episodes(&self, phase: Phase) -> Vec<[usize; 2]> {
+        let mut runs: Vec<[usize; 2]> = Vec::new();
+        for w in (0..self.phases.len()).filter(|&w| self.phases[w] == phase) {
+            match runs.last_mut() {
+                Some(run) if run[1] == w => run[1] = w + 1,
+                _ => runs.push([w, w + 1]),
+            }
+        }
+        runs
+    }
+
+    /// The most likely force on the foot in window w (N) from all joints but `without`; `likely` is the inverse of the second
+    /// moment that forces are expected to have, 1/N².
+    fn force(&self, w: usize, without: Option<usize>, likely: &Matrix3<f64>) -> Vector3<f64> {
+        let (mut information, mut right) = (*likely, Vector3::zeros());
+        let window = &self.windows[w];
+        for (j, r) in self.residuals[w].iter().enumerate() {
+            if Some(j) != without {
+                let (column, weight) = (window.jacobian.column(j), self.noise[j].powi(-2));
+                information += column * column.transpose() * weight;
+                right -= column * (r * weight);
+            }
+        }
+        let solved = information.cholesky().map(|c| c.solve(&right));
+        solved.unwrap_or_else(Vector3::zeros)
+    }
+}
+
+/// What is expected of a force before any data: some hundred newtons in any direction.
+fn weak() -> Matrix3<f64> {
+    Matrix3::identity() / 200f64.powi(2)
+}
+
+#[cfg(test)]
+mod tests;

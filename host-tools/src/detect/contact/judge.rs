@@ -1,0 +1,150 @@
+//! From phases to a verdict: how strong, how sure, and how far the joints agree.
+
+use nalgebra::Matrix3;
+
+use super::{Contact, LEAST_EPISODES, Phase, Search, weak};
+
+/// Windows from which on a longer episode is not more evidence: the force may have been the same all the time.
+const ALIKE: f64 = 10.0;
+/// A force in a direction not seen before is expected with this share of the mean square of those seen.
+const LEAST_SPREAD: f64 = 0.01;
+
+impl Search<'_> {
+    pub(super) fn judge(&self) -> Option<Contact> {
+        let episodes = self.episodes(Phase::Contact);
+        if episodes.len() < LEAST_EPISODES {
+            return None;
+        }
+        let [force, std, z] = self.mean_force(&episodes);
+        let (gain, gain_error) = self.agreement();
+        let contact = self.count(Phase::Contact) as f64;
+        let other = self.count(Phase::Other) as f64;
+        Some(Contact {
+            force,
+            std,
+            z,
+            gain,
+            gain_error,
+            share: contact / self.windows.len() as f64,
+            pushing: contact / (contact + other),
+            episodes: episodes.len(),
+            sensor: self.sensor(),
+            samples: self.samples(),
+            described: self.described,
+        })
+    }
+}
+
+impl Search<'_> {
+    /// Normal force in contact and its standard deviation, from the spread over episodes, each with its length up to 0.2 s as weight, N;
+    /// and how sure it is that all that is no swing pushes rather than pulls, as a normal variable has it.
+    fn mean_force(&self, contacts: &[[usize; 2]]) -> [f64; 3] {
+        let normal = |run: &[usize; 2]| {
+            let windows = run[0]..run[1];
+            let sum: f64 = windows
+                .map(|w| self.force(w, None, &weak()).dot(&self.up))
+                .sum();
+            let length = (run[1] - run[0]) as f64;
+            let weight = length.min(ALIKE);
+            (weight, sum * weight / length)
+        };
+        let mut runs: Vec<(f64, f64)> = contacts.iter().map(normal).collect();
+        let (force, std) = weighted_mean(&runs);
+        runs.extend(self.episodes(Phase::Other).iter().map(normal));
+        let (all, error) = weighted_mean(&runs);
+        let z = normal_score(all / error, contacts.len() as f64 - 1.0);
+        [force, std, z]
+    }
+
+    /// How well the joints predict each other's residuals in contact: 1 − the sum of squares of what is left over that of the
+    /// residuals, and its error as that of a ratio (Cochran 1977, §2.11).
+    ///
+    /// What forces are likely is taken from the other folds: the second moment of theirs. Their mean is not used, or every
+    /// torque that comes and goes would seem to be predicted.
+    fn agreement(&self) -> (f64, f64) {
+        let folds = self.fit.data.blocks.folds;
+        let likely: Vec<Matrix3<f64>> = (0..folds).map(|fold| self.likely(fold)).collect();
+        let (mut before, mut falls) = (vec![0.0; folds], vec![0.0; folds]);
+        for w in (0..self.windows.len()).filter(|&w| self.phases[w] == Phase::Contact) {
+            let window = &self.windows[w];
+            for (j, r) in self.residuals[w].iter().enumerate() {
+                let force = self.force(w, Some(j), &likely[window.fold]);
+                let left = r + window.jacobian.column(j).dot(&force);
+                before[window.fold] += r * r;
+                falls[window.fold] += r * r - left * left;
+            }
+        }
+        weighted_mean(&before.into_iter().zip(falls).collect::<Vec<_>>())
+    }
+
+    /// Inverse of the second moment of the forces in contact of all other folds, 1/N².
+    fn likely(&self, fold: usize) -> Matrix3<f64> {
+        let others = (0..self.windows.len())
+            .filter(|&w| self.phases[w] == Phase::Contact && self.windows[w].fold != fold);
+        let (mut sum, mut n) = (Matrix3::zeros(), 0.0);
+        for w in others {
+            let force = self.force(w, None, &weak());
+            sum += force * force.transpose();
+            n += 1.0;
+        }
+        let moment = sum / n;
+        let spread = Matrix3::identity() * (moment.trace() * LEAST_SPREAD);
+        (moment + spread).try_inverse().unwrap_or_else(weak)
+    }
+
+    /// Correlation of contact with the foot's sensor.
+    fn sensor(&self) -> Option<f64> {
+        let foot = &self.fit.data.recording.foot;
+        let mut sums = [0.0; 5];
+        for (window, phase) in self.windows.iter().zip(&self.phases) {
+            let [first, last] = window.samples;
+            let pressed = foot[first..=last].iter().sum::<f64>() / (last - first + 1) as f64;
+            let on = f64::from(u8::from(*phase == Phase::Contact));
+            let products = [on, pressed, on * on, pressed * pressed, on * pressed];
+            sums.iter_mut().zip(products).for_each(|(sum, x)| *sum += x);
+        }
+        let n = self.windows.len() as f64;
+        let [on, pressed, on_on, pressed_pressed, both] = sums.map(|sum| sum / n);
+        let spread = ((on_on - on * on) * (pressed_pressed - pressed * pressed)).sqrt();
+        let correlation = (both - on * pressed) / spread;
+        correlation.is_finite().then_some(correlation)
+    }
+
+    /// The samples of the episodes, and of a window on both sides, in which the force may have begun or still be fading.
+    fn samples(&self) -> Vec<[usize; 2]> {
+        let mut ranges: Vec<[usize; 2]> = Vec::new();
+        for [first, end] in self.episodes(Phase::Contact) {
+            let last = end.min(self.windows.len() - 1);
+            let first = self.windows[first.saturating_sub(1)].samples[0];
+            let last = self.windows[last].samples[1];
+            match ranges.last_mut() {
+                Some(range) if first <= range[1] => range[1] = range[1].max(last),
+                _ => ranges.push([first, last]),
+            }
+        }
+        ranges
+    }
+}
+
+/// The sum of all sums over that of all weights, of pairs (weight, sum), and its standard error from the spread of the pairs' own.
+fn weighted_mean(runs: &[(f64, f64)]) -> (f64, f64) {
+    let n = runs.len() as f64;
+    let (length, sum) = runs
+        .iter()
+        .fold((0.0, 0.0), |(a, b), run| (a + run.0, b + run.1));
+    let mean = sum / length;
+    let spread: f64 = runs.iter().map(|run| (run.1 - mean * run.0).powi(2)).sum();
+    (mean, (spread * n / (n - 1.0)).sqrt() / length)
+}
+
+/// The normal variable that is as improbable as Student's `t` with so many degrees of freedom; at most 37, which is as far as
+/// numbers reach.
+pub(super) fn normal_score(t: f64, freedom: f64) -> f64 {
+    use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+    let (Ok(student), Ok(normal)) = (StudentsT::new(0.0, 1.0, freedom), Normal::new(0.0, 1.0))
+    else {
+        return 0.0;
+    };
+    let improbable = student.cdf(-t.abs()).max(1e-300);
+    -normal.inverse_cdf(improbable) * t.signum()
+}

@@ -1,0 +1,8 @@
+//! What no model predicts, and what a model leaves: contact, bursts, and the statistics of residuals.
+
+pub(crate) mod bursts;
+pub(crate) mod contact;
+pub mod residual;
+pub(crate) mod series;
+
+pub use series::JointSeries;

@@ -1,0 +1,254 @@
+//! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
+
+mod contact;
+mod path;
+mod report;
+mod words;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::equation::values::{Place, Values};
+use crate::equation::velocity::VelocityGain;
+use crate::estimate::limb_data::{LimbData, Squares};
+use crate::estimate::robot::{self, side_by_side};
+use crate::identify::model_fit::places_of;
+use crate::model::Model;
+use crate::recording::{Recording, RecordingError};
+use crate::select::search::{Found, search};
+use report::report;
+
+/// What `proprio diagnose` says.
+#[derive(Debug, Clone, Serialize)]
+pub struct Diagnosis {
+    /// Whether an effect is missing.
+    pub verdict: Verdict,
+    /// Why, in words.
+    pub reason: String,
+    /// What to do next, in words.
+    pub next: String,
+    /// What each effect would add to the model as it was given, best first.
+    pub candidates: Vec<CandidateReport>,
+    /// Forward-backward selection: the error after each step.
+    pub path: Vec<PathStep>,
+    /// Held-out error of the model as it was given, root mean square over all joints, N m.
+    pub held_out_rms: f64,
+    /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub log_rms: Vec<f64>,
+    /// Error that no model can go below, N m.
+    pub noise_floor_rms: f64,
+    /// Each joint's error.
+    pub joints: Vec<JointError>,
+    /// What is left when the catalogue is exhausted, if it is more than noise.
+    pub outside_catalogue: Vec<String>,
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+}
+
+/// Whether an effect is missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The model lacks something.
+    Missing,
+    /// Nothing is missing that these data can tell.
+    Complete,
+    /// The data are too short or too poor to say.
+    Insufficient,
+}
+
+/// What an effect would add.
+#[derive(Debug, Clone, Serialize)]
+pub struct CandidateReport {
+    /// Its name.
+    pub effect: &'static str,
+    /// Where.
+    pub joints: Vec<String>,
+    /// 1 − RSS with / RSS without, on held-out blocks of the rows that feel it.
+    pub held_out_gain: f64,
+    /// Its error, from the spread over blocks.
+    pub held_out_gain_error: f64,
+    /// Size in units of its standard deviation.
+    pub z: f64,
+    /// Estimated value of its first parameter; of several joints, the mean of theirs.
+    pub value: f64,
+    /// Standard deviation: the larger of what independent residuals give and of the spread over blocks.
+    pub std: f64,
+    /// All parameters; of several joints, those of the first.
+    pub parameters: Vec<ParameterReport>,
+    /// Share of all joints' squared torque error that it takes away, held out, %.
+    pub torque_error_percent: f64,
+    /// Whether the value is physical.
+    pub in_bounds: bool,
+    /// Whether it is there beyond chance.
+    pub significant: bool,
+    /// What it cannot be told from on these data.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// A parameter of an effect.
+#[derive(Debug, Clone, Serialize)]
+pub struct ParameterReport {
+    /// Its symbol.
+    pub symbol: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Estimated value.
+    pub value: f64,
+    /// Standard deviation; zero for one that was scanned.
+    pub std: f64,
+}
+
+/// An effect that cannot be told from another one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Alternative {
+    /// Its name.
+    pub effect: &'static str,
+    /// Where.
+    pub joints: Vec<String>,
+}
+
+/// One step of the selection.
+#[derive(Debug, Clone, Serialize)]
+pub struct PathStep {
+    /// The effect.
+    pub effect: &'static str,
+    /// Where.
+    pub joints: Vec<String>,
+    /// Held-out error after this step, root mean square over all joints, N m.
+    pub held_out_rms: f64,
+    /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub log_rms: Vec<f64>,
+    /// Whether the effect was taken out again.
+    pub removed: bool,
+}
+
+/// A joint's held-out errors, root mean square, N m.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointError {
+    /// Which joint.
+    pub joint: String,
+    /// Windows.
+    pub n: usize,
+    /// Of the model as it was given.
+    pub before: f64,
+    /// At the end of the path.
+    pub after: f64,
+    /// That no model can go below.
+    pub floor: f64,
+}
+
+/// Diagnoses what `model` lacks on a recording.
+///
+/// # Errors
+/// [`RecordingError`] if no limb can be judged.
+pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
+    let too_short = || RecordingError::TooShort {
+        duration: recording.duration,
+    };
+    let data = robot::data(recording, model);
+    let data: Vec<LimbData> = data
+        .into_iter()
+        .filter(|d| d.blocks.can_hold_out())
+        .collect();
+    if data.is_empty() {
+        return Err(too_short());
+    }
+    // Contact first: a force at a foot is no effect of a joint.
+    let swings = side_by_side(&data, |data| leave_out_contact(data.clone()));
+    let (all, feet): (Vec<LimbData>, Vec<Option<LeftOut>>) = swings.into_iter().unzip();
+    let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
+    if feet.iter().all(Option::is_none) && all.iter().all(rests) {
+        return Err(RecordingError::at_rest(recording));
+    }
+    let stands = |foot: &Option<LeftOut>| foot.as_ref().is_some_and(|foot| foot.too_little_swing);
+    let judged: Vec<usize> = (0..all.len()).filter(|&n| !stands(&feet[n])).collect();
+    // Then velocities: what positions tell comes before what torques do.
+    let velocity: Vec<Vec<(usize, VelocityGain)>> =
+        judged.iter().map(|&n| wrong_velocities(&all[n])).collect();
+    let mended: Vec<LimbData> = judged
+        .iter()
+        .zip(&velocity)
+        .filter_map(|(&n, wrong)| with_velocities(&all[n], wrong))
+        .collect();
+    let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
+    let found = search(&mended, &given).ok_or_else(too_short)?;
+    let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
+        let of = |&n: &usize| start_squares(&all[n]);
+        side_by_side(&judged, of)
+            .into_iter()
+            .collect::<Option<Vec<Squares>>>()
+    });
+    let diagnosed = Diagnosed {
+        model,
+        recording,
+        feet: &feet,
+        all: &all,
+        judged: &judged,
+        velocity: &velocity,
+        before: before.flatten(),
+        found,
+    };
+    Ok(report(&diagnosed))
+}
+
+/// A recording, walked to the end.
+struct Diagnosed<'a> {
+    model: &'a Model,
+    recording: &'a Recording,
+    /// All limbs, their stance left out, and what was found at their feet.
+    all: &'a [LimbData<'a>],
+    feet: &'a [Option<LeftOut>],
+    /// The limbs that swing enough to be judged.
+    judged: &'a [usize],
+    /// Of those the joints whose velocity is reported wrong.
+    velocity: &'a [Vec<(usize, VelocityGain)>],
+    /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
+    before: Option<Vec<Squares>>,
+    found: Found<'a>,
+}
+
+/// The joints whose velocity positions say to be wrong and the model does not.
+fn wrong_velocities(data: &LimbData) -> Vec<(usize, VelocityGain)> {
+    let of = |joint: usize| {
+        let gain = VelocityGain::of(data.recording, joint, &data.blocks)?;
+        gain.is_significant().then_some((joint, gain))
+    };
+    let unknown = |joint: &usize| data.velocity_gain[*joint] == 1.0;
+    (0..data.joints()).filter(unknown).filter_map(of).collect()
+}
+
+/// A limb's data with wrong velocities put right.
+fn with_velocities<'a>(
+    data: &LimbData<'a>,
+    wrong: &[(usize, VelocityGain)],
+) -> Option<LimbData<'a>> {
+    let mut gains = data.velocity_gain.clone();
+    for (joint, gain) in wrong {
+        gains[*joint] = gain.value;
+    }
+    if wrong.is_empty() {
+        return Some(data.clone());
+    }
+    let mended = LimbData::with_gains(data.model, data.limb, data.recording, gains)?;
+    Some(mended.leaving_out(&data.left_out))
+}
+
+/// Held-out sums of squares of the model as it is given.
+fn start_squares(data: &LimbData) -> Option<Squares> {
+    use crate::estimate::Constraint;
+    use crate::estimate::fit::{How, LimbFit};
+    let how = How {
+        constraint: Constraint::Physical,
+        ..How::default()
+    };
+    let fit = LimbFit::of(data, &places_of(data), &how)?;
+    let values: Vec<Values> = fit.held_out()?;
+    Some(data.squares(&data.predicted_by_fold(&values)))
+}

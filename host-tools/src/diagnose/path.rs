@@ -1,0 +1,101 @@
+//! The way from the model as it was given to one that lacks nothing, step by step, with the error after each.
+
+use proprio_core::effect::EffectKind;
+
+use super::{Diagnosed, PathStep};
+use crate::estimate::limb_data::Squares;
+use crate::select::candidate::Member;
+
+/// The errors of the model as it was given, of all data and of each log, and the path.
+pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
+    let start = d.before.as_ref().unwrap_or(&d.found.start);
+    let mut steps = Vec::new();
+    let stance: Vec<Member> = (d.feet.iter().enumerate())
+        .filter(|(_, foot)| foot.as_ref().is_some_and(|foot| !foot.known))
+        .map(|(n, _)| (n, (EffectKind::Contact, d.all[n].joints() - 1)))
+        .collect();
+    if !stance.is_empty() {
+        let names = stance.iter().map(|(n, place)| d.name_in(*n, place.1));
+        steps.push(d.step(EffectKind::Contact, names.collect(), start, false));
+    }
+    let wrong: Vec<String> = (d.velocity.iter().enumerate())
+        .flat_map(|(n, wrong)| wrong.iter().map(move |(joint, _)| d.name(n, *joint)))
+        .collect();
+    if !wrong.is_empty() {
+        steps.push(d.step(EffectKind::VelocityGain, wrong, &d.found.start, false));
+    }
+    for step in &d.found.steps {
+        let mut names: Vec<String> = Vec::new();
+        for (limb, place) in &step.members {
+            let name = d.name(*limb, place.1);
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        steps.push(d.step(step.effect, names, &step.squares, step.removed));
+    }
+    (d.rms(start), d.log_rms(start), steps)
+}
+
+impl Diagnosed<'_> {
+    fn step(
+        &self,
+        effect: EffectKind,
+        joints: Vec<String>,
+        squares: &[Squares],
+        removed: bool,
+    ) -> PathStep {
+        PathStep {
+            effect: effect.name(),
+            joints,
+            held_out_rms: self.rms(squares),
+            log_rms: self.log_rms(squares),
+            removed,
+        }
+    }
+
+    /// Name of a joint of a limb that is judged.
+    pub(super) fn name(&self, limb: usize, joint: usize) -> String {
+        self.name_in(self.judged[limb], joint)
+    }
+
+    fn name_in(&self, limb: usize, joint: usize) -> String {
+        let data = &self.all[limb];
+        self.model.joint_name(data.body_of(joint)).to_owned()
+    }
+
+    /// Root mean square over the windows of all joints that are judged, N m.
+    pub(super) fn rms(&self, squares: &[Squares]) -> f64 {
+        let windows: f64 = self
+            .judged
+            .iter()
+            .flat_map(|&n| self.all[n].windows())
+            .sum();
+        let sum: f64 = squares.iter().map(Squares::total).sum();
+        (sum / windows.max(1.0)).sqrt()
+    }
+
+    /// The same of each log, where each is held out as a whole.
+    pub(super) fn log_rms(&self, squares: &[Squares]) -> Vec<f64> {
+        let data: Vec<_> = self.judged.iter().map(|&n| &self.all[n]).collect();
+        let folds = data.first().map_or(0, |d| d.blocks.folds);
+        if !data
+            .iter()
+            .all(|d| d.blocks.by_log && d.blocks.folds == folds)
+        {
+            return Vec::new();
+        }
+        let rms = |log: usize| {
+            let count = |d: &&crate::estimate::limb_data::LimbData| {
+                let windows = (0..d.motion.windows.len()).filter(|&w| d.fold(w) == log);
+                windows
+                    .map(|w| (0..d.joints()).filter(|&j| d.counts(w, j)).count())
+                    .sum::<usize>()
+            };
+            let windows: usize = data.iter().map(count).sum();
+            let sum: f64 = squares.iter().map(|s| s.by_fold()[log]).sum();
+            (sum / windows.max(1) as f64).sqrt()
+        };
+        (0..folds).map(rms).collect()
+    }
+}

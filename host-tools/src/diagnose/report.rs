@@ -1,0 +1,269 @@
+//! A recording, walked to the end, as one diagnosis.
+
+use proprio_core::effect::EffectKind;
+
+use super::path::path;
+use super::{
+    Alternative, CandidateReport, Diagnosed, Diagnosis, JointError, ParameterReport, Verdict,
+    contact, words,
+};
+use crate::detect::bursts::bursts;
+use crate::detect::contact::words as contact_words;
+use crate::detect::residual;
+use crate::detect::series::JointSeries;
+use crate::equation::velocity::VelocityGain;
+use crate::select::candidate::Member;
+use crate::select::drift::Drift;
+use crate::select::search::Judged;
+
+/// A joint with fewer windows in motion cannot be judged.
+const LEAST_WINDOWS: usize = 100;
+/// Share of a joint's error above the noise floor that is taken for a missing effect if tests find structure in it, %.
+const MOST_ABOVE_NOISE: f64 = 20.0;
+
+/// What was found, in values and words.
+pub(super) fn report(d: &Diagnosed) -> Diagnosis {
+    let mut candidates = d.contacts();
+    candidates.extend(d.catalogued());
+    let joints = d.joint_errors();
+    let (held_out_rms, log_rms, path) = path(d);
+    let outside_catalogue = d.outside();
+    let still: Vec<&str> = (joints.iter())
+        .filter(|j| j.n < LEAST_WINDOWS)
+        .map(|j| &*j.joint)
+        .collect();
+    let significant = candidates.iter().any(|c| c.significant);
+    let verdict = match (
+        significant || !outside_catalogue.is_empty(),
+        still.is_empty(),
+    ) {
+        (true, _) => Verdict::Missing,
+        (false, true) => Verdict::Complete,
+        (false, false) => Verdict::Insufficient,
+    };
+    let by_contact = (candidates.first()).is_some_and(|c| c.effect == EffectKind::Contact.name());
+    let (reason, next) = if by_contact {
+        contact::reason(&candidates)
+    } else {
+        words::reason(verdict, &candidates, &outside_catalogue, &still)
+    };
+    let stands: Vec<_> = (d.feet.iter().enumerate())
+        .filter_map(|(n, foot)| Some((d.foot(n), foot.clone()?)))
+        .collect();
+    let windows: f64 = joints.iter().map(|j| j.n as f64).sum();
+    let floor: f64 = joints.iter().map(|j| j.floor.powi(2) * j.n as f64).sum();
+    Diagnosis {
+        verdict,
+        reason,
+        next,
+        candidates,
+        held_out_rms,
+        log_rms,
+        noise_floor_rms: (floor / windows.max(1.0)).sqrt(),
+        path,
+        joints,
+        outside_catalogue,
+        logs: d.recording.logs.clone(),
+        warnings: (d.recording.warnings.iter().cloned())
+            .chain(contact_words(&stands))
+            .collect(),
+    }
+}
+
+impl Diagnosed<'_> {
+    /// The joint that carries a limb's foot.
+    fn foot(&self, limb: usize) -> String {
+        self.all[limb].joint_names().pop().unwrap_or_default()
+    }
+
+    /// The forces at feet that the model does not have, the joints' best agreement first.
+    fn contacts(&self) -> Vec<CandidateReport> {
+        let reports = self.feet.iter().enumerate().filter_map(|(n, foot)| {
+            let foot = foot.as_ref().filter(|foot| !foot.known)?;
+            Some(foot.contact.report(self.foot(n)))
+        });
+        let mut contacts: Vec<CandidateReport> = reports.collect();
+        contacts.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+        contacts
+    }
+
+    /// What torques tell, the headline first, and what positions say of velocities where it belongs by the torque error it takes.
+    fn catalogued(&self) -> Vec<CandidateReport> {
+        let total: f64 = self.found.start.iter().map(|s| s.total()).sum();
+        let mut all: Vec<CandidateReport> = self
+            .found
+            .first
+            .iter()
+            .map(|judged| self.candidate(judged, total))
+            .collect();
+        let mut wrong = Vec::new();
+        for (limb, joints) in self.velocity.iter().enumerate() {
+            let of =
+                |(joint, gain): &(usize, VelocityGain)| self.velocity_candidate(limb, *joint, gain);
+            wrong.extend(joints.iter().map(of));
+        }
+        wrong.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
+        // Faults of the data are told apart; among the candidates they stand after what torques miss beyond chance.
+        let at = all.iter().position(|c| !c.significant).unwrap_or(all.len());
+        all.splice(at..at, wrong);
+        all
+    }
+
+    fn candidate(&self, judged: &Judged, total: f64) -> CandidateReport {
+        let c = &judged.candidate;
+        let (held_out_gain, held_out_gain_error) = c.held_out_gain();
+        let joints = self.names(&c.members);
+        let firsts: Vec<(f64, f64)> = judged.parameters.iter().map(|p| p[0]).collect();
+        let n = firsts.len().max(1) as f64;
+        let value = firsts.iter().map(|p| p.0).sum::<f64>() / n;
+        let std = if c.is_shared() {
+            firsts.first().map_or(0.0, |p| p.1)
+        } else {
+            firsts.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n
+        };
+        let described = c.effect.description().parameters.iter();
+        let told = judged.parameters.first();
+        let parameters = described.enumerate().map(|(n, p)| {
+            let (value, std) = told.map_or((0.0, 0.0), |told| told[n]);
+            ParameterReport {
+                symbol: p.symbol,
+                unit: p.unit,
+                value,
+                std,
+            }
+        });
+        let alternative = |(effect, members): &(EffectKind, Vec<Member>)| Alternative {
+            effect: effect.name(),
+            joints: self.names(members),
+        };
+        CandidateReport {
+            effect: c.effect.name(),
+            joints,
+            held_out_gain,
+            held_out_gain_error,
+            z: c.z(),
+            value,
+            std,
+            parameters: parameters.collect(),
+            torque_error_percent: 100.0 * c.torque_error_taken() / total.max(f64::MIN_POSITIVE),
+            in_bounds: judged.possible,
+            significant: judged.significant,
+            alternatives: judged.alternatives.iter().map(alternative).collect(),
+        }
+    }
+
+    /// The joints' names, each once.
+    fn names(&self, members: &[Member]) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for (limb, place) in members {
+            let name = self.name(*limb, place.1);
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
+    }
+
+    fn velocity_candidate(
+        &self,
+        limb: usize,
+        joint: usize,
+        gain: &VelocityGain,
+    ) -> CandidateReport {
+        let parameter = &EffectKind::VelocityGain.description().parameters[0];
+        CandidateReport {
+            effect: EffectKind::VelocityGain.name(),
+            joints: vec![self.name(limb, joint)],
+            held_out_gain: gain.held_out_gain,
+            held_out_gain_error: gain.error,
+            z: gain.z(),
+            value: gain.value,
+            std: gain.std,
+            parameters: vec![ParameterReport {
+                symbol: parameter.symbol,
+                unit: parameter.unit,
+                value: gain.value,
+                std: gain.std,
+            }],
+            torque_error_percent: 0.0,
+            in_bounds: true,
+            significant: true,
+            alternatives: Vec::new(),
+        }
+    }
+
+    /// Each joint's error before the first step and after the last; of a limb that stands, nothing is told.
+    fn joint_errors(&self) -> Vec<JointError> {
+        let start = self.before.as_ref().unwrap_or(&self.found.start);
+        let mut errors = Vec::new();
+        for (limb, &n) in self.judged.iter().enumerate() {
+            let windows = self.all[n].windows();
+            let [before, after] =
+                [&start[limb], &self.found.end.squares[limb]].map(|s| s.by_joint());
+            for (j, joint) in self.all[n].joint_names().into_iter().enumerate() {
+                let rms = |square: f64| (square / windows[j].max(1.0)).sqrt();
+                errors.push(JointError {
+                    joint,
+                    n: windows[j] as usize,
+                    before: rms(before[j]),
+                    after: rms(after[j]),
+                    floor: self.found.floor[limb][j].min(rms(after[j])),
+                });
+            }
+        }
+        errors
+    }
+
+    /// What the catalogue's effects leave, joint by joint, where it is more than noise.
+    fn outside(&self) -> Vec<String> {
+        let (mut series, mut drifting) = (Vec::new(), Vec::new());
+        for (limb, fit) in self.found.end.fits.iter().enumerate() {
+            let Some(values) = fit.held_out() else {
+                continue;
+            };
+            series.extend(JointSeries::of(
+                fit.data,
+                &fit.data.predicted_by_fold(&values),
+            ));
+            let by_log = fit.data.blocks.by_log;
+            let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
+            drifting.extend(self.found.drifts[limb].iter().map(told));
+        }
+        let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+        let left = residual::criticise(&views).into_iter().filter(|joint| {
+            joint.structure_remains()
+                && joint
+                    .above_noise_percent
+                    .is_some_and(|share| share > MOST_ABOVE_NOISE)
+        });
+        let structures = left.map(|joint| {
+            let share = joint.above_noise_percent.unwrap_or(0.0);
+            let place = joint
+                .patterns
+                .first()
+                .map_or(String::new(), |p| format!(" {}", p.sentence));
+            let words = format!(
+                "no effect of the catalogue explains {share:.0} % of the error that is left.{place}"
+            );
+            (joint.joint.clone(), words)
+        });
+        let bursts = series
+            .iter()
+            .filter_map(|series| Some((series.joint.clone(), bursts(series)?)));
+        let total: f64 = self.found.end.squares.iter().map(|s| s.total()).sum();
+        let unphysical = self.found.unphysical.iter().map(|judged| {
+            let candidate = self.candidate(judged, total);
+            (candidate.joints.join(", "), words::unphysical(&candidate))
+        });
+        // One sentence a joint: they are of one cause, the first says most.
+        let mut told: Vec<(String, String)> = Vec::new();
+        for (joint, words) in structures.chain(drifting).chain(bursts).chain(unphysical) {
+            if told.iter().all(|(known, _)| *known != joint) {
+                told.push((joint, words));
+            }
+        }
+        told.into_iter()
+            .map(|(joint, words)| format!("{joint}: {words}"))
+            .collect()
+    }
+}

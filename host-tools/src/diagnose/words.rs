@@ -1,0 +1,232 @@
+//! A diagnosis for humans.
+
+use std::fmt;
+
+use proprio_core::effect::EffectKind;
+
+use super::{CandidateReport, Diagnosis, PathStep, Verdict};
+use crate::select::drift::Drift;
+use crate::table::{Table, with_std};
+
+/// Candidates shown.
+const SHOWN: usize = 8;
+/// Logs that have a column in the ladder.
+const MOST_LOGS_SHOWN: usize = 12;
+
+impl Diagnosis {
+    /// The way to a model that lacks nothing, one line per step with the error after it: of all data and, where each of several
+    /// logs is held out, of each log as the others predict it.
+    pub fn ladder(&self) -> String {
+        let mut table = Table::default();
+        let mut text = String::new();
+        let heads = ["step", "held-out rms N m", "change"].map(str::to_owned);
+        let shown = self.log_rms.len().min(MOST_LOGS_SHOWN);
+        let letters = ('a'..='z').map(String::from).take(shown);
+        table.row(heads.into_iter().chain(letters.clone()));
+        let logs = |rms: &[f64]| -> Vec<String> {
+            let rms = rms.iter().take(shown);
+            rms.map(|rms| format!("{rms:.4}")).collect()
+        };
+        let start = [
+            "the model as given".to_owned(),
+            format!("{:.4}", self.held_out_rms),
+            String::new(),
+        ];
+        table.row(start.into_iter().chain(logs(&self.log_rms)));
+        let mut before = self.held_out_rms;
+        for step in &self.path {
+            let change = 100.0 * (step.held_out_rms / before - 1.0);
+            let cells = [
+                step.to_string(),
+                format!("{:.4}", step.held_out_rms),
+                format!("{change:+.1} %"),
+            ];
+            table.row(cells.into_iter().chain(logs(&step.log_rms)));
+            before = step.held_out_rms;
+        }
+        let floor = format!("{:.4}", self.noise_floor_rms);
+        table.row(["noise floor".to_owned(), floor]);
+        for (letter, log) in letters.zip(&self.logs) {
+            text += &format!(
+                "{letter}: {}, as the other logs predict it\n",
+                log.display()
+            );
+        }
+        if self.log_rms.len() > shown {
+            text += "Of the other logs --json has each one's error.\n";
+        }
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        format!("{table}\n{text}{}", self.verdict_words())
+    }
+
+    fn verdict_words(&self) -> String {
+        let verdict = match self.verdict {
+            Verdict::Missing => "MISSING",
+            Verdict::Complete => "COMPLETE",
+            Verdict::Insufficient => "INSUFFICIENT",
+        };
+        let mut text = format!("{verdict}: {}\nNext: {}\n", self.reason, self.next);
+        for sentence in &self.outside_catalogue {
+            text += sentence;
+            text.push('\n');
+        }
+        text
+    }
+}
+
+impl fmt::Display for PathStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.removed { '-' } else { '+' };
+        write!(f, "{sign} {} {}", self.effect, self.joints.join(" "))
+    }
+}
+
+impl fmt::Display for Diagnosis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        let heads = ["effect", "held-out gain %", "z", "value", "unit", ""];
+        table.row(heads.map(str::to_owned));
+        for candidate in self.candidates.iter().take(SHOWN) {
+            table.row(candidate.cells());
+        }
+        write!(f, "{table}")?;
+        if let Some(best) = self
+            .candidates
+            .iter()
+            .find(|c| c.significant && !c.alternatives.is_empty())
+        {
+            let names: Vec<String> = best
+                .alternatives
+                .iter()
+                .map(|a| format!("{}:{}", a.effect, a.joints.join(",")))
+                .collect();
+            writeln!(
+                f,
+                "\n{} cannot be told apart on these data from: {}",
+                best.name(),
+                names.join(", ")
+            )?;
+        }
+        let rms = self
+            .path
+            .last()
+            .map_or(self.held_out_rms, |step| step.held_out_rms);
+        writeln!(
+            f,
+            "\nHeld-out error {:.4} N m; {:.4} with {} added; noise floor {:.4}.",
+            self.held_out_rms,
+            rms,
+            counted(self.path.len()),
+            self.noise_floor_rms,
+        )?;
+        write!(f, "{}", self.verdict_words())
+    }
+}
+
+/// Why the verdict, and what to do next.
+pub(super) fn reason(
+    verdict: Verdict,
+    candidates: &[CandidateReport],
+    outside: &[String],
+    still: &[&str],
+) -> (String, String) {
+    let best = candidates.iter().find(|c| c.significant);
+    match (verdict, best) {
+        (Verdict::Missing, Some(best)) if outside.is_empty() => (
+            format!("{} is missing: {}", best.name(), best.words()),
+            format!("proprio add {} -m MODEL, then compare", best.name()),
+        ),
+        (Verdict::Missing, Some(best)) => (
+            format!("{} is the nearest effect of the catalogue, but something outside it is missing too", best.name()),
+            "look at where the rest of the error lives; `proprio compare` shows it against q, q̇, load and time".to_owned(),
+        ),
+        (Verdict::Missing, None) => (
+            "something is missing that the catalogue does not have".to_owned(),
+            "look at where the error lives; `proprio compare` shows it against q, q̇, load and time".to_owned(),
+        ),
+        (Verdict::Insufficient, _) => (
+            format!("{} hardly moves, so that nothing can be said of it", still.join(", ")),
+            "record motion of all joints at several speeds".to_owned(),
+        ),
+        (Verdict::Complete, _) => (
+            "no effect of the catalogue makes the error on unseen data smaller beyond its own error".to_owned(),
+            "nothing: the model explains these data".to_owned(),
+        ),
+    }
+}
+
+/// What is said of an effect that would explain much with a value that cannot be.
+pub(super) fn unphysical(candidate: &CandidateReport) -> String {
+    format!(
+        "{} would take away {:.0} % of the squared error with a value that cannot be ({} {}): something that is not in the \
+         catalogue looks like it",
+        candidate.effect,
+        100.0 * candidate.held_out_gain,
+        with_std(candidate.value, candidate.std),
+        candidate.parameters[0].unit,
+    )
+}
+
+/// What is said of a parameter that changes with time.
+pub(super) fn drift(drift: &Drift, by_log: bool) -> String {
+    let parameter = &drift.effect.description().parameters[0];
+    let [least, most] = drift.range;
+    let (scale, unit) = match drift.effect {
+        EffectKind::TorqueGain => (100.0, "%"),
+        _ => (1.0, parameter.unit),
+    };
+    let (changes, fold) = if by_log {
+        ("differs from log to log", "log")
+    } else {
+        ("changes with time", "stretch of the log")
+    };
+    format!(
+        "{} {changes}, by {:+.2} {unit} in one {fold} and {:+.2} {unit} in another: warming, wear, a supply that sags, or what the \
+         model lacks at the speeds of one of them",
+        drift.effect.name(),
+        scale * least,
+        scale * most,
+    )
+}
+
+fn counted(steps: usize) -> String {
+    match steps {
+        0 => "nothing".to_owned(),
+        1 => "one effect".to_owned(),
+        n => format!("{n} steps of effects (--apply shows them)"),
+    }
+}
+
+impl CandidateReport {
+    /// `coulomb:FR_calf`.
+    pub fn name(&self) -> String {
+        format!("{}:{}", self.effect, self.joints.join(","))
+    }
+
+    /// What the effect is, in words.
+    fn words(&self) -> &'static str {
+        EffectKind::from_name(self.effect).map_or("", |effect| effect.description().words)
+    }
+
+    fn cells(&self) -> [String; 6] {
+        let note = match (self.in_bounds, self.significant) {
+            (false, _) => "not physical",
+            (true, true) => "significant",
+            (true, false) => "",
+        };
+        [
+            self.name(),
+            format!(
+                "{:.1} ±{:.1}",
+                100.0 * self.held_out_gain,
+                100.0 * self.held_out_gain_error
+            ),
+            format!("{:.1}", self.z),
+            with_std(self.value, self.std),
+            self.parameters[0].unit.to_owned(),
+            note.to_owned(),
+        ]
+    }
+}

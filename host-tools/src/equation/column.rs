@@ -1,0 +1,195 @@
+//! Which column is what: the parameters of a limb's model and of all that it might lack.
+
+use proprio_core::effect::{EffectKind, Form};
+use proprio_core::inertia::INERTIAL;
+
+use super::motion::{is_derivative, is_shared};
+use super::values::{Place, Values};
+
+/// One parameter of a limb: an entry of θ.
+///
+/// θ is the parameter itself or, where the torque is not linear in it, how far it is from where the columns were made; of a load
+/// that has been placed, its first moment about that place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Entry {
+    /// The effect; `None` for an inertial parameter of a body.
+    pub(crate) effect: Option<EffectKind>,
+    /// The joint in the limb whose effect or body it is; [`BASE`](crate::model::BASE) for an effect that all joints share.
+    pub(crate) joint: usize,
+    /// Which parameter of the effect, as the catalogue counts, or of the body.
+    pub(crate) parameter: usize,
+    /// Expected value before any data.
+    pub(crate) mean: f64,
+    /// Its standard deviation.
+    pub(crate) std: f64,
+    /// Its column.
+    pub(crate) column: Column,
+}
+
+/// A column of window rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Column {
+    /// Parameter n of body b.
+    Inertial(usize, usize),
+    /// Column `n` of an effect with that shape at a joint.
+    Own {
+        joint: usize,
+        effect: EffectKind,
+        shape: f64,
+        n: usize,
+    },
+    /// Motion of a joint's link by this effect.
+    Motion { joint: usize, effect: EffectKind },
+    /// A point mass at a body's centre of mass (0), its first moment along x, y, z (1–3), or the
+    /// same inertia about all axes (4).
+    Load { body: usize, n: usize },
+    /// All that a joint's torque is made of.
+    Scale(usize),
+    /// Turning of gravity about the base's axis.
+    Gravity(usize),
+    /// One delay of all joints.
+    Lateness,
+}
+
+/// The columns of a limb.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Columns {
+    /// The limb's subtrees: body b carries those up to `subtree_end[b]`.
+    pub(crate) subtree_end: Vec<usize>,
+    /// θ: the inertial parameters of all bodies, then the effects'.
+    pub(crate) entries: Vec<Entry>,
+    /// The columns of each joint's rows; the inertial ones last.
+    pub(crate) of_joint: Vec<Vec<Column>>,
+    /// Where each entry stands in each joint's rows.
+    places: Vec<Vec<Option<usize>>>,
+}
+
+impl Columns {
+    /// The columns of a limb with these entries beyond the inertial ones, which come first with their prior to be set
+    /// apart: inertial priors are matrices.
+    pub(crate) fn new(subtree_end: Vec<usize>, effects: Vec<Entry>) -> Self {
+        let joints = subtree_end.len();
+        let inertial = (0..joints).flat_map(|b| {
+            (0..INERTIAL).map(move |n| Entry {
+                effect: None,
+                joint: b,
+                parameter: n,
+                mean: 0.0,
+                std: f64::INFINITY,
+                column: Column::Inertial(b, n),
+            })
+        });
+        let entries: Vec<Entry> = inertial.chain(effects).collect();
+        let felt = |joint: usize, column: &Column| match *column {
+            Column::Own { joint: own, .. } | Column::Scale(own) => own == joint,
+            Column::Inertial(b, _) | Column::Load { body: b, .. } => {
+                (joint..subtree_end[joint]).contains(&b)
+            }
+            Column::Motion { .. } | Column::Gravity(_) | Column::Lateness => true,
+        };
+        let (mut of_joint, mut places) = (Vec::new(), Vec::new());
+        for joint in 0..joints {
+            let mut columns: Vec<Column> = Vec::new();
+            let (first, last): (Vec<&Entry>, Vec<&Entry>) = entries
+                .iter()
+                .partition(|e| !matches!(e.column, Column::Inertial(..)));
+            for entry in first.into_iter().chain(last) {
+                if felt(joint, &entry.column) && !columns.contains(&entry.column) {
+                    columns.push(entry.column);
+                }
+            }
+            let place = |e: &Entry| columns.iter().position(|c| *c == e.column);
+            places.push(entries.iter().map(place).collect());
+            of_joint.push(columns);
+        }
+        Self {
+            subtree_end,
+            entries,
+            of_joint,
+            places,
+        }
+    }
+
+    /// Number of joints.
+    pub(crate) fn joints(&self) -> usize {
+        self.subtree_end.len()
+    }
+
+    /// Where an entry stands in a joint's rows; `None` where the joint does not feel it.
+    pub(crate) fn place(&self, joint: usize, entry: usize) -> Option<usize> {
+        self.places[joint][entry]
+    }
+
+    /// Of each joint, θ as multiples of its columns.
+    pub(crate) fn combined(&self, theta: &[f64]) -> Vec<Vec<f64>> {
+        let of = |joint: usize| {
+            let mut own = vec![0.0; self.of_joint[joint].len()];
+            for (entry, value) in theta.iter().enumerate() {
+                if let Some(place) = self.place(joint, entry) {
+                    own[place] += value;
+                }
+            }
+            own
+        };
+        (0..self.joints()).map(of).collect()
+    }
+
+    /// Of each joint, what its columns are times in the prediction of a model: nothing for derivatives, whose effects are in the
+    /// motion already.
+    pub(crate) fn numbers(&self, values: &Values) -> Vec<Vec<f64>> {
+        self.combined(&self.theta(values))
+    }
+
+    /// θ of a model where the columns are made at its values.
+    pub(crate) fn theta(&self, values: &Values) -> Vec<f64> {
+        let of = |entry: &Entry| match entry.effect {
+            None => values.bodies[entry.joint][entry.parameter],
+            Some(effect) if !values.has((effect, entry.joint)) || is_derivative(effect) => 0.0,
+            Some(EffectKind::Payload) => values.load_numbers(entry.joint)[entry.parameter],
+            Some(effect) => values.get((effect, entry.joint), entry.parameter),
+        };
+        self.entries.iter().map(of).collect()
+    }
+
+    /// The entries of an effect at a joint, in the order of its parameters.
+    pub(crate) fn of_effect(&self, effect: EffectKind, joint: usize) -> Vec<usize> {
+        let is = |e: &Entry| e.effect == Some(effect) && e.joint == joint;
+        (0..self.entries.len())
+            .filter(|&k| is(&self.entries[k]))
+            .collect()
+    }
+}
+
+/// The columns that an effect at a joint of a limb has, each with the parameter it belongs to.
+pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Column)> {
+    let description = effect.description();
+    match description.form {
+        Form::Columns if is_shared(joint) => vec![(0, Column::Lateness)],
+        Form::Columns => {
+            let linear = (description.parameters.iter().enumerate()).filter(|(_, p)| !p.shape);
+            linear
+                .enumerate()
+                .map(|(n, (parameter, _))| {
+                    (
+                        parameter,
+                        Column::Own {
+                            joint,
+                            effect,
+                            shape,
+                            n,
+                        },
+                    )
+                })
+                .collect()
+        }
+        // Positions tell it: it is taken out of the motion.
+        Form::Motion if effect == EffectKind::VelocityGain => Vec::new(),
+        Form::Motion => vec![(0, Column::Motion { joint, effect })],
+        Form::Gravity => vec![(0, Column::Gravity(0)), (1, Column::Gravity(1))],
+        Form::Inertia => (0..description.parameters.len())
+            .map(|n| (n, Column::Load { body: joint, n }))
+            .collect(),
+        Form::Scale => vec![(0, Column::Scale(joint))],
+        Form::Force => Vec::new(),
+    }
+}

@@ -1,0 +1,22 @@
+//! What is linear in a limb's parameters, and the derivatives of what is not.
+//!
+//! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
+//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `play`, what effects see of it under a model.
+//! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
+//! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
+//! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity.
+
+pub(crate) mod body;
+mod channels;
+pub(crate) mod column;
+pub(crate) mod dot;
+pub(crate) mod folds;
+pub(crate) mod foot;
+pub(crate) mod motion;
+mod play;
+pub(crate) mod rigid_body;
+pub(crate) mod rows;
+mod speed;
+mod trajectory;
+pub(crate) mod values;
+pub(crate) mod velocity;

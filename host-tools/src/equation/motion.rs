@@ -1,0 +1,392 @@
+//! What a limb did: the joints' smooth trajectories and the windows of time in which they are judged. No torque, by type.
+//!
+//! [`Motion::states`] adds what a model says of it: the link's motion where gears give way or have play, and the torque that the
+//! model itself expects the gears to transmit. Effects that depend on torque (elasticity, backlash, load-dependent friction,
+//! saturation, delay) use that one: a measured torque would bring the noise that it is to explain (`design.md` §6, step 0).
+
+use std::ops::Range;
+
+use proprio_core::effect::{EffectKind, Form, JointState};
+
+use super::body::LimbBody;
+use super::column::{Column, Columns};
+use super::folds::Blocks;
+use super::play::play;
+use super::trajectory::{Stretch, Trajectory};
+use super::values::Values;
+use crate::model::BASE;
+use crate::recording::LimbRecording;
+
+/// Shortest window, s.
+const WINDOW: f64 = 0.02;
+/// Fewest sample periods of a window: its torque is a mean of at least as many samples.
+const LEAST_PERIODS: f64 = 4.0;
+/// Share of a window in which a joint may be so slow that friction may hold it, and the window still say something of its
+/// friction: one sample of a Go2, which a reversal takes that friction does not hold up.
+pub(crate) const MOST_REST: f64 = 0.125;
+/// How far the straight line reaches that smooths the transmitted torque, s.
+const REACH: f64 = 8.5e-3;
+/// A play that is looked for where none is known yet, rad.
+const TYPICAL_PLAY: f64 = 0.01;
+
+/// A limb's motion, sample by sample.
+#[derive(Debug, Clone)]
+pub(crate) struct Motion {
+    /// How many joints.
+    pub(crate) joints: usize,
+    /// s since the recording's start.
+    pub(crate) time: Vec<f64>,
+    /// Samples without a gap between them.
+    pub(crate) stretches: Vec<Range<usize>>,
+    /// Of each joint.
+    pub(crate) joint: Vec<Trajectory>,
+    /// Motor temperature, °C, sample by sample, joint by joint; not a number where not recorded.
+    pub(crate) temperature: Vec<f64>,
+    /// The windows, in the order of time.
+    pub(crate) windows: Vec<Window>,
+}
+
+/// A window of time.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Window {
+    /// Its middle, s since the recording's start.
+    pub(crate) t: f64,
+    /// Its length, s.
+    pub(crate) length: f64,
+    /// The block of time that it belongs to.
+    pub(crate) block: usize,
+    /// First and last sample.
+    pub(crate) samples: [usize; 2],
+    /// Whether each joint moves: the torque of one at rest is whatever friction holds.
+    pub(crate) moves: Vec<bool>,
+}
+
+/// What effects see at each sample, under a model.
+pub(crate) struct States {
+    /// Sample by sample, joint by joint; the motor's side.
+    pub(crate) states: Vec<JointState<f64>>,
+    /// The link's position, rad.
+    pub(crate) q: Vec<f64>,
+    /// The link's velocity, rad/s.
+    pub(crate) dq: Vec<f64>,
+}
+
+impl Motion {
+    /// A limb's motion by its recording. `velocity_gain` is each joint's reported velocity over the true one.
+    pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
+        let n = recording.joints;
+        let begin = recording.time_us.first().copied().unwrap_or(0);
+        let seconds = |t: &u64| 1e-6 * (t - begin) as f64;
+        let time: Vec<f64> = recording.time_us.iter().map(seconds).collect();
+        let stretches: Vec<Range<usize>> = recording.stretches().collect();
+        // Samples of which none follows another have no period; then there are no windows either.
+        let period = Some(recording.period())
+            .filter(|p| *p > 0.0)
+            .unwrap_or(WINDOW);
+        let trajectory = |joint: usize| {
+            let channel = |x: &[f64], scale: f64| -> Vec<f64> {
+                x.iter().skip(joint).step_by(n).map(|x| x / scale).collect()
+            };
+            let (q, dq) = (
+                channel(&recording.q, 1.0),
+                channel(&recording.dq, velocity_gain[joint]),
+            );
+            let of = |s: &Range<usize>| Stretch {
+                t: &time[s.clone()],
+                q: &q[s.clone()],
+                dq: &dq[s.clone()],
+            };
+            Trajectory::of(&stretches.iter().map(of).collect::<Vec<_>>(), period)
+        };
+        let joint = (0..n).map(trajectory).collect();
+        let mut motion = Self {
+            joints: n,
+            time,
+            stretches,
+            joint,
+            temperature: recording.temperature.clone(),
+            windows: Vec::new(),
+        };
+        motion.windows = motion.cut(blocks, WINDOW.max(LEAST_PERIODS * period));
+        motion
+    }
+
+    /// Cuts stretches into windows of at least this length (s) that lie within a block.
+    fn cut(&self, blocks: &Blocks, length: f64) -> Vec<Window> {
+        let mut windows = Vec::new();
+        for stretch in &self.stretches {
+            let mut first = stretch.start;
+            for k in stretch.clone() {
+                // Sample times are whole microseconds.
+                if self.time[k] - self.time[first] < length - 1e-7 {
+                    continue;
+                }
+                let [start, end] = [first, k].map(|k| (self.time[k] * 1e6).round() as u64);
+                if let Some(block) = blocks.of_window(start, end) {
+                    windows.push(Window {
+                        t: 0.5 * (self.time[first] + self.time[k]),
+                        length: self.time[k] - self.time[first],
+                        block,
+                        samples: [first, k],
+                        moves: self
+                            .joint
+                            .iter()
+                            .map(|joint| self.moves(joint, first, k))
+                            .collect(),
+                    });
+                }
+                first = k;
+            }
+        }
+        windows
+    }
+
+    /// Whether a joint is not held up for long between two samples.
+    fn moves(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
+        let resting = (first + 1..=last).filter(|&k| joint.speed[k].abs() < joint.rest);
+        let rest: f64 = resting.map(|k| self.time[k] - self.time[k - 1]).sum();
+        rest < MOST_REST * (self.time[last] - self.time[first])
+    }
+
+    /// Mean over a window of a quantity that is known at samples, by the trapezoid rule.
+    pub(crate) fn mean(&self, window: &Window, x: impl Fn(usize) -> f64) -> f64 {
+        let [first, last] = window.samples;
+        let steps = (first + 1..=last).map(|k| {
+            let dt = self.time[k] - self.time[k - 1];
+            0.5 * dt * (x(k - 1) + x(k))
+        });
+        steps.sum::<f64>() / window.length
+    }
+
+    /// What effects see under a model, `delay` seconds before each sample. `columns` tell which of it is asked for.
+    pub(crate) fn states(
+        &self,
+        body: &LimbBody,
+        values: &Values,
+        columns: &Columns,
+        delay: f64,
+    ) -> States {
+        let n = self.joints;
+        let needs = Needs::of(values, columns);
+        let late: Vec<Trajectory>;
+        let joints = if delay == 0.0 {
+            &self.joint
+        } else {
+            late = (self.joint.iter())
+                .map(|joint| joint.delayed(&self.time, &self.stretches, delay))
+                .collect();
+            &late
+        };
+        let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * self.time.len()];
+        for (j, joint) in joints.iter().enumerate() {
+            let offset = values.get((EffectKind::EncoderOffset, j), 0);
+            for (k, &[q, dq, ..]) in joint.state.iter().enumerate() {
+                let state = &mut states[k * n + j];
+                (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
+                (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
+                (state.load, state.load_rate, state.play) = (0.0, 0.0, [0.0; 2]);
+                state.temperature = self.temperature[k * n + j];
+            }
+        }
+        if needs.load {
+            self.fill_load(body, joints, values, &mut states);
+        }
+        if needs.torque {
+            self.fill_torque(joints, values, columns, &mut states);
+        }
+        self.with_links(values, states)
+    }
+
+    /// The torque that the gears transmit: the rigid body's own at the motors' motion.
+    fn fill_load(
+        &self,
+        body: &LimbBody,
+        joints: &[Trajectory],
+        values: &Values,
+        states: &mut [JointState<f64>],
+    ) {
+        let n = self.joints;
+        let rigid = body.loaded(values);
+        let base = body.base(values);
+        let mut load = vec![0.0; n * self.time.len()];
+        let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        for k in 0..self.time.len() {
+            for j in 0..n {
+                let [_, dq, ddq, _] = joints[j].state[k];
+                motion[0][j] = states[k * n + j].q;
+                (motion[1][j], motion[2][j]) = (dq, ddq);
+            }
+            let [q, dq, ddq] = &motion;
+            rigid.inverse_dynamics(&base, [q, dq, ddq], &mut load[k * n..(k + 1) * n]);
+        }
+        for j in 0..n {
+            let inertia = body.moved_inertia(&*rigid, &base, joints, j);
+            let gap = values.get((EffectKind::Backlash, j), 0);
+            for stretch in &self.stretches {
+                let t = &self.time[stretch.clone()];
+                let own: Vec<f64> = stretch.clone().map(|k| load[k * n + j]).collect();
+                let moved = play(t, &own, inertia, if gap > 0.0 { gap } else { TYPICAL_PLAY });
+                for (i, k) in stretch.clone().enumerate() {
+                    let state = &mut states[k * n + j];
+                    [state.load, state.load_rate] = local_line(t, &own, i, around(t, i));
+                    state.play = moved[i];
+                }
+            }
+        }
+    }
+
+    /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
+    fn fill_torque(
+        &self,
+        joints: &[Trajectory],
+        values: &Values,
+        columns: &Columns,
+        states: &mut [JointState<f64>],
+    ) {
+        let n = self.joints;
+        let numbers = columns.numbers(values);
+        for j in 0..joints.len() {
+            let own: Vec<(EffectKind, f64, usize, f64)> = (columns.of_joint[j].iter())
+                .zip(&numbers[j])
+                .filter_map(|(column, &number)| match *column {
+                    Column::Own {
+                        effect, shape, n, ..
+                    } if number != 0.0 && effect != EffectKind::Saturation => {
+                        Some((effect, shape, n, number))
+                    }
+                    _ => None,
+                })
+                .collect();
+            for stretch in &self.stretches {
+                let terms: Vec<[f64; 2]> = stretch
+                    .clone()
+                    .map(|k| {
+                        let state = &states[k * n + j];
+                        own.iter()
+                            .fold([0.0; 2], |sum, &(effect, shape, at, number)| {
+                                let term = effect.terms(state, shape)[at];
+                                [sum[0] + number * term.boundary, sum[1] + number * term.rate]
+                            })
+                    })
+                    .collect();
+                for (i, k) in stretch.clone().enumerate() {
+                    let (before, after) = (i.saturating_sub(1), (i + 1).min(terms.len() - 1));
+                    let span = self.time[stretch.start + after] - self.time[stretch.start + before];
+                    let slope = (terms[after][0] - terms[before][0]) / span.max(f64::MIN_POSITIVE);
+                    let state = &mut states[k * n + j];
+                    state.tau = state.load + slope + terms[i][1];
+                }
+            }
+        }
+    }
+
+    /// The links' motion: behind the motors' where a gear gives way, and within its play.
+    fn with_links(&self, values: &Values, states: Vec<JointState<f64>>) -> States {
+        let n = self.joints;
+        let mut q: Vec<f64> = states.iter().map(|s| s.q).collect();
+        let mut dq: Vec<f64> = states.iter().map(|s| s.dq).collect();
+        for effect in [EffectKind::Elasticity, EffectKind::Backlash] {
+            for j in 0..n {
+                let value = values.get((effect, j), 0);
+                if value != 0.0 {
+                    for k in 0..self.time.len() {
+                        let [by_q, by_dq] = effect.motion(&states[k * n + j]);
+                        q[k * n + j] += value * by_q;
+                        dq[k * n + j] += value * by_dq;
+                    }
+                }
+            }
+        }
+        States { states, q, dq }
+    }
+}
+
+/// Which of what effects see costs a pass of its own.
+struct Needs {
+    load: bool,
+    torque: bool,
+}
+
+impl Needs {
+    fn of(values: &Values, columns: &Columns) -> Self {
+        let asked = columns.entries.iter().filter_map(|e| e.effect);
+        let effects: Vec<EffectKind> = asked.chain(values.places().map(|p| p.0)).collect();
+        let any = |which: &[EffectKind]| effects.iter().any(|e| which.contains(e));
+        let torque = any(&[EffectKind::Delay, EffectKind::Saturation]);
+        let load = [
+            EffectKind::Elasticity,
+            EffectKind::Backlash,
+            EffectKind::LoadFriction,
+        ];
+        Self {
+            load: torque || any(&load),
+            torque,
+        }
+    }
+}
+
+/// Whether an effect enters by a derivative of the prediction, taken where its value is.
+pub(crate) fn is_derivative(effect: EffectKind) -> bool {
+    effect == EffectKind::Delay
+        || matches!(
+            effect.description().form,
+            Form::Motion | Form::Scale | Form::Gravity
+        )
+}
+
+/// Whether an effect is one of all joints at `joint`.
+pub(crate) fn is_shared(joint: usize) -> bool {
+    joint == BASE
+}
+
+/// How many samples lie within [`REACH`] on either side of sample k: the same number on both.
+fn around(t: &[f64], k: usize) -> usize {
+    let most = k.min(t.len() - 1 - k);
+    let near = |half: &usize| t[k] - t[k - half] <= REACH && t[k + half] - t[k] <= REACH;
+    (1..=most).take_while(near).count().max(most.min(1))
+}
+
+/// Value and slope at sample k of the straight line through as many samples on either side.
+pub(crate) fn local_line(t: &[f64], x: &[f64], k: usize, half: usize) -> [f64; 2] {
+    let half = half.min(k).min(t.len() - 1 - k);
+    if half == 0 {
+        let (a, b) = if k == 0 {
+            (0, 1.min(t.len() - 1))
+        } else {
+            (k - 1, k)
+        };
+        let step = t[b] - t[a];
+        return [
+            x[k],
+            if step > 0.0 {
+                (x[b] - x[a]) / step
+            } else {
+                0.0
+            },
+        ];
+    }
+    let (mut s_t, mut s_x, mut s_tt, mut s_tx) = (0.0, 0.0, 0.0, 0.0);
+    for i in k - half..=k + half {
+        let (dt, dx) = (t[i] - t[k], x[i] - x[k]);
+        s_t += dt;
+        s_x += dx;
+        s_tt += dt * dt;
+        s_tx += dt * dx;
+    }
+    let n = (2 * half + 1) as f64;
+    let slope = (s_tx - s_t * s_x / n) / (s_tt - s_t * s_t / n);
+    [x[k] + (s_x - slope * s_t) / n, slope]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_has_its_slope_inside() {
+        let t: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
+        let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
+        let [_, slope] = local_line(&t, &x, 10, 4);
+        assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
+    }
+}

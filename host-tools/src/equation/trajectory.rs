@@ -1,0 +1,426 @@
+//! A joint's smooth trajectory from what its encoder and its velocity channel report; torque does not enter.
+//!
+//! Both channels are fused by a smoother (Rauch, Tung & Striebel 1965) whose motion has white noise for its snap: the smoothing
+//! spline of seventh degree, which passes frequencies as 1/(1 + (f/f_c)⁸), so that what a joint does below f_c stays as it is.
+//!
+//! What multiplies a parameter is made from it, and above f_c what the channels report is noise: in closed loop the controller has put
+//! it into the torque, and a model that took it for motion would explain noise by noise. Where f_c lies, and how far to believe
+//! either channel, is told by the two channels themselves ([`super::channels`]): their noises are independent, so what they agree on
+//! is motion.
+//!
+//! Dry friction kinks the velocity where a joint turns round: there the acceleration may jump.
+
+use nalgebra::{Matrix4, Vector4};
+
+use super::channels::Channels;
+use super::speed;
+
+/// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
+const SURE: f64 = 1.0;
+/// The same as a share of the joint's greatest speeds: a hundredth of a Go2's quantum-limited slope at 5 rad/s.
+const SLOW: f64 = 0.002;
+/// A joint that is slower than this share of its greatest speeds may be held by friction.
+const RESTING: f64 = 0.004;
+/// How far a delayed trajectory is continued beyond the first sample, s.
+const BEYOND: f64 = 8.5e-3;
+
+/// A joint's trajectory over a recording.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Trajectory {
+    /// Position, velocity, acceleration and jerk at each sample: rad (or m), rad/s …
+    pub(crate) state: Vec<[f64; 4]>,
+    /// The velocity near standstill: about a reversal it stands for the *sign* (see [`speed`]), rad/s.
+    pub(crate) speed: Vec<f64>,
+    /// Speed below which the sign may be noise, rad/s.
+    pub(crate) speed_noise: f64,
+    /// Speed below which friction may hold the joint, rad/s.
+    pub(crate) rest: f64,
+}
+
+/// One channel pair of a stretch without gaps.
+#[derive(Clone, Copy)]
+pub(crate) struct Stretch<'a> {
+    /// s.
+    pub(crate) t: &'a [f64],
+    /// Reported position, rad.
+    pub(crate) q: &'a [f64],
+    /// Velocity, rad/s: as reported, its known scale taken out.
+    pub(crate) dq: &'a [f64],
+}
+
+impl Trajectory {
+    /// The trajectory of a joint over stretches of samples, one after the other.
+    pub(crate) fn of(stretches: &[Stretch], period: f64) -> Self {
+        let fast = fastest(stretches);
+        let channels = Channels::of(stretches, period, fast);
+        let first = SLOW * fast;
+        let (mut state, mut speed) = (Vec::new(), Vec::new());
+        let mut smoother = Smoother::new(channels, fast);
+        for stretch in stretches {
+            // Where the joint turns is told better once it is smooth.
+            let smooth = smoother.run(stretch, &[]);
+            let turns = turns(&smooth, first);
+            let smooth = if turns.is_empty() {
+                smooth
+            } else {
+                smoother.run(stretch, &turns)
+            };
+            state.extend_from_slice(&smooth);
+        }
+        // Near standstill the encoder tells the velocity, whatever the times of samples jitter.
+        let slope_noise = channels.standing * std::f64::consts::TAU * channels.cutoff;
+        let speed_noise = (SURE * slope_noise).max(first).max(f64::MIN_POSITIVE);
+        let mut begin = 0;
+        for stretch in stretches {
+            let own = &state[begin..begin + stretch.t.len()];
+            let q: Vec<f64> = own.iter().map(|state: &[f64; 4]| state[0]).collect();
+            speed.extend(speed::near_standstill(stretch.t, &q, speed_noise));
+            begin += stretch.t.len();
+        }
+        Self {
+            state,
+            speed,
+            speed_noise,
+            rest: (2.0 * speed_noise).max(RESTING * fast),
+        }
+    }
+
+    /// The trajectory as it was `delay` seconds before each sample; `t` and `stretches` are those of the samples.
+    pub(crate) fn delayed(
+        &self,
+        t: &[f64],
+        stretches: &[std::ops::Range<usize>],
+        delay: f64,
+    ) -> Self {
+        let mut late = self.clone();
+        for stretch in stretches {
+            let mut near = stretch.start;
+            for k in stretch.clone() {
+                let wanted = t[k] - delay;
+                while near + 1 < stretch.end
+                    && (t[near + 1] - wanted).abs() <= (t[near] - wanted).abs()
+                {
+                    near += 1;
+                }
+                while near > stretch.start
+                    && (t[near - 1] - wanted).abs() < (t[near] - wanted).abs()
+                {
+                    near -= 1;
+                }
+                // Beyond the first and last sample the trajectory is a cubic for no longer than it was fitted.
+                let s = (wanted - t[near]).clamp(-BEYOND, BEYOND);
+                late.state[k] = moved(&self.state[near], s);
+                late.speed[k] = interpolated(t, &self.speed, stretch, wanted, near);
+            }
+        }
+        late
+    }
+}
+
+/// A cubic's state `s` seconds later.
+fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
+    [
+        q + s * (dq + s * (ddq / 2.0 + s * jerk / 6.0)),
+        dq + s * (ddq + s * jerk / 2.0),
+        ddq + s * jerk,
+        jerk,
+    ]
+}
+
+/// Straight between samples, constant beyond the ends of the stretch; `near` is the sample nearest to `wanted`.
+fn interpolated(
+    t: &[f64],
+    x: &[f64],
+    stretch: &std::ops::Range<usize>,
+    wanted: f64,
+    near: usize,
+) -> f64 {
+    let other = if wanted < t[near] {
+        near.checked_sub(1)
+    } else {
+        Some(near + 1)
+    };
+    match other.filter(|k| stretch.contains(k)) {
+        Some(other) => x[near] + (x[other] - x[near]) * (wanted - t[near]) / (t[other] - t[near]),
+        None => x[near],
+    }
+}
+
+/// The speed that a joint exceeds in a twentieth of the time, rad/s, by its positions.
+fn fastest(stretches: &[Stretch]) -> f64 {
+    let mut speeds: Vec<f64> = (stretches.iter())
+        .flat_map(|s| {
+            let slope = |k: usize| ((s.q[k + 1] - s.q[k - 1]) / (s.t[k + 1] - s.t[k - 1])).abs();
+            (1..s.t.len().saturating_sub(1)).map(slope)
+        })
+        .collect();
+    if speeds.is_empty() {
+        return 0.0;
+    }
+    let at = speeds.len() - 1 - speeds.len() / 20;
+    *speeds.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// The samples after which a joint turns round: its velocity changes sign, and was surely of one before and of the other after.
+fn turns(smooth: &[[f64; 4]], sure: f64) -> Vec<usize> {
+    let mut turns = Vec::new();
+    let (mut direction, mut crossing) = (0.0, 0);
+    for (k, state) in smooth.iter().enumerate() {
+        let v = state[1];
+        if k > 0 && v * smooth[k - 1][1] <= 0.0 {
+            crossing = k - 1;
+        }
+        if v.abs() > sure {
+            if v.signum() * direction < 0.0 {
+                turns.push(crossing);
+            }
+            direction = v.signum();
+        }
+    }
+    turns
+}
+
+/// The smoother of one joint. Its clock runs in units of 1/ω_c, so that all its numbers are of the order of one.
+struct Smoother {
+    channels: Channels,
+    /// Length of a unit of time, s.
+    unit: f64,
+    /// Variance of a velocity, (rad per unit)².
+    velocity_noise: f64,
+    /// Intensity of the snap's white noise.
+    intensity: f64,
+    /// Variance that a turn adds to the acceleration: it may jump by as much as it is at the joint's greatest speeds.
+    jump: f64,
+    /// Of the last steps without a turn: their length, and what they make of a covariance. Steps of one length soon make the same.
+    known: Option<Steady>,
+}
+
+/// One step of the covariance, as it is.
+#[derive(Clone)]
+struct Steady {
+    step: f64,
+    position: f64,
+    before: Matrix4<f64>,
+    filtered: Matrix4<f64>,
+    gains: [Vector4<f64>; 2],
+    back: Matrix4<f64>,
+}
+
+/// A filtered sample, as the way back needs it.
+struct Filtered {
+    state: Vector4<f64>,
+    /// Of this sample from the one before.
+    predicted: Vector4<f64>,
+    /// The gain of the way back from this sample to the one before.
+    back: Matrix4<f64>,
+}
+
+impl Smoother {
+    fn new(channels: Channels, fast: f64) -> Self {
+        let omega = std::f64::consts::TAU * channels.cutoff;
+        let unit = 1.0 / omega;
+        let velocity_noise = (channels.velocity * unit).powi(2);
+        // White noise of both channels together per unit of time at ω_c, where a velocity is as large as its position; the
+        // motion's density is as large there.
+        let density = channels.period / unit / (channels.position.powi(-2) + 1.0 / velocity_noise);
+        Self {
+            jump: (fast * unit).powi(2),
+            intensity: density,
+            channels,
+            unit,
+            velocity_noise,
+            known: None,
+        }
+    }
+
+    /// Position, velocity, acceleration and jerk at each sample of a stretch; the acceleration may jump after the samples `turns`.
+    fn run(&mut self, s: &Stretch, turns: &[usize]) -> Vec<[f64; 4]> {
+        let Some(&origin) = s.q.first() else {
+            return Vec::new();
+        };
+        let mut passed: Vec<Filtered> = Vec::with_capacity(s.t.len());
+        let start = self.jump.max(self.velocity_noise);
+        let mut state = Vector4::new(0.0, s.dq[0] * self.unit, 0.0, 0.0);
+        let mut covariance = Matrix4::from_diagonal(&Vector4::new(start, start, start, start));
+        let mut turns = turns.iter().peekable();
+        for k in 0..s.t.len() {
+            if k == 0 {
+                passed.push(Filtered {
+                    state,
+                    predicted: state,
+                    back: Matrix4::zeros(),
+                });
+                continue;
+            }
+            let step = (s.t[k] - s.t[k - 1]) / self.unit;
+            let turn = turns.next_if(|&&turn| turn < k).is_some();
+            // The noisy velocity tells well enough how fast the joint is.
+            let speed = state[1] / self.unit;
+            let position = self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
+            let steady = self.step(&covariance, step, turn, position);
+            let predicted = transition(step) * state;
+            state = predicted;
+            state += steady.gains[0] * (s.q[k] - origin - state[0]);
+            state += steady.gains[1] * (s.dq[k] * self.unit - state[1]);
+            covariance = steady.filtered;
+            passed.push(Filtered {
+                state,
+                predicted,
+                back: steady.back,
+            });
+        }
+        self.back(&passed, origin)
+    }
+
+    /// The way back: each sample by all that came after it.
+    fn back(&self, passed: &[Filtered], origin: f64) -> Vec<[f64; 4]> {
+        let mut smooth = vec![[0.0; 4]; passed.len()];
+        let mut later: Option<(Vector4<f64>, &Filtered)> = None;
+        for (k, own) in passed.iter().enumerate().rev() {
+            let state = match later {
+                None => own.state,
+                Some((state, next)) => own.state + next.back * (state - next.predicted),
+            };
+            let mut scale = 1.0;
+            for (n, x) in smooth[k].iter_mut().enumerate() {
+                *x = state[n] * scale;
+                scale /= self.unit;
+            }
+            smooth[k][0] += origin;
+            later = Some((state, own));
+        }
+        smooth
+    }
+
+    /// A step of the covariance, and its gains.
+    fn step(&mut self, before: &Matrix4<f64>, step: f64, turn: bool, position: f64) -> Steady {
+        const SAME: f64 = 1e-7;
+        if let Some(known) = &self.known
+            && !turn
+            && (known.step - step).abs() <= 1e-9 * step
+            && known.position == position
+            && (known.before - before)
+                .iter()
+                .zip(before.iter())
+                .all(|(d, b)| d.abs() <= SAME * b.abs())
+        {
+            return known.clone();
+        }
+        let f = transition(step);
+        let mut predicted = f * before * f.transpose() + self.intensity * snap_noise(step);
+        if turn {
+            predicted[(2, 2)] += self.jump;
+        }
+        let mut filtered = predicted;
+        let gains = [0, 1].map(|n| {
+            let column: Vector4<f64> = filtered.column(n).into_owned();
+            let noise = if n == 0 {
+                position
+            } else {
+                self.velocity_noise
+            };
+            let gain = column / (column[n] + noise);
+            filtered -= gain * column.transpose();
+            gain
+        });
+        filtered = 0.5 * (filtered + filtered.transpose());
+        let back = predicted
+            .cholesky()
+            .map_or_else(Matrix4::zeros, |c| c.solve(&(f * before)).transpose());
+        let steady = Steady {
+            step,
+            position,
+            before: *before,
+            filtered,
+            gains,
+            back,
+        };
+        self.known = (!turn).then(|| steady.clone());
+        steady
+    }
+}
+
+/// x(t + h) of a motion of constant jerk.
+fn transition(h: f64) -> Matrix4<f64> {
+    let (a, b) = (h * h / 2.0, h * h * h / 6.0);
+    Matrix4::new(
+        1.0, h, a, b, 0.0, 1.0, h, a, 0.0, 0.0, 1.0, h, 0.0, 0.0, 0.0, 1.0,
+    )
+}
+
+/// What white snap of unit density adds to the covariance in a time h: ∫ g gᵀ dt with g the motion after a unit of jerk.
+fn snap_noise(h: f64) -> Matrix4<f64> {
+    let factorial = [6.0, 2.0, 1.0, 1.0];
+    Matrix4::from_fn(|i, j| {
+        let power = 7 - i - j;
+        h.powi(power as i32) / (power as f64 * factorial[i] * factorial[j])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    fn sine(t: f64) -> [f64; 3] {
+        let w = 8.0;
+        [(w * t).sin(), w * (w * t).cos(), -w * w * (w * t).sin()]
+    }
+
+    /// A sine keeps its value and derivatives, whichever channel is the better one.
+    #[test]
+    fn either_channel_tells_the_motion() {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let t: Vec<f64> = (0..2000).map(|k| 0.002 * f64::from(k)).collect();
+        for (position, velocity, gain) in [(1e-5, 0.05, 1.0), (1e-3, 1e-3, 1.0), (1e-5, 0.0, 1.09)]
+        {
+            let q: Vec<f64> = t
+                .iter()
+                .map(|&t| sine(t)[0] + position * normal())
+                .collect();
+            let dq: Vec<f64> = (t.iter())
+                .map(|&t| gain * sine(t)[1] + velocity * normal())
+                .collect();
+            let stretch = Stretch {
+                t: &t,
+                q: &q,
+                dq: &dq,
+            };
+            let found = Trajectory::of(&[stretch], 0.002);
+            let error = |n: usize| -> f64 {
+                let sum: f64 = (50..1950)
+                    .map(|k| (found.state[k][n] - sine(t[k])[n]).powi(2))
+                    .sum();
+                (sum / 1900.0).sqrt()
+            };
+            let (speed, acceleration) = (error(1), error(2));
+            assert!(
+                speed < 0.02 && acceleration < 1.0,
+                "{speed} {acceleration}: {position} {velocity} {gain}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_delayed_trajectory_is_the_motion_of_before() {
+        let t: Vec<f64> = (0..1000).map(|k| 0.002 * f64::from(k)).collect();
+        let [q, dq] = [0, 1].map(|n| t.iter().map(|&t| sine(t)[n]).collect::<Vec<f64>>());
+        let found = Trajectory::of(
+            &[Stretch {
+                t: &t,
+                q: &q,
+                dq: &dq,
+            }],
+            0.002,
+        );
+        let whole = 0..t.len();
+        let late = found.delayed(&t, std::slice::from_ref(&whole), 0.0063);
+        for k in 20..980 {
+            assert!((late.state[k][0] - sine(t[k] - 0.0063)[0]).abs() < 2e-5);
+            assert!((late.state[k][1] - sine(t[k] - 0.0063)[1]).abs() < 5e-3);
+        }
+    }
+}

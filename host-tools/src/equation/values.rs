@@ -1,0 +1,176 @@
+//! The numbers of a limb's model: what a predictor is given beside the motion, and what a fit moves.
+
+use nalgebra::Vector3;
+use proprio_core::effect::{EffectKind, MAX_PARAMETERS};
+use proprio_core::inertia::{INERTIAL, InertialParameters};
+
+use super::rows::load;
+use crate::model::{BASE, Limb, Model};
+
+/// An effect at a joint of a limb, counted from the limb's first; [`BASE`] for what all joints share.
+pub(crate) type Place = (EffectKind, usize);
+
+/// A load lighter than this is nowhere in particular, kg.
+const LEAST_LOAD: f64 = 0.01;
+
+/// All numbers of a limb's model.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Values {
+    /// Ten inertial parameters of each body, loads apart.
+    pub(crate) bodies: Vec<[f64; INERTIAL]>,
+    /// The effects that the model has, in the order in which they came, with their parameters as the catalogue counts them.
+    effects: Vec<(Place, [f64; MAX_PARAMETERS])>,
+}
+
+impl Values {
+    /// The CAD's bodies, or those that the model has identified, and no effect.
+    pub(crate) fn bodies_of(model: &Model, limb: &Limb) -> Self {
+        let body = |b: usize| -> [f64; INERTIAL] { std::array::from_fn(|n| model.inertia(b).0[n]) };
+        Self {
+            bodies: limb.bodies.clone().map(body).collect(),
+            effects: Vec::new(),
+        }
+    }
+
+    /// The CAD's bodies and no effect.
+    pub(crate) fn cad(model: &Model, limb: &Limb) -> Self {
+        let cad = |b: usize| -> [f64; INERTIAL] {
+            std::array::from_fn(|n| model.robot().bodies()[b].inertia.0[n])
+        };
+        Self {
+            bodies: limb.bodies.clone().map(cad).collect(),
+            effects: Vec::new(),
+        }
+    }
+
+    /// What a model file gives: an effect without a value does nothing.
+    pub(crate) fn given(model: &Model, limb: &Limb) -> Self {
+        let mut values = Self::bodies_of(model, limb);
+        for (place, e) in places(model, limb) {
+            if e.estimates.iter().any(Option::is_some) {
+                values.insert(place);
+                for (n, estimate) in e.estimates.iter().enumerate() {
+                    if let Some(estimate) = estimate {
+                        values.set(place, n, estimate.value);
+                    }
+                }
+            }
+        }
+        values
+    }
+
+    /// The effects.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Place> + '_ {
+        self.effects.iter().map(|(place, _)| *place)
+    }
+
+    /// Whether the model has an effect.
+    pub(crate) fn has(&self, place: Place) -> bool {
+        self.effects.iter().any(|(known, _)| *known == place)
+    }
+
+    /// Adds an effect that does nothing yet.
+    pub(crate) fn insert(&mut self, place: Place) {
+        if !self.has(place) {
+            self.effects.push((place, neutral(place.0)));
+        }
+    }
+
+    /// Takes an effect away.
+    pub(crate) fn remove(&mut self, place: Place) {
+        self.effects.retain(|(known, _)| *known != place);
+    }
+
+    /// A parameter; its neutral value where the model does not have the effect.
+    pub(crate) fn get(&self, place: Place, parameter: usize) -> f64 {
+        let found = self.effects.iter().find(|(known, _)| *known == place);
+        found.map_or_else(|| neutral(place.0), |(_, numbers)| *numbers)[parameter]
+    }
+
+    /// Sets a parameter of an effect that the model has.
+    pub(crate) fn set(&mut self, place: Place, parameter: usize, value: f64) {
+        if let Some((_, numbers)) = self.effects.iter_mut().find(|(known, _)| *known == place) {
+            numbers[parameter] = value;
+        }
+    }
+
+    /// The value of an effect's shape parameter; one where it has none.
+    pub(crate) fn shape(&self, place: Place) -> f64 {
+        let shape = place.0.description().shape();
+        shape.map_or(1.0, |n| self.get(place, n))
+    }
+
+    /// How late a joint's torque is reported, s: its own delay and that of all joints.
+    pub(crate) fn delay(&self, joint: usize) -> f64 {
+        self.get((EffectKind::Delay, joint), 0) + self.get((EffectKind::Delay, BASE), 0)
+    }
+
+    /// Roll and pitch of gravity against the model's base, rad.
+    pub(crate) fn tilt(&self) -> [f64; 2] {
+        [0, 1].map(|n| self.get((EffectKind::BaseTilt, BASE), n))
+    }
+
+    /// Where the load on a body is, m in the joint frame: at the body's centre of mass `com` until it has a mass.
+    pub(crate) fn load_at(&self, body: usize, com: &Vector3<f64>) -> Vector3<f64> {
+        let number = |n: usize| self.get((EffectKind::Payload, body), n);
+        let mass = number(0);
+        if mass < LEAST_LOAD {
+            return *com;
+        }
+        com + Vector3::new(number(1), number(2), number(3)) / mass
+    }
+
+    /// What multiplies the columns of a load that is where [`load_at`](Self::load_at) says.
+    pub(crate) fn load_numbers(&self, body: usize) -> [f64; 5] {
+        let mut numbers: [f64; 5] =
+            std::array::from_fn(|n| self.get((EffectKind::Payload, body), n));
+        if numbers[0] >= LEAST_LOAD {
+            numbers[1..4].fill(0.0);
+        }
+        numbers
+    }
+
+    /// The bodies with their loads.
+    pub(crate) fn loaded(&self, coms: &[Vector3<f64>]) -> Vec<InertialParameters<f64>> {
+        let body = |(b, numbers): (usize, &[f64; INERTIAL])| {
+            let mut phi = *numbers;
+            if self.has((EffectKind::Payload, b)) {
+                let at = self.load_at(b, &coms[b]);
+                for (n, value) in self.load_numbers(b).into_iter().enumerate() {
+                    let column = load(&at, n);
+                    phi.iter_mut()
+                        .zip(column)
+                        .for_each(|(x, by)| *x += value * by);
+                }
+            }
+            InertialParameters(phi.into())
+        };
+        self.bodies.iter().enumerate().map(body).collect()
+    }
+}
+
+/// The effects of a model at a limb and those that all joints share, as the limb counts its joints.
+pub(crate) fn places<'a>(
+    model: &'a Model,
+    limb: &'a Limb,
+) -> impl Iterator<Item = (Place, &'a crate::model::ModelEffect)> + 'a {
+    let first = limb.bodies.start;
+    model.effects().iter().filter_map(move |e| match e.joint {
+        BASE => Some(((e.effect, BASE), e)),
+        joint if limb.bodies.contains(&joint) => Some(((e.effect, joint - first), e)),
+        _ => None,
+    })
+}
+
+/// The parameters with which an effect does nothing; a shape that is not known yet is one.
+fn neutral(effect: EffectKind) -> [f64; MAX_PARAMETERS] {
+    let mut numbers = [0.0; MAX_PARAMETERS];
+    for (number, parameter) in numbers.iter_mut().zip(effect.description().parameters) {
+        *number = if parameter.shape {
+            1.0
+        } else {
+            parameter.neutral
+        };
+    }
+    numbers
+}

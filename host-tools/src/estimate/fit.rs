@@ -1,0 +1,548 @@
+//! One limb of a model: its bodies and its effects, fitted. Data in, a fit out; nothing else is touched.
+//!
+//! The fit is Gauss-Newton over the derivatives of the predictor ([`crate::predict`]): rows are made at a model's values, the
+//! bounded least-squares problem of the rows is solved ([`super::bounded`]), rows are made again at the solution, until no parameter
+//! moves by much against its error. Shapes, in which the torque is far from linear, are scanned on the residual between passes.
+//!
+//! Rows are weighed as their noise is: neighbours whitened for the edge that they share ([`super::whitening`]), and those in which
+//! a joint turns round by what is not known of its friction meanwhile. Evenly likely between the two limits for the share of a
+//! window that a held joint may rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands
+//! alone, and the chain of correlated rows starts anew after it.
+
+use nalgebra::DVector;
+use proprio_core::inertia::INERTIAL;
+
+use super::blocks::BlockFactors;
+use super::bounded::{Bounded, Problem, Solution};
+use super::groups::{Group, Groups, stacked};
+use super::limb_data::LimbData;
+use super::method::{self, Method};
+use super::parameter_estimate::Constraint;
+use super::shapes;
+use super::whitening::{Whitening, neighbour_correlation};
+use crate::equation::column::Columns;
+use crate::equation::dot::dot;
+use crate::equation::motion::{MOST_REST, is_derivative};
+use crate::equation::rows::{Rows, jump};
+use crate::equation::values::{Place, Values};
+
+/// Most times that rows are made again.
+const MOST_PASSES: usize = 8;
+/// Passes after which shapes stay as they are: each scan sees what the last one left.
+const SHAPE_PASSES: usize = 3;
+/// A parameter that moves by less than this many standard deviations stays.
+const STEADY: f64 = 0.1;
+/// A correlation of neighbours that differs by less is the same.
+pub(crate) const SAME_CORRELATION: f64 = 0.03;
+/// Squared distance from the CAD, in units of its uncertainty, beyond which a body is held: 99 % of all bodies with the
+/// stated uncertainty are nearer (χ² of ten degrees of freedom).
+const FARTHEST: f64 = 23.2;
+/// Times that bodies are held nearer.
+const HOLD_ROUNDS: usize = 5;
+/// Times that the joints' noise is found again from the fit that it gives.
+const NOISE_ROUNDS: usize = 3;
+
+/// How a limb is fitted.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct How {
+    pub(crate) constraint: Constraint,
+    pub(crate) method: Method,
+    /// Where the search for a minimum begins; the CAD's bodies and the effects' priors if nowhere.
+    pub(crate) start: Option<Values>,
+    /// Effects whose values are known and are not to be fitted: those that all limbs share, once they are combined.
+    pub(crate) held: Vec<Place>,
+    /// The effects whose shapes are searched; of none, all.
+    pub(crate) shapes: Option<Vec<Place>>,
+    /// Whether bodies that the data would carry far from the CAD are held: what a model lacks must show in the residual and not as an
+    /// absurd mass.
+    pub(crate) hold_bodies: bool,
+    /// Most times that rows are made again, if fewer than usual: near a known fit two are enough.
+    pub(crate) passes: Option<usize>,
+}
+
+/// A limb fitted to a recording.
+pub(crate) struct LimbFit<'a> {
+    pub(crate) data: &'a LimbData<'a>,
+    /// The effects that are fitted.
+    pub(crate) places: Vec<Place>,
+    /// The columns and the values at which they were made.
+    pub(crate) columns: Columns,
+    pub(crate) at: Values,
+    /// The estimate.
+    pub(crate) values: Values,
+    /// The data block by block of time, group by group: a group per joint.
+    pub(crate) groups: Groups,
+    /// The data of all blocks, group by group.
+    pub(crate) all: Vec<Group>,
+    /// Each group's noise: root mean square of its residuals, whitened where they are momentum's.
+    pub(crate) noise: Vec<f64>,
+    /// Of each joint, the correlation of the noise of neighbouring windows.
+    pub(crate) correlation: Vec<f64>,
+    pub(crate) problem: Problem,
+    pub(crate) solution: Solution,
+    /// How many times nearer to the CAD each body is held than its uncertainty says.
+    pub(crate) tightness: Vec<f64>,
+    method: Method,
+}
+
+impl<'a> LimbFit<'a> {
+    /// Fits the bodies and the effects `places`.
+    ///
+    /// `None` if numbers are not finite.
+    pub(crate) fn of(data: &'a LimbData<'a>, places: &[Place], how: &How) -> Option<Self> {
+        let mut values = start(data, places, how);
+        let fitted: Vec<Place> = (places.iter().copied())
+            .filter(|p| !how.held.contains(p))
+            .collect();
+        let mut correlation = vec![0.0; data.joints()];
+        let mut noise = typical_noise(data);
+        let mut rows: Option<(Columns, Rows)> = None;
+        let passes = how.passes.unwrap_or(MOST_PASSES);
+        for pass in 1..=passes {
+            let columns = data.columns(&values, &fitted, &[]);
+            // Rows of a linear model do not depend on its values.
+            let made = match rows.take() {
+                Some((known, made)) if known == columns && !depends_on_values(&columns) => made,
+                _ => Rows::of(&data.motion, &data.body, &values, &columns, &|w| {
+                    !data.left_out[w]
+                }),
+            };
+            let fit = Self::at(
+                data,
+                &fitted,
+                values,
+                (columns, &made),
+                [&correlation, &noise],
+                how,
+            )?;
+            let next = fit.noise_kind(&made);
+            let same = next
+                .iter()
+                .zip(&correlation)
+                .all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
+            let searched =
+                |place: &Place| how.shapes.as_ref().is_none_or(|own| own.contains(place));
+            let scanned = (pass <= SHAPE_PASSES)
+                .then(|| shapes::better(&fit, &made, &searched))
+                .flatten();
+            let done = same && scanned.is_none() && fit.is_steady();
+            if done || pass == passes {
+                return match how.method {
+                    Method::Momentum => Some(fit),
+                    other => fit.by_other_equation(other, how),
+                };
+            }
+            values = scanned.unwrap_or_else(|| fit.values.clone());
+            correlation = if same { correlation } else { next };
+            noise.clone_from(&fit.noise);
+            rows = Some((fit.columns, made));
+        }
+        None
+    }
+
+    /// The fit over rows that were made at `at`.
+    fn at(
+        data: &'a LimbData<'a>,
+        places: &[Place],
+        at: Values,
+        (columns, rows): (Columns, &Rows),
+        [correlation, noise]: [&[f64]; 2],
+        how: &How,
+    ) -> Option<Self> {
+        let factors = fold(
+            data,
+            &columns,
+            rows,
+            &columns.theta(&at),
+            correlation,
+            noise,
+            &|_| true,
+        );
+        let groups = Groups::of_factors(&columns, &factors);
+        Self::solved(data, places, at, columns, groups, correlation, how)
+    }
+
+    fn solved(
+        data: &'a LimbData<'a>,
+        places: &[Place],
+        at: Values,
+        columns: Columns,
+        groups: Groups,
+        correlation: &[f64],
+        how: &How,
+    ) -> Option<Self> {
+        let all = groups.sum(|_| true);
+        let sizes: Vec<f64> = all.iter().map(size).collect();
+        let mut problem = Problem {
+            bodies: (data.limb.bodies.clone())
+                .map(|b| {
+                    (
+                        data.model.robot().bodies()[b].inertia,
+                        data.model.cad_uncertainty(b),
+                    )
+                })
+                .collect(),
+            others: others(&columns, &at, how),
+            data: stacked(&all, &sizes),
+            free: how.constraint == Constraint::Free,
+        };
+        let mut solution = problem.solve()?;
+        let mut noise = sizes.clone();
+        for _ in 0..NOISE_ROUNDS {
+            noise = noises(&all, &solution.theta, &sizes);
+            problem.data = stacked(&all, &noise);
+            solution = problem.solve()?;
+        }
+        let mut tightness = vec![1.0; problem.bodies.len()];
+        if how.hold_bodies {
+            for _ in 0..HOLD_ROUNDS {
+                if !hold(&mut problem, &solution, &mut tightness) {
+                    break;
+                }
+                solution = problem.solve()?;
+                noise = noises(&all, &solution.theta, &sizes);
+                problem.data = stacked(&all, &noise);
+                solution = problem.solve()?;
+            }
+        }
+        Some(Self {
+            tightness,
+            values: data.moved(&at, &columns, solution.theta.as_slice()),
+            data,
+            places: places.to_vec(),
+            columns,
+            at,
+            groups,
+            all,
+            noise,
+            correlation: correlation.to_vec(),
+            problem,
+            solution,
+            method: how.method,
+        })
+    }
+
+    /// The same parameters by another equation; corrections of sensors and of the base are those of the momentum fit.
+    fn by_other_equation(self, method: Method, how: &How) -> Option<Self> {
+        let groups = method::data(self.data, &self.values, &self.columns, method);
+        let held: Vec<Place> = (self.places.iter().copied())
+            .filter(|place| is_derivative(place.0))
+            .collect();
+        let how = How {
+            held: [how.held.clone(), held].concat(),
+            ..how.clone()
+        };
+        let places: Vec<Place> = self.places.clone();
+        Self::solved(
+            self.data,
+            &places,
+            self.values,
+            self.columns,
+            groups,
+            &self.correlation,
+            &how,
+        )
+    }
+
+    /// The correlation of neighbouring residuals of each joint.
+    fn noise_kind(&self, rows: &Rows) -> Vec<f64> {
+        let data = self.data;
+        let own = self.columns.combined(self.solution.theta.as_slice());
+        let of = |j: usize| {
+            let residual = |w: usize| {
+                let torque = data.torque[w * data.joints() + j];
+                (
+                    data.motion.windows[w].samples,
+                    torque - dot(&own[j], rows.row(w, j)),
+                )
+            };
+            let windows = (0..data.motion.windows.len()).filter(|&w| data.counts(w, j));
+            neighbour_correlation(&windows.map(residual).collect::<Vec<_>>())
+        };
+        (0..data.joints()).map(of).collect()
+    }
+
+    /// Whether nothing that columns depend on has moved by much since they were made.
+    fn is_steady(&self) -> bool {
+        if !depends_on_values(&self.columns) {
+            return true;
+        }
+        let std = self.solution.std();
+        let before = self.columns.theta(&self.at);
+        let moved = |k: usize| (self.solution.theta[k] - before[k]).abs() > STEADY * std[k];
+        !(0..before.len()).any(moved)
+    }
+
+    /// Whether entry k's value is that of a derivative.
+    pub(crate) fn is_derivative(&self, entry: usize) -> bool {
+        self.columns.entries[entry]
+            .effect
+            .is_some_and(is_derivative)
+    }
+
+    /// Entry k's value as the catalogue means it.
+    pub(crate) fn value(&self, entry: usize) -> f64 {
+        self.data.value(
+            &self.at,
+            &self.columns,
+            entry,
+            self.solution.theta.as_slice(),
+        )
+    }
+
+    /// What the prior says of entry k, as the catalogue means it.
+    pub(crate) fn prior_mean(&self, entry: usize) -> f64 {
+        let bodies = INERTIAL * self.problem.bodies.len();
+        match entry.checked_sub(bodies) {
+            None => self.problem.bodies[entry / INERTIAL].0.0[entry % INERTIAL],
+            Some(n) if self.is_derivative(entry) => {
+                let e = &self.columns.entries[entry];
+                let at = e
+                    .effect
+                    .map_or(0.0, |effect| self.at.get((effect, e.joint), e.parameter));
+                self.problem.others[n].mean + at
+            }
+            Some(n) => self.problem.others[n].mean,
+        }
+    }
+
+    /// Models fitted to the data of all folds but one, in the order of the folds.
+    pub(crate) fn held_out(&self) -> Option<Vec<Values>> {
+        let without = |fold: usize| {
+            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
+            let problem = Problem {
+                data: stacked(&train, &self.noise),
+                ..self.problem.clone()
+            };
+            let theta = problem.solve()?.theta;
+            Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
+        };
+        (0..self.data.blocks.folds).map(without).collect()
+    }
+
+    /// Sums of squares of what the estimate predicts, by the predictor; each group's by another equation.
+    pub(crate) fn squares(&self) -> Vec<f64> {
+        match self.method {
+            Method::Momentum => {
+                let predicted = self.data.predicted(&self.values, &|_| true);
+                self.data.squares(&predicted).by_joint()
+            }
+            _ => self.group_squares(&self.solution.theta, |_| true),
+        }
+    }
+
+    /// The same of time that the fit has not seen; `None` where nothing can be held out.
+    pub(crate) fn held_out_squares(&self) -> Option<Vec<f64>> {
+        if self.data.blocks.folds < 2 {
+            return None;
+        }
+        if self.method == Method::Momentum {
+            let predicted = self.data.predicted_by_fold(&self.held_out()?);
+            return Some(self.data.squares(&predicted).by_joint());
+        }
+        let mut squares = vec![0.0; self.all.len()];
+        for fold in 0..self.data.blocks.folds {
+            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
+            let problem = Problem {
+                data: stacked(&train, &self.noise),
+                ..self.problem.clone()
+            };
+            let theta = problem.solve()?.theta;
+            let own = self.group_squares(&theta, |b| self.data.blocks.fold(b) == fold);
+            squares
+                .iter_mut()
+                .zip(own)
+                .for_each(|(sum, own)| *sum += own);
+        }
+        Some(squares)
+    }
+
+    /// Sums of squares under θ, group by group.
+    pub(crate) fn group_squares(
+        &self,
+        theta: &DVector<f64>,
+        chosen: impl Fn(usize) -> bool,
+    ) -> Vec<f64> {
+        let rows = self.groups.sum(chosen);
+        rows.iter().map(|rows| rows.sum_of_squares(theta)).collect()
+    }
+
+    /// Sums of squares of the CAD's rigid body without any effect.
+    pub(crate) fn cad_squares(&self) -> Vec<f64> {
+        if self.method == Method::Momentum {
+            let cad = Values::cad(self.data.model, self.data.limb);
+            return self
+                .data
+                .squares(&self.data.predicted(&cad, &|_| true))
+                .by_joint();
+        }
+        let mut cad = self.problem.start();
+        cad.rows_mut(
+            INERTIAL * self.problem.bodies.len(),
+            self.problem.others.len(),
+        )
+        .fill(0.0);
+        self.group_squares(&cad, |_| true)
+    }
+
+    /// Half the gradient of each block's sum of squares, in units of the noise.
+    pub(crate) fn scores(&self) -> Vec<DVector<f64>> {
+        let n = self.solution.theta.len();
+        let of = |block: &Vec<Group>| {
+            let data = stacked(block, &self.noise);
+            let r = data.columns(0, n);
+            r.tr_mul(&(r * &self.solution.theta - data.column(n)))
+        };
+        let told =
+            (self.groups.blocks.iter()).filter(|block| block.iter().any(|rows| rows.count > 0.0));
+        told.map(of).collect()
+    }
+}
+
+/// Holds those bodies nearer that are farther from the CAD than bodies are. Whether there is one.
+fn hold(problem: &mut Problem, solution: &Solution, tightness: &mut [f64]) -> bool {
+    let mut far = false;
+    for (b, (cad, relative)) in problem.bodies.iter_mut().enumerate() {
+        let body = super::bounded::body(&solution.theta, b);
+        let divergence = body
+            .divergence(cad)
+            .map_or(0.0, |d| d * 2.0 / (*relative * *relative));
+        // The distance in units of the uncertainty as it was stated.
+        let distance = divergence / (tightness[b] * tightness[b]);
+        if distance > FARTHEST {
+            let closer = (distance / FARTHEST).sqrt();
+            tightness[b] *= closer;
+            *relative /= closer;
+            far = true;
+        }
+    }
+    far
+}
+
+/// Where a fit begins.
+fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
+    let mut values = how
+        .start
+        .clone()
+        .unwrap_or_else(|| Values::cad(data.model, data.limb));
+    for place in values.places().collect::<Vec<_>>() {
+        if !places.contains(&place) {
+            values.remove(place);
+        }
+    }
+    for &place in places.iter().filter(|place| data.can_tell(place.0)) {
+        if values.has(place) {
+            continue;
+        }
+        values.insert(place);
+        for (n, parameter) in place.0.description().parameters.iter().enumerate() {
+            let (mean, _) = data.prior(place, n);
+            values.set(place, n, mean.clamp(parameter.lower, parameter.upper));
+        }
+    }
+    values
+}
+
+/// Whether columns are other ones at other values.
+fn depends_on_values(columns: &Columns) -> bool {
+    use proprio_core::effect::EffectKind;
+    let depends = |effect: EffectKind| {
+        is_derivative(effect)
+            || [
+                EffectKind::LoadFriction,
+                EffectKind::Saturation,
+                EffectKind::Payload,
+            ]
+            .contains(&effect)
+    };
+    columns.entries.iter().filter_map(|e| e.effect).any(depends)
+}
+
+/// The windows as factors of weighed rows, block by block of time. `theta` tells the friction that jumps where a joint turns.
+pub(crate) fn fold(
+    data: &LimbData,
+    columns: &Columns,
+    rows: &Rows,
+    theta: &[f64],
+    correlation: &[f64],
+    noise: &[f64],
+    chosen: &dyn Fn(usize) -> bool,
+) -> BlockFactors {
+    let own = columns.combined(theta);
+    let mut factors = BlockFactors::none(columns, data.blocks.count());
+    for j in 0..data.joints() {
+        let mut chain = Whitening::new(correlation[j]);
+        let mut buffer = Vec::new();
+        for (w, window) in data.motion.windows.iter().enumerate() {
+            if !data.counts(w, j) || !chosen(w) {
+                continue;
+            }
+            buffer.clear();
+            buffer.extend_from_slice(rows.row(w, j));
+            buffer.push(data.torque[w * data.joints() + j]);
+            match jump(&columns.of_joint[j], &own[j], &data.motion, window, j) {
+                Some(jump) if jump > 0.0 => {
+                    chain.alone(jump * MOST_REST / 3f64.sqrt() / noise[j], &mut buffer);
+                }
+                _ => chain.whiten(window.samples, &mut buffer),
+            }
+            factors.fold(window.block, j, &mut buffer);
+        }
+    }
+    factors
+}
+
+/// Noise of each joint's windows before there is a fit, N m: a twentieth of its torque, as well as models of drives do. It is for
+/// weighing doubts in the first pass alone.
+fn typical_noise(data: &LimbData) -> Vec<f64> {
+    const SHARE: f64 = 0.05;
+    let zero = vec![0.0; data.torque.len()];
+    let squares = data.squares(&zero).by_joint();
+    let rms = squares
+        .iter()
+        .zip(data.windows())
+        .map(|(square, n)| (square / n.max(1.0)).sqrt());
+    rms.map(|rms| (SHARE * rms).max(1e-9)).collect()
+}
+
+fn size(rows: &Group) -> f64 {
+    let columns = rows.triangle.ncols() - 1;
+    let square = rows.sum_of_squares(&DVector::zeros(columns));
+    (square / rows.count.max(1.0)).sqrt().max(1e-9)
+}
+
+/// Root mean square of each group's residuals under θ.
+fn noises(groups: &[Group], theta: &DVector<f64>, sizes: &[f64]) -> Vec<f64> {
+    let fitted = theta.len() as f64 / groups.len() as f64;
+    let of = |(rows, size): (&Group, &f64)| {
+        let square = rows.sum_of_squares(theta) / (rows.count - fitted).max(1.0);
+        square.sqrt().max(1e-3 * size)
+    };
+    groups.iter().zip(sizes).map(of).collect()
+}
+
+/// Prior and bounds of the effects' entries.
+fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> {
+    let of = |entry: &crate::equation::column::Entry| {
+        let effect = entry.effect?;
+        let parameter = &effect.description().parameters[entry.parameter];
+        let here = if is_derivative(effect) {
+            at.get((effect, entry.joint), entry.parameter)
+        } else {
+            0.0
+        };
+        let held = how.held.contains(&(effect, entry.joint));
+        let [lower, upper] = match how.constraint {
+            _ if held => [0.0, 0.0],
+            Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],
+            Constraint::Physical => [parameter.lower - here, parameter.upper - here],
+        };
+        Some(Bounded {
+            mean: entry.mean,
+            std: entry.std,
+            lower,
+            upper,
+        })
+    };
+    columns.entries.iter().filter_map(of).collect()
+}

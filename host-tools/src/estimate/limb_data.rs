@@ -1,0 +1,357 @@
+//! A limb's data as an estimator takes them: its motion, and apart from it the torque that was measured.
+
+use std::sync::Arc;
+
+use proprio_core::effect::{EffectKind, Form};
+
+use crate::equation::body::LimbBody;
+use crate::equation::column::{Columns, Entry, columns_of};
+use crate::equation::folds::Blocks;
+use crate::equation::motion::{Motion, is_derivative};
+use crate::equation::values::{Place, Values, places};
+use crate::equation::velocity::VelocityGain;
+use crate::model::{BASE, Limb, Model};
+use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
+use crate::predict::predict;
+use crate::recording::LimbRecording;
+
+/// How far a gap that was found by trying may move by its column, as a share of it: half the step between the gaps that are tried.
+const GAP_STEP: f64 = 0.1;
+
+/// A limb's data. Made once; fits read them. A copy shares them.
+#[derive(Clone)]
+pub(crate) struct LimbData<'a> {
+    /// The robot and what is known of it before these data.
+    pub(crate) model: &'a Model,
+    pub(crate) limb: &'a Limb,
+    pub(crate) recording: &'a LimbRecording,
+    pub(crate) blocks: Blocks,
+    pub(crate) body: Arc<LimbBody<'a>>,
+    pub(crate) motion: Arc<Motion>,
+    /// Mean measured torque of each window's joints, N m.
+    pub(crate) torque: Arc<Vec<f64>>,
+    /// Windows that are left out, ground contact among them.
+    pub(crate) left_out: Vec<bool>,
+    /// Reported over true velocity of each joint, as the motion was made with.
+    pub(crate) velocity_gain: Vec<f64>,
+    subtree_end: Vec<usize>,
+}
+
+impl<'a> LimbData<'a> {
+    /// The data of a limb; `None` if it is too large or was not recorded. The velocity gains of a model that names them are taken
+    /// out of the motion.
+    pub(crate) fn of(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+    ) -> Option<Self> {
+        let blocks = Blocks::of(recording)?;
+        let mut velocity_gain = vec![1.0; recording.joints];
+        for (place, e) in places(model, limb) {
+            if place.0 == EffectKind::VelocityGain {
+                let measured =
+                    || VelocityGain::of(recording, place.1, &blocks).map(|gain| gain.value);
+                let given = e.estimate().map(|estimate| estimate.value);
+                velocity_gain[place.1] = given.or_else(measured).unwrap_or(1.0);
+            }
+        }
+        Self::with_gains(model, limb, recording, velocity_gain)
+    }
+
+    /// The same with these velocity gains.
+    pub(crate) fn with_gains(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+        velocity_gain: Vec<f64>,
+    ) -> Option<Self> {
+        let blocks = Blocks::of(recording)?;
+        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain));
+        let n = recording.joints;
+        let torque: Vec<f64> = (motion.windows.iter())
+            .flat_map(|window| {
+                let mean = |j: usize| motion.mean(window, |k| recording.tau[k * n + j]);
+                (0..n).map(mean).collect::<Vec<_>>()
+            })
+            .collect();
+        let first = limb.bodies.start;
+        let end = |b: usize| model.robot().subtree(b).end - first;
+        Some(Self {
+            body: Arc::new(LimbBody::of(model, limb)?),
+            left_out: vec![false; motion.windows.len()],
+            subtree_end: limb.bodies.clone().map(end).collect(),
+            model,
+            limb,
+            recording,
+            blocks,
+            motion,
+            torque: Arc::new(torque),
+            velocity_gain,
+        })
+    }
+
+    /// The same without the windows that overlap a range of samples \[first, last\], ascending.
+    pub(crate) fn without(mut self, ranges: &[[usize; 2]]) -> Self {
+        for (out, window) in self.left_out.iter_mut().zip(&self.motion.windows) {
+            let [first, last] = window.samples;
+            let next = ranges.partition_point(|range| range[1] <= first);
+            *out = ranges.get(next).is_some_and(|range| range[0] < last);
+        }
+        self
+    }
+
+    /// The same with windows left out as another one's of the same recording are.
+    pub(crate) fn leaving_out(mut self, left_out: &[bool]) -> Self {
+        if left_out.len() == self.left_out.len() {
+            self.left_out.copy_from_slice(left_out);
+        }
+        self
+    }
+
+    /// The same without one fold's windows.
+    pub(crate) fn without_fold(&self, fold: usize) -> Self {
+        let mut data = self.clone();
+        for w in 0..data.left_out.len() {
+            data.left_out[w] |= self.fold(w) == fold;
+        }
+        data
+    }
+
+    /// How many joints.
+    pub(crate) fn joints(&self) -> usize {
+        self.recording.joints
+    }
+
+    /// Whether a joint's torque is judged in a window: it moves, and nothing is known to spoil it.
+    pub(crate) fn counts(&self, window: usize, joint: usize) -> bool {
+        !self.left_out[window] && self.motion.windows[window].moves[joint]
+    }
+
+    /// The fold that a window belongs to.
+    pub(crate) fn fold(&self, window: usize) -> usize {
+        self.blocks.fold(self.motion.windows[window].block)
+    }
+
+    /// Windows in which each joint is judged.
+    pub(crate) fn windows(&self) -> Vec<f64> {
+        let count = |j: usize| {
+            (0..self.motion.windows.len())
+                .filter(|&w| self.counts(w, j))
+                .count()
+        };
+        (0..self.joints()).map(|j| count(j) as f64).collect()
+    }
+
+    /// What a model predicts in each window, joint by joint, N m; zero for windows that are not chosen.
+    pub(crate) fn predicted(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let chosen = |w: usize| chosen(w) && !self.left_out[w];
+        predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
+    }
+
+    /// What models predict, each of the windows of its own fold, N m.
+    pub(crate) fn predicted_by_fold(&self, values: &[Values]) -> Vec<f64> {
+        let mut torque = vec![0.0; self.torque.len()];
+        for (fold, values) in values.iter().enumerate() {
+            let of = |w: usize| self.fold(w) == fold;
+            for (to, from) in torque.iter_mut().zip(self.predicted(values, &of)) {
+                // Windows of other folds are zero.
+                *to += from;
+            }
+        }
+        torque
+    }
+
+    /// Sums of the squared differences of measured and predicted torque, (N m)².
+    pub(crate) fn squares(&self, predicted: &[f64]) -> Squares {
+        let n = self.joints();
+        let mut squares = Squares {
+            cells: vec![vec![0.0; n]; self.blocks.folds],
+        };
+        for w in 0..self.motion.windows.len() {
+            for j in (0..n).filter(|&j| self.counts(w, j)) {
+                let at = w * n + j;
+                squares.cells[self.fold(w)][j] += (self.torque[at] - predicted[at]).powi(2);
+            }
+        }
+        squares
+    }
+
+    /// The columns of a model's effects `of` and of `candidates` that it might lack, at its values.
+    pub(crate) fn columns(&self, values: &Values, of: &[Place], candidates: &[Place]) -> Columns {
+        let own = of
+            .iter()
+            .flat_map(|&place| self.entries(place, values, false));
+        let more = candidates
+            .iter()
+            .flat_map(|&place| self.entries(place, values, true));
+        Columns::new(self.subtree_end.clone(), own.chain(more).collect())
+    }
+
+    /// Mean and standard deviation of an effect's parameter before any data.
+    pub(crate) fn prior(&self, (effect, joint): Place, parameter: usize) -> (f64, f64) {
+        let body = match joint {
+            BASE => self.limb.bodies.start,
+            joint => self.limb.bodies.start + joint,
+        };
+        let prior = match parameter {
+            0 => self.model.effect_prior(effect, body).prior,
+            n => self.model.robot().parameter_prior(effect, body, n),
+        };
+        (prior.mean, prior.std)
+    }
+
+    /// Whether the recording can tell an effect at all.
+    pub(crate) fn can_tell(&self, effect: EffectKind) -> bool {
+        match effect {
+            EffectKind::ThermalViscous => self.motion.temperature.iter().all(|t| t.is_finite()),
+            // Positions tell the velocity's gain.
+            EffectKind::VelocityGain => false,
+            _ => effect.description().form != Form::Force,
+        }
+    }
+
+    /// The entries of an effect. What a candidate might be is as likely on either side of nothing.
+    fn entries(&self, place: Place, values: &Values, candidate: bool) -> Vec<Entry> {
+        let (effect, joint) = place;
+        let shape = match effect.description().shape() {
+            Some(n) if !values.has(place) => self.prior(place, n).0,
+            _ => values.shape(place),
+        };
+        self.entries_of_shape(place, shape)
+            .into_iter()
+            .map(|entry| {
+                let (mean, std) = self.prior(place, entry.parameter);
+                let neutral = effect.description().parameters[entry.parameter].neutral;
+                let (mean, std) = match (candidate, is_derivative(effect)) {
+                    (true, _) => (0.0, std.max((mean - neutral).abs())),
+                    // Found by trying: its column is true near it only.
+                    (false, true)
+                        if effect == EffectKind::Backlash && values.get(place, 0) > 0.0 =>
+                    {
+                        (0.0, GAP_STEP * values.get(place, 0))
+                    }
+                    (false, true) => (mean - values.get((effect, joint), entry.parameter), std),
+                    (false, false) => (mean, std),
+                };
+                Entry { mean, std, ..entry }
+            })
+            .collect()
+    }
+
+    /// The entries of an effect with this shape, without a prior.
+    fn entries_of_shape(&self, place: Place, shape: f64) -> Vec<Entry> {
+        let entry = |(parameter, column)| Entry {
+            effect: Some(place.0),
+            joint: place.1,
+            parameter,
+            mean: 0.0,
+            std: f64::INFINITY,
+            column,
+        };
+        columns_of(place, shape).into_iter().map(entry).collect()
+    }
+
+    /// The name of an entry: `m:FR_hip`, `coulomb:FR_hip`, `stribeck.vs:FR_hip`.
+    pub(crate) fn name(&self, entry: &Entry) -> String {
+        let joint = self.model.joint_name(self.body_of(entry.joint));
+        match entry.effect {
+            None => name_at(INERTIAL_NAMES[entry.parameter].0, joint),
+            Some(effect) => of_effect(effect, entry.parameter, joint),
+        }
+    }
+
+    /// The robot's index of a joint of the limb; [`BASE`] stays.
+    pub(crate) fn body_of(&self, joint: usize) -> usize {
+        if joint == BASE {
+            BASE
+        } else {
+            self.limb.bodies.start + joint
+        }
+    }
+
+    /// The joints' names.
+    pub(crate) fn joint_names(&self) -> Vec<String> {
+        self.limb
+            .bodies
+            .clone()
+            .map(|b| self.model.joint_name(b).to_owned())
+            .collect()
+    }
+
+    /// The model that θ over columns made at `values` stands for; it has the effects that `values` has.
+    pub(crate) fn moved(&self, values: &Values, columns: &Columns, theta: &[f64]) -> Values {
+        let mut to = values.clone();
+        for (k, entry) in columns.entries.iter().enumerate() {
+            match entry.effect {
+                None => to.bodies[entry.joint][entry.parameter] = theta[k],
+                Some(effect) => {
+                    let value = self.value(values, columns, k, theta);
+                    to.set((effect, entry.joint), entry.parameter, value);
+                }
+            }
+        }
+        to
+    }
+
+    /// What θ's entry k says of its parameter, as the catalogue means it.
+    pub(crate) fn value(&self, values: &Values, columns: &Columns, k: usize, theta: &[f64]) -> f64 {
+        let (entry, number) = (&columns.entries[k], theta[k]);
+        let Some(effect) = entry.effect else {
+            return number;
+        };
+        let place = (effect, entry.joint);
+        if is_derivative(effect) {
+            let p = &effect.description().parameters[entry.parameter];
+            // A torque gain of nothing is none.
+            let lower = if effect == EffectKind::TorqueGain {
+                0.05
+            } else {
+                p.lower
+            };
+            return (values.get(place, entry.parameter) + number).clamp(lower, p.upper);
+        }
+        if effect == EffectKind::Payload && (1..=3).contains(&entry.parameter) {
+            let mass = columns.of_effect(effect, entry.joint)[0];
+            let away = values.load_at(entry.joint, &self.body.coms[entry.joint])
+                - self.body.coms[entry.joint];
+            return number + theta[mass] * away[entry.parameter - 1];
+        }
+        number
+    }
+}
+
+/// Sums of squared residuals \[fold\] \[joint\], (N m)².
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Squares {
+    pub(crate) cells: Vec<Vec<f64>>,
+}
+
+impl Squares {
+    /// Of each joint, over all folds.
+    pub(crate) fn by_joint(&self) -> Vec<f64> {
+        let joints = self.cells.first().map_or(0, Vec::len);
+        (0..joints)
+            .map(|j| self.cells.iter().map(|fold| fold[j]).sum())
+            .collect()
+    }
+
+    /// Of each fold, over all joints.
+    pub(crate) fn by_fold(&self) -> Vec<f64> {
+        self.cells.iter().map(|fold| fold.iter().sum()).collect()
+    }
+
+    /// Over all.
+    pub(crate) fn total(&self) -> f64 {
+        self.by_fold().iter().sum()
+    }
+
+    /// Over all in units of the joints' noise (N m).
+    pub(crate) fn weighted(&self, noise: &[f64]) -> f64 {
+        let joints = self.by_joint();
+        joints
+            .iter()
+            .zip(noise)
+            .map(|(square, noise)| square / (noise * noise))
+            .sum()
+    }
+}

@@ -1,0 +1,184 @@
+//! All limbs of a recording: limbs on a fixed base share nothing but what acts on all joints (a delay, the base's tilt).
+
+use std::sync::Arc;
+
+use proprio_core::effect::EffectKind;
+
+use super::deviation::Deviations;
+use super::fit::{How, LimbFit};
+use super::limb_data::LimbData;
+use crate::equation::motion::is_shared;
+use crate::equation::values::{Place, Values};
+use crate::model::{BASE, Model};
+use crate::recording::Recording;
+
+/// A value that all limbs share, and its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shared {
+    pub(crate) effect: EffectKind,
+    pub(crate) parameter: usize,
+    pub(crate) value: f64,
+    pub(crate) std: f64,
+}
+
+/// The data of all limbs that were recorded.
+pub(crate) fn data<'a>(recording: &'a Recording, model: &'a Model) -> Vec<LimbData<'a>> {
+    let limbs: Vec<_> = recording.limbs.iter().collect();
+    let of = |(limb, samples): &&'a (crate::model::Limb, crate::recording::LimbRecording)| {
+        LimbData::of(model, limb, samples)
+    };
+    side_by_side(&limbs, of).into_iter().flatten().collect()
+}
+
+/// Does the same work for all items, on as many processors as there are, and returns the results in the order of the items.
+pub(crate) fn side_by_side<T: Sync, R: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> R + Sync + Send,
+) -> Vec<R> {
+    use rayon::prelude::*;
+    items.par_iter().map(work).collect()
+}
+
+/// Fits each limb's effects; `places` are of the limbs in their order. What limbs share is fitted by each, combined by the errors,
+/// and held while the rest is fitted again.
+pub(crate) fn fit<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+) -> (Vec<LimbFit<'a>>, Vec<Shared>) {
+    fit_from(data, places, how, &vec![None; data.len()])
+}
+
+/// The same from the limbs' own values, where they have any.
+fn fit_from<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+    start: &[Option<Values>],
+) -> (Vec<LimbFit<'a>>, Vec<Shared>) {
+    let work: Vec<_> = data
+        .iter()
+        .zip(places)
+        .zip(start)
+        .map(|((d, p), s)| (d, p, s))
+        .collect();
+    let fits = side_by_side(&work, |(data, places, start)| {
+        let start = (*start).clone().or_else(|| how.start.clone());
+        LimbFit::of(
+            data,
+            places,
+            &How {
+                start,
+                ..how.clone()
+            },
+        )
+    });
+    let fits: Vec<LimbFit> = fits.into_iter().flatten().collect();
+    let shared: Vec<Place> = common(places)
+        .into_iter()
+        .filter(|p| !how.held.contains(p))
+        .collect();
+    if shared.is_empty() || fits.len() < data.len() {
+        return (fits, Vec::new());
+    }
+    let values: Vec<Shared> = shared
+        .iter()
+        .flat_map(|&place| combined(&fits, place))
+        .collect();
+    let work: Vec<_> = fits.iter().zip(&work).collect();
+    let again = side_by_side(&work, |(fit, (data, places, _))| {
+        let mut start = fit.values.clone();
+        for one in &values {
+            start.set((one.effect, BASE), one.parameter, one.value);
+        }
+        let how = How {
+            start: Some(start),
+            held: shared.iter().chain(&how.held).copied().collect(),
+            ..how.clone()
+        };
+        LimbFit::of(data, places, &how)
+    });
+    (again.into_iter().flatten().collect(), values)
+}
+
+/// Fits anew those limbs whose effects are not those of `before`, from the values of `start`; all, if what they share changes.
+pub(crate) fn refit<'a>(
+    data: &'a [LimbData<'a>],
+    places: &[Vec<Place>],
+    how: &How,
+    start: &[Values],
+    before: &[Arc<LimbFit<'a>>],
+    known: &[Shared],
+) -> Option<(Vec<Arc<LimbFit<'a>>>, Vec<Shared>)> {
+    let same = |n: usize| {
+        let own: Vec<Place> = before[n].values.places().collect();
+        own.len() == places[n].len() && own.iter().all(|place| places[n].contains(place))
+    };
+    let shared = common(places);
+    let known_shared = common(
+        &before
+            .iter()
+            .map(|fit| fit.values.places().collect())
+            .collect::<Vec<_>>(),
+    );
+    let starts: Vec<Option<Values>> = start.iter().cloned().map(Some).collect();
+    if shared != known_shared {
+        let (fits, values) = fit_from(data, places, how, &starts);
+        return (fits.len() == data.len())
+            .then(|| (fits.into_iter().map(Arc::new).collect(), values));
+    }
+    let how = How {
+        held: shared,
+        ..how.clone()
+    };
+    let limbs: Vec<usize> = (0..data.len()).collect();
+    let fits = side_by_side(&limbs, |&n| {
+        if same(n) {
+            return Some(before[n].clone());
+        }
+        let how = How {
+            start: Some(start[n].clone()),
+            ..how.clone()
+        };
+        LimbFit::of(&data[n], &places[n], &how).map(Arc::new)
+    });
+    Some((fits.into_iter().collect::<Option<_>>()?, known.to_vec()))
+}
+
+/// The effects of limbs that all joints share.
+fn common(places: &[Vec<Place>]) -> Vec<Place> {
+    let mut shared: Vec<Place> = Vec::new();
+    for place in places.iter().flatten().filter(|place| is_shared(place.1)) {
+        if !shared.contains(place) {
+            shared.push(*place);
+        }
+    }
+    shared
+}
+
+/// What the limbs say of an effect that they share: means weighted by their errors, and their errors.
+fn combined(fits: &[LimbFit], (effect, joint): Place) -> Vec<Shared> {
+    let of = |parameter: usize| {
+        let (mut weights, mut sum) = (0.0, 0.0);
+        for fit in fits {
+            let entries = fit.columns.of_effect(effect, joint);
+            let Some(&entry) = entries
+                .iter()
+                .find(|&&k| fit.columns.entries[k].parameter == parameter)
+            else {
+                continue;
+            };
+            let [independent, blocks] = Deviations::of(fit).of_parameter(entry);
+            let weight = independent.max(blocks).powi(-2);
+            weights += weight;
+            sum += weight * fit.value(entry);
+        }
+        Shared {
+            effect,
+            parameter,
+            value: sum / weights,
+            std: weights.powf(-0.5),
+        }
+    };
+    (0..effect.description().parameters.len()).map(of).collect()
+}

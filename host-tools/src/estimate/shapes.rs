@@ -1,0 +1,381 @@
+//! Shape parameters, in which a torque is far from linear: Stribeck's speed, cogging's frequency, saturation's limit, the width of
+//! a play.
+//!
+//! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
+//! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
+//! prediction. No shape sees the torque that it explains but as the right-hand side.
+
+use std::ops::Range;
+
+use proprio_core::effect::EffectKind;
+
+use super::fit::LimbFit;
+use super::limb_data::LimbData;
+use crate::equation::column::Columns;
+use crate::equation::dot::dot;
+use crate::equation::motion::States;
+use crate::equation::rows::Rows;
+use crate::equation::values::{Place, Values};
+
+/// Windows that a scan looks at, spread over the recording.
+const MOST_WINDOWS: usize = 1500;
+/// Multiples of the gear ratio that cogging is looked for at.
+const MULTIPLES: usize = 48;
+/// Limits that a saturation is looked for at, evenly up to the largest torque.
+const LIMITS: usize = 40;
+/// Speeds that a Stribeck effect is looked for at, each so many times the one before.
+const SPEEDS: usize = 12;
+const FASTER: f64 = 1.45;
+/// Gaps that a play is looked for at: the smallest (rad), each this much wider than the one before, and how many.
+const SMALLEST: f64 = 2e-3;
+const WIDER: f64 = 1.6;
+const GAPS: i32 = 8;
+/// Rounds of refinement, each a third as wide as the last.
+const ROUNDS: usize = 3;
+/// A shape that differs by less than this share is the same.
+const SAME: f64 = 1e-3;
+/// Fewer windows tell no shape.
+const LEAST_WINDOWS: usize = 50;
+
+/// What friction, a rotor and a constant torque explain anyhow.
+const BASIS: [EffectKind; 4] = [
+    EffectKind::Viscous,
+    EffectKind::Coulomb,
+    EffectKind::Armature,
+    EffectKind::Bias,
+];
+
+/// A fit's values with better shapes; `None` if they are as good as they get.
+pub(crate) fn better(
+    fit: &LimbFit,
+    rows: &Rows,
+    searched: &dyn Fn(&Place) -> bool,
+) -> Option<Values> {
+    let shaped = fit
+        .places
+        .iter()
+        .copied()
+        .filter(|place| has_shape(place.0));
+    let places: Vec<Place> = shaped.filter(searched).collect();
+    if places.is_empty() {
+        return None;
+    }
+    let scan = Scan::new(fit.data, &fit.columns, &fit.values, &|w, j| {
+        fit.data.torque[w * fit.data.joints() + j]
+            - dot(
+                &fit.columns.combined(fit.solution.theta.as_slice())[j],
+                rows.row(w, j),
+            )
+    });
+    let (mut values, mut moved) = (fit.values.clone(), false);
+    for place in places {
+        let Some(best) = scan.best(place, &|_| true) else {
+            continue;
+        };
+        let n = shape_parameter(place.0);
+        let before = fit.at.get(place, n);
+        if (best - before).abs() > SAME * before.abs() {
+            values.set(place, n, best);
+            moved = true;
+        }
+    }
+    moved.then_some(values)
+}
+
+/// Whether one of an effect's parameters is scanned.
+pub(crate) fn has_shape(effect: EffectKind) -> bool {
+    effect == EffectKind::Backlash || effect.description().shape().is_some()
+}
+
+/// Which of its parameters.
+pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
+    effect.description().shape().unwrap_or(0)
+}
+
+/// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
+pub(crate) fn tried(effect: EffectKind) -> f64 {
+    match effect {
+        EffectKind::Cogging => MULTIPLES as f64,
+        // Neighbouring speeds, limits and gaps look much the same.
+        _ if has_shape(effect) => 4.0,
+        _ => 1.0,
+    }
+}
+
+/// The residuals of a limb's model, ready to be searched for shapes.
+pub(crate) struct Scan<'a> {
+    data: &'a LimbData<'a>,
+    values: &'a Values,
+    states: States,
+    /// Of each joint the windows that count, and what the model leaves in them, N m.
+    windows: Vec<Vec<usize>>,
+    residuals: Vec<Vec<f64>>,
+}
+
+impl<'a> Scan<'a> {
+    pub(crate) fn new(
+        data: &'a LimbData<'a>,
+        columns: &Columns,
+        values: &'a Values,
+        residual: &dyn Fn(usize, usize) -> f64,
+    ) -> Self {
+        let windows: Vec<Vec<usize>> = (0..data.joints())
+            .map(|j| {
+                let all: Vec<usize> = (0..data.motion.windows.len())
+                    .filter(|&w| data.counts(w, j))
+                    .collect();
+                let stride = (all.len() / MOST_WINDOWS).max(1);
+                all.into_iter().step_by(stride).collect()
+            })
+            .collect();
+        let residuals = windows.iter().enumerate();
+        let residuals = residuals
+            .map(|(j, windows)| windows.iter().map(|&w| residual(w, j)).collect())
+            .collect();
+        Self {
+            states: data.motion.states(&data.body, values, columns, 0.0),
+            data,
+            values,
+            windows,
+            residuals,
+        }
+    }
+
+    /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
+    pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
+        let (effect, joint) = place;
+        let windows = &self.windows[joint];
+        let kept: Vec<usize> = (0..windows.len())
+            .filter(|&i| chosen(self.data.fold(windows[i])))
+            .collect();
+        if kept.len() < LEAST_WINDOWS {
+            return None;
+        }
+        let windows: Vec<usize> = kept.iter().map(|&i| windows[i]).collect();
+        let mut residual: Vec<f64> = kept.iter().map(|&i| self.residuals[joint][i]).collect();
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for effect in BASIS {
+            for column in self.columns(&windows, (effect, joint), 1.0) {
+                basis.extend(orthonormal(column, &basis));
+            }
+        }
+        if effect == EffectKind::Backlash {
+            return self.best_gap(joint, &windows, &residual, &basis);
+        }
+        if self.values.has(place) {
+            // What the effect explains with its present shape is for the new shape to explain.
+            let columns = self.columns(&windows, place, self.values.shape(place));
+            for (column, n) in columns.into_iter().zip(linear_parameters(effect)) {
+                let value = self.values.get(place, n);
+                residual
+                    .iter_mut()
+                    .zip(column)
+                    .for_each(|(r, x)| *r += value * x);
+            }
+        }
+        let fall = |shape: f64| explained(self.columns(&windows, place, shape), &basis, &residual);
+        let grid = self.grid(place);
+        let falls: Vec<f64> = match effect {
+            EffectKind::Cogging => (self.harmonics(&windows, joint).into_iter())
+                .map(|columns| explained(columns, &basis, &residual))
+                .collect(),
+            _ => grid.iter().map(|&shape| fall(shape)).collect(),
+        };
+        let parameter = &effect.description().parameters[shape_parameter(effect)];
+        Some(refined(&grid, &falls, &fall).clamp(parameter.lower, parameter.upper))
+    }
+
+    /// The gap of a joint's play under which least is left.
+    fn best_gap(
+        &self,
+        joint: usize,
+        windows: &[usize],
+        residual: &[f64],
+        basis: &[Vec<f64>],
+    ) -> Option<f64> {
+        let place = (EffectKind::Backlash, joint);
+        let n = self.data.joints();
+        let now = self.data.predicted(self.values, &|_| true);
+        let fall = |gap: f64| {
+            let mut values = self.values.clone();
+            values.insert(place);
+            values.set(place, 0, gap);
+            let there = self.data.predicted(&values, &|_| true);
+            let moved = windows
+                .iter()
+                .map(|w| there[w * n + joint] - now[w * n + joint]);
+            let mut left: Vec<f64> = residual.iter().zip(moved).map(|(r, by)| r - by).collect();
+            for b in basis {
+                let share = dot(b, &left);
+                left.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+            }
+            -dot(&left, &left)
+        };
+        let now_known = self.values.get(place, 0);
+        if now_known > 0.5 * SMALLEST {
+            // Found before: another gap is looked for nearby.
+            let grid = [
+                now_known / WIDER.sqrt(),
+                now_known,
+                now_known * WIDER.sqrt(),
+            ];
+            return Some(refined(&grid, &grid.map(fall), &fall));
+        }
+        let grid: Vec<f64> = (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
+        let falls: Vec<f64> = grid.iter().map(|&gap| fall(gap)).collect();
+        Some(refined(&grid, &falls, &fall))
+    }
+
+    /// The shapes to try, within what is physical.
+    fn grid(&self, place: Place) -> Vec<f64> {
+        let parameter = &place.0.description().parameters[shape_parameter(place.0)];
+        let all = self.tried_shapes(place).into_iter();
+        all.map(|shape| shape.clamp(parameter.lower, parameter.upper))
+            .collect()
+    }
+
+    fn tried_shapes(&self, (effect, joint): Place) -> Vec<f64> {
+        let trajectory = &self.data.motion.joint[joint];
+        match effect {
+            EffectKind::Cogging => (1..=MULTIPLES)
+                .map(|k| k as f64 * self.gear(joint))
+                .collect(),
+            EffectKind::Saturation => {
+                let n = self.data.joints();
+                let torques = self.states.states.iter().skip(joint).step_by(n);
+                let most = torques.fold(0.0f64, |most, state| most.max(state.tau.abs()));
+                (LIMITS / 4..LIMITS)
+                    .map(|k| most * k as f64 / LIMITS as f64)
+                    .collect()
+            }
+            _ => (0..SPEEDS as i32)
+                .map(|k| trajectory.speed_noise * FASTER.powi(k))
+                .collect(),
+        }
+    }
+
+    /// A joint's gear ratio; one where the motor is not known.
+    fn gear(&self, joint: usize) -> f64 {
+        let body = &self.data.model.robot().bodies()[self.data.limb.bodies.start + joint];
+        body.motor.map_or(1.0, |motor| motor.gear)
+    }
+
+    /// The columns of an effect over windows, as rows have them.
+    fn columns(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Vec<Vec<f64>> {
+        let n = self.data.joints();
+        let mut columns = vec![Vec::new(); effect.columns()];
+        for &w in windows {
+            let window = &self.data.motion.windows[w];
+            let [first, last] = window.samples;
+            let term = |k: usize| effect.terms(&self.states.states[k * n + joint], shape);
+            let (start, end) = (term(first), term(last));
+            let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
+            for k in first..=last {
+                let weight = self.weight(first..last, k);
+                let terms = if k == first {
+                    start
+                } else if k == last {
+                    end
+                } else {
+                    term(k)
+                };
+                sums.iter_mut()
+                    .zip(terms)
+                    .for_each(|(sum, term)| *sum += weight * term.rate);
+            }
+            for (column, sum) in columns.iter_mut().zip(sums) {
+                column.push(sum / window.length);
+            }
+        }
+        columns
+    }
+
+    /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
+    /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
+    fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vec<Vec<f64>>> {
+        let (n, gear) = (self.data.joints(), self.gear(joint));
+        let mut columns = vec![vec![Vec::new(); 2]; MULTIPLES];
+        for &w in windows {
+            let window = &self.data.motion.windows[w];
+            let [first, last] = window.samples;
+            let mut sums = [[0.0; 2]; MULTIPLES];
+            for k in first..=last {
+                let state = &self.states.states[k * n + joint];
+                let [sin, cos] = EffectKind::Cogging.terms(state, gear).map(|term| term.rate);
+                let weight = self.weight(first..last, k);
+                let (mut s, mut c) = (weight * sin, weight * cos);
+                for sum in &mut sums {
+                    sum[0] += s;
+                    sum[1] += c;
+                    (s, c) = (s * cos + c * sin, c * cos - s * sin);
+                }
+            }
+            for (columns, sums) in columns.iter_mut().zip(sums) {
+                columns[0].push(sums[0] / window.length);
+                columns[1].push(sums[1] / window.length);
+            }
+        }
+        columns
+    }
+
+    /// The time that sample k stands for in the integral over a window (trapezoidal rule), s.
+    fn weight(&self, samples: Range<usize>, k: usize) -> f64 {
+        let time = &self.data.motion.time;
+        0.5 * (time[(k + 1).min(samples.end)] - time[k.saturating_sub(1).max(samples.start)])
+    }
+}
+
+/// The parameters that are no shape, in the order of their columns.
+fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
+    let parameters = effect.description().parameters;
+    (0..parameters.len()).filter(|&n| !parameters[n].shape)
+}
+
+/// The shape with the largest fall, between the neighbours of the best of a grid.
+fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
+    let best = (0..grid.len())
+        .max_by(|&a, &b| falls[a].total_cmp(&falls[b]))
+        .unwrap_or(0);
+    let (mut shape, mut most) = (grid[best], falls[best]);
+    let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
+    let mut step = 0.5 * (neighbour - shape).abs();
+    for _ in 0..ROUNDS {
+        for other in [shape - step, shape + step] {
+            let fall = fall(other);
+            if other > 0.0 && fall > most {
+                (shape, most) = (other, fall);
+            }
+        }
+        step /= 3.0;
+    }
+    shape
+}
+
+/// How much the residual's sum of squares falls with columns beside a basis.
+fn explained(columns: Vec<Vec<f64>>, basis: &[Vec<f64>], residual: &[f64]) -> f64 {
+    let mut own: Vec<Vec<f64>> = Vec::new();
+    let mut fall = 0.0;
+    for column in columns {
+        let rest = orthonormal(column, basis).and_then(|column| orthonormal(column, &own));
+        if let Some(direction) = rest {
+            fall += dot(&direction, residual).powi(2);
+            own.push(direction);
+        }
+    }
+    fall
+}
+
+/// What of `x` is not in the span of `basis`, to unit length; `None` if nothing is.
+fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
+    let size = dot(&x, &x).sqrt();
+    for b in basis {
+        let share = dot(b, &x);
+        x.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+    }
+    let length = dot(&x, &x).sqrt();
+    if length.is_nan() || length <= 1e-6 * size {
+        return None;
+    }
+    x.iter_mut().for_each(|x| *x /= length);
+    Some(x)
+}

@@ -1,0 +1,82 @@
+//! What a triangle of rows tells of each parameter, beside what was known before and what any motion could tell.
+
+use nalgebra::DMatrix;
+use proprio_core::inertia::INERTIAL;
+
+use super::ExciteError;
+use super::cost::{spectrum, triangle};
+use super::settings::Earlier;
+use super::setup::Knowledge;
+use super::space::{Space, by_kind};
+use crate::model::{self, Model};
+
+/// One parameter's standard deviations, in its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Told {
+    /// `m:FR_calf`, `coulomb:FR_hip`.
+    pub parameter: String,
+    /// Before any data.
+    pub prior_std: f64,
+    /// After the logs.
+    pub std: f64,
+    /// After the best and longest of motions: what it shares with others in every motion stays unknown.
+    pub best_std: f64,
+}
+
+/// What logs tell of a limb.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LimbTold {
+    /// Parameter by parameter: ten per body, then each joint's default effects.
+    pub parameters: Vec<Told>,
+    /// Condition number of the identifiable inertias, scaled as a design's is.
+    pub condition_number: f64,
+}
+
+/// What `earlier` tells of `limb`.
+///
+/// # Errors
+/// [`ExciteError`] for a limb that is too large or whose bodies are not physical.
+pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<LimbTold, ExciteError> {
+    let Knowledge {
+        body,
+        theta,
+        columns,
+        root,
+        names,
+    } = Knowledge::of(model, limb)?;
+    let p = root.ncols();
+    let rows = &earlier.triangle * &root;
+    let after = triangle(&rows, Some(&DMatrix::identity(p, p)));
+    // Rows of root · after⁻¹, whose lengths are the standard deviations.
+    let spread = after
+        .tr_solve_upper_triangular(&root.transpose())
+        .map_or_else(|| root.clone(), |x| x.transpose());
+    let whole = Space::new(body.as_ref(), &theta, &columns, &root);
+    let parameters = names
+        .into_iter()
+        .enumerate()
+        .map(|(n, parameter)| {
+            let prior_std = root.row(n).norm();
+            let open = prior_std * prior_std - whole.scale.row(n).norm_squared();
+            Told {
+                parameter,
+                prior_std,
+                std: spread.row(n).norm(),
+                best_std: open.max(0.0).sqrt(),
+            }
+        })
+        .collect();
+    let bodies = limb.bodies.len();
+    let inertial = INERTIAL * bodies;
+    let kind = by_kind(
+        &root.view((0, 0), (inertial, inertial)).into_owned(),
+        bodies,
+    );
+    let space = Space::new(body.as_ref(), &theta, &[], &kind);
+    let unweighted = earlier.triangle.columns(0, inertial) * &space.scale;
+    let values = spectrum(&triangle(&unweighted, None)).map(|(values, _)| values);
+    Ok(LimbTold {
+        parameters,
+        condition_number: values.map_or(f64::INFINITY, |v| v.max() / v.min()),
+    })
+}

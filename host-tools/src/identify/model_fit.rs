@@ -1,0 +1,266 @@
+//! What `proprio identify --model` does: the effects that a model file names, fitted to logs.
+
+mod result;
+mod words;
+
+use proprio_core::effect::EffectKind;
+use proprio_core::inertia::UNITS;
+
+use super::runs::{self, Run};
+use crate::equation::motion::is_shared;
+use crate::equation::values::{Place, Values, places};
+use crate::equation::velocity::VelocityGain;
+use crate::estimate::deviation::Deviations;
+use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::limb_data::LimbData;
+use crate::estimate::robot;
+use crate::estimate::shapes::has_shape;
+use crate::estimate::stages::{self, Stage, StageParameter};
+use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
+use crate::model::Model;
+use crate::recording::{Recording, RecordingError};
+pub use result::{Fitted, FittedJoint, FittedParameter, Where};
+
+/// Residuals of a file whose numbers have twelve digits differ by less, as a share of the torque.
+const ROUNDING: f64 = 1e-9;
+
+/// How a model is fitted.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FitOptions {
+    /// Whether values may be unphysical.
+    pub constraint: Constraint,
+    /// By which equation.
+    pub method: Method,
+    /// Friction first, then inertia: see [`Stage`].
+    pub stages: bool,
+}
+
+/// Fits `model`, whose values are not looked at but whose priors are, to a recording.
+///
+/// # Errors
+/// [`RecordingError::TooShort`] if no limb has enough samples, [`RecordingError::AtRest`] if no joint moves.
+pub fn fit_model(
+    recording: &Recording,
+    model: &Model,
+    options: FitOptions,
+) -> Result<Fitted, RecordingError> {
+    let data = robot::data(recording, model);
+    if data.is_empty() {
+        return Err(RecordingError::TooShort {
+            duration: recording.duration,
+        });
+    }
+    if data
+        .iter()
+        .all(|limb| limb.windows().iter().all(|n| *n == 0.0))
+    {
+        return Err(RecordingError::at_rest(recording));
+    }
+    let how = How {
+        constraint: options.constraint,
+        method: options.method,
+        ..How::default()
+    };
+    let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
+    let (mut fits, shared) = robot::fit(&data, &places, &how);
+    if fits.is_empty() {
+        return Err(RecordingError::TooShort {
+            duration: recording.duration,
+        });
+    }
+    let stages = if options.stages {
+        go_through_stages(&mut fits)
+    } else {
+        Vec::new()
+    };
+    Ok(Fitted::new(recording, model, &fits, &shared, stages))
+}
+
+/// A model file that predicts otherwise than the fit that it was written from.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the model as written leaves {written:.6} N m on these logs where the fit left {fitted:.6}: a fault of proprio"
+)]
+pub struct NotReproduced {
+    written: f64,
+    fitted: f64,
+}
+
+/// Whether a model file, read back, leaves of a recording what the fit has left.
+///
+/// # Errors
+/// [`NotReproduced`] if the root mean squares of their residuals differ by more than what rounding in the file makes of them.
+pub fn check_reproduced(
+    recording: &Recording,
+    written: &Model,
+    fitted: &Fitted,
+) -> Result<(), NotReproduced> {
+    let data = robot::data(recording, written);
+    let (mut sum, mut windows) = (0.0, 0.0);
+    for limb in &data {
+        let given = Values::given(written, limb.limb);
+        sum += limb.squares(&limb.predicted(&given, &|_| true)).total();
+        windows += limb.windows().iter().sum::<f64>();
+    }
+    let rms = (sum / f64::max(windows, 1.0)).sqrt();
+    let rounding = ROUNDING * (1.0 + fitted.cad_rms);
+    match (rms - fitted.rms).abs() <= rounding {
+        true => Ok(()),
+        false => Err(NotReproduced {
+            written: rms,
+            fitted: fitted.rms,
+        }),
+    }
+}
+
+/// Fits `model` to each log on its own and to all together, and compares the runs.
+///
+/// # Errors
+/// As [`fit_model`]'s, and as [`Recording::read`]'s.
+pub fn fit_runs(
+    recording: &Recording,
+    model: &Model,
+    options: FitOptions,
+) -> Result<Fitted, RecordingError> {
+    let mut all = fit_model(recording, model, options)?;
+    if recording.logs.len() < 2 {
+        return Ok(all);
+    }
+    let (mut runs, mut fits) = (Vec::new(), Vec::new());
+    for log in &recording.logs {
+        let own = Recording::read(std::slice::from_ref(log), model, |_, _| {})?;
+        let fitted = fit_model(&own, model, options)?;
+        runs.push(Run::of(&own, &fitted));
+        fits.push(fitted);
+    }
+    all.consistency = runs::compare(&fits);
+    for disagreement in all.consistency.iter().filter(|c| !c.consistent) {
+        runs[disagreement.differs].disagreements += 1;
+    }
+    all.runs = runs;
+    Ok(all)
+}
+
+/// The steps of all limbs, parameter by parameter.
+fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
+    let mut parameters: [Vec<StageParameter>; 3] = Default::default();
+    let mut sums = [[0.0; 2]; 3];
+    for fit in fits {
+        let Some(stages) = fit.go_through_stages() else {
+            continue;
+        };
+        for (n, solution) in stages.iter().enumerate() {
+            let squares = fit.group_squares(&solution.theta, |_| true);
+            sums[n][0] += squares.iter().sum::<f64>();
+            sums[n][1] += fit.all.iter().map(|rows| rows.count).sum::<f64>();
+            for (k, entry) in fit.columns.entries.iter().enumerate() {
+                if entry.effect.is_some() == (n == 0) {
+                    parameters[n].push(StageParameter {
+                        name: fit.data.name(entry),
+                        value: fit
+                            .data
+                            .value(&fit.at, &fit.columns, k, solution.theta.as_slice()),
+                    });
+                }
+            }
+        }
+    }
+    let all = stages::NAMES.into_iter().zip(parameters).zip(sums);
+    all.map(|((name, parameters), [square, rows])| Stage {
+        name,
+        rms: (square / f64::max(rows, 1.0)).sqrt(),
+        parameters,
+    })
+    .collect()
+}
+
+/// The effects that a model has at a limb and that a fit gives values to.
+pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
+    let all = places(data.model, data.limb).map(|(place, _)| place);
+    all.filter(|place| data.can_tell(place.0)).collect()
+}
+
+/// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
+pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
+    let deviations = Deviations::of(fit);
+    let prior = fit.problem.without_data().solve();
+    let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
+    let there = fit.problem.prior_root(&fit.solution.theta);
+    let entries = fit.columns.entries.iter().enumerate();
+    let mut all: Vec<FittedParameter> = entries
+        .filter(|(_, entry)| !is_shared(entry.joint))
+        .map(|(k, entry)| {
+            let [independent, blocks] = deviations.of_parameter(k);
+            let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k]);
+            let std = independent.max(blocks);
+            let body = fit.data.body_of(entry.joint);
+            FittedParameter {
+                estimate: ParameterEstimate {
+                    name: fit.data.name(entry),
+                    unit: entry.effect.map_or(UNITS[entry.parameter], |effect| {
+                        effect.description().parameters[entry.parameter].unit
+                    }),
+                    value: fit.value(k),
+                    std,
+                    prior: fit.prior_mean(k),
+                    prior_std,
+                    status: Status::there(std, prior_std, independent, there.row(k).norm()),
+                    at_bound: fit.solution.held[k],
+                },
+                std_independent: independent,
+                place: entry
+                    .effect
+                    .map_or(Where::Body(body, entry.parameter), |effect| {
+                        Where::Effect(effect, body, entry.parameter)
+                    }),
+            }
+        })
+        .collect();
+    all.extend(shapes(fit));
+    all.extend(velocity_gains(fit));
+    all
+}
+
+/// The shapes that were scanned.
+fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
+    let shaped = fit
+        .values
+        .places()
+        .filter(|place| has_shape(place.0) && !is_shared(place.1));
+    let of = |place: Place| {
+        let n = place.0.description().shape()?;
+        let (mean, std) = fit.data.prior(place, n);
+        let body = fit.data.body_of(place.1);
+        let mut shape = FittedParameter::of_effect(
+            fit.data.model,
+            (place.0, body, n),
+            (fit.values.get(place, n), std),
+            proprio_core::effect::Prior { mean, std },
+        );
+        shape.estimate.status = Status::Prior;
+        shape.place = Where::Shape(place.0, body, n);
+        Some(shape)
+    };
+    shaped.filter_map(of).collect()
+}
+
+/// The velocity gains, which positions tell.
+fn velocity_gains(fit: &LimbFit) -> Vec<FittedParameter> {
+    let data = fit.data;
+    let of = |(place, _): (Place, _)| {
+        if place.0 != EffectKind::VelocityGain {
+            return None;
+        }
+        let body = data.body_of(place.1);
+        let prior = data.model.effect_prior(place.0, body).prior;
+        let gain = VelocityGain::of(data.recording, place.1, &data.blocks);
+        let told = gain.map_or((prior.mean, prior.std), |gain| (gain.value, gain.std));
+        Some(FittedParameter::of_effect(
+            data.model,
+            (place.0, body, 0),
+            told,
+            prior,
+        ))
+    };
+    places(data.model, data.limb).filter_map(of).collect()
+}

@@ -1,0 +1,290 @@
+//! What a fit of a model says, for machines, for humans and for the model file.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use nalgebra::SVector;
+use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::inertia::{INERTIAL, InertialParameters};
+use serde::Serialize;
+
+use super::{parameters, words};
+use crate::estimate::fit::LimbFit;
+use crate::estimate::robot::Shared;
+use crate::estimate::stages::Stage;
+use crate::estimate::{LEGEND, ParameterEstimate, Status};
+use crate::identifiability::{BaseParameter, Identifiability, NullDirection};
+use crate::identify::NotAModel;
+use crate::identify::runs::{Consistency, Run};
+use crate::model::{BASE, Model, Provenance};
+use crate::recording::Recording;
+use crate::table::Table;
+
+/// A model's parameters with what is known of their errors.
+#[derive(Debug, Clone, Serialize)]
+pub struct Fitted {
+    /// Every parameter of every limb in the logs.
+    pub parameters: Vec<FittedParameter>,
+    /// How well each joint's torque is explained.
+    pub joints: Vec<FittedJoint>,
+    /// Root mean square of the fit's residuals over all joints: mean torque over a window, N m.
+    pub rms: f64,
+    /// The same under the CAD's rigid body without any effect, N m.
+    pub cad_rms: f64,
+    /// The same on contiguous stretches of time that the fit has not seen, N m.
+    pub held_out_rms: Option<f64>,
+    /// What motion can tell, and what these data say of it.
+    pub base_parameters: Vec<BaseParameter>,
+    /// What these data do not tell.
+    pub null_directions: Vec<NullDirection>,
+    /// The steps, where the fit went by steps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
+    /// Each log on its own, where there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub runs: Vec<Run>,
+    /// Where the runs agree and where not, the worst first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub consistency: Vec<Consistency>,
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+}
+
+/// A parameter and where it belongs in the model.
+#[derive(Debug, Clone, Serialize)]
+pub struct FittedParameter {
+    /// Value, standard deviation (the larger of the two ways), prior, status.
+    #[serde(flatten)]
+    pub estimate: ParameterEstimate,
+    /// Standard deviation if residuals were independent.
+    pub std_independent: f64,
+    /// Where the model holds it.
+    #[serde(skip)]
+    pub place: Where,
+}
+
+impl FittedParameter {
+    /// What is told of parameter `n` of an effect without a column: value and standard deviation.
+    pub(super) fn of_effect(
+        model: &Model,
+        (effect, joint, n): (EffectKind, usize, usize),
+        (value, std): (f64, f64),
+        prior: Prior,
+    ) -> Self {
+        Self {
+            estimate: ParameterEstimate {
+                name: crate::parameter::of_effect(effect, n, model.joint_name(joint)),
+                unit: effect.description().parameters[n].unit,
+                value,
+                std,
+                prior: prior.mean,
+                prior_std: prior.std,
+                status: Status::of(std, prior.std),
+                at_bound: false,
+            },
+            std_independent: std,
+            place: Where::Effect(effect, joint, n),
+        }
+    }
+}
+
+/// Where a model holds a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Where {
+    /// Parameter of a body.
+    Body(usize, usize),
+    /// Parameter of an effect at a joint.
+    Effect(EffectKind, usize, usize),
+    /// The same, in which the torque is not linear: scanned, without a standard deviation.
+    Shape(EffectKind, usize, usize),
+}
+
+/// How well a joint's torque is explained; N m, mean torque over a window. By energy: a limb's power, W.
+#[derive(Debug, Clone, Serialize)]
+pub struct FittedJoint {
+    /// Which joint; by energy, which limb.
+    pub joint: String,
+    /// Windows in which it moves.
+    pub windows: u64,
+    /// Root mean square of the fit's residuals.
+    pub rms: f64,
+    /// The same on stretches of time that the fit has not seen.
+    pub held_out_rms: Option<f64>,
+    /// The same under the CAD's rigid body without any effect.
+    pub cad_rms: f64,
+}
+
+impl Fitted {
+    pub(super) fn new(
+        recording: &Recording,
+        model: &Model,
+        fits: &[LimbFit],
+        shared: &[Shared],
+        stages: Vec<Stage>,
+    ) -> Self {
+        let (mut parameters_of_all, mut joints) = (Vec::new(), Vec::new());
+        let mut identifiability = Identifiability::default();
+        for fit in fits {
+            identifiability.extend(Identifiability::of(fit));
+            parameters_of_all.extend(parameters(fit));
+            joints.extend(joint_fits(fit));
+        }
+        parameters_of_all.extend(shared.iter().map(|one| of_shared(model, one)));
+        let windows: f64 = joints.iter().map(|j| j.windows as f64).sum();
+        let rms = |of: &dyn Fn(&FittedJoint) -> f64| {
+            let squares = joints.iter().map(|j| of(j).powi(2) * j.windows as f64);
+            (squares.sum::<f64>() / windows.max(1.0)).sqrt()
+        };
+        let held_out = joints
+            .iter()
+            .all(|j| j.held_out_rms.is_some() || j.windows == 0);
+        Self {
+            rms: rms(&|j| j.rms),
+            cad_rms: rms(&|j| j.cad_rms),
+            held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
+            parameters: parameters_of_all,
+            joints,
+            base_parameters: identifiability.base_parameters,
+            null_directions: identifiability.null_directions,
+            stages,
+            runs: Vec::new(),
+            consistency: Vec::new(),
+            logs: recording.logs.clone(),
+            warnings: recording.warnings.clone(),
+        }
+    }
+
+    /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        self.parameters
+            .iter()
+            .map(|p| &p.estimate)
+            .find(|p| p.name == name)
+    }
+
+    /// `model` with these values and `provenance`.
+    ///
+    /// # Errors
+    /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
+    pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
+        let mut to = model.clone();
+        let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
+        for FittedParameter {
+            estimate, place, ..
+        } in &self.parameters
+        {
+            let fault = |joint: usize| {
+                let of = model.joint_name(joint).to_owned();
+                move |fault| NotAModel { of, fault }
+            };
+            match *place {
+                Where::Body(body, n) => bodies[body][n] = Some((estimate.value, estimate.std)),
+                Where::Effect(effect, joint, n) => to
+                    .set_parameter(effect, joint, n, estimate.value, Some(estimate.std))
+                    .map_err(fault(joint))?,
+                Where::Shape(effect, joint, n) => {
+                    to.set_parameter(effect, joint, n, estimate.value, None)
+                        .map_err(fault(joint))?;
+                }
+            }
+        }
+        for (body, numbers) in bodies.iter().enumerate() {
+            if numbers.iter().all(Option::is_some) {
+                let (value, std) = (
+                    numbers.map(|n| n.map_or(0.0, |(value, _)| value)),
+                    numbers.map(|n| n.map_or(0.0, |(_, std)| std)),
+                );
+                to.set_body(body, &InertialParameters(SVector::from(value)), Some(&std))
+                    .map_err(|fault| NotAModel {
+                        of: model.joint_name(body).to_owned(),
+                        fault,
+                    })?;
+            }
+        }
+        to.set_provenance(provenance);
+        Ok(to)
+    }
+}
+
+/// How well a limb's joints are explained; by energy, the limb.
+fn joint_fits(fit: &LimbFit) -> Vec<FittedJoint> {
+    let (own, cad, held_out) = (fit.squares(), fit.cad_squares(), fit.held_out_squares());
+    let names = match own.len() == fit.data.joints() {
+        true => fit.data.joint_names(),
+        false => vec![fit.data.limb.name.clone()],
+    };
+    let of = |(g, joint): (usize, String)| {
+        let windows = fit.all[g].count;
+        let rms = |square: f64| (square / windows.max(1.0)).sqrt();
+        FittedJoint {
+            joint,
+            windows: windows as u64,
+            rms: rms(own[g]),
+            held_out_rms: held_out
+                .as_ref()
+                .filter(|_| windows > 0.0)
+                .map(|squares| rms(squares[g])),
+            cad_rms: rms(cad[g]),
+        }
+    };
+    names.into_iter().enumerate().map(of).collect()
+}
+
+/// A value that all limbs share.
+fn of_shared(model: &Model, one: &Shared) -> FittedParameter {
+    let known = model.robot().parameter_prior(one.effect, 0, one.parameter);
+    FittedParameter::of_effect(
+        model,
+        (one.effect, BASE, one.parameter),
+        (one.value, one.std),
+        known,
+    )
+}
+
+/// The effects of every joint with their errors, and how much of the torque they explain.
+impl fmt::Display for Fitted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        table.row(["parameter", "unit", "value", "prior"].map(str::to_owned));
+        for FittedParameter { estimate, .. } in &self.parameters {
+            if !estimate.is_inertial() {
+                let prior = crate::table::with_std(estimate.prior, estimate.prior_std);
+                table.row([
+                    estimate.name.clone(),
+                    estimate.unit.to_owned(),
+                    estimate.cell(),
+                    prior,
+                ]);
+            }
+        }
+        writeln!(f, "{table}")?;
+        let rms =
+            |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+        let mut table = Table::default();
+        table.row(["joint", "rms", "held-out", "CAD's"].map(str::to_owned));
+        for joint in &self.joints {
+            let known = |rms| (joint.windows > 0).then_some(rms);
+            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)].map(rms);
+            table.row([joint.joint.clone()].into_iter().chain(errors));
+        }
+        let errors = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
+        table.row(["all".to_owned()].into_iter().chain(errors));
+        write!(f, "{table}")?;
+        let inertial = || self.parameters.iter().filter(|p| p.estimate.is_inertial());
+        let identified = inertial()
+            .filter(|p| p.estimate.status == Status::Identified)
+            .count();
+        writeln!(
+            f,
+            "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give;\n{}\n\
+             rms of the mean torque over windows, N m: of the fit, on stretches of time it has not seen, and of the CAD's \
+             rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
+            LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
+            inertial().count(),
+        )?;
+        words::stages(f, &self.stages)?;
+        words::runs(f, &self.runs, &self.consistency)
+    }
+}

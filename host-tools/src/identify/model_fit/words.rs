@@ -1,0 +1,152 @@
+//! Stages, runs and identifiability for humans.
+
+use std::fmt::{self, Write};
+
+use super::result::Fitted;
+use crate::estimate::stages::Stage;
+use crate::identify::runs::{Consistency, Run};
+use crate::table::{Table, with_std};
+
+/// Most disagreements that are listed.
+const MOST_LISTED: usize = 12;
+
+pub(super) fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
+    if stages.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<&str> = stages.iter().map(|stage| stage.name).collect();
+    let errors: Vec<String> = stages
+        .iter()
+        .map(|stage| format!("{:.4}", stage.rms))
+        .collect();
+    writeln!(
+        f,
+        "By stages ({}): rms {} N m.",
+        names.join(", then "),
+        errors.join(", ")
+    )
+}
+
+pub(super) fn runs(
+    f: &mut fmt::Formatter<'_>,
+    runs: &[Run],
+    consistency: &[Consistency],
+) -> fmt::Result {
+    if runs.is_empty() {
+        return Ok(());
+    }
+    let mut table = Table::default();
+    table.row(
+        [
+            "run",
+            "rms",
+            "held-out",
+            "°C",
+            "speed",
+            "torque",
+            "disagrees on",
+        ]
+        .map(str::to_owned),
+    );
+    table.row(["", "N m", "N m", "mean", "rad/s", "N m", ""].map(str::to_owned));
+    let some =
+        |x: Option<f64>, decimals: usize| x.map_or("–".to_owned(), |x| format!("{x:.decimals$}"));
+    for run in runs {
+        table.row([
+            name(run),
+            format!("{:.4}", run.rms),
+            some(run.held_out_rms, 4),
+            some(run.temperature, 0),
+            format!("{:.2}", run.speed),
+            format!("{:.2}", run.torque),
+            run.disagreements.to_string(),
+        ]);
+    }
+    write!(f, "\n{table}")?;
+    let beyond: Vec<&Consistency> = consistency.iter().filter(|c| !c.consistent).collect();
+    if beyond.is_empty() {
+        return writeln!(
+            f,
+            "The runs agree on all {} parameters that two or more of them identify.",
+            consistency.len()
+        );
+    }
+    writeln!(
+        f,
+        "The runs disagree beyond chance on {} of {} parameters that two or more of them identify; the worst, by standard \
+         deviations of the difference:",
+        beyond.len(),
+        consistency.len(),
+    )?;
+    let mut table = Table::default();
+    for c in beyond.iter().take(MOST_LISTED) {
+        let values: Vec<String> = c
+            .runs
+            .iter()
+            .map(|run| with_std(run.value, run.std))
+            .collect();
+        let differs = runs.get(c.differs).map_or_else(String::new, name);
+        table.row([
+            c.parameter.clone(),
+            format!("{:.1}", c.sigma),
+            differs,
+            values.join(" | "),
+            c.unit.to_owned(),
+        ]);
+    }
+    write!(f, "{table}")
+}
+
+fn name(run: &Run) -> String {
+    run.log
+        .file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+impl Fitted {
+    /// What motion can tell and what these logs do not, for humans.
+    pub fn identifiability(&self) -> String {
+        let mut text = String::new();
+        let mut table = Table::default();
+        table.row(["base parameter", "value", "unit", "status"].map(str::to_owned));
+        for base in &self.base_parameters {
+            let status = format!("{:?}", base.status).to_lowercase();
+            table.row([
+                base.expression(),
+                with_std(base.value, base.std),
+                base.unit.to_owned(),
+                status,
+            ]);
+        }
+        // Writing into a String cannot fail.
+        let _ = write!(
+            text,
+            "\nWhat motion can tell, and what these logs say of it:\n{table}"
+        );
+        for (structural, heading) in [
+            (true, "No motion on this base can tell:"),
+            (false, "These logs do not tell:"),
+        ] {
+            let directions = self
+                .null_directions
+                .iter()
+                .filter(|d| d.structural == structural);
+            let (alone, together): (Vec<_>, Vec<_>) = directions.partition(|d| d.terms.len() == 1);
+            if alone.is_empty() && together.is_empty() {
+                continue;
+            }
+            let _ = writeln!(text, "\n{heading}");
+            together
+                .iter()
+                .for_each(|d| text += &format!("  {}\n", d.words));
+            if !alone.is_empty() {
+                let names: Vec<&str> = alone
+                    .iter()
+                    .map(|d| d.terms[0].parameter.as_str())
+                    .collect();
+                let _ = writeln!(text, "  not at all: {}", names.join(", "));
+            }
+        }
+        text
+    }
+}

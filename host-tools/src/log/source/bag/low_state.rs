@@ -1,0 +1,167 @@
+//! Unitree's `LowState`: arrays of fixed length only, so that every number has its place.
+//!
+//! The places follow from the message definitions of unitree_ros2 (`unitree_go/msg/LowState`, `unitree_hg/msg/LowState`) by the
+//! alignment of CDR, counted from after the encapsulation header. Both say when they were made as `tick`, in milliseconds of
+//! the robot's controller. Motors are named by their number, as the message numbers them; which joint that is, is the robot's
+//! affair.
+
+use super::Decoder;
+use crate::log::error::Problem;
+
+/// Bytes before the fields: the encapsulation header.
+const HEADER: usize = 4;
+
+#[derive(Debug, Clone, Copy)]
+enum Number {
+    F32,
+    I16,
+    I8,
+}
+
+/// Where a kind of message keeps what.
+pub(super) struct LowState {
+    kind: &'static str,
+    /// Length of a message with its header, bytes.
+    length: usize,
+    tick: usize,
+    cells: Vec<(String, usize, Number)>,
+}
+
+/// The part of a message that is an array of motors.
+struct Motors {
+    count: usize,
+    /// Place of the first motor's position.
+    q: usize,
+    /// Bytes from motor to motor.
+    stride: usize,
+    tau: usize,
+    temperature: (usize, Number),
+}
+
+impl LowState {
+    /// Of the quadrupeds and the H1: twenty motors, four feet.
+    pub(super) fn go() -> Self {
+        let mut cells = motors(&Motors {
+            count: 20,
+            q: 80,
+            stride: 48,
+            tau: 12,
+            temperature: (28, Number::I8),
+        });
+        cells.extend(imu(24));
+        cells.extend((0..4).map(|n| (format!("foot_force[{n}]"), 1080 + 2 * n, Number::I16)));
+        Self {
+            kind: "unitree_go/msg/LowState",
+            length: HEADER + 1176,
+            tick: 1096,
+            cells,
+        }
+    }
+
+    /// Of the humanoids: 35 motors.
+    pub(super) fn hg() -> Self {
+        let mut cells = motors(&Motors {
+            count: 35,
+            q: 72,
+            stride: 56,
+            tau: 12,
+            temperature: (16, Number::I16),
+        });
+        cells.extend(imu(16));
+        Self {
+            kind: "unitree_hg/msg/LowState",
+            length: HEADER + 2088,
+            tick: 12,
+            cells,
+        }
+    }
+}
+
+fn motors(motors: &Motors) -> Vec<(String, usize, Number)> {
+    let of = |n: usize| {
+        let q = motors.q + n * motors.stride;
+        let (temperature, number) = motors.temperature;
+        [
+            ("q", q, Number::F32),
+            ("dq", q + 4, Number::F32),
+            ("tau_est", q + motors.tau, Number::F32),
+            ("temperature", q + temperature, number),
+        ]
+        .map(|(name, place, number)| (format!("motor_state[{n}]/{name}"), place, number))
+    };
+    (0..motors.count).flat_map(of).collect()
+}
+
+/// Attitude, angular velocity and specific force, one after the other.
+fn imu(first: usize) -> Vec<(String, usize, Number)> {
+    let parts = [("quaternion", 4), ("gyroscope", 3), ("accelerometer", 3)];
+    let names = parts
+        .into_iter()
+        .flat_map(|(name, axes)| (0..axes).map(move |n| format!("imu_state/{name}[{n}]")));
+    names
+        .enumerate()
+        .map(|(n, name)| (name, first + 4 * n, Number::F32))
+        .collect()
+}
+
+impl Decoder for LowState {
+    fn names(&self) -> Vec<String> {
+        self.cells.iter().map(|(name, ..)| name.clone()).collect()
+    }
+
+    fn take(&mut self, data: &[u8]) -> Result<bool, Problem> {
+        if data.len() == self.length {
+            return Ok(true);
+        }
+        Err(Problem::MessageLength {
+            kind: self.kind,
+            found: data.len(),
+            expected: self.length,
+        })
+    }
+
+    fn stamp(&self, data: &[u8]) -> i64 {
+        i64::from(u32::from_le_bytes(bytes(data, self.tick))) * 1_000_000
+    }
+
+    fn cell(&self, data: &[u8], cell: usize) -> f64 {
+        let (_, place, number) = &self.cells[cell];
+        match number {
+            Number::F32 => f32::from_le_bytes(bytes(data, *place)).into(),
+            Number::I16 => i16::from_le_bytes(bytes(data, *place)).into(),
+            Number::I8 => i8::from_le_bytes(bytes(data, *place)).into(),
+        }
+    }
+}
+
+/// The bytes at a place after the header; zero beyond the message, whose length has been checked.
+fn bytes<const N: usize>(data: &[u8], place: usize) -> [u8; N] {
+    let from = data.get(HEADER + place..);
+    from.and_then(|from| from.first_chunk().copied())
+        .unwrap_or([0; N])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The last number of every kind lies within the message, and the places do not overlap.
+    #[test]
+    fn every_number_has_a_place_of_its_own() {
+        for state in [LowState::go(), LowState::hg()] {
+            let width = |number| match number {
+                Number::F32 => 4,
+                Number::I16 => 2,
+                Number::I8 => 1,
+            };
+            let mut taken = vec![false; state.length - HEADER];
+            let tick = [(String::new(), state.tick, Number::F32)];
+            for (name, place, number) in state.cells.iter().chain(&tick) {
+                assert_eq!(place % width(*number), 0, "{name}");
+                for byte in &mut taken[*place..place + width(*number)] {
+                    assert!(!std::mem::replace(byte, true), "{name}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! Columns of text: CSV of proprio's own, of PlotJuggler, of ROS 1's `rostopic echo -p`, of a spreadsheet.
+
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::io::{self, BufRead, BufReader, Cursor, Read};
+use std::path::Path;
+use std::rc::Rc;
+
+use csv::ByteRecord;
+use flate2::bufread::MultiGzDecoder;
+
+use super::input::Input;
+use super::{Empty, Fault, Source, Wanted};
+use crate::log::error::{LogError, Place, Problem, Unit};
+
+/// Longer than any header; what has no line end by then is no text.
+const LONGEST_HEADER: u64 = 1 << 22;
+
+/// What separates columns where commas do not.
+const SEPARATORS: [u8; 2] = [b';', b'\t'];
+
+struct Text {
+    csv: csv::Reader<Box<dyn Read>>,
+    names: Vec<String>,
+    /// The header's line.
+    header: u64,
+    record: ByteRecord,
+    /// The first row, where it was looked at for names.
+    looked_at: bool,
+    separator: u8,
+    read: Rc<Cell<u64>>,
+    size: u64,
+}
+
+/// A reader that counts what is read from it.
+struct Counted<R> {
+    inner: R,
+    read: Rc<Cell<u64>>,
+}
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.inner.read(buffer)?;
+        self.read.set(self.read.get() + count as u64);
+        Ok(count)
+    }
+}
+
+/// Opens a table and reads its header.
+pub(super) fn open(path: &Path, input: Input, gzip: bool) -> Result<Box<dyn Source>, LogError> {
+    let read = Rc::new(Cell::new(0));
+    let counted = Counted {
+        inner: input.file,
+        read: Rc::clone(&read),
+    };
+    let file = BufReader::with_capacity(1 << 16, counted);
+    let mut bytes: Box<dyn BufRead> = if gzip {
+        Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(file)))
+    } else {
+        Box::new(file)
+    };
+    let start = header(&mut bytes).map_err(|error| fault(path, 1, Problem::Read(error)))?;
+    let separator = separator(&start);
+    let mut csv = csv::ReaderBuilder::new()
+        .has_headers(false)
+        // Ragged rows are reported here, with the place.
+        .flexible(true)
+        .delimiter(separator)
+        .buffer_capacity(1 << 16)
+        .from_reader(Box::new(Cursor::new(start).chain(bytes)) as Box<dyn Read>);
+    let mut record = ByteRecord::new();
+    let found = csv
+        .read_byte_record(&mut record)
+        .map_err(|error| fault(path, 1, unreadable(error)))?;
+    if !found {
+        return Err(fault(path, 1, Problem::Empty));
+    }
+    let names: Vec<String> = record
+        .iter()
+        .map(|name| String::from_utf8_lossy(name).trim().to_owned())
+        .collect();
+    check_header(&names).map_err(|problem| fault(path, line(&record), problem))?;
+    let mut text = Text {
+        csv,
+        names,
+        header: line(&record),
+        record,
+        looked_at: false,
+        separator,
+        read,
+        size: input.size,
+    };
+    text.name_joints()
+        .map_err(|f| f.error(path, Unit::Line, &text.names))?;
+    Ok(Box::new(text))
+}
+
+/// The lines up to the first that says something, with it.
+fn header(bytes: &mut impl BufRead) -> io::Result<Vec<u8>> {
+    let mut start = Vec::new();
+    let mut bytes = bytes.take(LONGEST_HEADER);
+    while bytes.read_until(b'\n', &mut start)? > 0 && start.trim_ascii().is_empty() {}
+    Ok(start)
+}
+
+/// Commas, unless the header has none and another separator.
+fn separator(header: &[u8]) -> u8 {
+    let others = || SEPARATORS.into_iter().find(|s| header.contains(s));
+    if header.contains(&b',') {
+        return b',';
+    }
+    others().unwrap_or(b',')
+}
+
+/// A header has names, and separators between them.
+fn check_header(names: &[String]) -> Result<(), Problem> {
+    let is_number = |name: &String| fast_float2::parse::<f64, _>(name.replace(',', ".")).is_ok();
+    if names.iter().all(is_number) {
+        return Err(Problem::NoHeader);
+    }
+    if let [only] = names
+        && let Some(separator) = only.chars().find(|c| [' ', '|'].contains(c))
+    {
+        return Err(Problem::Separator(separator));
+    }
+    Ok(())
+}
+
+impl Text {
+    /// In the CSV that ROS 1 prints of joint states the names are cells of each row: `field.name0`, `field.position0`.
+    fn name_joints(&mut self) -> Result<(), Fault> {
+        let Some(prefix) = self.names.iter().find_map(|n| n.strip_suffix("name0")) else {
+            return Ok(());
+        };
+        let prefix = prefix.to_owned();
+        if !self.read_record()? {
+            return Ok(());
+        }
+        self.looked_at = true;
+        let cell = |text: &Self, name: String| {
+            let place = text.names.iter().position(|n| *n == name)?;
+            let cell = String::from_utf8_lossy(text.record.get(place)?);
+            Some(cell.trim().to_owned())
+        };
+        for index in 0.. {
+            let Some(joint) = cell(self, format!("{prefix}name{index}")) else {
+                break;
+            };
+            for quantity in ["position", "velocity", "effort"] {
+                let old = format!("{prefix}{quantity}{index}");
+                if let Some(name) = self.names.iter_mut().find(|name| **name == old) {
+                    *name = format!("{joint}/{quantity}");
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn read_record(&mut self) -> Result<bool, Fault> {
+        let here = self.csv.position().line();
+        let more = self.csv.read_byte_record(&mut self.record);
+        more.map_err(|error| Fault::new(here, unreadable(error)))
+    }
+
+    /// Reads the wanted cells of the present row; false if the row is to be skipped.
+    fn cells(&self, wanted: &[Wanted], values: &mut [f64]) -> Result<bool, Fault> {
+        for w in wanted {
+            let text = &self.record[w.cell];
+            let at = |problem| Fault::at(line(&self.record), w.cell, problem);
+            values[w.slot] = match (self.number(text), w.empty) {
+                (Ok(value), _) if value.is_finite() => value * w.scale,
+                (Ok(value), Empty::Refuse) => return Err(at(Problem::NotFinite(value))),
+                (Err(()), empty) if empty == Empty::Refuse || !text.trim_ascii().is_empty() => {
+                    let text = String::from_utf8_lossy(text).into_owned();
+                    return Err(at(Problem::NotANumber(text)));
+                }
+                (_, Empty::Skip) => return Ok(false),
+                _ => f64::NAN,
+            };
+        }
+        Ok(true)
+    }
+
+    fn number(&self, text: &[u8]) -> Result<f64, ()> {
+        if let Ok(value) = fast_float2::parse(text) {
+            return Ok(value);
+        }
+        // The slow path: only here are blanks around the number, or a decimal comma, worth a look.
+        let text = text.trim_ascii();
+        let text = if self.separator != b',' && text.contains(&b',') {
+            let point = |b: &u8| if *b == b',' { b'.' } else { *b };
+            Cow::Owned(text.iter().map(point).collect())
+        } else {
+            Cow::Borrowed(text)
+        };
+        fast_float2::parse(&text).map_err(drop)
+    }
+}
+
+impl Source for Text {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn unit(&self) -> Unit {
+        Unit::Line
+    }
+
+    fn header(&self) -> Option<Place> {
+        Some(Place {
+            unit: Unit::Line,
+            number: self.header,
+        })
+    }
+
+    fn next(&mut self, wanted: &[Wanted], values: &mut [f64]) -> Result<Option<u64>, Fault> {
+        loop {
+            if !std::mem::take(&mut self.looked_at) && !self.read_record()? {
+                return Ok(None);
+            }
+            let line = line(&self.record);
+            let (found, expected) = (self.record.len(), self.names.len());
+            if found != expected {
+                return Err(Fault::new(line, Problem::Ragged { found, expected }));
+            }
+            if self.cells(wanted, values)? {
+                return Ok(Some(line));
+            }
+        }
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        (self.read.get(), self.size)
+    }
+}
+
+fn line(record: &ByteRecord) -> u64 {
+    record.position().map_or(1, csv::Position::line)
+}
+
+fn fault(path: &Path, line: u64, problem: Problem) -> LogError {
+    Fault::new(line, problem).error(path, Unit::Line, &[])
+}
+
+fn unreadable(error: csv::Error) -> Problem {
+    Problem::Read(match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
+    })
+}

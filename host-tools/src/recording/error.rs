@@ -1,0 +1,76 @@
+//! What can be wrong with a recording.
+
+use std::path::PathBuf;
+
+use super::Recording;
+use crate::log::LogError;
+use crate::model::Limb;
+
+/// Why a recording tells nothing of a model.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// A log is bad.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Most of a joint's torques are beyond what it can do.
+    #[error(
+        "{}: the torque of {joint} is more than the robot can do in {percent:.0} % of the samples: the limit is {effort} N m",
+        .log.display()
+    )]
+    Impossible {
+        /// The log.
+        log: PathBuf,
+        /// The joint.
+        joint: String,
+        /// Share of its samples, %.
+        percent: f64,
+        /// Its limit, N m.
+        effort: f64,
+    },
+    /// There is too little to hold anything out.
+    #[error(
+        "{duration:.1} s of samples are too short to be cut into blocks that are held out in turn"
+    )]
+    TooShort {
+        /// Length of the logs together, s.
+        duration: f64,
+    },
+    /// No joint moves: rows of one at rest say nothing.
+    #[error("{}: no joint moves", names(.logs))]
+    AtRest {
+        /// The logs.
+        logs: Vec<PathBuf>,
+    },
+    /// Every limb recorded has more joints than can be judged.
+    #[error(
+        "{}: limb {}; limbs of at most {} can be judged",
+        names(.logs), in_words(.limbs), super::MAX_JOINTS
+    )]
+    LimbTooLarge {
+        /// The logs.
+        logs: Vec<PathBuf>,
+        /// The limbs recorded.
+        limbs: Vec<Limb>,
+    },
+}
+
+impl RecordingError {
+    pub(crate) fn at_rest(recording: &Recording) -> Self {
+        Self::AtRest {
+            logs: recording.logs.clone(),
+        }
+    }
+}
+
+/// `torso has 9 joints, tail has 12 joints`
+fn in_words(limbs: &[Limb]) -> String {
+    let words = limbs
+        .iter()
+        .map(|limb| format!("{} has {} joints", limb.name, limb.bodies.len()));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+fn names(logs: &[PathBuf]) -> String {
+    let names: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    names.join(", ")
+}

@@ -1,0 +1,402 @@
+//! Logs in memory, limb by limb: what the criticism goes over more than once.
+
+mod error;
+mod limb;
+mod pieces;
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::gate::{DataGates, GateReport, Joint, Reading};
+use crate::log::{LogReader, Row, Selection, Warning};
+use crate::model::{Limb, Model};
+use crate::simulator::SimulatedSample;
+pub use error::RecordingError;
+pub use limb::LimbRecording;
+use pieces::Pieces;
+
+/// Most joints of a limb that can be judged.
+pub(crate) const MAX_JOINTS: usize = 16;
+
+/// Most samples of a limb that are kept, about four minutes at 500 Hz: a diagnosis then fits in 200 MB.
+const MOST_SAMPLES: usize = 130_000;
+/// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
+const PIECE_US: u64 = 2_000_000;
+
+/// Logs of one robot.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// The limbs recorded, each with its place among the robot's bodies.
+    pub limbs: Vec<(Limb, LimbRecording)>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+    /// Length of all logs together, s.
+    pub duration: f64,
+    /// What the samples of each log are worth.
+    pub gates: Vec<LogGates>,
+}
+
+/// What the samples of a log are worth, before a model is blamed.
+#[derive(Debug, Clone, Serialize)]
+pub struct LogGates {
+    /// The log.
+    pub log: PathBuf,
+    /// When it begins in the recording's time, s.
+    pub start: f64,
+    /// What is wrong with it.
+    #[serde(flatten)]
+    pub report: GateReport,
+}
+
+/// Silence put between two logs, µs: no stretch, block or guard reaches across it.
+const BETWEEN_LOGS_US: u64 = 1_000_000;
+
+impl Recording {
+    /// Reads `logs` of the robot of `model`, joints by the model's names. `progress` hears of bytes read and of how many in
+    /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
+    ///
+    /// # Errors
+    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left.
+    pub fn read(
+        logs: &[PathBuf],
+        model: &Model,
+        mut progress: impl FnMut(u64, u64),
+    ) -> Result<Self, RecordingError> {
+        let mut pass = Pass {
+            model,
+            recording: Self::of_logs(logs),
+            pieces: Pieces::all(),
+            offset_us: 0,
+            too_large: Vec::new(),
+        };
+        for log in logs {
+            pass.read(log, &mut progress)?;
+        }
+        let Pass {
+            mut recording,
+            pieces,
+            too_large,
+            ..
+        } = pass;
+        if recording.limbs.is_empty() {
+            return Err(RecordingError::LimbTooLarge {
+                logs: logs.to_vec(),
+                limbs: too_large,
+            });
+        }
+        let thinned = pieces.warning(recording.duration);
+        let left_out = too_large.iter().map(left_out);
+        recording
+            .warnings
+            .extend(thinned.into_iter().chain(left_out));
+        Ok(recording)
+    }
+
+    /// Nothing of these logs yet.
+    fn of_logs(logs: &[PathBuf]) -> Self {
+        Self {
+            logs: logs.to_vec(),
+            limbs: Vec::new(),
+            warnings: Vec::new(),
+            duration: 0.0,
+            gates: Vec::new(),
+        }
+    }
+
+    /// The log that a moment of the recording lies in, and the time since that log's start, s.
+    pub fn moment(&self, t: f64) -> (&PathBuf, f64) {
+        let later = self.gates.partition_point(|gates| gates.start <= t);
+        let gates = &self.gates[later.max(1) - 1];
+        (&gates.log, t - gates.start)
+    }
+
+    /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
+    /// which a joint is not among them, or of more than eight joints, is left out.
+    pub fn from_samples<'a>(
+        model: &Model,
+        joints: &[&str],
+        samples: impl IntoIterator<Item = &'a SimulatedSample>,
+    ) -> Self {
+        let mut recording = Self::of_logs(&[]);
+        let recorded: Vec<_> = joints.iter().enumerate().map(|(n, j)| (*j, n)).collect();
+        let limbs = recording.limbs_of(model, &recorded);
+        let mut gates = Gates::new(model, &recording.limbs, &limbs);
+        let mut start = None;
+        for sample in samples {
+            let t = sample.t - *start.get_or_insert(sample.t);
+            let time_us = (t * 1e6).round() as u64;
+            recording.duration = t;
+            let temperatures = sample.temp.as_deref().unwrap_or(&[]);
+            gates.push(time_us, [&sample.q, &sample.dq, &sample.tau, temperatures]);
+            for (place, own) in &limbs {
+                let of = |channel: &[f64]| own.iter().map(|&j| channel[j]).collect::<Vec<_>>();
+                let unknown = || vec![f64::NAN; own.len()];
+                let temperature = sample.temp.as_deref().map_or_else(unknown, of);
+                let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
+                let channels = [&q[..], &dq[..], &tau[..], &temperature[..]];
+                let limb = &mut recording.limbs[*place].1;
+                limb.push(time_us, channels, f64::NAN, false);
+            }
+        }
+        recording.gates.push(LogGates {
+            log: PathBuf::from("simulation"),
+            start: 0.0,
+            report: gates.gates.report(),
+        });
+        recording
+    }
+
+    /// The limbs that a log has of whose joints name and index are `recorded`: their place here, and the log's indices of
+    /// their joints.
+    fn limbs_of(&mut self, model: &Model, recorded: &[(&str, usize)]) -> Vec<(usize, Vec<usize>)> {
+        let mut found = Vec::new();
+        for limb in model.robot().limbs() {
+            if is_too_large(&limb) {
+                continue;
+            }
+            let names = limb.bodies.clone().map(|b| &model.robot().bodies()[b].name);
+            let joints: Option<Vec<usize>> = names
+                .map(|name| {
+                    recorded
+                        .iter()
+                        .find(|(known, _)| *known == name.as_str())
+                        .map(|(_, index)| *index)
+                })
+                .collect();
+            let Some(joints) = joints else { continue };
+            let place = self
+                .limbs
+                .iter()
+                .position(|(known, _)| *known == limb)
+                .unwrap_or_else(|| {
+                    let recording = LimbRecording {
+                        joints: joints.len(),
+                        ..LimbRecording::default()
+                    };
+                    self.limbs.push((limb, recording));
+                    self.limbs.len() - 1
+                });
+            found.push((place, joints));
+        }
+        found
+    }
+}
+
+/// Torques above so many times an actuator's limit are of another unit or another joint, where most are.
+const MOST_TORQUE: f64 = 2.0;
+
+/// Logs as they are read, one after the other.
+struct Pass<'a> {
+    model: &'a Model,
+    recording: Recording,
+    pieces: Pieces,
+    /// When the next log begins in the recording's time, µs.
+    offset_us: u64,
+    /// Limbs recorded that have too many joints.
+    too_large: Vec<Limb>,
+}
+
+/// A limb in a log.
+struct LimbInLog {
+    /// Its place in the recording.
+    place: usize,
+    /// The log's indices of its joints.
+    joints: Vec<usize>,
+    /// The log's index of its foot.
+    foot: usize,
+    /// Whether nothing of the log has been taken yet.
+    is_new: bool,
+}
+
+impl Pass<'_> {
+    /// Reads the next log.
+    fn read(
+        &mut self,
+        log: &Path,
+        progress: &mut impl FnMut(u64, u64),
+    ) -> Result<(), RecordingError> {
+        let mut reader = LogReader::open_of(log, Selection::Everything, self.model.robot())?;
+        let joints = reader.columns().joints();
+        let joints: Vec<_> = joints.map(|j| (self.model.joint_name(j), j)).collect();
+        let found = self.recording.limbs_of(self.model, &joints);
+        self.note_too_large(reader.columns().limbs());
+        let mut gates = Gates::new(self.model, &self.recording.limbs, &found);
+        let mut limbs = self.in_log(found);
+        let (mut first, mut last_us, mut rows) = (None, 0, 0u64);
+        let mut buffer = [const { Vec::new() }; 4];
+        let efforts: Vec<f64> = joints.iter().map(|(name, _)| self.effort(name)).collect();
+        let indices: Vec<usize> = joints.iter().map(|(_, j)| *j).collect();
+        let mut beyond = vec![0u64; efforts.len()];
+        while let Some(row) = reader.next_row()? {
+            for ((count, effort), &j) in beyond.iter_mut().zip(&efforts).zip(&indices) {
+                *count += u64::from(row.tau()[j].abs() > MOST_TORQUE * effort);
+            }
+            let start_us = *first.get_or_insert(row.time_us);
+            last_us = row.time_us.saturating_sub(start_us);
+            gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
+            if self.pieces.keep(self.offset_us + last_us) {
+                for limb in &mut limbs {
+                    self.take(row, self.offset_us + last_us, limb, &mut buffer);
+                }
+            }
+            rows += 1;
+            if rows.is_multiple_of(1024) {
+                self.pieces.thin(&mut self.recording.limbs);
+                let (done, total) = reader.progress();
+                progress(done, total);
+            }
+        }
+        for (n, &count) in beyond.iter().enumerate() {
+            if 2 * count > rows {
+                return Err(RecordingError::Impossible {
+                    log: log.to_owned(),
+                    joint: joints[n].0.to_owned(),
+                    percent: 100.0 * count as f64 / rows as f64,
+                    effort: efforts[n],
+                });
+            }
+        }
+        let told: Vec<Warning> = reader.finish()?;
+        let told = told.iter().map(|w| format!("{}: {w}", log.display()));
+        self.recording.warnings.extend(told);
+        self.recording.gates.push(LogGates {
+            log: log.to_owned(),
+            start: self.offset_us as f64 * 1e-6,
+            report: gates.gates.report(),
+        });
+        self.recording.duration += last_us as f64 * 1e-6;
+        self.offset_us += last_us + BETWEEN_LOGS_US;
+        Ok(())
+    }
+
+    /// What a joint's actuator can do, N m; without a limit if the model does not say.
+    fn effort(&self, joint: &str) -> f64 {
+        let bodies = self.model.robot().bodies().iter();
+        let known = bodies
+            .clone()
+            .find(|body| body.name == joint)
+            .map(|body| body.effort);
+        known
+            .filter(|effort| *effort > 0.0)
+            .unwrap_or(f64::INFINITY)
+    }
+
+    /// Takes a limb's sample, if it is whole.
+    fn take(&mut self, row: &Row, time_us: u64, limb: &mut LimbInLog, buffer: &mut [Vec<f64>; 4]) {
+        let channels = [row.q(), row.dq(), row.tau(), row.temp()];
+        for (to, from) in buffer.iter_mut().zip(channels) {
+            to.clear();
+            to.extend(limb.joints.iter().map(|&j| from[j]));
+        }
+        let sample = buffer.each_ref().map(Vec::as_slice);
+        if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {
+            let is_new = std::mem::take(&mut limb.is_new);
+            let foot = row.foot()[limb.foot];
+            let recording = &mut self.recording.limbs[limb.place].1;
+            recording.push(time_us, sample, foot, is_new);
+        }
+    }
+
+    /// The limbs found in a log whose reading begins.
+    fn in_log(&self, found: Vec<(usize, Vec<usize>)>) -> Vec<LimbInLog> {
+        let all = self.model.robot().limbs();
+        let limb = |(place, joints): (usize, Vec<usize>)| {
+            let own = &self.recording.limbs[place].0;
+            LimbInLog {
+                place,
+                joints,
+                foot: all.iter().position(|limb| limb == own).unwrap_or_default(),
+                is_new: true,
+            }
+        };
+        found.into_iter().map(limb).collect()
+    }
+
+    fn note_too_large<'a>(&mut self, recorded: impl Iterator<Item = &'a Limb>) {
+        for limb in recorded.filter(|limb| is_too_large(limb)) {
+            if !self.too_large.contains(limb) {
+                self.too_large.push(limb.clone());
+            }
+        }
+    }
+}
+
+/// The data gates of one log.
+struct Gates {
+    gates: DataGates,
+    /// The log's indices of their joints.
+    joints: Vec<usize>,
+    readings: Vec<Reading>,
+}
+
+impl Gates {
+    fn new(
+        model: &Model,
+        limbs: &[(Limb, LimbRecording)],
+        recorded: &[(usize, Vec<usize>)],
+    ) -> Self {
+        let bodies = recorded
+            .iter()
+            .flat_map(|(place, _)| limbs[*place].0.bodies.clone());
+        let joint = |b: usize| Joint {
+            name: model.robot().bodies()[b].name.clone(),
+            effort: model.robot().bodies()[b].effort,
+        };
+        Self {
+            gates: DataGates::new(bodies.map(joint)),
+            joints: recorded
+                .iter()
+                .flat_map(|(_, joints)| joints.clone())
+                .collect(),
+            readings: Vec::new(),
+        }
+    }
+
+    /// Positions, velocities, torques and temperatures of all joints of the log; there may be no temperatures.
+    fn push(&mut self, time_us: u64, [q, dq, tau, temperature]: [&[f64]; 4]) {
+        let reading = |&j: &usize| Reading {
+            q: q[j],
+            dq: dq[j],
+            tau: tau[j],
+            temperature: temperature.get(j).copied().filter(|t| t.is_finite()),
+        };
+        self.readings.clear();
+        self.readings.extend(self.joints.iter().map(reading));
+        self.gates.push(time_us, &self.readings);
+    }
+}
+
+fn is_too_large(limb: &Limb) -> bool {
+    limb.bodies.len() > MAX_JOINTS
+}
+
+fn left_out(limb: &Limb) -> String {
+    format!(
+        "limb {} is left out: it has {} joints, and at most {MAX_JOINTS} can be judged",
+        limb.name,
+        limb.bodies.len()
+    )
+}
+
+/// What is wrong with the samples, a line each; that nothing is, if so.
+pub fn gate_words(gates: &[LogGates]) -> String {
+    let mut text = String::new();
+    for one in gates {
+        let log = if gates.len() > 1 {
+            format!("{}: ", one.log.display())
+        } else {
+            String::new()
+        };
+        for finding in &one.report.findings {
+            text += &format!("Data: {log}{finding}\n");
+        }
+    }
+    if text.is_empty() {
+        text += "Data: nothing wrong with the samples\n";
+    }
+    text.push('\n');
+    text
+}

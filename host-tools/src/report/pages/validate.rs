@@ -1,0 +1,28 @@
+//! The page of `validate`.
+
+use crate::model::Provenance;
+use crate::report::motion;
+use crate::report::{Header, Page};
+use crate::validate::Feedback;
+
+/// The feedback torque that each model leaves, over time.
+pub fn feedback(models: &[Feedback]) -> Page {
+    let no_logs: [std::path::PathBuf; 0] = [];
+    let finding = |of: &Feedback| {
+        format!(
+            "{}: feedback of {:.4} N m rms, {:.2} % of the torque's mean square.",
+            of.model, of.rms, of.share_percent
+        )
+    };
+    Page {
+        header: Header {
+            title: "What feedback has to give".to_owned(),
+            findings: models.iter().map(finding).collect(),
+            command: Provenance::of(&no_logs)
+                .map(|p| p.command)
+                .unwrap_or_default(),
+            ..Header::default()
+        },
+        sections: vec![motion::feedback(models)],
+    }
+}

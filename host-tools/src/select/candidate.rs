@@ -1,0 +1,359 @@
+//! What a model may lack, over all limbs: an effect at one joint, the same effect at all like joints, or one cause that all joints
+//! share.
+
+use proprio_core::effect::{EffectKind, Form};
+
+use super::criteria::{self, Squared};
+use super::screen::{Screen, Trial};
+use crate::equation::motion::{is_derivative, is_shared};
+use crate::equation::values::Place;
+use crate::model::BASE;
+
+/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
+const REACH: f64 = 0.3;
+/// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
+const LEAST_DELAY: f64 = 0.1;
+/// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
+const LIKELY: f64 = 3.0;
+/// A torque that a drive is limited to is at least this share of its rating.
+const LEAST_LIMIT: f64 = 0.2;
+
+/// An effect at a joint of a limb, the limb by its place among those recorded.
+pub(crate) type Member = (usize, Place);
+
+/// What an effect would add to the model.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidate {
+    pub(crate) effect: EffectKind,
+    pub(crate) members: Vec<Member>,
+    /// How much each fold's held-out sum of squares falls: in units of the joints' noise, and in (N m)².
+    pub(crate) gains: Vec<f64>,
+    pub(crate) falls: Vec<f64>,
+    /// The held-out sum of squares before of the joints that feel it, in units of their noise.
+    felt: f64,
+    /// How much all data's sum of squares falls, as far as windows are independent.
+    pub(crate) fall: f64,
+    pub(crate) sure: Squared,
+    /// One of so many candidates.
+    pub(crate) tried: usize,
+    /// Of each limb.
+    pub(crate) trials: Vec<(usize, Trial)>,
+}
+
+impl Candidate {
+    pub(crate) fn of(
+        effect: EffectKind,
+        trials: Vec<(usize, Trial)>,
+        tried: usize,
+    ) -> Option<Self> {
+        let members = trials
+            .iter()
+            .flat_map(|(limb, t)| t.places.iter().map(|place| (*limb, *place)));
+        let sum = |of: &dyn Fn(&Trial) -> &Vec<f64>| {
+            let folds = trials.iter().map(|(_, t)| of(t).len()).max().unwrap_or(0);
+            let fold = |f: usize| trials.iter().filter_map(|(_, t)| of(t).get(f)).sum::<f64>();
+            (0..folds).map(fold).collect::<Vec<_>>()
+        };
+        let sure = trials.iter().map(|(_, t)| t.sure).reduce(Squared::and)?;
+        Some(Self {
+            effect,
+            members: members.collect(),
+            gains: sum(&|t| &t.gains),
+            falls: sum(&|t| &t.falls),
+            felt: trials.iter().map(|(_, t)| t.felt).sum(),
+            fall: trials.iter().map(|(_, t)| t.fall).sum(),
+            sure,
+            tried,
+            trials,
+        })
+    }
+
+    /// The held-out gain over all folds, in units of the joints' noise, and its error from their spread.
+    pub(crate) fn gain(&self) -> (f64, f64) {
+        criteria::sum_and_error(&self.gains)
+    }
+
+    /// 1 − the held-out sum of squares with it over that without, of the joints that feel it, and its error.
+    pub(crate) fn held_out_gain(&self) -> (f64, f64) {
+        let (gain, error) = self.gain();
+        (gain / self.felt, error / self.felt)
+    }
+
+    /// By how much the held-out sum of squares falls, (N m)².
+    pub(crate) fn torque_error_taken(&self) -> f64 {
+        self.falls.iter().sum()
+    }
+
+    /// Size in units of its standard deviation, as a normal variable has it.
+    pub(crate) fn z(&self) -> f64 {
+        self.sure.z()
+    }
+
+    /// How many numbers it adds to a model, scanned ones included.
+    pub(crate) fn parameters(&self) -> f64 {
+        let own = self.effect.description().parameters.len() as f64;
+        if self.is_shared() {
+            own
+        } else {
+            own * self.members.len() as f64
+        }
+    }
+
+    /// Whether it is one cause of all joints.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.members.iter().any(|(_, place)| is_shared(place.1))
+    }
+
+    /// Whether another one is at some of the same joints.
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        let own = |(limb, place): &Member| {
+            let same = |(l, p): &Member| {
+                l == limb && (p.1 == place.1 || is_shared(p.1) || is_shared(place.1))
+            };
+            other.members.iter().any(same)
+        };
+        self.members.iter().any(own)
+    }
+
+    /// Whether it is there beyond chance.
+    pub(crate) fn is_beyond_chance(&self) -> bool {
+        let (gain, error) = self.gain();
+        self.z() >= criteria::least_z(self.tried) && gain > error
+    }
+
+    /// Whether it is there beyond chance and worth a place in the model, whatever its value.
+    pub(crate) fn is_there(&self) -> bool {
+        let (gain, _) = self.gain();
+        let harm: f64 = self.gains.iter().map(|gain| gain.min(0.0)).sum();
+        self.is_beyond_chance()
+            && -harm < criteria::MOST_HARM * (gain - harm)
+            && self.held_out_gain().0 > least_gain(self.effect)
+    }
+
+    /// Whether its values are physical within twice their errors, and what a robot can have.
+    pub(crate) fn is_possible(&self, screens: &[Screen]) -> bool {
+        let possible = |(limb, trial): &(usize, Trial)| {
+            trial
+                .places
+                .iter()
+                .all(|&place| is_possible(&screens[*limb], trial, place))
+        };
+        self.trials.iter().all(possible)
+    }
+}
+
+/// All that the limbs' models may lack: every effect at every joint, families, and shared causes.
+pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Candidate> {
+    use rayon::prelude::*;
+    let mut sets: Vec<Joints> = Vec::new();
+    for (limb, places) in possible.iter().enumerate() {
+        for &place in places.iter().filter(|place| !is_shared(place.1)) {
+            sets.push((place.0, vec![(limb, vec![place])]));
+        }
+    }
+    sets.extend(families(possible));
+    let tried = sets.len();
+    let mut all: Vec<Candidate> = sets
+        .into_par_iter()
+        .filter_map(|(effect, set)| {
+            let trial =
+                |(limb, places): (usize, Vec<Place>)| Some((limb, screens[limb].trial(&places)?));
+            Candidate::of(
+                effect,
+                set.into_iter().map(trial).collect::<Option<_>>()?,
+                tried,
+            )
+        })
+        .collect();
+    for effect in [EffectKind::Delay, EffectKind::BaseTilt] {
+        all.extend(shared(screens, possible, effect, tried));
+    }
+    all
+}
+
+/// An effect at a set of joints, limb by limb.
+type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
+
+/// The sets of joints that are alike: all, and those at the same place of limbs of the same length.
+fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
+    let mut found = Vec::new();
+    for &effect in EffectKind::ALL {
+        // What happens to one body, one sensor or one worn gear is no property of a kind of drive.
+        let one = [EffectKind::EncoderOffset, EffectKind::Backlash];
+        if effect.description().form == Form::Inertia || one.contains(&effect) {
+            continue;
+        }
+        let own = |places: &Vec<Place>| -> Vec<Place> {
+            places
+                .iter()
+                .copied()
+                .filter(|p| p.0 == effect && !is_shared(p.1))
+                .collect()
+        };
+        let all: Vec<(usize, Vec<Place>)> = (possible.iter().enumerate())
+            .map(|(limb, places)| (limb, own(places)))
+            .filter(|(_, places)| !places.is_empty())
+            .collect();
+        let members: usize = all.iter().map(|(_, places)| places.len()).sum();
+        let joints = all
+            .iter()
+            .flat_map(|(_, p)| p.iter().map(|p| p.1 + 1))
+            .max()
+            .unwrap_or(0);
+        if joints > 1 && members > 1 {
+            found.push((effect, all.clone()));
+        }
+        for joint in 0..joints {
+            let like: Vec<(usize, Vec<Place>)> = (all.iter())
+                .filter(|(_, places)| places.contains(&(effect, joint)))
+                .map(|(limb, _)| (*limb, vec![(effect, joint)]))
+                .collect();
+            if like.len() > 1 {
+                found.push((effect, like));
+            }
+        }
+    }
+    found
+}
+
+/// One value for all limbs: the mean weighted by their errors, of all data and of each fold.
+fn shared(
+    screens: &[Screen],
+    possible: &[Vec<Place>],
+    effect: EffectKind,
+    tried: usize,
+) -> Option<Candidate> {
+    let place = (effect, BASE);
+    if !possible.iter().all(|places| places.contains(&place)) || screens.is_empty() {
+        return None;
+    }
+    let trials: Vec<Trial> = screens
+        .iter()
+        .map(|screen| screen.trial(&[place]))
+        .collect::<Option<_>>()?;
+    let (parameters, folds) = (trials[0].value.len(), trials[0].by_fold.len());
+    if trials.iter().any(|trial| trial.by_fold.len() != folds) {
+        return None;
+    }
+    let mean = |of: &dyn Fn(&Trial) -> &Vec<f64>| -> Vec<f64> {
+        let number = |n: usize| {
+            let weight = |trial: &Trial| trial.std[n].powi(-2);
+            let sum: f64 = trials
+                .iter()
+                .map(|trial| weight(trial) * of(trial)[n])
+                .sum();
+            sum / trials.iter().map(weight).sum::<f64>()
+        };
+        (0..parameters).map(number).collect()
+    };
+    let value = mean(&|trial| &trial.value);
+    let by_fold: Vec<Vec<f64>> = (0..folds)
+        .map(|f| mean(&|trial| &trial.by_fold[f]))
+        .collect();
+    let std: Vec<f64> = (0..parameters)
+        .map(|n| {
+            trials
+                .iter()
+                .map(|trial| trial.std[n].powi(-2))
+                .sum::<f64>()
+                .powf(-0.5)
+        })
+        .collect();
+    let of = |(limb, screen): (usize, &Screen)| {
+        Some((limb, screen.trial_of(&[place], &value, &by_fold)?))
+    };
+    let own: Vec<(usize, Trial)> = screens.iter().enumerate().map(of).collect::<Option<_>>()?;
+    let mut candidate = Candidate::of(effect, own, tried)?;
+    candidate.sure = Squared {
+        size: value
+            .iter()
+            .zip(&std)
+            .map(|(value, std)| (value / std).powi(2))
+            .sum(),
+        freedom: parameters as f64,
+        tried: 1.0,
+    };
+    for (_, trial) in &mut candidate.trials {
+        trial.std.clone_from(&std);
+    }
+    Some(candidate)
+}
+
+/// Whether a family stands: without its best member it still is beyond chance, and no member alone is all of it.
+pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
+    let own: Vec<&Candidate> = (singles.iter())
+        .filter(|c| {
+            c.effect == candidate.effect
+                && c.members.len() == 1
+                && candidate.members.contains(&c.members[0])
+        })
+        .collect();
+    let Some(best) = own.iter().max_by(|a, b| a.gain().0.total_cmp(&b.gain().0)) else {
+        return true;
+    };
+    let rest = own.iter().filter(|c| c.members != best.members);
+    let sure = rest.clone().map(|c| c.sure).reduce(Squared::and);
+    let gain: f64 = rest.clone().map(|c| c.gain().0).sum();
+    let helped = own.iter().filter(|c| c.gain().0 > 0.0).count();
+    gain > 0.0 && 2 * helped > own.len() && sure.is_some_and(|sure| sure.z() >= criteria::LEAST_Z)
+}
+
+/// Smallest share of the held-out error that is worth a parameter.
+fn least_gain(effect: EffectKind) -> f64 {
+    match effect {
+        EffectKind::Bias
+        | EffectKind::Spring
+        | EffectKind::EncoderOffset
+        | EffectKind::BaseTilt
+        | EffectKind::Payload
+        | EffectKind::Saturation => criteria::LEAST_GAIN_OF_SLOW,
+        _ => criteria::LEAST_GAIN,
+    }
+}
+
+/// Whether what a trial says of an effect is physical within twice its error, likely, and not nothing.
+fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
+    let (effect, data) = (place.0, screen.fit.data);
+    let parameters = effect.description().parameters;
+    let told: Vec<Option<(f64, f64)>> = (0..parameters.len())
+        .map(|n| screen.parameter(trial, place, n))
+        .collect();
+    let within = |(n, told): (usize, &Option<(f64, f64)>)| {
+        let Some((value, std)) = *told else {
+            return true;
+        };
+        let p = &parameters[n];
+        let (mean, likely) = data.prior(place, n);
+        let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
+        value + 2.0 * std >= p.lower
+            && value - 2.0 * std <= p.upper
+            && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
+    };
+    let resolved = effect != EffectKind::Delay
+        || told[0].is_none_or(|(d, _)| d.abs() > LEAST_DELAY * data.recording.period());
+    let load = effect != EffectKind::Payload || is_load(&told);
+    let limit = effect != EffectKind::Saturation
+        || screen.shape(place) > LEAST_LIMIT * rating(screen, place.1);
+    told.iter().enumerate().all(within) && resolved && load && limit
+}
+
+/// A joint's torque rating, N m; nothing where it is not known.
+fn rating(screen: &Screen, joint: usize) -> f64 {
+    let data = screen.fit.data;
+    let effort = data.model.robot().bodies()[data.limb.bodies.start + joint].effort;
+    if effort.is_finite() { effort } else { 0.0 }
+}
+
+/// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
+/// a mass is none. At most [`REACH`] away.
+fn is_load(told: &[Option<(f64, f64)>]) -> bool {
+    let [Some((mass, std)), moments @ ..] = told else {
+        return true;
+    };
+    let heaviest = mass + 2.0 * std;
+    let smallest = moments.iter().take(3).flatten();
+    let smallest: f64 = smallest
+        .map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2))
+        .sum();
+    heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
+}

@@ -1,0 +1,135 @@
+//! When an effect is there: the rules of a diagnosis and all their constants, each with its reason.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+/// Chance that anything is named on a complete model: once in a hundred logs, over all candidates that were tried.
+pub(crate) const FALSE_ALARM: f64 = 0.01;
+/// No effect counts that is smaller than this, in standard deviations, however few were tried: residuals are never quite as normal
+/// and independent as the chance supposes.
+pub(crate) const LEAST_Z: f64 = 4.0;
+/// What an effect adds in some stretches of time it may take back in others up to this share.
+pub(crate) const MOST_HARM: f64 = 0.2;
+/// Smallest share of the held-out error of the joints that feel an effect: less is not worth a parameter.
+pub(crate) const LEAST_GAIN: f64 = 0.02;
+/// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
+/// many.
+pub(crate) const LEAST_GAIN_OF_SLOW: f64 = 0.005;
+/// What explains so large a share of a joint's error tells of something even if its value cannot be.
+pub(crate) const SURE_GAIN: f64 = 0.05;
+/// Smallest share of the held-out error of all joints that a step takes away: below, what one log asks for is as likely to be worse on
+/// the next.
+pub(crate) const LEAST_SHARE: f64 = 0.01;
+/// A value within so many of its standard deviations of nothing is not kept.
+pub(crate) const LEAST_VALUE: f64 = 2.0;
+/// Held-out error may rise by this share without being worse: a comparison shows four digits, which stay the same.
+pub(crate) const SAME: f64 = 1.001;
+/// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
+pub(crate) const RIVAL: f64 = 0.3;
+
+/// A sum of squares in units of its variance: χ² of `freedom` if nothing is there, the best of `tried`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Squared {
+    pub(crate) size: f64,
+    pub(crate) freedom: f64,
+    pub(crate) tried: f64,
+}
+
+impl Squared {
+    /// Two effects taken together.
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self {
+            size: self.size + other.size,
+            freedom: self.freedom + other.freedom,
+            tried: self.tried * other.tried,
+        }
+    }
+
+    /// As far from zero as a normal variable that is as unlikely.
+    pub(crate) fn z(&self) -> f64 {
+        if self.size <= self.freedom {
+            return 0.0;
+        }
+        let chance = ChiSquared::new(self.freedom).map_or(1.0, |chi| chi.sf(self.size));
+        let chance = (chance * self.tried).min(1.0);
+        if chance < 1e-14 {
+            // So far out the tails have the same slope: √ of what is beyond the freedom and the tries (Laurent & Massart 2000).
+            let beyond = self.size - self.freedom - 2.0 * self.tried.ln();
+            let near = (self.freedom - 1.0) * (self.size / self.freedom).ln();
+            return (beyond - near).max(49.0).sqrt();
+        }
+        // Of the lower tail: near one, digits are lost.
+        (-Normal::standard().inverse_cdf(0.5 * chance)).max(0.0)
+    }
+}
+
+/// From which size on an effect counts, standard deviations, the best of `tried` candidates (Bonferroni 1936).
+pub(crate) fn least_z(tried: usize) -> f64 {
+    let chance = FALSE_ALARM / tried.max(1) as f64;
+    Normal::standard()
+        .inverse_cdf(1.0 - 0.5 * chance)
+        .max(LEAST_Z)
+}
+
+/// Standard deviation of an estimate from its values without each fold in turn (Efron & Tibshirani 1993, ch. 11).
+pub(crate) fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
+    let n = values.len() as f64;
+    let squares: f64 = values.map(|value| (value - centre).powi(2)).sum();
+    (squares * (n - 1.0) / n).sqrt()
+}
+
+/// A sum over folds, and its standard error from their spread.
+pub(crate) fn sum_and_error(folds: &[f64]) -> (f64, f64) {
+    let n = folds.len() as f64;
+    let sum: f64 = folds.iter().sum();
+    let spread: f64 = folds.iter().map(|x| (x - sum / n).powi(2)).sum();
+    (sum, (spread * n / (n - 1.0)).sqrt())
+}
+
+/// The integrated autocorrelation time of a series, at least one: so many neighbours say the same thing (Geyer 1992, initial
+/// positive sequence).
+pub(crate) fn autocorrelation_time(x: &[f64]) -> f64 {
+    const MOST_LAG: usize = 100;
+    let n = x.len();
+    let mean = x.iter().sum::<f64>() / n.max(1) as f64;
+    let at_lag = |lag: usize| -> f64 {
+        let pairs = x.iter().zip(x.iter().skip(lag));
+        pairs.map(|(a, b)| (a - mean) * (b - mean)).sum()
+    };
+    let variance = at_lag(0);
+    if n < 2 * MOST_LAG || variance <= 0.0 {
+        return 1.0;
+    }
+    let mut time = 1.0;
+    for pair in 0..MOST_LAG / 2 {
+        let sum = (at_lag(2 * pair + 1) + at_lag(2 * pair + 2)) / variance;
+        if sum <= 0.0 {
+            break;
+        }
+        time += 2.0 * sum;
+    }
+    time.max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One degree of freedom is the normal variable squared; far out the approximation goes on where the exact tail ends.
+    #[test]
+    fn z_is_that_of_a_normal_variable() {
+        let z = |size: f64, freedom: f64| {
+            Squared {
+                size,
+                freedom,
+                tried: 1.0,
+            }
+            .z()
+        };
+        for x in [2.0f64, 4.0, 6.0, 7.0] {
+            assert!((z(x * x, 1.0) - x).abs() < 1e-6);
+        }
+        assert!((z(400.0, 1.0) - 20.0).abs() < 0.1);
+        assert!(z(60.0, 5.0) < z(60.0, 1.0) && z(90.0, 5.0) > z(60.0, 5.0));
+        assert!(least_z(300) > 4.1 && least_z(1) == LEAST_Z);
+    }
+}

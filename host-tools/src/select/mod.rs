@@ -1,0 +1,14 @@
+//! Which effects a model lacks: candidates, criteria and the search.
+//!
+//! 1. [`criteria`]: the rules and their constants.
+//! 2. [`screen`]: what each effect would add to a limb, on data that are held out.
+//! 3. [`candidate`]: the same over limbs: an effect at one joint, a *family* (the effect at all like joints), a cause that all joints
+//!    share.
+//! 4. `drift`: parameters that change with time.
+//! 5. [`search`]: forward and backward, beside the four plain effects of every drive.
+
+pub(crate) mod candidate;
+pub(crate) mod criteria;
+pub(crate) mod drift;
+pub(crate) mod screen;
+pub(crate) mod search;

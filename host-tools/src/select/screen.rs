@@ -1,0 +1,497 @@
+//! What every effect would add to a limb's model, read off the factors of its data with all candidates' columns.
+//!
+//! The columns are derivatives of the predictor at the present fit. Of each fold two triangles suffice: one of the data of all other
+//! folds, active columns first, from which any few candidates are solved for by a small problem in the trailing rows; and the fold's
+//! own, in which the solution is scored.
+
+use std::sync::Arc;
+
+use proprio_core::effect::{EffectKind, Form};
+use proprio_core::inertia::INERTIAL;
+use rayon::prelude::*;
+
+use super::criteria::{self, Squared};
+use crate::equation::column::Columns;
+use crate::equation::dot::dot;
+use crate::equation::rows::Rows;
+use crate::equation::values::{Place, Values};
+use crate::estimate::blocks::{BlockFactors, HeapFactor};
+use crate::estimate::fit::{LimbFit, SAME_CORRELATION, fold};
+use crate::estimate::limb_data::LimbData;
+use crate::estimate::shapes::{self, Scan};
+use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
+use crate::estimate::whitening::{Whitening, neighbour_correlation};
+use crate::model::BASE;
+
+/// The factors of a limb's data over the columns of its model and of all that the model might lack.
+pub(crate) struct Screen<'a> {
+    pub(crate) fit: Arc<LimbFit<'a>>,
+    pub(crate) columns: Columns,
+    /// Where the columns were made; candidates' shapes among them.
+    at: Values,
+    /// Each fold's own data, joint by joint.
+    pub(crate) tests: Vec<Vec<HeapFactor>>,
+    /// Of all data, and of all folds but one.
+    all: Triangle,
+    trains: Vec<Triangle>,
+    /// θ of the model fitted to all folds but one, and the sums of squares of that one's own data under it, joint by joint,
+    /// whitened, (N m)².
+    pub(crate) theta: Vec<Vec<f64>>,
+    pub(crate) base: Vec<Vec<f64>>,
+    /// How many neighbouring windows of each joint say the same thing.
+    memory: Vec<f64>,
+    /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
+    /// catalogue leaves less.
+    pub(crate) floor: Vec<f64>,
+}
+
+/// What an effect, or one effect at several joints of the limb, would add.
+#[derive(Debug, Clone)]
+pub(crate) struct Trial {
+    pub(crate) places: Vec<Place>,
+    /// θ's entries of its parameters.
+    pub(crate) entries: Vec<usize>,
+    /// How much each fold's sum of squares falls, held out, in units of the joints' noise.
+    pub(crate) gains: Vec<f64>,
+    /// The same in (N m)².
+    pub(crate) falls: Vec<f64>,
+    /// Sum of squares before of the joints that feel it, in units of their noise.
+    pub(crate) felt: f64,
+    /// Its parameters by all data, as the columns have them.
+    pub(crate) value: Vec<f64>,
+    /// By the data of all folds but one, fold by fold.
+    pub(crate) by_fold: Vec<Vec<f64>>,
+    /// Their standard deviations: the larger of what independent residuals give, memory included, and of the spread over folds.
+    pub(crate) std: Vec<f64>,
+    /// How much the sum of squares of all data falls, the priors included, as far as windows are independent.
+    pub(crate) fall: f64,
+    /// The same as the spread over folds has it: the smaller where they agree less than chance lets them.
+    pub(crate) sure: Squared,
+}
+
+impl<'a> Screen<'a> {
+    /// Candidates are `possible`; where one has a shape it is the best on the present residuals.
+    pub(crate) fn of(fit: Arc<LimbFit<'a>>, possible: &[Place]) -> Self {
+        let data = fit.data;
+        let own = fit.clone();
+        let fit = &*own;
+        let at = with_shapes(fit, possible);
+        let columns = data.columns(&at, &fit.places, possible);
+        let rows = Rows::of(&data.motion, &data.body, &at, &columns, &|w| {
+            !data.left_out[w]
+        });
+        let theta = columns.theta(&fit.values);
+        let order = Order::of(fit, &columns);
+        let folded = |correlation: &[f64]| {
+            let blocks = fold(
+                data,
+                &columns,
+                &rows,
+                &theta,
+                correlation,
+                &fit.noise,
+                &|_| true,
+            );
+            let folds = by_fold(data, &columns, &blocks);
+            let (trains, all) = folds.without_each(&columns);
+            (folds, trains, all)
+        };
+        let (mut folds, mut trains, mut all) = folded(&fit.correlation);
+        // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
+        let mut left = Left::of(
+            fit,
+            &columns,
+            &rows,
+            &order.everything(&columns, &all, &fit.noise),
+        );
+        if left.differs_from(&fit.correlation) {
+            (folds, trains, all) = folded(&left.correlation);
+            left = Left {
+                floor: left.floor,
+                ..Left::of(
+                    fit,
+                    &columns,
+                    &rows,
+                    &order.everything(&columns, &all, &fit.noise),
+                )
+            };
+        }
+        let triangle = |data: &[HeapFactor]| order.triangle(&columns, data, &fit.noise);
+        let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
+        let entries = columns.entries.len();
+        let theta: Vec<Vec<f64>> = trains
+            .iter()
+            .map(|train| train.solve(entries, &[]))
+            .collect();
+        let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| squares(&columns, test, theta);
+        Self {
+            base: folds.blocks.iter().zip(&theta).map(score).collect(),
+            theta,
+            memory: left.memory,
+            floor: left.floor,
+            all: triangle(&all),
+            tests: folds.blocks,
+            trains,
+            fit: own.clone(),
+            columns,
+            at,
+        }
+    }
+
+    /// What the effects at `places` would add together; `None` if nothing determines them.
+    pub(crate) fn trial(&self, places: &[Place]) -> Option<Trial> {
+        let entries = self.entries(places);
+        let values: Option<Vec<Vec<f64>>> = self
+            .trains
+            .iter()
+            .map(|train| Some(train.trial(&entries)?.value))
+            .collect();
+        self.scored(places, self.all.trial(&entries)?, &values?)
+    }
+
+    /// The same where the value is another one's to say: that by all data, and for each fold that by the others.
+    pub(crate) fn trial_of(
+        &self,
+        places: &[Place],
+        value: &[f64],
+        by_fold: &[Vec<f64>],
+    ) -> Option<Trial> {
+        let own = self.all.trial(&self.entries(places))?;
+        let far = |(own, value): (f64, &f64)| own - value;
+        let away: Vec<f64> = own.value.iter().copied().zip(value).map(far).collect();
+        let lost: f64 = away
+            .iter()
+            .zip(&own.std)
+            .map(|(away, std)| (away / std).powi(2))
+            .sum();
+        let trial = TriangleTrial {
+            value: value.to_vec(),
+            fall: (own.fall - lost).max(0.0),
+            std: own.std,
+        };
+        self.scored(places, trial, by_fold)
+    }
+
+    fn entries(&self, places: &[Place]) -> Vec<usize> {
+        places
+            .iter()
+            .flat_map(|&(effect, joint)| self.columns.of_effect(effect, joint))
+            .collect()
+    }
+
+    fn scored(&self, places: &[Place], all: TriangleTrial, values: &[Vec<f64>]) -> Option<Trial> {
+        let entries = self.entries(places);
+        let width = self.columns.entries.len();
+        let (mut gains, mut falls) = (Vec::new(), Vec::new());
+        for ((fold, train), value) in self.trains.iter().enumerate().zip(values) {
+            let with: Vec<(usize, f64)> =
+                entries.iter().copied().zip(value.iter().copied()).collect();
+            let after = squares(&self.columns, &self.tests[fold], &train.solve(width, &with));
+            let fall = |scaled: bool| -> f64 {
+                let joints = self.base[fold].iter().zip(&after).zip(&self.fit.noise);
+                joints
+                    .map(|((before, after), noise)| {
+                        (before - after) / if scaled { noise * noise } else { 1.0 }
+                    })
+                    .sum()
+            };
+            gains.push(fall(true));
+            falls.push(fall(false));
+        }
+        let felt: Vec<usize> = (0..self.fit.data.joints())
+            .filter(|&j| entries.iter().any(|&e| self.columns.place(j, e).is_some()))
+            .collect();
+        let memory = felt.iter().map(|&j| self.memory[j]).fold(1.0, f64::max);
+        let (mut std, mut inflation) = (Vec::new(), 1.0f64);
+        for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
+            let spread = criteria::jackknife(values.iter().map(|v| v[n]), *value);
+            let independent = independent * memory.sqrt();
+            inflation = inflation.max(spread / independent);
+            std.push(independent.max(spread));
+        }
+        let noise = &self.fit.noise;
+        let felt = self
+            .base
+            .iter()
+            .flat_map(|fold| felt.iter().map(|&j| fold[j] / (noise[j] * noise[j])));
+        let tried: f64 = places.iter().map(|place| shapes::tried(place.0)).product();
+        Some(Trial {
+            places: places.to_vec(),
+            gains,
+            falls,
+            felt: felt.sum(),
+            value: all.value,
+            std,
+            by_fold: values.to_vec(),
+            fall: all.fall / memory,
+            sure: Squared {
+                size: all.fall / memory / (inflation * inflation),
+                freedom: entries.len() as f64,
+                tried,
+            },
+            entries,
+        })
+    }
+
+    /// What the effects at `places` would add to the model with the candidates `others` in it.
+    pub(crate) fn trial_beside(&self, places: &[Place], others: &[Place]) -> Option<Trial> {
+        let before = self.trial(others)?;
+        let mut trial = self.trial(&[others, places].concat())?;
+        let known = before.entries.len();
+        trial.places.drain(..others.len());
+        trial.entries.drain(..known);
+        trial.value.drain(..known);
+        trial.std.drain(..known);
+        trial
+            .by_fold
+            .iter_mut()
+            .for_each(|values| drop(values.drain(..known)));
+        let fall = (trial.fall - before.fall).max(0.0);
+        trial.sure = Squared {
+            size: trial.sure.size * fall / trial.fall.max(f64::MIN_POSITIVE),
+            freedom: trial.entries.len() as f64,
+            tried: places.iter().map(|place| shapes::tried(place.0)).product(),
+        };
+        trial.fall = fall;
+        for (after, before) in [
+            (&mut trial.gains, &before.gains),
+            (&mut trial.falls, &before.falls),
+        ] {
+            after
+                .iter_mut()
+                .zip(before)
+                .for_each(|(after, before)| *after -= before);
+        }
+        Some(trial)
+    }
+
+    /// A parameter of a trial as the catalogue means it, and its standard deviation.
+    pub(crate) fn parameter(
+        &self,
+        trial: &Trial,
+        place: Place,
+        parameter: usize,
+    ) -> Option<(f64, f64)> {
+        let at = trial.entries.iter().position(|&e| {
+            let entry = &self.columns.entries[e];
+            (entry.effect, entry.joint, entry.parameter) == (Some(place.0), place.1, parameter)
+        })?;
+        let mut theta = self.columns.theta(&self.at);
+        for (&e, value) in trial.entries.iter().zip(&trial.value) {
+            theta[e] = *value;
+        }
+        let value = self
+            .fit
+            .data
+            .value(&self.at, &self.columns, trial.entries[at], &theta);
+        Some((value, trial.std[at]))
+    }
+
+    /// The shape that a candidate was tried with.
+    pub(crate) fn shape(&self, place: Place) -> f64 {
+        self.at.shape(place)
+    }
+
+    /// The values of the fit, with the effects of a trial at what it found.
+    pub(crate) fn with(&self, trial: &Trial) -> Values {
+        let mut values = self.fit.values.clone();
+        for &place in &trial.places {
+            values.insert(place);
+            if let Some(n) = place.0.description().shape() {
+                values.set(place, n, self.at.get(place, n));
+            }
+            for n in 0..place.0.description().parameters.len() {
+                if let Some((value, _)) = self.parameter(trial, place, n) {
+                    let p = &place.0.description().parameters[n];
+                    values.set(place, n, value.clamp(p.lower, p.upper));
+                }
+            }
+        }
+        values
+    }
+}
+
+/// Every effect that a limb's model does not have, where it could be.
+pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
+    let joints = fit.data.joints();
+    let has = |place: &Place| fit.places.contains(place) || given.contains(place);
+    let places = EffectKind::ALL
+        .iter()
+        .filter(|e| fit.data.can_tell(**e))
+        .flat_map(|&effect| {
+            let shared = (effect.description().form == Form::Gravity
+                || effect == EffectKind::Delay)
+                .then_some(BASE);
+            let own = (effect.description().form != Form::Gravity).then_some(0..joints);
+            shared
+                .into_iter()
+                .chain(own.into_iter().flatten())
+                .map(move |joint| (effect, joint))
+        });
+    places
+        .filter(|place| !has(place))
+        // Beside Coulomb friction it is a bias but at rest, with one parameter more.
+        .filter(|&(effect, joint)| {
+            effect != EffectKind::AsymmetricCoulomb || !has(&(EffectKind::Coulomb, joint))
+        })
+        .collect()
+}
+
+/// The fit's values, and for candidates that have a shape the best one on what the fit leaves.
+fn with_shapes(fit: &LimbFit, possible: &[Place]) -> Values {
+    let data = fit.data;
+    let shaped: Vec<Place> = possible
+        .iter()
+        .copied()
+        .filter(|place| place.0.description().shape().is_some())
+        .collect();
+    let mut at = fit.values.clone();
+    if shaped.is_empty() {
+        return at;
+    }
+    let predicted = data.predicted(&fit.values, &|_| true);
+    let n = data.joints();
+    let columns = data.columns(&fit.values, &fit.places, &shaped);
+    let scan = Scan::new(data, &columns, &fit.values, &|w, j| {
+        data.torque[w * n + j] - predicted[w * n + j]
+    });
+    let best: Vec<Option<f64>> = shaped
+        .par_iter()
+        .map(|&place| scan.best(place, &|_| true))
+        .collect();
+    for (&place, best) in shaped.iter().zip(best) {
+        let shape = place.0.description().shape();
+        if let (Some(best), Some(n)) = (best, shape) {
+            at.insert(place);
+            at.set(place, n, best);
+        }
+    }
+    at
+}
+
+/// Blocks of time as folds.
+fn by_fold(data: &LimbData, columns: &Columns, blocks: &BlockFactors) -> BlockFactors {
+    let mut folds = BlockFactors::none(columns, data.blocks.folds);
+    for (b, block) in blocks.blocks.iter().enumerate() {
+        folds.merge(data.blocks.fold(b), block);
+    }
+    folds
+}
+
+/// Each joint's sum of squares under θ, (N m)².
+fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64]) -> Vec<f64> {
+    (test.iter().enumerate())
+        .map(|(joint, factor)| misfit(columns, joint, factor, theta))
+        .collect()
+}
+
+/// Which columns come first, and what is known of them before data.
+struct Order {
+    prior: Prior,
+    active: Vec<usize>,
+    rest: Vec<usize>,
+}
+
+impl Order {
+    fn of(fit: &LimbFit, columns: &Columns) -> Self {
+        let is_active = |k: &usize| {
+            let entry = &columns.entries[*k];
+            entry
+                .effect
+                .is_none_or(|effect| fit.places.contains(&(effect, entry.joint)))
+        };
+        let (active, rest) = (0..columns.entries.len()).partition(is_active);
+        let mut prior = cad_prior(fit.data);
+        prior.tightness.clone_from(&fit.tightness);
+        Self {
+            prior,
+            active,
+            rest,
+        }
+    }
+
+    fn triangle(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Triangle {
+        Triangle::new(columns, &self.prior, data, noise, &self.active, &self.rest)
+    }
+
+    /// θ with all candidates in the model.
+    fn everything(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Vec<f64> {
+        let all: Vec<usize> = self.active.iter().chain(&self.rest).copied().collect();
+        Triangle::new(columns, &self.prior, data, noise, &all, &[]).solve(all.len(), &[])
+    }
+}
+
+/// The CAD's bodies within the model's uncertainty.
+pub(crate) fn cad_prior(data: &LimbData) -> Prior {
+    let body = |b: usize| {
+        let cad = &data.model.robot().bodies()[b].inertia;
+        let factor = cad.prior(data.model.cad_uncertainty(b));
+        let row = |k: usize| {
+            let mut row = [0.0; INERTIAL + 1];
+            if let Some(factor) = &factor {
+                row[k..].copy_from_slice(factor.row(k));
+            }
+            row
+        };
+        (0..INERTIAL).map(row).collect()
+    };
+    let bodies: Vec<_> = data.limb.bodies.clone().map(body).collect();
+    Prior {
+        tightness: vec![1.0; bodies.len()],
+        bodies,
+    }
+}
+
+/// Of what kind a limb's noise is, joint by joint, as what all effects together leave tells.
+struct Left {
+    /// Of neighbouring windows.
+    correlation: Vec<f64>,
+    /// Integrated autocorrelation time once that is taken out, windows.
+    memory: Vec<f64>,
+    /// Root mean square, N m.
+    floor: Vec<f64>,
+}
+
+impl Left {
+    fn of(fit: &LimbFit, columns: &Columns, rows: &Rows, theta: &[f64]) -> Self {
+        let data = fit.data;
+        let own = columns.combined(theta);
+        let mut left = Self {
+            correlation: Vec::new(),
+            memory: Vec::new(),
+            floor: Vec::new(),
+        };
+        let fitted = columns.entries.len() as f64 / data.joints() as f64;
+        for j in 0..data.joints() {
+            let residual = |w: usize| {
+                let torque = data.torque[w * data.joints() + j];
+                (
+                    data.motion.windows[w].samples,
+                    torque - dot(&own[j], rows.row(w, j)),
+                )
+            };
+            let windows = (0..data.motion.windows.len()).filter(|&w| data.counts(w, j));
+            let residuals: Vec<_> = windows.map(residual).collect();
+            let square: f64 = residuals.iter().map(|(_, r)| r * r).sum();
+            let correlation = neighbour_correlation(&residuals);
+            let mut chain = Whitening::new(correlation);
+            let whitened: Vec<f64> = residuals
+                .iter()
+                .map(|(samples, residual)| {
+                    let mut row = [*residual];
+                    chain.whiten(*samples, &mut row);
+                    row[0]
+                })
+                .collect();
+            left.correlation.push(correlation);
+            left.memory.push(criteria::autocorrelation_time(&whitened));
+            left.floor
+                .push((square / (residuals.len() as f64 - fitted).max(1.0)).sqrt());
+        }
+        left
+    }
+
+    fn differs_from(&self, correlation: &[f64]) -> bool {
+        (self.correlation.iter().zip(correlation)).any(|(a, b)| (a - b).abs() > SAME_CORRELATION)
+    }
+}

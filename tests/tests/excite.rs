@@ -1,0 +1,302 @@
+//! The line from a designed motion to a judged model: `excite`, `simulate --follow`, `advise`, `validate`.
+
+use std::fs;
+use std::path::Path;
+
+use proprio_tests::command::{done, folder, proprio, stderr};
+use serde_json::Value;
+
+/// A motion that takes little time to find: the limits are kept whatever the number of starts.
+const QUICK: [&str; 8] = [
+    "--legs",
+    "FR",
+    "--starts",
+    "1",
+    "--harmonics",
+    "5",
+    "--duration",
+    "6",
+];
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
+}
+
+fn excite(folder: &Path, more: &[&str]) -> Value {
+    json(&done(
+        folder,
+        &[&["excite", "--json"], &QUICK[..], more].concat(),
+    ))
+}
+
+#[test]
+fn a_motion_is_designed_followed_judged_and_a_model_validated_on_it() {
+    let folder = folder();
+    let here = folder.path();
+    let design = excite(here, &["-o", "motion.csv", "--html", "motion.html"]);
+    assert_eq!(
+        (design["violations"].as_u64(), design["rank"].as_u64()),
+        (Some(0), Some(17))
+    );
+    assert!(
+        design["condition_number"].as_f64().unwrap() < 100.0,
+        "{design}"
+    );
+    assert!(design["log_det"].is_f64() && design["seconds"].is_f64());
+
+    // 500 rows a second that begin and end at rest in one pose.
+    let text = fs::read_to_string(here.join("motion.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!((rows.len(), rows[0].len()), (1 + 3001, 1 + 6 * 3));
+    assert_eq!(rows[0][..2], ["t", "q/FR_hip"]);
+    assert_eq!(rows[1][1..4], rows[3001][1..4]);
+    assert!(
+        rows[1][4..7]
+            .iter()
+            .all(|dq| dq.parse::<f64>().unwrap() == 0.0)
+    );
+    let coefficients = json(&fs::read_to_string(here.join("motion.json")).unwrap());
+    assert_eq!(coefficients["joints"].as_array().unwrap().len(), 3);
+    let page = fs::read_to_string(here.join("motion.html")).unwrap();
+    assert!(page.contains("<svg class=\"stick\"") && !page.contains("http-equiv=\"refresh\""));
+
+    // The simulated robot follows it closely, and the log is one that every command reads.
+    done(
+        here,
+        &[
+            "simulate",
+            "--follow",
+            "motion.csv",
+            "--typical",
+            "--inertia-error",
+            "0.06",
+            "-o",
+            "log.csv",
+        ],
+    );
+    let log = fs::read_to_string(here.join("log.csv")).unwrap();
+    assert_eq!(log.lines().count(), 1 + 3001);
+    let cell = |line: &str, n: usize| line.split(',').nth(n).unwrap().parse::<f64>().unwrap();
+    for (asked, made) in text.lines().zip(log.lines()).skip(1).step_by(50) {
+        for joint in 1..=3 {
+            assert!(
+                (cell(asked, joint) - cell(made, joint)).abs() < 0.15,
+                "{asked} {made}"
+            );
+        }
+    }
+
+    let advised = json(&done(
+        here,
+        &["advise", "log.csv", "--legs", "FR", "--json"],
+    ));
+    let parameters = advised["limbs"][0]["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 42);
+    let learned = |name: &str| {
+        let found = parameters.iter().find(|p| p["parameter"] == name).unwrap();
+        found["learned"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(learned("coulomb:FR_calf"), "told");
+    // A pinned hip turns about one axis: its mass is never felt.
+    assert_eq!(learned("m:FR_hip"), "never");
+
+    // Friction in the model leaves less to feedback.
+    for effect in ["viscous", "coulomb", "armature", "bias"] {
+        done(here, &["add", effect, "-m", "fit.toml"]);
+    }
+    done(
+        here,
+        &[
+            "identify", "log.csv", "--model", "fit.toml", "-o", "fit.toml",
+        ],
+    );
+    excite(here, &["-o", "other.csv", "--seed", "7"]);
+    let robot = ["--typical", "--inertia-error", "0.06"];
+    let judged = [
+        &[
+            "validate",
+            "--motion",
+            "other.csv",
+            "-m",
+            "fit.toml",
+            "--html",
+            "feedback.html",
+            "--json",
+        ],
+        &robot[..],
+    ];
+    let judged = json(&done(here, &judged.concat()));
+    let models = judged["logs"][0]["models"].as_array().unwrap();
+    let rms = |name: &str| {
+        models.iter().find(|m| m["model"] == name).unwrap()["rms"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!(rms("fit.toml") < 0.5 * rms("URDF"), "{models:?}");
+    assert!(
+        rms("fit.toml") <= rms("fit.toml, friction only") + 1e-3,
+        "{models:?}"
+    );
+    assert!(here.join("feedback.html").exists());
+    let recorded = json(&done(
+        here,
+        &["validate", "log.csv", "-m", "fit.toml", "--json"],
+    ));
+    let models = recorded["logs"][0]["models"].as_array().unwrap();
+    assert!(
+        models.last().unwrap()["rms"].as_f64() < models[0]["rms"].as_f64(),
+        "{models:?}"
+    );
+}
+
+#[test]
+fn other_goals_are_designed_for_too() {
+    let folder = folder();
+    let here = folder.path();
+    excite(
+        here,
+        &[
+            "--separate",
+            "stribeck,quadratic_drag:FR_thigh",
+            "-o",
+            "separate.csv",
+        ],
+    );
+    done(
+        here,
+        &[
+            "simulate",
+            "--legs",
+            "FR",
+            "--motion",
+            "chirp",
+            "--typical",
+            "--duration",
+            "5",
+            "-o",
+            "chirp.csv",
+        ],
+    );
+    let blind = excite(
+        here,
+        &["--for", "Ixx:FR_hip,hx:FR_thigh", "-o", "blind.csv"],
+    );
+    let completing = excite(
+        here,
+        &[
+            "--for",
+            "Ixx:FR_hip,hx:FR_thigh",
+            "--from",
+            "chirp.csv",
+            "-o",
+            "next.csv",
+        ],
+    );
+    assert_eq!(
+        (&blind["violations"], &completing["violations"]),
+        (&Value::from(0), &Value::from(0))
+    );
+}
+
+#[test]
+fn bad_input_is_named_and_leaves_no_file() {
+    let folder = folder();
+    let here = folder.path();
+    fs::write(here.join("short.csv"), "t,q/FR_hip\n0,0\n").unwrap();
+    let cases: [(&[&str], i32, &str); 10] = [
+        (
+            &["excite", "--pose", "FR_calf=-3"],
+            1,
+            "position of FR_calf",
+        ),
+        (&["excite", "--position-margin", "1.5"], 1, "cannot move"),
+        (&["excite", "--legs", "FX"], 1, "no leg `FX`"),
+        (&["excite", "--pose", "FR_knee=0"], 1, "FR_knee"),
+        (
+            &["excite", "--duration", "0"],
+            1,
+            "the duration must be a positive number",
+        ),
+        (
+            &["excite", "--acceleration", "nan"],
+            1,
+            "the greatest acceleration",
+        ),
+        (
+            &["excite", "--separate", "stribeck,stribek:FR_hip"],
+            2,
+            "did you mean `stribeck`",
+        ),
+        (
+            &["excite", "--separate", "contact,viscous:FR_hip"],
+            1,
+            "contact",
+        ),
+        (
+            &["simulate", "--follow", "short.csv"],
+            1,
+            "no column `q/FR_thigh`",
+        ),
+        (&["validate"], 2, "--motion"),
+    ];
+    for (arguments, status, words) in cases {
+        let output = proprio(here, arguments);
+        assert_eq!(
+            output.status.code(),
+            Some(status),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
+        assert!(
+            stderr(&output).contains(words),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
+    }
+    let left: Vec<_> = fs::read_dir(here)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    assert_eq!(left, ["short.csv"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_the_best_motion() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    let folder = folder();
+    let mut child = Command::new(proprio_tests::command::binary())
+        .args([
+            "excite", "--legs", "FR", "--starts", "100000", "--json", "-o", "best.csv",
+        ])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Long enough for a first motion within the limits even on a busy machine.
+    std::thread::sleep(Duration::from_secs(30));
+    let pid = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &pid])
+            .status()
+            .unwrap()
+            .success()
+    );
+    let asked = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        assert!(asked.elapsed() < Duration::from_secs(60), "does not end");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = json(&String::from_utf8_lossy(&output.stdout));
+    assert_eq!(
+        (&report["interrupted"], &report["violations"]),
+        (&Value::from(true), &Value::from(0))
+    );
+    assert!(folder.path().join("best.csv").exists());
+}
