@@ -12,12 +12,13 @@ use serde::Serialize;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::equation::values::{Place, Values};
 use crate::equation::velocity::VelocityGain;
+use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
 use crate::model::Model;
 use crate::recording::{Recording, RecordingError};
-use crate::select::search::{Found, search};
+use crate::select::search::{Found, how, search};
 use report::report;
 
 /// What `proprio diagnose` says.
@@ -242,13 +243,7 @@ fn with_velocities<'a>(
 
 /// Held-out sums of squares of the model as it is given.
 fn start_squares(data: &LimbData) -> Option<Squares> {
-    use crate::estimate::Constraint;
-    use crate::estimate::fit::{How, LimbFit};
-    let how = How {
-        constraint: Constraint::Physical,
-        ..How::default()
-    };
-    let fit = LimbFit::of(data, &places_of(data), &how)?;
+    let fit = LimbFit::of(data, &places_of(data), &how())?;
     let values: Vec<Values> = fit.held_out()?;
     Some(data.squares(&data.predicted_by_fold(&values)))
 }

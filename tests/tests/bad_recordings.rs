@@ -189,7 +189,7 @@ fn low_state(tick: u32) -> Vec<u8> {
 fn joint_state(k: u64, names: &[&str], counts: [usize; 3]) -> Vec<u8> {
     let mut data = vec![0, 1, 0, 0];
     let align = |data: &mut Vec<u8>, width: usize| {
-        while (data.len() - 4) % width != 0 {
+        while !(data.len() - 4).is_multiple_of(width) {
             data.push(0);
         }
     };

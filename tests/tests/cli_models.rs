@@ -234,7 +234,7 @@ fn nothing_is_overwritten_unsaid() {
         "--force",
     ]);
     assert!(
-        forced.contains("note: mine.xml, which proprio did not make, is replaced"),
+        forced.contains("note: mine.xml, which proprio did not make, was replaced"),
         "{forced}"
     );
     let page = [
@@ -249,11 +249,11 @@ fn nothing_is_overwritten_unsaid() {
     assert_eq!(said(&page), "");
     let again = said(&page);
     assert!(
-        again.contains("note: page.html, a report of proprio, is replaced"),
+        again.contains("note: page.html, a report of proprio, was replaced"),
         "{again}"
     );
     assert!(
-        again.contains("note: fit.json, a result of proprio, is replaced"),
+        again.contains("note: fit.json, a result of proprio, was replaced"),
         "{again}"
     );
     // The model that a command is told to update is no surprise.
@@ -275,5 +275,5 @@ fn nothing_is_overwritten_unsaid() {
         "-o",
         "log.csv",
     ];
-    assert!(said(&simulate).contains("note: log.csv, a simulated log, is replaced"));
+    assert!(said(&simulate).contains("note: log.csv, a simulated log, was replaced"));
 }

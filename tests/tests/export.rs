@@ -37,8 +37,9 @@ fn model_with(folder: &Path, change: impl FnOnce(&mut Model)) {
     model.save(&folder.join("model.toml")).unwrap();
 }
 
+/// What stands where it writes may be replaced.
 fn export(folder: &Path, arguments: &[&str]) -> Output {
-    let mut all = vec!["export", "-m", "model.toml"];
+    let mut all = vec!["export", "-m", "model.toml", "--force"];
     all.extend(arguments);
     proprio(folder, &all)
 }

@@ -213,7 +213,7 @@ fn chain(prefix: &str, count: usize) -> String {
             <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
             <joint name="{prefix}{n}" type="revolute"><parent link="{parent}"/><child link="{prefix}_link{n}"/>
             <origin xyz="0.1 0 0"/><axis xyz="{axis}"/>
-            <limit lower="-1" upper="1" effort="10" velocity="10"/></joint>"#
+            <limit lower="-1" upper="1" effort="10000" velocity="10"/></joint>"#
         )
         .unwrap();
     }

@@ -87,27 +87,38 @@ pub(crate) fn run() -> Result<String, Error> {
 
 impl Arguments {
     fn run(self, matches: &ArgMatches) -> Result<String, Error> {
-        if let Some((_, command)) = matches.subcommand() {
-            overwrite::check(command, self.force)?;
+        let notes = match matches.subcommand() {
+            Some((_, command)) => overwrite::check(command, self.force)?,
+            None => Vec::new(),
+        };
+        let done = self.command.run()?;
+        for note in notes {
+            eprintln!("{note}");
         }
-        match self.command {
-            Command::Add(command) => command.run(),
-            Command::Advise(command) => command.run(),
-            Command::Compare(command) => command.run(),
-            Command::Completions(command) => command.run(),
-            Command::Demo(command) => command.run(),
-            Command::Diagnose(command) => command.run(),
-            Command::Effects(command) => command.run(),
-            Command::Excite(command) => command.run(),
-            Command::Export(command) => command.run(),
-            Command::Identify(command) => command.run(),
-            Command::Import(command) => command.run(),
-            Command::Man(command) => command.run(),
-            Command::Remove(command) => command.run(),
-            Command::Replay(command) => command.run(),
-            Command::Show(command) => command.run(),
-            Command::Simulate(command) => command.run(),
-            Command::Validate(command) => command.run(),
+        Ok(done)
+    }
+}
+
+impl Command {
+    fn run(self) -> Result<String, Error> {
+        match self {
+            Self::Add(command) => command.run(),
+            Self::Advise(command) => command.run(),
+            Self::Compare(command) => command.run(),
+            Self::Completions(command) => command.run(),
+            Self::Demo(command) => command.run(),
+            Self::Diagnose(command) => command.run(),
+            Self::Effects(command) => command.run(),
+            Self::Excite(command) => command.run(),
+            Self::Export(command) => command.run(),
+            Self::Identify(command) => command.run(),
+            Self::Import(command) => command.run(),
+            Self::Man(command) => command.run(),
+            Self::Remove(command) => command.run(),
+            Self::Replay(command) => command.run(),
+            Self::Show(command) => command.run(),
+            Self::Simulate(command) => command.run(),
+            Self::Validate(command) => command.run(),
         }
     }
 }

@@ -32,10 +32,11 @@ enum Standing {
     Foreign(String),
 }
 
-/// Refuses a command that would lose a file; says on standard error which are replaced.
-pub(super) fn check(command: &ArgMatches, force: bool) -> Result<(), Error> {
+/// Refuses a command that would lose a file; else what to say, once the command has done its work, of those that it replaces.
+pub(super) fn check(command: &ArgMatches, force: bool) -> Result<Vec<String>, Error> {
     let kept = paths(command, &UPDATED);
     let logs = paths(command, &LOGS);
+    let mut notes = Vec::new();
     for output in paths(command, &WRITTEN) {
         if logs.iter().any(|log| is_same(log, &output)) {
             return Err(Error::WouldReplaceLog(output));
@@ -45,14 +46,16 @@ pub(super) fn check(command: &ArgMatches, force: bool) -> Result<(), Error> {
         }
         match standing(&output) {
             Standing::Free => {}
-            Standing::Own(what) => eprintln!("note: {}, {what}, is replaced", output.display()),
-            Standing::Foreign(what) if force => {
-                eprintln!("note: {}, {what}, is replaced", output.display());
-            }
+            Standing::Own(what) => notes.push(note(&output, what)),
+            Standing::Foreign(what) if force => notes.push(note(&output, &what)),
             Standing::Foreign(what) => return Err(Error::WouldReplace { path: output, what }),
         }
     }
-    Ok(())
+    Ok(notes)
+}
+
+fn note(path: &Path, what: &str) -> String {
+    format!("note: {}, {what}, was replaced", path.display())
 }
 
 /// The paths that arguments of these names hold.

@@ -19,9 +19,12 @@ use crate::progress::Progress;
 /// the feedback is the torque that was measured less the model's for the motion that was made. The URDF is judged besides, and of
 /// each model with bodies of its own its friction alone. Take another motion than the one that identified the model.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    override_usage = "proprio validate [OPTIONS] <LOG>...\n       proprio validate [OPTIONS] --motion <MOTION>",
+    after_help = "Examples:
   proprio validate --motion other.csv -m fit.toml --typical --inertia-error 0.06
-  proprio validate chirp_9hz.csv -m fit.toml -m consistent.toml --html feedback.html")]
+  proprio validate chirp_9hz.csv -m fit.toml -m consistent.toml --html feedback.html"
+)]
 pub(crate) struct Validate {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(

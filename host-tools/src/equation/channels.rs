@@ -30,9 +30,9 @@ const BEYOND: usize = 4;
 /// more of it than of motion to an acceleration.
 // Chosen among 4 and 10 on five chirps of one Go2: to be confirmed on robots that it has not seen.
 const SHOWS: f64 = 10.0;
-/// The smoother's cutoff is so many times the highest frequency of the motion, of which it then passes 1/(1 + 1.8⁻⁸), all but 1 %.
+/// The smoother's cutoff is so many times the highest frequency of the motion, of which it then passes all but 10⁻⁴.
 // Chosen among 1.8 and 2 on the same chirps.
-const MARGIN: f64 = 1.8;
+const MARGIN: f64 = 1.5;
 
 /// Of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,14 +91,16 @@ impl Channels {
         let timing = (3.0 * (position_of_all.powi(2) - standing.powi(2))).sqrt()
             / fast.max(f64::MIN_POSITIVE);
         let even = timing * fast < standing;
+        let cutoff = (MARGIN * frequencies[last]).min(highest);
+        // A velocity in the wrong scale errs by a share of itself, which does not average out over the samples of 1/ω_c as white
+        // noise does.
+        let together = (1.0 / (omega(cutoff) * period)).max(1.0);
+        let scaled = (scale(stretches) - 1.0) * fast * together.sqrt();
         Self {
             standing: if even { position_of_all } else { standing },
             timing: if even { 0.0 } else { timing },
-            cutoff: (MARGIN * frequencies[last]).min(highest),
-            // A velocity in the wrong scale errs by a share of itself.
-            velocity: std(velocity)
-                .hypot((scale(stretches) - 1.0) * fast)
-                .max(least),
+            cutoff,
+            velocity: std(velocity).hypot(scaled).max(least),
             position: position_of_all,
             period,
         }

@@ -10,6 +10,7 @@
 //! alone, and the chain of correlated rows starts anew after it.
 
 use nalgebra::DVector;
+use proprio_core::effect::EffectKind;
 use proprio_core::inertia::INERTIAL;
 
 use super::blocks::BlockFactors;
@@ -41,6 +42,10 @@ const FARTHEST: f64 = 23.2;
 const HOLD_ROUNDS: usize = 5;
 /// Times that the joints' noise is found again from the fit that it gives.
 const NOISE_ROUNDS: usize = 3;
+
+/// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on eight simulated joints with gaps
+/// of 2 to 20 mrad the gaps found were 9 to 25 % off, those of hips 45 %.
+const BOUNCE: f64 = 0.15;
 
 /// How a limb is fitted.
 #[derive(Debug, Clone, Default)]
@@ -280,6 +285,21 @@ impl<'a> LimbFit<'a> {
             .is_some_and(is_derivative)
     }
 
+    /// Whether entry k is a gap: a torque is too far from linear in it for a column to tell more than how surely it is known.
+    pub(crate) fn is_found_by_trying(&self, entry: usize) -> bool {
+        let entry = &self.columns.entries[entry];
+        (entry.effect).is_some_and(|effect| found_by_trying(effect, entry.joint, &self.at))
+    }
+
+    /// What of entry k's value the model leaves open whatever the data, one standard deviation.
+    pub(crate) fn unknown(&self, entry: usize) -> f64 {
+        if self.is_found_by_trying(entry) {
+            BOUNCE * self.value(entry)
+        } else {
+            0.0
+        }
+    }
+
     /// Entry k's value as the catalogue means it.
     pub(crate) fn value(&self, entry: usize) -> f64 {
         self.data.value(
@@ -445,7 +465,6 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
 
 /// Whether columns are other ones at other values.
 fn depends_on_values(columns: &Columns) -> bool {
-    use proprio_core::effect::EffectKind;
     let depends = |effect: EffectKind| {
         is_derivative(effect)
             || [
@@ -521,6 +540,10 @@ fn noises(groups: &[Group], theta: &DVector<f64>, sizes: &[f64]) -> Vec<f64> {
     groups.iter().zip(sizes).map(of).collect()
 }
 
+fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
+    effect == EffectKind::Backlash && at.get((effect, joint), 0) > 0.0
+}
+
 /// Prior and bounds of the effects' entries.
 fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> {
     let of = |entry: &crate::equation::column::Entry| {
@@ -531,7 +554,8 @@ fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> {
         } else {
             0.0
         };
-        let held = how.held.contains(&(effect, entry.joint));
+        let held =
+            how.held.contains(&(effect, entry.joint)) || found_by_trying(effect, entry.joint, at);
         let [lower, upper] = match how.constraint {
             _ if held => [0.0, 0.0],
             Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],

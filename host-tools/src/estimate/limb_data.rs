@@ -15,9 +15,6 @@ use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
 use crate::predict::predict;
 use crate::recording::LimbRecording;
 
-/// How far a gap that was found by trying may move by its column, as a share of it: half the step between the gaps that are tried.
-const GAP_STEP: f64 = 0.1;
-
 /// A limb's data. Made once; fits read them. A copy shares them.
 #[derive(Clone)]
 pub(crate) struct LimbData<'a> {
@@ -224,12 +221,6 @@ impl<'a> LimbData<'a> {
                 let neutral = effect.description().parameters[entry.parameter].neutral;
                 let (mean, std) = match (candidate, is_derivative(effect)) {
                     (true, _) => (0.0, std.max((mean - neutral).abs())),
-                    // Found by trying: its column is true near it only.
-                    (false, true)
-                        if effect == EffectKind::Backlash && values.get(place, 0) > 0.0 =>
-                    {
-                        (0.0, GAP_STEP * values.get(place, 0))
-                    }
                     (false, true) => (mean - values.get((effect, joint), entry.parameter), std),
                     (false, false) => (mean, std),
                 };

@@ -26,10 +26,6 @@ const LIMITS: usize = 40;
 /// Speeds that a Stribeck effect is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
-/// Gaps that a play is looked for at: the smallest (rad), each this much wider than the one before, and how many.
-const SMALLEST: f64 = 2e-3;
-const WIDER: f64 = 1.6;
-const GAPS: i32 = 8;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
@@ -60,7 +56,7 @@ pub(crate) fn better(
     if places.is_empty() {
         return None;
     }
-    let scan = Scan::new(fit.data, &fit.columns, &fit.values, &|w, j| {
+    let scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
         fit.data.torque[w * fit.data.joints() + j]
             - dot(
                 &fit.columns.combined(fit.solution.theta.as_slice())[j],
@@ -104,8 +100,10 @@ pub(crate) fn tried(effect: EffectKind) -> f64 {
 
 /// The residuals of a limb's model, ready to be searched for shapes.
 pub(crate) struct Scan<'a> {
-    data: &'a LimbData<'a>,
-    values: &'a Values,
+    pub(super) data: &'a LimbData<'a>,
+    pub(super) values: &'a Values,
+    /// Where the columns were made: what a play's column says of the gap there is true near it only.
+    pub(super) at: &'a Values,
     states: States,
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
@@ -116,7 +114,7 @@ impl<'a> Scan<'a> {
     pub(crate) fn new(
         data: &'a LimbData<'a>,
         columns: &Columns,
-        values: &'a Values,
+        [values, at]: [&'a Values; 2],
         residual: &dyn Fn(usize, usize) -> f64,
     ) -> Self {
         let windows: Vec<Vec<usize>> = (0..data.joints())
@@ -136,6 +134,7 @@ impl<'a> Scan<'a> {
             states: data.motion.states(&data.body, values, columns, 0.0),
             data,
             values,
+            at,
             windows,
             residuals,
         }
@@ -144,24 +143,11 @@ impl<'a> Scan<'a> {
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
     pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
         let (effect, joint) = place;
-        let windows = &self.windows[joint];
-        let kept: Vec<usize> = (0..windows.len())
-            .filter(|&i| chosen(self.data.fold(windows[i])))
-            .collect();
-        if kept.len() < LEAST_WINDOWS {
-            return None;
-        }
-        let windows: Vec<usize> = kept.iter().map(|&i| windows[i]).collect();
-        let mut residual: Vec<f64> = kept.iter().map(|&i| self.residuals[joint][i]).collect();
-        let mut basis: Vec<Vec<f64>> = Vec::new();
-        for effect in BASIS {
-            for column in self.columns(&windows, (effect, joint), 1.0) {
-                basis.extend(orthonormal(column, &basis));
-            }
-        }
         if effect == EffectKind::Backlash {
-            return self.best_gap(joint, &windows, &residual, &basis);
+            return self.best_gap(joint, chosen);
         }
+        let (windows, mut residual) = self.told(joint, chosen)?;
+        let basis = self.basis(&windows, joint);
         if self.values.has(place) {
             // What the effect explains with its present shape is for the new shape to explain.
             let columns = self.columns(&windows, place, self.values.shape(place));
@@ -185,45 +171,26 @@ impl<'a> Scan<'a> {
         Some(refined(&grid, &falls, &fall).clamp(parameter.lower, parameter.upper))
     }
 
-    /// The gap of a joint's play under which least is left.
-    fn best_gap(
+    /// A joint's windows of the chosen folds and what the model leaves in them; `None` if they are too few.
+    pub(super) fn told(
         &self,
         joint: usize,
-        windows: &[usize],
-        residual: &[f64],
-        basis: &[Vec<f64>],
-    ) -> Option<f64> {
-        let place = (EffectKind::Backlash, joint);
-        let n = self.data.joints();
-        let now = self.data.predicted(self.values, &|_| true);
-        let fall = |gap: f64| {
-            let mut values = self.values.clone();
-            values.insert(place);
-            values.set(place, 0, gap);
-            let there = self.data.predicted(&values, &|_| true);
-            let moved = windows
-                .iter()
-                .map(|w| there[w * n + joint] - now[w * n + joint]);
-            let mut left: Vec<f64> = residual.iter().zip(moved).map(|(r, by)| r - by).collect();
-            for b in basis {
-                let share = dot(b, &left);
-                left.iter_mut().zip(b).for_each(|(x, b)| *x -= share * b);
+        chosen: &dyn Fn(usize) -> bool,
+    ) -> Option<(Vec<usize>, Vec<f64>)> {
+        let all = self.windows[joint].iter().zip(&self.residuals[joint]);
+        let told: (Vec<usize>, Vec<f64>) = all.filter(|(w, _)| chosen(self.data.fold(**w))).unzip();
+        (told.0.len() >= LEAST_WINDOWS).then_some(told)
+    }
+
+    /// Directions that friction, a rotor and a constant torque of a joint explain.
+    pub(super) fn basis(&self, windows: &[usize], joint: usize) -> Vec<Vec<f64>> {
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for effect in BASIS {
+            for column in self.columns(windows, (effect, joint), 1.0) {
+                basis.extend(orthonormal(column, &basis));
             }
-            -dot(&left, &left)
-        };
-        let now_known = self.values.get(place, 0);
-        if now_known > 0.5 * SMALLEST {
-            // Found before: another gap is looked for nearby.
-            let grid = [
-                now_known / WIDER.sqrt(),
-                now_known,
-                now_known * WIDER.sqrt(),
-            ];
-            return Some(refined(&grid, &grid.map(fall), &fall));
         }
-        let grid: Vec<f64> = (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
-        let falls: Vec<f64> = grid.iter().map(|&gap| fall(gap)).collect();
-        Some(refined(&grid, &falls, &fall))
+        basis
     }
 
     /// The shapes to try, within what is physical.
@@ -332,7 +299,7 @@ fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
 }
 
 /// The shape with the largest fall, between the neighbours of the best of a grid.
-fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
+pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
     let best = (0..grid.len())
         .max_by(|&a, &b| falls[a].total_cmp(&falls[b]))
         .unwrap_or(0);

@@ -25,6 +25,9 @@ const TRIES: usize = 5;
 /// Steps by which a motion is made smaller at last, and how often.
 const SMALLER: f64 = 0.97;
 const SHRUNK: usize = 60;
+/// Steps by which a first guess that led nowhere is made smaller, and how often: to a ten-thousandth.
+const CALMER: f64 = 0.8;
+const CALMED: usize = 41;
 /// Speeds of a first guess, as a share of what keeps its series within the velocity limits.
 const GUESS: f64 = 0.5;
 
@@ -91,7 +94,8 @@ impl Search<'_> {
                 if self.stop() {
                     return;
                 }
-                let point = optimise::from(problem, goal, x, SHARE, effort, self);
+                let point = optimise::from(problem, goal, x, SHARE, effort, self)
+                    .or_else(|| calmed(problem, goal, x));
                 let mut shared = self.lock();
                 if let Some(point) = point {
                     match shared.found.iter_mut().find(|(known, _)| known == start) {
@@ -210,6 +214,25 @@ fn proved(
         };
         point = again.or_else(|| smaller(problem, goal, &point))?;
     }
+}
+
+/// The same motion, so much smaller that it is within the limits; `None` if no motion is.
+fn calmed(problem: &Problem, goal: &Cost, x: &[f64]) -> Option<Point> {
+    let mut x = x.to_vec();
+    for _ in 0..CALMED {
+        x.iter_mut().for_each(|x| *x *= CALMER);
+        let of = problem.evaluate(&x, SHARE);
+        let worst = of
+            .constraints
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        if worst <= 0.0 {
+            let cost = problem.cost(&of, goal)?.cost;
+            return Some(Point { x, cost, worst });
+        }
+    }
+    None
 }
 
 /// The same motion, a little smaller.

@@ -192,7 +192,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
         .map(|(k, entry)| {
             let [independent, blocks] = deviations.of_parameter(k);
             let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k]);
-            let std = independent.max(blocks);
+            let std = independent.max(blocks).hypot(fit.unknown(k));
             let body = fit.data.body_of(entry.joint);
             FittedParameter {
                 estimate: ParameterEstimate {
@@ -205,7 +205,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
                     prior: fit.prior_mean(k),
                     prior_std,
                     status: Status::there(std, prior_std, independent, there.row(k).norm()),
-                    at_bound: fit.solution.held[k],
+                    at_bound: fit.solution.held[k] && !fit.is_found_by_trying(k),
                 },
                 std_independent: independent,
                 place: entry

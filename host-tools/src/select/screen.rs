@@ -352,7 +352,7 @@ fn with_shapes(fit: &LimbFit, possible: &[Place]) -> Values {
     let predicted = data.predicted(&fit.values, &|_| true);
     let n = data.joints();
     let columns = data.columns(&fit.values, &fit.places, &shaped);
-    let scan = Scan::new(data, &columns, &fit.values, &|w, j| {
+    let scan = Scan::new(data, &columns, [&fit.values; 2], &|w, j| {
         data.torque[w * n + j] - predicted[w * n + j]
     });
     let best: Vec<Option<f64>> = shaped

@@ -232,7 +232,8 @@ impl<'a> State<'a> {
     }
 }
 
-fn how() -> How {
+/// How a model is fitted while it is judged.
+pub(crate) fn how() -> How {
     How {
         constraint: Constraint::Physical,
         hold_bodies: true,
@@ -268,7 +269,7 @@ fn held_out_with_shape(before: &LimbFit, after: &LimbFit, place: Place) -> Optio
     let predicted = data.predicted(&before.values, &|_| true);
     let columns = data.columns(&before.values, &before.places, &[place]);
     let n = data.joints();
-    let scan = Scan::new(data, &columns, &before.values, &|w, j| {
+    let scan = Scan::new(data, &columns, [&before.values; 2], &|w, j| {
         data.torque[w * n + j] - predicted[w * n + j]
     });
     let shape = shape_parameter(place.0);
