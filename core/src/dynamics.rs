@@ -24,6 +24,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 mod articulated;
 mod composite;
 mod derivatives;
+mod momentum;
 mod newton_euler;
 pub use derivatives::MomentumDerivatives;
 pub(crate) use newton_euler::{Acceleration, accelerate_free};

@@ -106,6 +106,9 @@ fn check<const B: usize, const V: usize, const P: usize>(
         c.transpose() * m.v
     ));
     prop_assert!(close(m.tree.gravity_regressor::<P>(&k) * theta, g));
+    let (momentum, rate) = m.tree.momentum_and_rate(&k);
+    prop_assert!(close(momentum, h * m.v));
+    prop_assert!(close(rate, g - c.transpose() * m.v));
     let (kinetic, potential) = m.tree.energy(&k, &m.base);
     let (w_kinetic, w_potential) = m.tree.energy_regressor::<P>(&k, &m.base);
     prop_assert!((w_kinetic.dot(&theta) - kinetic).abs() < 1e-10 * size);

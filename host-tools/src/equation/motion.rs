@@ -27,7 +27,7 @@ pub(crate) const MOST_REST: f64 = 0.125;
 /// How far the straight line reaches that smooths the transmitted torque, s.
 const REACH: f64 = 8.5e-3;
 /// A play that is looked for where none is known yet, rad.
-const TYPICAL_PLAY: f64 = 0.01;
+pub(crate) const TYPICAL_PLAY: f64 = 0.01;
 
 /// A limb's motion, sample by sample.
 #[derive(Debug, Clone)]
@@ -59,6 +59,16 @@ pub(crate) struct Window {
     pub(crate) samples: [usize; 2],
     /// Whether each joint moves: the torque of one at rest is whatever friction holds.
     pub(crate) moves: Vec<bool>,
+}
+
+/// What the gears transmit under a model's bodies, whatever its effects.
+pub(crate) struct Load {
+    /// Sample by sample, joint by joint, N m.
+    torque: Vec<f64>,
+    /// Its value and slope by the straight line that smooths it, N m and N m/s.
+    line: Vec<[f64; 2]>,
+    /// The inertia that each joint turns, kg m².
+    inertia: Vec<f64>,
 }
 
 /// What effects see at each sample, under a model.
@@ -158,6 +168,26 @@ impl Motion {
         steps.sum::<f64>() / window.length
     }
 
+    /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there; of a link
+    /// that moves in its play all that came before.
+    pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<bool> {
+        if values.places().any(|place| place.0 == EffectKind::Backlash) {
+            return vec![true; self.time.len()];
+        }
+        let mut asked = vec![false; self.time.len()];
+        for (_, window) in self.windows.iter().enumerate().filter(|(w, _)| chosen(*w)) {
+            let [first, last] = window.samples;
+            let (begin, end) = (
+                self.time[first] - 2.0 * REACH,
+                self.time[last] + 2.0 * REACH,
+            );
+            let from = self.time[..first].partition_point(|t| *t < begin);
+            let to = last + self.time[last..].partition_point(|t| *t <= end);
+            asked[from..to].fill(true);
+        }
+        asked
+    }
+
     /// What effects see under a model, `delay` seconds before each sample. `columns` tell which of it is asked for.
     pub(crate) fn states(
         &self,
@@ -165,6 +195,19 @@ impl Motion {
         values: &Values,
         columns: &Columns,
         delay: f64,
+    ) -> States {
+        let all = vec![true; self.time.len()];
+        self.states_under(None, body, values, columns, (delay, &all))
+    }
+
+    /// The same where the gears' load is known, of the samples that are `asked` for: the others' loads are zero.
+    pub(crate) fn states_under(
+        &self,
+        load: Option<&Load>,
+        body: &LimbBody,
+        values: &Values,
+        columns: &Columns,
+        (delay, asked): (f64, &[bool]),
     ) -> States {
         let n = self.joints;
         let needs = Needs::of(values, columns);
@@ -189,7 +232,13 @@ impl Motion {
             }
         }
         if needs.load {
-            self.fill_load(body, joints, values, &mut states);
+            match load {
+                Some(load) => self.fill_load(load, values, &mut states),
+                None => {
+                    let load = self.load_of(body, joints, values, asked);
+                    self.fill_load(&load, values, &mut states);
+                }
+            }
         }
         if needs.torque {
             self.fill_torque(joints, values, columns, &mut states);
@@ -197,39 +246,68 @@ impl Motion {
         self.with_links(values, states)
     }
 
-    /// The torque that the gears transmit: the rigid body's own at the motors' motion.
-    fn fill_load(
+    /// The torque that the gears transmit: the rigid body's own at the motors' motion. `None` where joints report late.
+    pub(crate) fn load(&self, body: &LimbBody, values: &Values) -> Option<Load> {
+        let late = (0..self.joints).any(|j| values.delay(j) != 0.0);
+        let all = vec![true; self.time.len()];
+        (!late).then(|| self.load_of(body, &self.joint, values, &all))
+    }
+
+    fn load_of(
         &self,
         body: &LimbBody,
         joints: &[Trajectory],
         values: &Values,
-        states: &mut [JointState<f64>],
-    ) {
+        asked: &[bool],
+    ) -> Load {
         let n = self.joints;
         let rigid = body.loaded(values);
         let base = body.base(values);
-        let mut load = vec![0.0; n * self.time.len()];
+        let mut torque = vec![0.0; n * self.time.len()];
         let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        for k in 0..self.time.len() {
+        for k in (0..self.time.len()).filter(|&k| asked[k]) {
             for j in 0..n {
-                let [_, dq, ddq, _] = joints[j].state[k];
-                motion[0][j] = states[k * n + j].q;
+                let [q, dq, ddq, _] = joints[j].state[k];
+                motion[0][j] = q - values.get((EffectKind::EncoderOffset, j), 0);
                 (motion[1][j], motion[2][j]) = (dq, ddq);
             }
             let [q, dq, ddq] = &motion;
-            rigid.inverse_dynamics(&base, [q, dq, ddq], &mut load[k * n..(k + 1) * n]);
+            rigid.inverse_dynamics(&base, [q, dq, ddq], &mut torque[k * n..(k + 1) * n]);
         }
+        let mut line = vec![[0.0; 2]; torque.len()];
         for j in 0..n {
-            let inertia = body.moved_inertia(&*rigid, &base, joints, j);
-            let gap = values.get((EffectKind::Backlash, j), 0);
             for stretch in &self.stretches {
                 let t = &self.time[stretch.clone()];
-                let own: Vec<f64> = stretch.clone().map(|k| load[k * n + j]).collect();
-                let moved = play(t, &own, inertia, if gap > 0.0 { gap } else { TYPICAL_PLAY });
-                for (i, k) in stretch.clone().enumerate() {
-                    let state = &mut states[k * n + j];
-                    [state.load, state.load_rate] = local_line(t, &own, i, around(t, i));
-                    state.play = moved[i];
+                let own: Vec<f64> = stretch.clone().map(|k| torque[k * n + j]).collect();
+                for (i, k) in stretch.clone().enumerate().filter(|(_, k)| asked[*k]) {
+                    line[k * n + j] = local_line(t, &own, i, around(t, i));
+                }
+            }
+        }
+        Load {
+            inertia: (0..n)
+                .map(|j| body.moved_inertia(&*rigid, &base, joints, j))
+                .collect(),
+            torque,
+            line,
+        }
+    }
+
+    /// Each joint's load, and how its link moves within its play under it.
+    fn fill_load(&self, load: &Load, values: &Values, states: &mut [JointState<f64>]) {
+        let n = self.joints;
+        for (state, line) in states.iter_mut().zip(&load.line) {
+            [state.load, state.load_rate] = *line;
+        }
+        for j in 0..n {
+            let gap = values.get((EffectKind::Backlash, j), 0);
+            let gap = if gap > 0.0 { gap } else { TYPICAL_PLAY };
+            for stretch in &self.stretches {
+                let t = &self.time[stretch.clone()];
+                let own: Vec<f64> = stretch.clone().map(|k| load.torque[k * n + j]).collect();
+                let moved = play(t, &own, load.inertia[j], gap);
+                for (k, moved) in stretch.clone().zip(moved) {
+                    states[k * n + j].play = moved;
                 }
             }
         }

@@ -27,6 +27,15 @@ pub(crate) trait RigidBody: Send + Sync {
         slopes: Option<&mut Slopes>,
     );
 
+    /// H q̇ (N m s) and g − Cᵀ q̇ (N m) at a position and velocity, at the current inertias.
+    fn momentum_and_rate(
+        &self,
+        base: &Transform<f64>,
+        motion: [&[f64]; 2],
+        momentum: &mut [f64],
+        rate: &mut [f64],
+    );
+
     /// W with W θ = H q̈ + C q̇ + g (N m per unit of each parameter) at a position, velocity and acceleration, row-major.
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]);
 
@@ -136,6 +145,18 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         }
     }
 
+    fn momentum_and_rate(
+        &self,
+        base: &Transform<f64>,
+        [q, dq]: [&[f64]; 2],
+        momentum: &mut [f64],
+        rate: &mut [f64],
+    ) {
+        let (p, r) = self.0.momentum_and_rate(&self.kinematics(base, q, dq));
+        momentum.copy_from_slice(p.as_slice());
+        rate.copy_from_slice(r.as_slice());
+    }
+
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
         let [q, dq, ddq] = motion.map(SVector::from_column_slice);
         let k = self.0.kinematics(base, &q, &dq);
@@ -145,8 +166,10 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
 
     fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
         let [q, dq, ddq] = motion.map(SVector::from_column_slice);
-        let k = self.0.kinematics(base, &q, &dq);
-        torque.copy_from_slice(self.0.inverse_dynamics(&k, &dq, &ddq).as_slice());
+        let placements = self.0.placements(base, &q);
+        let mut all = SVector::zeros();
+        (self.0).write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
+        torque.copy_from_slice(all.as_slice());
     }
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {

@@ -127,7 +127,7 @@ impl<'a> LimbFit<'a> {
                 .all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
             let searched =
                 |place: &Place| how.shapes.as_ref().is_none_or(|own| own.contains(place));
-            let scanned = (pass <= SHAPE_PASSES)
+            let scanned = (pass <= SHAPE_PASSES.min(passes - 1))
                 .then(|| shapes::better(&fit, &made, &searched))
                 .flatten();
             let done = same && scanned.is_none() && fit.is_steady();

@@ -8,11 +8,15 @@ use proprio_core::effect::EffectKind;
 
 use super::shapes::{Scan, refined};
 use crate::equation::dot::dot;
+use crate::equation::motion::TYPICAL_PLAY;
 
 /// The smallest gap that is tried (rad), each this much wider than the one before, and how many.
 const SMALLEST: f64 = 2e-3;
 const WIDER: f64 = 1.6;
 const GAPS: i32 = 8;
+/// A gap that takes away less than this share of the sum of squares is not looked for more closely: no effect counts that does
+/// (`select::criteria::LEAST_GAIN`).
+const LEAST_FALL: f64 = 0.01;
 
 /// A joint's windows, what the model leaves in them, and what its own columns may take of that.
 struct Told {
@@ -54,12 +58,14 @@ impl Scan<'_> {
             })
         };
         let told: Vec<Told> = (0..n).filter_map(told).collect();
-        let now = self.data.predicted(self.values, &|_| true);
+        // Bodies stay as they are, and with them what the gears transmit.
+        let load = self.data.motion.load(&self.data.body, self.values);
+        let now = self.data.predicted_under(load.as_ref(), self.values);
         let fall = |gap: f64| {
             let mut values = self.values.clone();
             values.insert(place);
             values.set(place, 0, gap);
-            let there = self.data.predicted(&values, &|_| true);
+            let there = self.data.predicted_under(load.as_ref(), &values);
             -told
                 .iter()
                 .map(|told| told.left(n, &there, &now))
@@ -70,6 +76,11 @@ impl Scan<'_> {
         grid.extend(Some(self.at.get(place, 0)).filter(|known| *known > 0.5 * SMALLEST));
         grid.sort_unstable_by(f64::total_cmp);
         let falls: Vec<f64> = grid.iter().map(|&gap| fall(gap)).collect();
+        let before: f64 = told.iter().map(|told| told.left(n, &now, &now)).sum();
+        if falls.iter().all(|fall| -fall > (1.0 - LEAST_FALL) * before) {
+            // No play: which gap explains nothing best does not matter.
+            return Some(TYPICAL_PLAY);
+        }
         Some(refined(&grid, &falls, &fall))
     }
 }

@@ -7,12 +7,12 @@ use proprio_core::effect::{EffectKind, Form};
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
 use crate::equation::folds::Blocks;
-use crate::equation::motion::{Motion, is_derivative};
+use crate::equation::motion::{Load, Motion, is_derivative};
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
-use crate::predict::predict;
+use crate::predict::{predict, predict_under};
 use crate::recording::LimbRecording;
 
 /// A limb's data. Made once; fits read them. A copy shares them.
@@ -143,6 +143,13 @@ impl<'a> LimbData<'a> {
     pub(crate) fn predicted(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let chosen = |w: usize| chosen(w) && !self.left_out[w];
         predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
+    }
+
+    /// The same of all windows where the load of the gears is known.
+    pub(crate) fn predicted_under(&self, load: Option<&Load>, values: &Values) -> Vec<f64> {
+        let chosen = |w: usize| !self.left_out[w];
+        let (body, motion) = (&self.body, &self.motion);
+        predict_under(load, body, motion, values, &self.subtree_end, &chosen)
     }
 
     /// What models predict, each of the windows of its own fold, N m.

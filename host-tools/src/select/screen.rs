@@ -138,6 +138,17 @@ impl<'a> Screen<'a> {
         }
     }
 
+    /// The held-out sum of squares of the model, in units of the joints' noise.
+    pub(crate) fn error(&self) -> f64 {
+        let noise = &self.fit.noise;
+        let of = |fold: &Vec<f64>| -> f64 {
+            (fold.iter().zip(noise))
+                .map(|(square, noise)| square / (noise * noise))
+                .sum()
+        };
+        self.base.iter().map(of).sum()
+    }
+
     /// What the effects at `places` would add together; `None` if nothing determines them.
     pub(crate) fn trial(&self, places: &[Place]) -> Option<Trial> {
         let entries = self.entries(places);

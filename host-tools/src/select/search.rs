@@ -309,6 +309,15 @@ struct Search<'a> {
     /// Of each limb what its model may lack, and what that would add: made anew when the limb's fit is another.
     screens: Vec<Screen<'a>>,
     possible: Vec<Vec<Place>>,
+    /// What was tried beside which fits of its limbs, and not taken.
+    refused: Vec<Refused<'a>>,
+}
+
+/// A candidate that was not taken, and the fits of its limbs that it was tried beside.
+struct Refused<'a> {
+    effect: EffectKind,
+    members: Vec<Member>,
+    beside: Vec<Arc<LimbFit<'a>>>,
 }
 
 impl<'a> Search<'a> {
@@ -322,7 +331,36 @@ impl<'a> Search<'a> {
             first: Vec::new(),
             screens: Vec::new(),
             possible: Vec::new(),
+            refused: Vec::new(),
         }
+    }
+
+    /// The fits of a candidate's limbs.
+    fn beside(&self, candidate: &Candidate) -> Vec<Arc<LimbFit<'a>>> {
+        let limbs = candidate.trials.iter();
+        limbs
+            .map(|(limb, _)| self.state.fits[*limb].clone())
+            .collect()
+    }
+
+    /// Whether a candidate was refused beside the same fits of its limbs: it would be again.
+    fn was_refused(&self, candidate: &Candidate) -> bool {
+        let beside = self.beside(candidate);
+        let same = |a: &[Arc<LimbFit>]| {
+            a.len() == beside.len() && a.iter().zip(&beside).all(|(a, b)| Arc::ptr_eq(a, b))
+        };
+        (self.refused.iter()).any(|refused| {
+            refused.effect == candidate.effect
+                && refused.members == candidate.members
+                && same(&refused.beside)
+        })
+    }
+
+    /// Whether what a candidate promises is worth a fit: a step takes away a share of the error of all joints, and the fit all but
+    /// never takes away twice of what the columns promise.
+    fn is_worth_trying(&self, candidate: &Candidate) -> bool {
+        let base: f64 = self.screens.iter().map(Screen::error).sum();
+        candidate.gain().0 > 0.5 * criteria::LEAST_SHARE * base
     }
 
     /// Looks at all candidates beside the present model.
@@ -368,7 +406,9 @@ impl<'a> Search<'a> {
             if self.first.is_empty() && self.steps.is_empty() {
                 self.first = judge(&self.screens, &candidates);
             }
-            let mut open: Vec<&Candidate> = candidates.iter().collect();
+            let mut open: Vec<&Candidate> = (candidates.iter())
+                .filter(|c| self.is_worth_trying(c) && !self.was_refused(c))
+                .collect();
             let mut taken = false;
             for _ in 0..MOST_REFUSED {
                 let Some(next) = best(&self.screens, &open, &candidates) else {
@@ -378,6 +418,11 @@ impl<'a> Search<'a> {
                 if taken {
                     break;
                 }
+                self.refused.push(Refused {
+                    effect: next.effect,
+                    members: next.members.clone(),
+                    beside: self.beside(next),
+                });
                 open.retain(|c| !(c.effect == next.effect && c.members == next.members));
             }
             if !taken {
