@@ -233,10 +233,10 @@ impl Motion {
         }
         if needs.load {
             match load {
-                Some(load) => self.fill_load(load, values, &mut states),
+                Some(load) => self.fill_load(load, values, needs.play, &mut states),
                 None => {
                     let load = self.load_of(body, joints, values, asked);
-                    self.fill_load(&load, values, &mut states);
+                    self.fill_load(&load, values, needs.play, &mut states);
                 }
             }
         }
@@ -293,11 +293,20 @@ impl Motion {
         }
     }
 
-    /// Each joint's load, and how its link moves within its play under it.
-    fn fill_load(&self, load: &Load, values: &Values, states: &mut [JointState<f64>]) {
+    /// Each joint's load and, `with_play`, how its link moves under it within its gap.
+    fn fill_load(
+        &self,
+        load: &Load,
+        values: &Values,
+        with_play: bool,
+        states: &mut [JointState<f64>],
+    ) {
         let n = self.joints;
         for (state, line) in states.iter_mut().zip(&load.line) {
             [state.load, state.load_rate] = *line;
+        }
+        if !with_play {
+            return;
         }
         for j in 0..n {
             let gap = values.get((EffectKind::Backlash, j), 0);
@@ -382,6 +391,7 @@ impl Motion {
 /// Which of what effects see costs a pass of its own.
 struct Needs {
     load: bool,
+    play: bool,
     torque: bool,
 }
 
@@ -398,6 +408,7 @@ impl Needs {
         ];
         Self {
             load: torque || any(&load),
+            play: any(&[EffectKind::Backlash]),
             torque,
         }
     }
