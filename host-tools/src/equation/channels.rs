@@ -91,6 +91,13 @@ impl Channels {
         let timing = (3.0 * (position_of_all.powi(2) - standing.powi(2))).sqrt()
             / fast.max(f64::MIN_POSITIVE);
         let even = timing * fast < standing;
+        eprintln!(
+            "cutoff {} vel {:e} pos {:e} standing {standing:e} timing {timing:e} scale {} fast {fast}",
+            (MARGIN * frequencies[last]).min(highest),
+            std(velocity),
+            position_of_all,
+            scale(stretches)
+        );
         let cutoff = (MARGIN * frequencies[last]).min(highest);
         // A velocity in the wrong scale errs by a share of itself, which does not average out over the samples of 1/ω_c as white
         // noise does.
@@ -159,39 +166,70 @@ fn median(mut x: Vec<f64>) -> f64 {
 fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<Density>, f64) {
     let mut sums = vec![Density::default(); frequencies.len()];
     let mut weight = 0.0;
-    for s in stretches {
-        let per = (LENGTH / period) as usize;
-        let mut first = 1;
-        while first + per.max(8) < s.t.len() {
-            let last = first + per.max(8) - 1;
-            weight += add(&mut sums, frequencies, s, [first, last]);
-            first += per.max(8) / 2;
+    let per = ((LENGTH / period) as usize).max(8);
+    for s in stretches.iter().filter(|s| s.t.len() > 4) {
+        let velocity = even(s.t, s.dq, period);
+        let position = even(s.t, s.q, period);
+        let slope: Vec<f64> =
+            (position.windows(3).map(|q| (q[2] - q[0]) / (2.0 * period))).collect();
+        // A slope stands for the sample in the middle.
+        for begin in (0..slope.len().saturating_sub(per)).step_by(per / 2) {
+            let channels = [&velocity[begin + 1..][..per], &slope[begin..][..per]];
+            weight += add(&mut sums, frequencies, channels, period);
         }
     }
     (sums, weight)
 }
 
-/// Adds one stretch of time; the sum of its squared window.
-fn add(sums: &mut [Density], frequencies: &[f64], s: &Stretch, [first, last]: [usize; 2]) -> f64 {
-    let (begin, length) = (s.t[first], s.t[last] - s.t[first]);
-    let mut weight = 0.0;
-    let samples: Vec<[f64; 3]> = (first..=last)
-        .map(|k| {
-            let slope = (s.q[k + 1] - s.q[k - 1]) / (s.t[k + 1] - s.t[k - 1]);
-            let phase = std::f64::consts::TAU * (s.t[k] - begin) / length;
-            let hann = 0.5 * (1.0 - phase.cos());
-            weight += hann * hann;
-            [s.t[k] - begin, hann * s.dq[k], hann * slope]
-        })
+/// A channel at even times by cubics through its samples: of uneven samples taken as even, a strong motion would leave noise at all
+/// frequencies.
+fn even(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
+    let last = t.len() - 1;
+    let slope = |k: usize| match k {
+        0 => (x[1] - x[0]) / (t[1] - t[0]),
+        k if k == last => (x[k] - x[k - 1]) / (t[k] - t[k - 1]),
+        k => {
+            let (before, after) = (t[k] - t[k - 1], t[k + 1] - t[k]);
+            let (came, goes) = ((x[k] - x[k - 1]) / before, (x[k + 1] - x[k]) / after);
+            (after * came + before * goes) / (before + after)
+        }
+    };
+    let count = ((t[last] - t[0]) / period) as usize + 1;
+    let mut k = 0;
+    let mut at = |n: usize| {
+        let now = t[0] + n as f64 * period;
+        while k + 1 < last && t[k + 1] <= now {
+            k += 1;
+        }
+        let h = t[k + 1] - t[k];
+        let s = ((now - t[k]) / h).clamp(0.0, 1.0);
+        let (rise, fall) = (s * s * (3.0 - 2.0 * s), (1.0 - s) * (1.0 - s));
+        x[k] * (1.0 - rise)
+            + x[k + 1] * rise
+            + h * s * (fall * slope(k) - s * (1.0 - s) * slope(k + 1))
+    };
+    (0..count).map(&mut at).collect()
+}
+
+/// Adds one stretch of even samples of a velocity and a slope; the sum of its squared window.
+fn add(
+    sums: &mut [Density],
+    frequencies: &[f64],
+    [velocity, slope]: [&[f64]; 2],
+    period: f64,
+) -> f64 {
+    let count = velocity.len() as f64;
+    let hann = |k: usize| 0.5 * (1.0 - (std::f64::consts::TAU * k as f64 / count).cos());
+    let weighed: Vec<[f64; 2]> = (0..velocity.len())
+        .map(|k| [hann(k) * velocity[k], hann(k) * slope[k]])
         .collect();
     for (sum, frequency) in sums.iter_mut().zip(frequencies) {
-        let omega = std::f64::consts::TAU * frequency;
+        let step = std::f64::consts::TAU * frequency * period;
         let (mut v, mut d) = ([0.0; 2], [0.0; 2]);
         // A slope between three samples passes a frequency as a sinc.
-        let step = omega * 0.5 * (length / (last - first) as f64) * 2.0;
         let passed = step.sin() / step;
-        for &[t, velocity, slope] in &samples {
-            let (sin, cos) = (omega * t).sin_cos();
+        for (k, &[velocity, slope]) in weighed.iter().enumerate() {
+            let (sin, cos) = (step * k as f64).sin_cos();
             v[0] += velocity * cos;
             v[1] += velocity * sin;
             d[0] += slope * cos;
@@ -200,7 +238,7 @@ fn add(sums: &mut [Density], frequencies: &[f64], s: &Stretch, [first, last]: [u
         sum.velocity += v[0] * v[0] + v[1] * v[1];
         sum.slope += (d[0] * d[0] + d[1] * d[1]) / (passed * passed);
     }
-    weight
+    (0..velocity.len()).map(|k| hann(k).powi(2)).sum()
 }
 
 /// Means over neighbouring frequencies.
