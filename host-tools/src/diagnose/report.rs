@@ -13,6 +13,7 @@ use crate::detect::residual;
 use crate::detect::series::JointSeries;
 use crate::equation::velocity::VelocityGain;
 use crate::select::candidate::Member;
+use crate::select::criteria::RESOLUTION;
 use crate::select::drift::Drift;
 use crate::select::search::Judged;
 
@@ -255,9 +256,13 @@ impl Diagnosed<'_> {
             let candidate = self.candidate(judged, total);
             (candidate.joints.join(", "), words::unphysical(&candidate))
         });
+        let resolved = self.resolved();
         // One sentence a joint: they are of one cause, the first says most.
         let mut told: Vec<(String, String)> = Vec::new();
         for (joint, words) in structures.chain(drifting).chain(bursts).chain(unphysical) {
+            if resolved.contains(&joint) {
+                continue;
+            }
             if told.iter().all(|(known, _)| *known != joint) {
                 told.push((joint, words));
             }
@@ -265,5 +270,21 @@ impl Diagnosed<'_> {
         told.into_iter()
             .map(|(joint, words)| format!("{joint}: {words}"))
             .collect()
+    }
+
+    /// The joints of which no more is left than a sampled log resolves.
+    fn resolved(&self) -> Vec<String> {
+        let mut resolved = Vec::new();
+        for (fit, left) in self.found.end.fits.iter().zip(&self.found.end.squares) {
+            let data = fit.data;
+            let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint();
+            let names = data.joint_names().into_iter();
+            for ((name, left), torque) in names.zip(left.by_joint()).zip(torque) {
+                if left <= RESOLUTION.powi(2) * torque {
+                    resolved.push(name);
+                }
+            }
+        }
+        resolved
     }
 }

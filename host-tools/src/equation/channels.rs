@@ -91,13 +91,6 @@ impl Channels {
         let timing = (3.0 * (position_of_all.powi(2) - standing.powi(2))).sqrt()
             / fast.max(f64::MIN_POSITIVE);
         let even = timing * fast < standing;
-        eprintln!(
-            "cutoff {} vel {:e} pos {:e} standing {standing:e} timing {timing:e} scale {} fast {fast}",
-            (MARGIN * frequencies[last]).min(highest),
-            std(velocity),
-            position_of_all,
-            scale(stretches)
-        );
         let cutoff = (MARGIN * frequencies[last]).min(highest);
         // A velocity in the wrong scale errs by a share of itself, which does not average out over the samples of 1/ω_c as white
         // noise does.

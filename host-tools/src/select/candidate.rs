@@ -31,6 +31,8 @@ pub(crate) struct Candidate {
     pub(crate) falls: Vec<f64>,
     /// The held-out sum of squares before of the joints that feel it, in units of their noise.
     felt: f64,
+    /// Sum of squares of the torque of the joints that feel it, (N m)².
+    torque: f64,
     /// How much all data's sum of squares falls, as far as windows are independent.
     pub(crate) fall: f64,
     pub(crate) sure: Squared,
@@ -61,6 +63,7 @@ impl Candidate {
             gains: sum(&|t| &t.gains),
             falls: sum(&|t| &t.falls),
             felt: trials.iter().map(|(_, t)| t.felt).sum(),
+            torque: trials.iter().map(|(_, t)| t.torque).sum(),
             fall: trials.iter().map(|(_, t)| t.fall).sum(),
             sure,
             tried,
@@ -118,7 +121,8 @@ impl Candidate {
     /// Whether it is there beyond chance.
     pub(crate) fn is_beyond_chance(&self) -> bool {
         let (gain, error) = self.gain();
-        self.z() >= criteria::least_z(self.tried) && gain > error
+        let most = gain > criteria::MOST_BY_CHANCE * self.felt && gain > criteria::LEAST_Z * error;
+        most || (self.z() >= criteria::least_z(self.tried) && gain > error)
     }
 
     /// Whether it is there beyond chance and worth a place in the model, whatever its value.
@@ -128,6 +132,19 @@ impl Candidate {
         self.is_beyond_chance()
             && -harm < criteria::MOST_HARM * (gain - harm)
             && self.held_out_gain().0 > least_gain(self.effect)
+            && self.torque_error_taken() > criteria::LEAST_EFFECT.powi(2) * self.torque
+    }
+
+    /// Whether it is a delay too small to be told from how the torque runs between two samples.
+    pub(crate) fn is_unresolved_delay(&self, screens: &[Screen]) -> bool {
+        let small = |(limb, trial): &(usize, Trial)| {
+            let screen = &screens[*limb];
+            trial.places.iter().all(|&place| {
+                let delay = screen.parameter(trial, place, 0);
+                delay.is_some_and(|(d, _)| !is_resolved(screen, d))
+            })
+        };
+        self.effect == EffectKind::Delay && self.is_there() && self.trials.iter().all(small)
     }
 
     /// Whether its values are physical within twice their errors, and what a robot can have.
@@ -329,12 +346,17 @@ fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
             && value - 2.0 * std <= p.upper
             && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
     };
-    let resolved = effect != EffectKind::Delay
-        || told[0].is_none_or(|(d, _)| d.abs() > LEAST_DELAY * data.recording.period());
+    let resolved =
+        effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
     let load = effect != EffectKind::Payload || is_load(&told);
     let limit = effect != EffectKind::Saturation
         || screen.shape(place) > LEAST_LIMIT * rating(screen, place.1);
     told.iter().enumerate().all(within) && resolved && load && limit
+}
+
+/// Whether a delay (s) is more than how the torque runs between two samples.
+fn is_resolved(screen: &Screen, delay: f64) -> bool {
+    delay.abs() > LEAST_DELAY * screen.fit.data.recording.period()
 }
 
 /// A joint's torque rating, N m; nothing where it is not known.

@@ -40,6 +40,8 @@ pub(crate) struct Screen<'a> {
     pub(crate) base: Vec<Vec<f64>>,
     /// How many neighbouring windows of each joint say the same thing.
     memory: Vec<f64>,
+    /// Each joint's sum of squared torques, (N m)².
+    torque: Vec<f64>,
     /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
     /// catalogue leaves less.
     pub(crate) floor: Vec<f64>,
@@ -57,6 +59,8 @@ pub(crate) struct Trial {
     pub(crate) falls: Vec<f64>,
     /// Sum of squares before of the joints that feel it, in units of their noise.
     pub(crate) felt: f64,
+    /// Sum of squares of the torque of the joints that feel it, (N m)².
+    pub(crate) torque: f64,
     /// Its parameters by all data, as the columns have them.
     pub(crate) value: Vec<f64>,
     /// By the data of all folds but one, fold by fold.
@@ -128,6 +132,7 @@ impl<'a> Screen<'a> {
             base: folds.blocks.iter().zip(&theta).map(score).collect(),
             theta,
             memory: left.memory,
+            torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
             floor: left.floor,
             all: triangle(&all),
             tests: folds.blocks,
@@ -221,6 +226,7 @@ impl<'a> Screen<'a> {
             std.push(independent.max(spread));
         }
         let noise = &self.fit.noise;
+        let torque = felt.iter().map(|&j| self.torque[j]).sum();
         let felt = self
             .base
             .iter()
@@ -231,6 +237,7 @@ impl<'a> Screen<'a> {
             gains,
             falls,
             felt: felt.sum(),
+            torque,
             value: all.value,
             std,
             by_fold: values.to_vec(),

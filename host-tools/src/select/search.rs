@@ -647,15 +647,20 @@ fn judge(screens: &[Screen], candidates: &[Candidate]) -> Vec<Judged> {
 /// Candidates at the same joints whose held-out gains differ by less than the error of their difference, or by less than ln n for each
 /// parameter more, n windows, are equals. Among them counts how much the sum of squares of all data and of the priors falls, less
 /// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler rival that is there even beside the best goes
-/// before it: a load on a calf swings with it as its rotor turns.
+/// before it: a load on a calf swings with it as its rotor turns. What a delay too small to be resolved explains better, and all of
+/// it, is none.
 fn best<'c>(
     screens: &[Screen],
     open: &[&'c Candidate],
     all: &[Candidate],
 ) -> Option<&'c Candidate> {
+    let late: Vec<&Candidate> = (all.iter())
+        .filter(|c| c.is_unresolved_delay(screens))
+        .collect();
     let good: Vec<&Candidate> = (open.iter().copied())
         .filter(|c| c.is_there() && c.is_possible(screens))
         .filter(|c| c.members.len() == 1 || c.is_shared() || candidate::is_family(c, all))
+        .filter(|c| !late.iter().any(|late| is_only(screens, c, late)))
         .collect();
     let first =
         *(good.iter()).max_by(|a, b| a.torque_error_taken().total_cmp(&b.torque_error_taken()))?;
@@ -698,6 +703,13 @@ fn best<'c>(
         .into_iter()
         .find(|c| beside(screens, c, best).is_some_and(|c| c.is_beyond_chance()));
     Some(there.unwrap_or(best))
+}
+
+/// Whether a candidate is no more than another one resembles: nothing beside that.
+fn is_only(screens: &[Screen], candidate: &Candidate, other: &Candidate) -> bool {
+    candidate.meets(other)
+        && candidate.gain().0 < other.gain().0
+        && beside(screens, candidate, other).is_none_or(|left| !left.is_there())
 }
 
 /// What a candidate adds to the model with another one in it.
