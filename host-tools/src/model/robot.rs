@@ -378,9 +378,14 @@ impl Robot {
         }
     }
 
-    /// What the catalogue takes one of an effect's parameters at a joint to be before any data.
+    /// What the catalogue takes one of an effect's parameters at a joint to be before any data. The catalogue's friction is a Go2's: of a
+    /// motor that is not known, nothing is, up to what its limits of effort and velocity leave room for.
     pub fn parameter_prior(&self, effect: EffectKind, joint: usize, parameter: usize) -> Prior {
         let body = &self.bodies[joint];
+        let unit = effect.description().parameters[parameter].unit;
+        if let (None, Some(std)) = (body.motor, body.room_for(unit)) {
+            return Prior { mean: 0.0, std };
+        }
         let motor = body.motor.unwrap_or(Motor {
             gear: 0.0,
             rotor_inertia: 0.0,
@@ -408,6 +413,22 @@ impl Robot {
         match self.bodies[joint].kind {
             JointKind::Prismatic => phi.mass(),
             _ => axis.dot(&(phi.rotational_inertia() * axis)),
+        }
+    }
+}
+
+impl Body {
+    /// The greatest value in `unit` that this joint's limits of effort and velocity leave room for; `None` if they do not tell.
+    fn room_for(&self, unit: &str) -> Option<f64> {
+        let known = |limit: f64| Some(limit).filter(|limit| limit.is_finite() && *limit > 0.0);
+        let effort = known(self.effort)?;
+        match unit {
+            "N m" => Some(effort),
+            "N m s/rad" => Some(effort / known(self.velocity)?),
+            "N m s^2/rad^2" => Some(effort / known(self.velocity)?.powi(2)),
+            // By a radian, or a metre, from where it is slack.
+            "N m/rad" => Some(effort),
+            _ => None,
         }
     }
 }
