@@ -81,9 +81,16 @@ impl Channels {
         };
         let velocity = upper(&|d, _| d.velocity);
         let position = upper(&|d, f| d.slope / omega(f).powi(2));
-        let last = last_shown(&smooth, |d| d.velocity).max(last_shown(&smooth, |d| d.slope));
+        let wrong = scale(stretches) - 1.0;
         // White noise of variance σ² has the density σ² Σ window² in each stretch.
         let std = |density: f64| (density / weight.max(f64::MIN_POSITIVE)).sqrt();
+        // Where its scale is wrong by more than its noise, the encoder's slope is followed, and says how far.
+        let followed = wrong.abs() * fast <= std(velocity);
+        let last = last_shown(&smooth, |d| d.slope).max(if followed {
+            last_shown(&smooth, |d| d.velocity)
+        } else {
+            0
+        });
         let least = 1e-7 * fast.max(1e-9);
         let position_of_all = std(position).max(least * period);
         let standing = standing(stretches, period, fast).clamp(least * period, position_of_all);
@@ -95,7 +102,7 @@ impl Channels {
         // A velocity in the wrong scale errs by a share of itself, which does not average out over the samples of 1/ω_c as white
         // noise does.
         let together = (1.0 / (omega(cutoff) * period)).max(1.0);
-        let scaled = (scale(stretches) - 1.0) * fast * together.sqrt();
+        let scaled = wrong * fast * together.sqrt();
         Self {
             standing: if even { position_of_all } else { standing },
             timing: if even { 0.0 } else { timing },

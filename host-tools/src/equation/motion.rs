@@ -27,7 +27,7 @@ pub(crate) const MOST_REST: f64 = 0.125;
 /// How far the straight line reaches that smooths the transmitted torque, s.
 const REACH: f64 = 8.5e-3;
 /// A play that is looked for where none is known yet, rad.
-pub(crate) const TYPICAL_PLAY: f64 = 0.01;
+const TYPICAL_PLAY: f64 = 0.01;
 
 /// A limb's motion, sample by sample.
 #[derive(Debug, Clone)]
