@@ -267,6 +267,7 @@ fn bad_input_overwrites_nothing() {
             "model.toml",
             "--html",
             "report.html",
+            "--force",
         ],
         &["diagnose", "log.csv", "-m", "model.toml", "--apply"],
     ] {

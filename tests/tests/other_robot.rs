@@ -264,7 +264,7 @@ fn a_limb_that_is_too_large_is_named() {
     );
     let joints = json(&stdout(&output))["joints"].as_array().unwrap().len();
     assert_eq!(joints, 1);
-    let warning = "warning: limb tail is left out: it has 9 joints, and at most 8 can be judged";
+    let warning = "warning: limb tail is left out: it has 17 joints, and at most 16 can be judged";
     assert!(stderr(&output).contains(warning), "{}", stderr(&output));
 }
 

@@ -15,6 +15,11 @@ use super::trajectory::Stretch;
 
 /// Length of a stretch of time, s: its Hann window tells frequencies 2 Hz apart.
 const LENGTH: f64 = 1.0;
+/// Fewer samples tell no frequencies.
+const LEAST_SAMPLES: usize = 16;
+/// Where no stretch has as many: what a robot does usually ends there, Hz, and its velocity is as sure as this share of its greatest.
+const USUAL: f64 = 15.0;
+const SURE: f64 = 0.01;
 /// Frequencies looked at, each so many times the one before; the lowest, Hz.
 const LOWEST: f64 = 3.0;
 const STEP: f64 = 1.12;
@@ -71,6 +76,9 @@ impl Channels {
         }
         let (densities, weight) = densities(stretches, &frequencies, period);
         let smooth = averaged(&densities);
+        if weight == 0.0 {
+            return Self::untold(stretches, period, fast, highest);
+        }
         let omega = |f: f64| std::f64::consts::TAU * f;
         let upper = |of: &dyn Fn(&Density, f64) -> f64| {
             let band = smooth
@@ -81,7 +89,7 @@ impl Channels {
         };
         let velocity = upper(&|d, _| d.velocity);
         let position = upper(&|d, f| d.slope / omega(f).powi(2));
-        let wrong = scale(stretches) - 1.0;
+        let wrong = scale(stretches, period) - 1.0;
         // White noise of variance σ² has the density σ² Σ window² in each stretch.
         let std = |density: f64| (density / weight.max(f64::MIN_POSITIVE)).sqrt();
         // Where its scale is wrong by more than its noise, the encoder's slope is followed, and says how far.
@@ -109,6 +117,24 @@ impl Channels {
             cutoff,
             velocity: std(velocity).hypot(scaled).max(least),
             position: position_of_all,
+            period,
+        }
+    }
+}
+
+impl Channels {
+    /// Of a joint whose stretches between gaps are too short for a spectrum.
+    fn untold(stretches: &[Stretch], period: f64, fast: f64, highest: f64) -> Self {
+        let cutoff = (MARGIN * USUAL).min(highest);
+        let velocity = SURE * fast.max(1e-9);
+        // As good as the velocity at the cutoff.
+        let position = velocity / (std::f64::consts::TAU * cutoff);
+        Self {
+            cutoff,
+            velocity: velocity.hypot((scale(stretches, period) - 1.0) * fast),
+            position,
+            standing: position,
+            timing: 0.0,
             period,
         }
     }
@@ -143,17 +169,24 @@ fn standing(stretches: &[Stretch], period: f64, fast: f64) -> f64 {
     median(differences) / 0.6745 / 20f64.sqrt()
 }
 
-/// The reported velocity over the slope of the positions.
-fn scale(stretches: &[Stretch]) -> f64 {
-    let (mut both, mut slopes) = (0.0, 0.0);
+/// The reported velocity over the true one: its integral over spans of time that jitter of their ends hardly matters to, against what
+/// the positions changed by.
+fn scale(stretches: &[Stretch], period: f64) -> f64 {
+    const SPAN: f64 = 10.0;
+    let (mut both, mut squares) = (0.0, 0.0);
     for s in stretches {
-        for k in 1..s.t.len().saturating_sub(1) {
-            let slope = (s.q[k + 1] - s.q[k - 1]) / (s.t[k + 1] - s.t[k - 1]);
-            both += slope * s.dq[k];
-            slopes += slope * slope;
+        let (mut first, mut integral) = (0, 0.0);
+        for k in 1..s.t.len() {
+            integral += 0.5 * (s.dq[k - 1] + s.dq[k]) * (s.t[k] - s.t[k - 1]);
+            if s.t[k] - s.t[first] >= SPAN * period {
+                let moved = s.q[k] - s.q[first];
+                both += integral * moved;
+                squares += moved * moved;
+                (first, integral) = (k, 0.0);
+            }
         }
     }
-    if slopes > 0.0 { both / slopes } else { 1.0 }
+    if squares > 0.0 { both / squares } else { 1.0 }
 }
 
 /// The middle one; nothing of nothing.
@@ -166,14 +199,21 @@ fn median(mut x: Vec<f64>) -> f64 {
 fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<Density>, f64) {
     let mut sums = vec![Density::default(); frequencies.len()];
     let mut weight = 0.0;
-    let per = ((LENGTH / period) as usize).max(8);
+    // Where gaps leave no stretch that long, frequencies are told less apart.
+    let longest = stretches
+        .iter()
+        .map(|s| s.t[s.t.len() - 1] - s.t[0])
+        .fold(0.0, f64::max);
+    let per = ((LENGTH.min(longest) / period) as usize)
+        .saturating_sub(4)
+        .max(LEAST_SAMPLES);
     for s in stretches.iter().filter(|s| s.t.len() > 4) {
         let velocity = even(s.t, s.dq, period);
         let position = even(s.t, s.q, period);
         let slope: Vec<f64> =
             (position.windows(3).map(|q| (q[2] - q[0]) / (2.0 * period))).collect();
         // A slope stands for the sample in the middle.
-        for begin in (0..slope.len().saturating_sub(per)).step_by(per / 2) {
+        for begin in (0..(slope.len() + 1).saturating_sub(per)).step_by(per / 2) {
             let channels = [&velocity[begin + 1..][..per], &slope[begin..][..per]];
             weight += add(&mut sums, frequencies, channels, period);
         }

@@ -53,7 +53,7 @@ pub(crate) struct Stretch<'a> {
 impl Trajectory {
     /// The trajectory of a joint over stretches of samples, one after the other.
     pub(crate) fn of(stretches: &[Stretch], period: f64) -> Self {
-        let fast = fastest(stretches);
+        let fast = fastest(stretches, period);
         let channels = Channels::of(stretches, period, fast);
         let first = SLOW * fast;
         let (mut state, mut speed) = (Vec::new(), Vec::new());
@@ -143,14 +143,22 @@ fn interpolated(
     }
 }
 
-/// The speed that a joint exceeds in a twentieth of the time, rad/s, by its positions.
-fn fastest(stretches: &[Stretch]) -> f64 {
-    let mut speeds: Vec<f64> = (stretches.iter())
-        .flat_map(|s| {
-            let slope = |k: usize| ((s.q[k + 1] - s.q[k - 1]) / (s.t[k + 1] - s.t[k - 1])).abs();
-            (1..s.t.len().saturating_sub(1)).map(slope)
-        })
-        .collect();
+/// The speed that a joint exceeds in a twentieth of the time, rad/s, by its positions a period and a half or more apart: the times of
+/// samples jitter.
+fn fastest(stretches: &[Stretch], period: f64) -> f64 {
+    let mut speeds: Vec<f64> = Vec::new();
+    for s in stretches {
+        let mut first = 0;
+        for k in 1..s.t.len() {
+            while s.t[k] - s.t[first + 1] >= 1.5 * period {
+                first += 1;
+            }
+            let time = s.t[k] - s.t[first];
+            if time >= 1.5 * period {
+                speeds.push(((s.q[k] - s.q[first]) / time).abs());
+            }
+        }
+    }
     if speeds.is_empty() {
         return 0.0;
     }

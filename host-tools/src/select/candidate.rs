@@ -18,6 +18,9 @@ const LIKELY: f64 = 3.0;
 /// A torque that a drive is limited to is at least this share of its rating.
 const LEAST_LIMIT: f64 = 0.2;
 
+/// What the others of a family take away beside its best member, as a share of that.
+const LEAST_REST: f64 = 0.1;
+
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);
 
@@ -296,7 +299,8 @@ fn shared(
     Some(candidate)
 }
 
-/// Whether a family stands: without its best member it still is beyond chance, and no member alone is all of it.
+/// Whether a family stands: without its best member it still is beyond chance, and it takes away more than that one alone,
+/// beyond the error of that.
 pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
     let own: Vec<&Candidate> = (singles.iter())
         .filter(|c| {
@@ -312,7 +316,14 @@ pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
     let sure = rest.clone().map(|c| c.sure).reduce(Squared::and);
     let gain: f64 = rest.clone().map(|c| c.gain().0).sum();
     let helped = own.iter().filter(|c| c.gain().0 > 0.0).count();
-    gain > 0.0 && 2 * helped > own.len() && sure.is_some_and(|sure| sure.z() >= criteria::LEAST_Z)
+    let more: Vec<f64> = (candidate.gains.iter().zip(&best.gains))
+        .map(|(all, best)| all - best)
+        .collect();
+    let (more, error) = criteria::sum_and_error(&more);
+    more > criteria::LEAST_VALUE * error
+        && gain > 0.0
+        && 2 * helped > own.len()
+        && sure.is_some_and(|sure| sure.z() >= criteria::LEAST_Z)
 }
 
 /// Smallest share of the held-out error that is worth a parameter.

@@ -47,6 +47,12 @@ pub(crate) struct Screen<'a> {
     pub(crate) floor: Vec<f64>,
 }
 
+/// Of a joint that moves less than this share of the time nothing is claimed: the gate says that it hardly moves.
+const LEAST_MOVING: f64 = 0.1;
+/// It moves where it is faster than three times the noise of a Go2's velocity, rad/s, or than this share of its limit.
+const AT_REST: f64 = 0.1;
+const SLOW: f64 = 0.01;
+
 /// What an effect, or one effect at several joints of the limb, would add.
 #[derive(Debug, Clone)]
 pub(crate) struct Trial {
@@ -346,13 +352,27 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
                 .chain(own.into_iter().flatten())
                 .map(move |joint| (effect, joint))
         });
+    let moves = |joint: usize| joint == BASE || moves(fit.data, joint);
     places
-        .filter(|place| !has(place))
+        .filter(|place| !has(place) && moves(place.1))
         // Beside Coulomb friction it is a bias but at rest, with one parameter more.
         .filter(|&(effect, joint)| {
             effect != EffectKind::AsymmetricCoulomb || !has(&(EffectKind::Coulomb, joint))
         })
         .collect()
+}
+
+/// Whether a joint moves for long enough to claim anything of it.
+fn moves(data: &LimbData, joint: usize) -> bool {
+    let limit = data.model.robot().bodies()[data.limb.bodies.start + joint].velocity;
+    let least = if limit > 0.0 {
+        AT_REST.min(SLOW * limit)
+    } else {
+        AT_REST
+    };
+    let states = &data.motion.joint[joint].state;
+    let moving = states.iter().filter(|state| state[1].abs() > least).count();
+    moving as f64 >= LEAST_MOVING * states.len() as f64
 }
 
 /// The fit's values, and for candidates that have a shape the best one on what the fit leaves.
