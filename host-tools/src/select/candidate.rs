@@ -18,9 +18,6 @@ const LIKELY: f64 = 3.0;
 /// A torque that a drive is limited to is at least this share of its rating.
 const LEAST_LIMIT: f64 = 0.2;
 
-/// What the others of a family take away beside its best member, as a share of that.
-const LEAST_REST: f64 = 0.1;
-
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);
 
@@ -300,7 +297,7 @@ fn shared(
 }
 
 /// Whether a family stands: without its best member it still is beyond chance, and it takes away more than that one alone,
-/// beyond the error of that.
+/// beyond twice the error of that.
 pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
     let own: Vec<&Candidate> = (singles.iter())
         .filter(|c| {
