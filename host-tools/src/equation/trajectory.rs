@@ -3,7 +3,7 @@
 //! Both channels are fused by a smoother (Rauch, Tung & Striebel 1965) whose motion has white noise for its snap: the smoothing
 //! spline of seventh degree, which passes frequencies as H = 1/(1 + (f/f_c)⁸). What it leaves of the channels is smoothed again and
 //! added (Tukey's twicing, 1977, *Exploratory Data Analysis*, §16), H (2 − H) in all, so that what a joint does below f_c stays as it
-//! is: at f_c/1.8 all but 10⁻⁴ of it.
+//! is: at f_c/1.5 all but 1.4 ‰ of it.
 //!
 //! What multiplies a parameter is made from it, and above f_c what the channels report is noise: in closed loop the controller has put
 //! it into the torque, and a model that took it for motion would explain noise by noise. Where f_c lies, and how far to believe
