@@ -18,7 +18,8 @@ use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
 use crate::model::Model;
 use crate::recording::{Recording, RecordingError};
-use crate::select::search::{Found, how, search};
+use crate::select::search::{Found, search};
+use crate::select::state::how;
 use report::report;
 
 /// What `proprio diagnose` says.

@@ -1,9 +1,10 @@
 //! Coulomb friction that differs with the direction: τ = F+ where q̇ > 0, −F− where q̇ < 0.
 //!
-//! The mean of the two is ordinary Coulomb friction; half their difference acts like a constant torque except at rest.
+//! The mean of the two is ordinary Coulomb friction; half their difference acts like a constant torque. At rest friction is anywhere
+//! between the two: their middle is meant.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, go2::Actuator, scalar::real};
 
 /// See the module.
 pub(super) struct AsymmetricCoulomb;
@@ -38,7 +39,11 @@ impl Effect for AsymmetricCoulomb {
     }
 
     fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
-        let (sign, zero) = (state.sign(), T::zero());
-        [Term::rate(sign.max(zero)), Term::rate(sign.min(zero))]
+        // About a reversal the sign is a mean over time: of it the share of each direction.
+        let (sign, half) = (state.sign(), real::<T>(0.5));
+        [
+            Term::rate(half * (sign + T::one())),
+            Term::rate(half * (sign - T::one())),
+        ]
     }
 }

@@ -320,7 +320,7 @@ mod tests {
                 EffectKind::Coulomb => sign,
                 EffectKind::Armature => -q,
                 EffectKind::Bias | EffectKind::Spring => 1.0,
-                EffectKind::AsymmetricCoulomb => sign.min(0.0),
+                EffectKind::AsymmetricCoulomb => 0.5 * (sign - 1.0),
                 EffectKind::Stribeck => sign * (-(dq / SHAPE).powi(2)).exp(),
                 EffectKind::LoadFriction => sign * tau.abs(),
                 EffectKind::QuadraticDrag => dq * dq.abs(),

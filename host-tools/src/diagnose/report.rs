@@ -15,7 +15,7 @@ use crate::equation::velocity::VelocityGain;
 use crate::select::candidate::Member;
 use crate::select::criteria::RESOLUTION;
 use crate::select::drift::Drift;
-use crate::select::search::Judged;
+use crate::select::ranking::Judged;
 
 /// A joint with fewer windows in motion cannot be judged.
 const LEAST_WINDOWS: usize = 100;

@@ -16,12 +16,12 @@ use proprio_core::inertia::INERTIAL;
 use super::blocks::BlockFactors;
 use super::bounded::{Bounded, Problem, Solution};
 use super::groups::{Group, Groups, stacked};
-use super::limb_data::LimbData;
+use super::limb_data::{LimbData, Squares};
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes;
 use super::whitening::{Whitening, neighbour_correlation};
-use crate::equation::column::Columns;
+use crate::equation::column::{Column, Columns};
 use crate::equation::dot::dot;
 use crate::equation::motion::{MOST_REST, is_derivative};
 use crate::equation::rows::{Rows, jump};
@@ -328,16 +328,37 @@ impl<'a> LimbFit<'a> {
 
     /// Models fitted to the data of all folds but one, in the order of the folds.
     pub(crate) fn held_out(&self) -> Option<Vec<Values>> {
-        let without = |fold: usize| {
-            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
-            let problem = Problem {
-                data: stacked(&train, &self.noise),
-                ..self.problem.clone()
-            };
-            let theta = problem.solve()?.theta;
-            Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
+        (0..self.data.blocks.folds)
+            .map(|fold| self.without(|b| self.data.blocks.fold(b) == fold))
+            .collect()
+    }
+
+    /// The estimate from the data of all other blocks of time.
+    fn without(&self, left_out: impl Fn(usize) -> bool) -> Option<Values> {
+        let train = self.groups.sum(|b| !left_out(b));
+        let problem = Problem {
+            data: stacked(&train, &self.noise),
+            ..self.problem.clone()
         };
-        (0..self.data.blocks.folds).map(without).collect()
+        let theta = problem.solve()?.theta;
+        Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
+    }
+
+    /// Sums of squares of what the slower half of the time predicts of the faster, and the faster of the slower.
+    pub(crate) fn squares_at_other_speeds(&self) -> Option<Squares> {
+        let fast = self.data.fast_blocks();
+        let mut torque = vec![0.0; self.data.torque.len()];
+        for half in [false, true] {
+            let values = self.without(|b| fast[b] == half)?;
+            let chosen = |w: usize| fast[self.data.motion.windows[w].block] == half;
+            let predicted = self.data.predicted(&values, &chosen);
+            // Windows of the other half are zero.
+            torque
+                .iter_mut()
+                .zip(predicted)
+                .for_each(|(to, from)| *to += from);
+        }
+        Some(self.data.squares(&torque))
     }
 
     /// Sums of squares of what the estimate predicts, by the predictor; each group's by another equation.
@@ -499,16 +520,34 @@ pub(crate) fn fold(
             buffer.clear();
             buffer.extend_from_slice(rows.row(w, j));
             buffer.push(data.torque[w * data.joints() + j]);
-            match jump(&columns.of_joint[j], &own[j], &data.motion, window, j) {
-                Some(jump) if jump > 0.0 => {
-                    chain.alone(jump * MOST_REST / 3f64.sqrt() / noise[j], &mut buffer);
-                }
-                _ => chain.whiten(window.samples, &mut buffer),
+            let jump = jump(&columns.of_joint[j], &own[j], &data.motion, window, j).unwrap_or(0.0);
+            let doubt = (jump * MOST_REST / 3f64.sqrt()).max(excess(
+                &columns.of_joint[j],
+                &own[j],
+                &buffer,
+            ));
+            if doubt > 0.0 {
+                chain.alone(doubt / noise[j], &mut buffer);
+            } else {
+                chain.whiten(window.samples, &mut buffer);
             }
             factors.fold(window.block, j, &mut buffer);
         }
     }
     factors
+}
+
+/// What a drive at its limit is told to give beyond it, N m: on average known, in one window anything (an exponential variable's deviation
+/// is its mean).
+fn excess(columns: &[Column], numbers: &[f64], row: &[f64]) -> f64 {
+    let of = |((column, value), x): ((&Column, &f64), &f64)| match column {
+        Column::Own {
+            effect: EffectKind::Saturation,
+            ..
+        } => (value * x).abs(),
+        _ => 0.0,
+    };
+    columns.iter().zip(numbers).zip(row).map(of).sum()
 }
 
 /// Noise of each joint's windows before there is a fit, N m: a twentieth of its torque, as well as models of drives do. It is for

@@ -70,19 +70,17 @@ impl Column {
                 by_dq: 1.0,
                 ..none
             },
-            (E::Coulomb, _) | (E::AsymmetricCoulomb, 0) => Term {
+            (E::Coulomb, _) => Term {
                 value: s,
                 by_dq: slope,
                 ..none
             },
-            (E::AsymmetricCoulomb, _) => {
-                // Only in negative motion.
-                Term {
-                    value: 0.5 * (s - s * s),
-                    by_dq: (0.5 - s) * slope,
-                    ..none
-                }
-            }
+            // Each direction's.
+            (E::AsymmetricCoulomb, part) => Term {
+                value: 0.5 * if part == 0 { s + 1.0 } else { s - 1.0 },
+                by_dq: 0.5 * slope,
+                ..none
+            },
             (E::Armature, _) => Term {
                 value: ddq,
                 by_ddq: 1.0,

@@ -15,8 +15,8 @@ const REACH: f64 = 0.3;
 const LEAST_DELAY: f64 = 0.1;
 /// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
 const LIKELY: f64 = 3.0;
-/// A torque that a drive is limited to is at least this share of its rating.
-const LEAST_LIMIT: f64 = 0.2;
+/// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
+const MOST_BEYOND_LIMIT: f64 = 0.5;
 
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);
@@ -132,7 +132,8 @@ impl Candidate {
         self.is_beyond_chance()
             && -harm < criteria::MOST_HARM * (gain - harm)
             && self.held_out_gain().0 > least_gain(self.effect)
-            && self.torque_error_taken() > criteria::LEAST_EFFECT.powi(2) * self.torque
+            && (self.torque_error_taken() > criteria::LEAST_EFFECT.powi(2) * self.torque
+                || acts_by_weight(self.effect) && self.held_out_gain().0 > criteria::SURE_GAIN)
     }
 
     /// Whether it is a delay too small to be told from how the torque runs between two samples.
@@ -195,8 +196,14 @@ type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
 fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
     let mut found = Vec::new();
     for &effect in EffectKind::ALL {
-        // What happens to one body, one sensor or one worn gear is no property of a kind of drive.
-        let one = [EffectKind::EncoderOffset, EffectKind::Backlash];
+        // What happens to one body, one sensor or one worn gear is no property of a kind of drive; a delay that many have is one for
+        // all.
+        let one = [
+            EffectKind::EncoderOffset,
+            EffectKind::Backlash,
+            EffectKind::AsymmetricCoulomb,
+            EffectKind::Delay,
+        ];
         if effect.description().form == Form::Inertia || one.contains(&effect) {
             continue;
         }
@@ -325,15 +332,19 @@ pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
 
 /// Smallest share of the held-out error that is worth a parameter.
 fn least_gain(effect: EffectKind) -> f64 {
-    match effect {
-        EffectKind::Bias
-        | EffectKind::Spring
-        | EffectKind::EncoderOffset
-        | EffectKind::BaseTilt
-        | EffectKind::Payload
-        | EffectKind::Saturation => criteria::LEAST_GAIN_OF_SLOW,
-        _ => criteria::LEAST_GAIN,
+    use EffectKind::{Bias, Saturation, Spring};
+    if acts_by_weight(effect) || [Bias, Spring, Saturation].contains(&effect) {
+        criteria::LEAST_GAIN_OF_SLOW
+    } else {
+        criteria::LEAST_GAIN
     }
+}
+
+/// Whether an effect acts by the weight of the bodies: what happens between two samples, or where friction turns round, does not look
+/// like it.
+fn acts_by_weight(effect: EffectKind) -> bool {
+    use EffectKind::{BaseTilt, EncoderOffset, Payload};
+    [BaseTilt, EncoderOffset, Payload].contains(&effect)
 }
 
 /// Whether what a trial says of an effect is physical within twice its error, likely, and not nothing.
@@ -357,21 +368,34 @@ fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
     let resolved =
         effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
     let load = effect != EffectKind::Payload || is_load(&told);
-    let limit = effect != EffectKind::Saturation
-        || screen.shape(place) > LEAST_LIMIT * rating(screen, place.1);
-    told.iter().enumerate().all(within) && resolved && load && limit
+    told.iter().enumerate().all(within)
+        && resolved
+        && load
+        && (effect != EffectKind::Saturation || is_limited(screen, place))
+}
+
+/// Whether the torque that the motion takes stays at a limit while what is reported goes on: the slope of the one on the other, beyond
+/// the limit.
+fn is_limited(screen: &Screen, place: Place) -> bool {
+    let limit = screen.shape(place);
+    let beyond: Vec<[f64; 2]> = (screen.torques(place.1))
+        .filter(|[reported, _]| reported.abs() > limit)
+        .map(|[reported, predicted]| [reported.abs(), predicted * reported.signum()])
+        .collect();
+    let mean = |n: usize| beyond.iter().map(|x| x[n]).sum::<f64>() / beyond.len() as f64;
+    let means = [mean(0), mean(1)];
+    let product = |[a, b]: [usize; 2]| {
+        beyond
+            .iter()
+            .map(|x| (x[a] - means[a]) * (x[b] - means[b]))
+            .sum::<f64>()
+    };
+    product([0, 1]) < MOST_BEYOND_LIMIT * product([0, 0])
 }
 
 /// Whether a delay (s) is more than how the torque runs between two samples.
 fn is_resolved(screen: &Screen, delay: f64) -> bool {
     delay.abs() > LEAST_DELAY * screen.fit.data.recording.period()
-}
-
-/// A joint's torque rating, N m; nothing where it is not known.
-fn rating(screen: &Screen, joint: usize) -> f64 {
-    let data = screen.fit.data;
-    let effort = data.model.robot().bodies()[data.limb.bodies.start + joint].effort;
-    if effort.is_finite() { effort } else { 0.0 }
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without

@@ -25,6 +25,8 @@ pub(crate) const LEAST_VALUE: f64 = 2.0;
 pub(crate) const SAME: f64 = 1.001;
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 pub(crate) const RIVAL: f64 = 0.3;
+/// A simple effect that gains at least this share of what a richer one gains that contains it is taken for it.
+pub(crate) const PART: f64 = 0.95;
 
 /// A sampled log resolves no more of a joint's torque than this share, rms: of complete legs simulated at 500 and 1000 Hz, kinks where
 /// friction turns round and integrals over samples leave about half of it; at 100 Hz a third more than it. What is left below it tells of

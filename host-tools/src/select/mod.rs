@@ -5,10 +5,14 @@
 //! 3. [`candidate`]: the same over limbs: an effect at one joint, a *family* (the effect at all like joints), a cause that all joints
 //!    share.
 //! 4. `drift`: parameters that change with time.
-//! 5. [`search`]: forward and backward, beside the four plain effects of every drive.
+//! 5. `ranking`: which candidate is the best, and what it cannot be told from.
+//! 6. [`state`]: a model of all limbs, and how it predicts what it has not seen.
+//! 7. [`search`]: forward and backward, beside the four plain effects of every drive.
 
 pub(crate) mod candidate;
 pub(crate) mod criteria;
 pub(crate) mod drift;
+pub(crate) mod ranking;
 pub(crate) mod screen;
 pub(crate) mod search;
+pub(crate) mod state;

@@ -42,6 +42,8 @@ pub(crate) struct Screen<'a> {
     memory: Vec<f64>,
     /// Each joint's sum of squared torques, (N m)².
     torque: Vec<f64>,
+    /// What the model predicts, as the limb's data have the torque, N m.
+    predicted: Vec<f64>,
     /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
     /// catalogue leaves less.
     pub(crate) floor: Vec<f64>,
@@ -85,7 +87,8 @@ impl<'a> Screen<'a> {
         let data = fit.data;
         let own = fit.clone();
         let fit = &*own;
-        let at = with_shapes(fit, possible);
+        let predicted = data.predicted(&fit.values, &|_| true);
+        let at = with_shapes(fit, possible, &predicted);
         let columns = data.columns(&at, &fit.places, possible);
         let rows = Rows::of(&data.motion, &data.body, &at, &columns, &|w| {
             !data.left_out[w]
@@ -140,6 +143,7 @@ impl<'a> Screen<'a> {
             memory: left.memory,
             torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
             floor: left.floor,
+            predicted,
             all: triangle(&all),
             tests: folds.blocks,
             trains,
@@ -311,6 +315,14 @@ impl<'a> Screen<'a> {
         Some((value, trial.std[at]))
     }
 
+    /// Of each window that counts a joint's torque as reported and as predicted, N m.
+    pub(crate) fn torques(&self, joint: usize) -> impl Iterator<Item = [f64; 2]> {
+        let (data, n) = (self.fit.data, self.fit.data.joints());
+        (0..data.motion.windows.len())
+            .filter(move |&w| data.counts(w, joint))
+            .map(move |w| [data.torque[w * n + joint], self.predicted[w * n + joint]])
+    }
+
     /// The shape that a candidate was tried with.
     pub(crate) fn shape(&self, place: Place) -> f64 {
         self.at.shape(place)
@@ -355,9 +367,11 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let moves = |joint: usize| joint == BASE || moves(fit.data, joint);
     places
         .filter(|place| !has(place) && moves(place.1))
-        // Beside Coulomb friction it is a bias but at rest, with one parameter more.
+        // Beside Coulomb friction it is a bias, beside a bias Coulomb friction, with one parameter more.
         .filter(|&(effect, joint)| {
-            effect != EffectKind::AsymmetricCoulomb || !has(&(EffectKind::Coulomb, joint))
+            let parts = [EffectKind::Coulomb, EffectKind::Bias];
+            effect != EffectKind::AsymmetricCoulomb
+                || !parts.iter().any(|part| has(&(*part, joint)))
         })
         .collect()
 }
@@ -376,7 +390,7 @@ fn moves(data: &LimbData, joint: usize) -> bool {
 }
 
 /// The fit's values, and for candidates that have a shape the best one on what the fit leaves.
-fn with_shapes(fit: &LimbFit, possible: &[Place]) -> Values {
+fn with_shapes(fit: &LimbFit, possible: &[Place], predicted: &[f64]) -> Values {
     let data = fit.data;
     let shaped: Vec<Place> = possible
         .iter()
@@ -387,7 +401,6 @@ fn with_shapes(fit: &LimbFit, possible: &[Place]) -> Values {
     if shaped.is_empty() {
         return at;
     }
-    let predicted = data.predicted(&fit.values, &|_| true);
     let n = data.joints();
     let columns = data.columns(&fit.values, &fit.places, &shaped);
     let scan = Scan::new(data, &columns, [&fit.values; 2], &|w, j| {

@@ -14,45 +14,21 @@ use proprio_core::effect::EffectKind;
 use super::candidate::{self, Candidate, Member};
 use super::criteria;
 use super::drift::{Drift, drifts};
+use super::ranking::{Judged, PLAIN, best, judge, judged};
 use super::screen::{self, Screen};
+use super::state::{State, held_out_with_shape};
 use crate::equation::values::{Place, Values};
-use crate::estimate::deviation::Deviations;
-use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
-use crate::estimate::parameter_estimate::Constraint;
-use crate::estimate::robot::{self, Shared, side_by_side};
-use crate::estimate::shapes::{Scan, shape_parameter};
+use crate::estimate::robot::side_by_side;
 
 /// Most steps of a search.
 const MOST_STEPS: usize = 40;
 /// Most candidates that are refused one after the other before a search ends.
 const MOST_REFUSED: usize = 6;
 
-/// A shape that differs by less than this share makes no difference to a prediction.
-const SAME_SHAPE: f64 = 0.05;
-
-/// Effects that contain a simpler one, and which.
-const PARTS: [(EffectKind, EffectKind); 2] = [
-    (EffectKind::AsymmetricCoulomb, EffectKind::Coulomb),
-    (EffectKind::Spring, EffectKind::Bias),
-];
-
-/// The effects of every geared drive.
-pub(crate) const PLAIN: [EffectKind; 4] = [
-    EffectKind::Armature,
-    EffectKind::Coulomb,
-    EffectKind::Viscous,
-    EffectKind::Bias,
-];
-
-/// A model of all limbs, and how it predicts what it has not seen.
-#[derive(Clone)]
-pub(crate) struct State<'a> {
-    pub(crate) fits: Vec<Arc<LimbFit<'a>>>,
-    pub(crate) shared: Vec<Shared>,
-    /// Of each limb.
-    pub(crate) squares: Vec<Squares>,
-}
+/// What lies between motor and link: a column says little of how far a play goes. They are told apart by trying.
+const BY_TRYING: [EffectKind; 2] = [EffectKind::Elasticity, EffectKind::Backlash];
 
 /// One step of a search.
 #[derive(Debug, Clone)]
@@ -81,18 +57,6 @@ pub(crate) struct Found<'a> {
     pub(crate) drifts: Vec<Vec<Drift>>,
 }
 
-/// A candidate and the verdict on it.
-#[derive(Debug, Clone)]
-pub(crate) struct Judged {
-    pub(crate) candidate: Candidate,
-    pub(crate) significant: bool,
-    pub(crate) possible: bool,
-    /// Of each member its parameters as the catalogue means them: value and standard deviation.
-    pub(crate) parameters: Vec<Vec<(f64, f64)>>,
-    /// What it cannot be told from on these data.
-    pub(crate) alternatives: Vec<(EffectKind, Vec<Member>)>,
-}
-
 /// Searches from the limbs' effects `given`.
 pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Option<Found<'a>> {
     let start = State::of(data, given)?;
@@ -104,198 +68,6 @@ pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Opti
         search = plain;
     }
     search.finish()
-}
-
-impl<'a> State<'a> {
-    /// The model with these effects.
-    fn of(data: &'a [LimbData<'a>], places: &[Vec<Place>]) -> Option<Self> {
-        let (fits, shared) = robot::fit(data, places, &how());
-        if fits.len() < data.len() {
-            return None;
-        }
-        let squares = side_by_side(&fits, held_out)
-            .into_iter()
-            .collect::<Option<_>>()?;
-        Some(Self {
-            fits: fits.into_iter().map(Arc::new).collect(),
-            shared,
-            squares,
-        })
-    }
-
-    /// The model with other effects, from the values of `start`: limbs whose effects stay are not fitted again.
-    fn with(
-        &self,
-        data: &'a [LimbData<'a>],
-        places: &[Vec<Place>],
-        start: &[Values],
-        new: &[Place],
-    ) -> Option<Self> {
-        let (fits, shared) = robot::refit(
-            data,
-            places,
-            &how_with(new),
-            start,
-            &self.fits,
-            &self.shared,
-        )?;
-        let limbs: Vec<usize> = (0..fits.len()).collect();
-        let squares = side_by_side(&limbs, |&n| {
-            let same = Arc::ptr_eq(&fits[n], &self.fits[n]);
-            if same {
-                Some(self.squares[n].clone())
-            } else {
-                held_out(&fits[n])
-            }
-        });
-        Some(Self {
-            fits,
-            shared,
-            squares: squares.into_iter().collect::<Option<_>>()?,
-        })
-    }
-
-    fn values(&self) -> Vec<Values> {
-        self.fits.iter().map(|fit| fit.values.clone()).collect()
-    }
-
-    fn places(&self) -> Vec<Vec<Place>> {
-        self.fits
-            .iter()
-            .map(|fit| fit.values.places().collect())
-            .collect()
-    }
-
-    /// In units of the joints' noise under `noise`'s model.
-    fn weighted(&self, noise: &Self) -> f64 {
-        let limbs = self.squares.iter().zip(&noise.fits);
-        limbs
-            .map(|(squares, fit)| squares.weighted(&fit.noise))
-            .sum()
-    }
-
-    fn total(&self) -> f64 {
-        self.squares.iter().map(Squares::total).sum()
-    }
-
-    /// Each log's, if each is held out as a whole; else of all.
-    fn by_log(&self) -> Vec<f64> {
-        if !self.fits.iter().all(|fit| fit.data.blocks.by_log) {
-            return vec![self.total()];
-        }
-        let folds = self
-            .squares
-            .iter()
-            .map(|s| s.cells.len())
-            .max()
-            .unwrap_or(0);
-        let log = |f: usize| {
-            self.squares
-                .iter()
-                .filter_map(|s| s.by_fold().get(f).copied())
-                .sum()
-        };
-        (0..folds).map(log).collect()
-    }
-
-    /// Whether this model predicts better than `before`, and no log worse.
-    fn is_better_than(&self, before: &Self) -> bool {
-        let logs = self.by_log().into_iter().zip(before.by_log());
-        self.weighted(before) < before.weighted(before)
-            && logs
-                .into_iter()
-                .all(|(after, before)| after <= criteria::SAME * before)
-    }
-
-    /// The largest of an effect's parameters in units of its standard deviation.
-    fn size(&self, &(limb, (effect, joint)): &Member) -> f64 {
-        let fit = &self.fits[limb];
-        if let Some(one) = self
-            .shared
-            .iter()
-            .find(|one| one.effect == effect && joint == crate::model::BASE)
-        {
-            return (one.value / one.std).abs();
-        }
-        let deviations = Deviations::of(fit);
-        let sizes = fit
-            .columns
-            .of_effect(effect, joint)
-            .into_iter()
-            .map(|entry| {
-                let neutral =
-                    effect.description().parameters[fit.columns.entries[entry].parameter].neutral;
-                let [independent, blocks] = deviations.of_parameter(entry);
-                (fit.value(entry) - neutral).abs() / independent.max(blocks)
-            });
-        sizes.fold(0.0, f64::max)
-    }
-}
-
-/// How a model is fitted while it is judged.
-pub(crate) fn how() -> How {
-    How {
-        constraint: Constraint::Physical,
-        hold_bodies: true,
-        ..How::default()
-    }
-}
-
-/// The same where shapes are known but for those of `places`.
-fn how_with(places: &[Place]) -> How {
-    // A screen has found the others' shapes.
-    let searched = places
-        .iter()
-        .copied()
-        .filter(|place| place.0 == EffectKind::Backlash);
-    How {
-        shapes: Some(searched.collect()),
-        passes: Some(3),
-        ..how()
-    }
-}
-
-/// Held-out sums of squares of a limb's fit.
-fn held_out(fit: &LimbFit) -> Option<Squares> {
-    Some(
-        fit.data
-            .squares(&fit.data.predicted_by_fold(&fit.held_out()?)),
-    )
-}
-
-/// The same with the shape of an effect searched within the folds as well, on what the model `before` it leaves.
-fn held_out_with_shape(before: &LimbFit, after: &LimbFit, place: Place) -> Option<Squares> {
-    let data = after.data;
-    let predicted = data.predicted(&before.values, &|_| true);
-    let columns = data.columns(&before.values, &before.places, &[place]);
-    let n = data.joints();
-    let scan = Scan::new(data, &columns, [&before.values; 2], &|w, j| {
-        data.torque[w * n + j] - predicted[w * n + j]
-    });
-    let shape = shape_parameter(place.0);
-    let mut values = after.held_out()?;
-    for (fold, values) in values.iter_mut().enumerate() {
-        let Some(best) = scan.best(place, &|f| f != fold) else {
-            continue;
-        };
-        let known = after.values.get(place, shape);
-        if (best - known).abs() <= SAME_SHAPE * known.abs() {
-            continue;
-        }
-        let mut start = after.values.clone();
-        start.set(place, shape, best);
-        let train = data.without_fold(fold);
-        let places: Vec<Place> = start.places().collect();
-        let held = places.iter().copied().filter(|p| !after.places.contains(p));
-        let how = How {
-            start: Some(start.clone()),
-            shapes: Some(Vec::new()),
-            held: held.collect(),
-            ..how()
-        };
-        *values = LimbFit::of(&train, &places, &how)?.values;
-    }
-    Some(data.squares(&data.predicted_by_fold(&values)))
 }
 
 /// A search on its way.
@@ -403,18 +175,25 @@ impl<'a> Search<'a> {
     fn forward(&mut self) {
         while self.steps.len() < MOST_STEPS {
             let candidates = self.look();
-            if self.first.is_empty() && self.steps.is_empty() {
-                self.first = judge(&self.screens, &candidates);
-            }
             let mut open: Vec<&Candidate> = (candidates.iter())
                 .filter(|c| self.is_worth_trying(c) && !self.was_refused(c))
                 .collect();
+            if self.first.is_empty() && self.steps.is_empty() {
+                let best = best(
+                    &self.screens,
+                    &candidates.iter().collect::<Vec<_>>(),
+                    &candidates,
+                );
+                let best = best.map(|best| self.best_by_trying(best, &open).0);
+                self.first = judge(&self.screens, &candidates, best);
+            }
             let mut taken = false;
             for _ in 0..MOST_REFUSED {
                 let Some(next) = best(&self.screens, &open, &candidates) else {
                     break;
                 };
-                taken = self.take(next);
+                let (next, after) = self.best_by_trying(next, &open);
+                taken = after.is_some_and(|after| self.take(next, after));
                 if taken {
                     break;
                 }
@@ -428,21 +207,55 @@ impl<'a> Search<'a> {
             if !taken {
                 break;
             }
+            if self.lacks_a_drive() {
+                self.complete_drive();
+            }
         }
     }
 
-    /// Takes an effect into the model if it keeps what it promised.
-    fn take(&mut self, candidate: &Candidate) -> bool {
-        let members = &candidate.members;
+    /// The model with a candidate in it, fitted.
+    fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
         let mut places = self.state.places();
-        for (limb, place) in members {
+        for (limb, place) in &candidate.members {
             places[*limb].push(*place);
         }
         let start = start_with(&self.screens, candidate);
-        let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
-        let Some(mut after) = self.state.with(self.data, &places, &start, &new) else {
-            return false;
+        let new: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
+        self.state.with(self.data, &places, &start, &new)
+    }
+
+    /// A candidate and the model with it; or its rival at the same joint with which the model predicts better, where columns tell little
+    /// of what the effects do.
+    fn best_by_trying<'c>(
+        &self,
+        best: &'c Candidate,
+        open: &[&'c Candidate],
+    ) -> (&'c Candidate, Option<State<'a>>) {
+        let first = (best, self.with(best));
+        if best.members.len() > 1 || !BY_TRYING.contains(&best.effect) {
+            return first;
+        }
+        let rivals = open.iter().copied().filter(|c| {
+            c.members.len() == 1
+                && BY_TRYING.contains(&c.effect)
+                && c.effect != best.effect
+                && c.meets(best)
+                && c.gain().0 >= criteria::RIVAL * best.gain().0
+                && c.is_there()
+                && c.is_possible(&self.screens)
+        });
+        let tried = rivals.map(|c| (c, self.with(c)));
+        let error = |(_, after): &(&Candidate, Option<State>)| {
+            (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state))
         };
+        (tried.chain([first]))
+            .min_by(|a, b| error(a).total_cmp(&error(b)))
+            .unwrap_or((best, None))
+    }
+
+    /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.
+    fn take(&mut self, candidate: &Candidate, mut after: State<'a>) -> bool {
+        let members = &candidate.members;
         if let [(limb, place)] = members[..]
             && place.0.description().shape().is_some()
             && after.is_better_than(&self.state)
@@ -458,6 +271,11 @@ impl<'a> Search<'a> {
         let before = self.state.weighted(&self.state);
         let worth = after.weighted(&self.state) < (1.0 - criteria::LEAST_SHARE) * before;
         if !worth || !after.is_better_than(&self.state) || 2 * held <= members.len() {
+            return false;
+        }
+        // Of one log only its own speeds are known: what helps at some of them alone is for another log to show.
+        let general = after.is_by_log() || after.holds_at_other_speeds(&self.state);
+        if !general {
             return false;
         }
         self.state = after;
@@ -481,7 +299,9 @@ impl<'a> Search<'a> {
             .iter()
             .flat_map(|step| step.members.clone())
             .collect();
+        let drive = self.lacks_a_drive();
         let mut small: Vec<(f64, Member)> = (added.into_iter())
+            .filter(|(_, place)| !(drive && PLAIN.contains(&place.0)))
             .map(|member| (self.state.size(&member), member))
             .filter(|(size, _)| *size < criteria::LEAST_VALUE)
             .collect();
@@ -508,34 +328,59 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Of each plain effect the joints that do not have it.
+    fn plain_that_lack(&self) -> Vec<Vec<Member>> {
+        let there = self.state.places();
+        let all = |effect: EffectKind| -> Vec<Member> {
+            (self.data.iter().enumerate())
+                .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
+                .filter(|(limb, place)| !there[*limb].contains(place))
+                .collect()
+        };
+        let lacking = PLAIN.map(all).into_iter();
+        lacking.filter(|members| !members.is_empty()).collect()
+    }
+
+    /// Whether the model as it was given lacks what makes a drive: two families of the plain effects were found.
+    fn lacks_a_drive(&self) -> bool {
+        let found = |effect: &&EffectKind| {
+            (self.steps.iter()).any(|s| s.effect == **effect && s.members.len() > 1 && !s.removed)
+        };
+        PLAIN.iter().filter(found).count() >= 2
+    }
+
+    /// Where two plain effects were missing at many joints, the others are there too and at all joints, whether or not this log moves
+    /// fast enough to tell: a model without them fails on one that does.
+    fn complete_drive(&mut self) {
+        for members in self.plain_that_lack() {
+            let mut places = self.state.places();
+            for (limb, place) in &members {
+                places[*limb].push(*place);
+            }
+            let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
+            let start = self.state.values();
+            let Some(after) = self.state.with(self.data, &places, &start, &new) else {
+                continue;
+            };
+            if after.total() <= (1.0 + criteria::LEAST_SHARE) * self.state.total() {
+                self.state = after;
+                self.push(&members, false);
+            }
+        }
+    }
+
     /// A search that starts with the four plain effects at all joints, if this one ends above them.
     fn with_plain(&self) -> Option<Self> {
         if self.steps.is_empty() {
             return None;
         }
-        let there = self.state.places();
-        let all = |effect: EffectKind| -> Vec<Member> {
-            (self.data.iter().enumerate())
-                .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
-                .filter(|(limb, place)| !self.given[*limb].contains(place))
-                .collect()
-        };
-        let plain: Vec<Vec<Member>> = PLAIN
-            .map(all)
-            .into_iter()
-            .filter(|m| !m.is_empty())
-            .collect();
-        if plain
-            .iter()
-            .flatten()
-            .all(|(limb, place)| there[*limb].contains(place))
-        {
+        if self.plain_that_lack().is_empty() {
             return None;
         }
         let start = State::of(self.data, &self.given)?;
         let mut other = Self::new(self.data, &self.given, start);
         other.first.clone_from(&self.first);
-        for members in plain {
+        for members in other.plain_that_lack() {
             let mut places = other.state.places();
             for (limb, place) in &members {
                 places[*limb].push(*place);
@@ -543,7 +388,13 @@ impl<'a> Search<'a> {
             other.state = State::of(self.data, &places)?;
             other.push(&members, false);
         }
-        if other.state.total() > (1.0 - criteria::LEAST_SHARE) * self.state.total() {
+        let torque: f64 = (self.data.iter())
+            .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
+            .sum();
+        let less = self.state.total() - other.state.total();
+        if less < criteria::LEAST_SHARE * self.state.total()
+            || less < criteria::LEAST_EFFECT.powi(2) * torque
+        {
             return None;
         }
         other.forward();
@@ -593,172 +444,4 @@ fn start_with(screens: &[Screen], candidate: &Candidate) -> Vec<Values> {
         values[*limb] = screens[*limb].with(trial);
     }
     values
-}
-
-fn judged(screens: &[Screen], candidate: &Candidate) -> Judged {
-    let possible = candidate.is_possible(screens);
-    let of = |(limb, place): &Member| {
-        let trial = candidate
-            .trials
-            .iter()
-            .find(|(l, _)| l == limb)
-            .map(|(_, trial)| trial);
-        let parameter = |n: usize| {
-            let told = trial.and_then(|trial| screens[*limb].parameter(trial, *place, n));
-            told.unwrap_or((screens[*limb].shape(*place), 0.0))
-        };
-        (0..place.0.description().parameters.len())
-            .map(parameter)
-            .collect()
-    };
-    Judged {
-        significant: possible && candidate.is_there(),
-        possible,
-        parameters: candidate.members.iter().map(of).collect(),
-        alternatives: Vec::new(),
-        candidate: candidate.clone(),
-    }
-}
-
-/// Judges all candidates: the best first, then by how much torque error they take away.
-fn judge(screens: &[Screen], candidates: &[Candidate]) -> Vec<Judged> {
-    let mut all: Vec<Judged> = candidates.iter().map(|c| judged(screens, c)).collect();
-    all.sort_by(|a, b| {
-        b.candidate
-            .torque_error_taken()
-            .total_cmp(&a.candidate.torque_error_taken())
-    });
-    let open: Vec<&Candidate> = candidates.iter().collect();
-    let Some(best) = best(screens, &open, candidates) else {
-        return all;
-    };
-    if let Some(at) = all
-        .iter()
-        .position(|j| j.candidate.effect == best.effect && j.candidate.members == best.members)
-    {
-        all[..=at].rotate_right(1);
-        all[0].alternatives = alternatives(screens, best, candidates);
-    }
-    all
-}
-
-/// The candidate to be taken next: there, possible, and the one that takes most torque error away.
-///
-/// Candidates at the same joints whose held-out gains differ by less than the error of their difference, or by less than ln n for each
-/// parameter more, n windows, are equals. Among them counts how much the sum of squares of all data and of the priors falls, less
-/// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler rival that is there even beside the best goes
-/// before it: a load on a calf swings with it as its rotor turns. What a delay too small to be resolved explains better, and all of
-/// it, is none.
-fn best<'c>(
-    screens: &[Screen],
-    open: &[&'c Candidate],
-    all: &[Candidate],
-) -> Option<&'c Candidate> {
-    let late: Vec<&Candidate> = (all.iter())
-        .filter(|c| c.is_unresolved_delay(screens))
-        .collect();
-    let good: Vec<&Candidate> = (open.iter().copied())
-        .filter(|c| c.is_there() && c.is_possible(screens))
-        .filter(|c| c.members.len() == 1 || c.is_shared() || candidate::is_family(c, all))
-        .filter(|c| !late.iter().any(|late| is_only(screens, c, late)))
-        .collect();
-    let first =
-        *(good.iter()).max_by(|a, b| a.torque_error_taken().total_cmp(&b.torque_error_taken()))?;
-    let windows: f64 = screens.iter().flat_map(|s| s.fit.data.windows()).sum();
-    let is_equal = |c: &&&Candidate| {
-        let differences: Vec<f64> = first
-            .gains
-            .iter()
-            .zip(&c.gains)
-            .map(|(a, b)| a - b)
-            .collect();
-        let (difference, error) = criteria::sum_and_error(&differences);
-        let more = (first.parameters() - c.parameters()).max(0.0);
-        c.meets(first) && difference <= error.max(more * windows.ln())
-    };
-    let worth = |c: &Candidate| c.fall - c.parameters() * windows.ln();
-    let equals = good.iter().filter(is_equal);
-    let best = *equals.max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
-    // Simple before rich.
-    let part = PARTS.iter().find(|(rich, _)| *rich == best.effect);
-    if let Some((_, plain)) = part {
-        let of = |(limb, place): &Member| (*limb, (*plain, place.1));
-        let own: Vec<Member> = best.members.iter().map(of).collect();
-        let enough =
-            |c: &&&Candidate| c.members == own && c.gain().0 >= criteria::RIVAL * best.gain().0;
-        if let Some(plain) = good.iter().find(enough) {
-            return Some(plain);
-        }
-    }
-    let simpler = good.iter().copied().filter(|c| {
-        !PLAIN.contains(&best.effect)
-            && c.parameters() < best.parameters()
-            && c.effect != best.effect
-            && c.meets(best)
-            && c.gain().0 >= criteria::RIVAL * best.gain().0
-    });
-    let mut simpler: Vec<&Candidate> = simpler.collect();
-    simpler.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
-    let there = simpler
-        .into_iter()
-        .find(|c| beside(screens, c, best).is_some_and(|c| c.is_beyond_chance()));
-    Some(there.unwrap_or(best))
-}
-
-/// Whether a candidate is no more than another one resembles: nothing beside that.
-fn is_only(screens: &[Screen], candidate: &Candidate, other: &Candidate) -> bool {
-    candidate.meets(other)
-        && candidate.gain().0 < other.gain().0
-        && beside(screens, candidate, other).is_none_or(|left| !left.is_there())
-}
-
-/// What a candidate adds to the model with another one in it.
-fn beside(screens: &[Screen], candidate: &Candidate, other: &Candidate) -> Option<Candidate> {
-    let trials: Option<Vec<_>> = (candidate.trials.iter())
-        .map(|(limb, trial)| {
-            let there = other.trials.iter().find(|(l, _)| l == limb);
-            let trial = match there {
-                None => trial.clone(),
-                Some((_, with)) => screens[*limb].trial_beside(&trial.places, &with.places)?,
-            };
-            Some((*limb, trial))
-        })
-        .collect();
-    Candidate::of(candidate.effect, trials?, candidate.tried)
-}
-
-/// What the best candidate cannot be told from: rivals beside which it adds nothing beyond chance.
-fn alternatives(
-    screens: &[Screen],
-    best: &Candidate,
-    all: &[Candidate],
-) -> Vec<(EffectKind, Vec<Member>)> {
-    let (most, _) = best.gain();
-    let same_limbs = |c: &Candidate| {
-        let limbs = |c: &Candidate| c.trials.iter().map(|(limb, _)| *limb).collect::<Vec<_>>();
-        limbs(c) == limbs(best)
-            && (c.members.len() == best.members.len() || c.is_shared() || best.is_shared())
-    };
-    let rivals = all.iter().filter(|c| {
-        !(c.effect == best.effect && c.members == best.members)
-            && same_limbs(c)
-            && c.gain().0 >= criteria::RIVAL * most
-            && c.is_possible(screens)
-    });
-    let explains = |rival: &&Candidate| {
-        beside(screens, best, rival).is_none_or(|left| !left.is_beyond_chance())
-    };
-    let mut found: Vec<_> = rivals
-        .filter(explains)
-        .map(|c| (c.effect, c.members.clone()))
-        .collect();
-    if best.effect == EffectKind::Bias {
-        // With Coulomb friction in the model, friction that differs with the direction is a bias but at rest.
-        let of = |(limb, place): &Member| (*limb, (EffectKind::AsymmetricCoulomb, place.1));
-        found.push((
-            EffectKind::AsymmetricCoulomb,
-            best.members.iter().map(of).collect(),
-        ));
-    }
-    found
 }

@@ -1,0 +1,241 @@
+//! A model of all limbs, and how it predicts what it has not seen: what a search compares.
+
+use std::sync::Arc;
+
+use proprio_core::effect::EffectKind;
+
+use super::candidate::Member;
+use super::criteria;
+use crate::equation::values::{Place, Values};
+use crate::estimate::deviation::Deviations;
+use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::limb_data::{LimbData, Squares};
+use crate::estimate::parameter_estimate::Constraint;
+use crate::estimate::robot::{self, Shared, side_by_side};
+use crate::estimate::shapes::{Scan, shape_parameter};
+
+/// A shape that differs by less than this share makes no difference to a prediction.
+const SAME_SHAPE: f64 = 0.05;
+
+/// A model of all limbs, and how it predicts what it has not seen.
+#[derive(Clone)]
+pub(crate) struct State<'a> {
+    pub(crate) fits: Vec<Arc<LimbFit<'a>>>,
+    pub(crate) shared: Vec<Shared>,
+    /// Of each limb.
+    pub(crate) squares: Vec<Squares>,
+}
+
+impl<'a> State<'a> {
+    /// The model with these effects.
+    pub(super) fn of(data: &'a [LimbData<'a>], places: &[Vec<Place>]) -> Option<Self> {
+        let (fits, shared) = robot::fit(data, places, &how());
+        if fits.len() < data.len() {
+            return None;
+        }
+        let squares = side_by_side(&fits, held_out)
+            .into_iter()
+            .collect::<Option<_>>()?;
+        Some(Self {
+            fits: fits.into_iter().map(Arc::new).collect(),
+            shared,
+            squares,
+        })
+    }
+
+    /// The model with other effects, from the values of `start`: limbs whose effects stay are not fitted again.
+    pub(super) fn with(
+        &self,
+        data: &'a [LimbData<'a>],
+        places: &[Vec<Place>],
+        start: &[Values],
+        new: &[Place],
+    ) -> Option<Self> {
+        let (fits, shared) = robot::refit(
+            data,
+            places,
+            &how_with(new),
+            start,
+            &self.fits,
+            &self.shared,
+        )?;
+        let limbs: Vec<usize> = (0..fits.len()).collect();
+        let squares = side_by_side(&limbs, |&n| {
+            let same = Arc::ptr_eq(&fits[n], &self.fits[n]);
+            if same {
+                Some(self.squares[n].clone())
+            } else {
+                held_out(&fits[n])
+            }
+        });
+        Some(Self {
+            fits,
+            shared,
+            squares: squares.into_iter().collect::<Option<_>>()?,
+        })
+    }
+
+    pub(super) fn values(&self) -> Vec<Values> {
+        self.fits.iter().map(|fit| fit.values.clone()).collect()
+    }
+
+    pub(super) fn places(&self) -> Vec<Vec<Place>> {
+        self.fits
+            .iter()
+            .map(|fit| fit.values.places().collect())
+            .collect()
+    }
+
+    /// In units of the joints' noise under `noise`'s model.
+    pub(super) fn weighted(&self, noise: &Self) -> f64 {
+        let limbs = self.squares.iter().zip(&noise.fits);
+        limbs
+            .map(|(squares, fit)| squares.weighted(&fit.noise))
+            .sum()
+    }
+
+    pub(super) fn total(&self) -> f64 {
+        self.squares.iter().map(Squares::total).sum()
+    }
+
+    /// Each log's, if each is held out as a whole; else of all.
+    pub(super) fn by_log(&self) -> Vec<f64> {
+        if !self.is_by_log() {
+            return vec![self.total()];
+        }
+        let folds = self
+            .squares
+            .iter()
+            .map(|s| s.cells.len())
+            .max()
+            .unwrap_or(0);
+        let log = |f: usize| {
+            self.squares
+                .iter()
+                .filter_map(|s| s.by_fold().get(f).copied())
+                .sum()
+        };
+        (0..folds).map(log).collect()
+    }
+
+    /// Whether this model predicts better than `before`, and no log worse.
+    pub(super) fn is_better_than(&self, before: &Self) -> bool {
+        let logs = self.by_log().into_iter().zip(before.by_log());
+        self.weighted(before) < before.weighted(before)
+            && logs
+                .into_iter()
+                .all(|(after, before)| after <= criteria::SAME * before)
+    }
+
+    /// Whether the slower half of the time predicts the faster, and the faster the slower, better with this model than with `before`.
+    pub(super) fn holds_at_other_speeds(&self, before: &Self) -> bool {
+        let changed = (self.fits.iter().zip(&before.fits)).filter(|(a, b)| !Arc::ptr_eq(a, b));
+        let both: Vec<_> = changed.collect();
+        let squares = side_by_side(&both, |(after, before)| {
+            let of = |fit: &LimbFit| Some(fit.squares_at_other_speeds()?.weighted(&before.noise));
+            Some([of(after)?, of(before)?])
+        });
+        let squares: Option<Vec<[f64; 2]>> = squares.into_iter().collect();
+        squares.is_some_and(|squares| {
+            squares.iter().map(|s| s[0]).sum::<f64>() < squares.iter().map(|s| s[1]).sum::<f64>()
+        })
+    }
+
+    /// Whether each log is held out as a whole.
+    pub(super) fn is_by_log(&self) -> bool {
+        self.fits.iter().all(|fit| fit.data.blocks.by_log)
+    }
+
+    /// The largest of an effect's parameters in units of its standard deviation.
+    pub(super) fn size(&self, &(limb, (effect, joint)): &Member) -> f64 {
+        let fit = &self.fits[limb];
+        if let Some(one) = self
+            .shared
+            .iter()
+            .find(|one| one.effect == effect && joint == crate::model::BASE)
+        {
+            return (one.value / one.std).abs();
+        }
+        let deviations = Deviations::of(fit);
+        let sizes = fit
+            .columns
+            .of_effect(effect, joint)
+            .into_iter()
+            .map(|entry| {
+                let neutral =
+                    effect.description().parameters[fit.columns.entries[entry].parameter].neutral;
+                let [independent, blocks] = deviations.of_parameter(entry);
+                (fit.value(entry) - neutral).abs() / independent.max(blocks)
+            });
+        sizes.fold(0.0, f64::max)
+    }
+}
+
+/// How a model is fitted while it is judged.
+pub(crate) fn how() -> How {
+    How {
+        constraint: Constraint::Physical,
+        hold_bodies: true,
+        ..How::default()
+    }
+}
+
+/// The same where shapes are known but for those of `places`.
+fn how_with(places: &[Place]) -> How {
+    // A screen has found the others' shapes. A gap is found by trying; a limit moves once friction no longer stands for the excess.
+    let searched = (places.iter().copied())
+        .filter(|place| [EffectKind::Backlash, EffectKind::Saturation].contains(&place.0));
+    let limit = places.iter().any(|place| place.0 == EffectKind::Saturation);
+    How {
+        shapes: Some(searched.collect()),
+        passes: (!limit).then_some(3),
+        ..how()
+    }
+}
+
+/// Held-out sums of squares of a limb's fit.
+fn held_out(fit: &LimbFit) -> Option<Squares> {
+    Some(
+        fit.data
+            .squares(&fit.data.predicted_by_fold(&fit.held_out()?)),
+    )
+}
+
+/// The same with the shape of an effect searched within the folds as well, on what the model `before` it leaves.
+pub(super) fn held_out_with_shape(
+    before: &LimbFit,
+    after: &LimbFit,
+    place: Place,
+) -> Option<Squares> {
+    let data = after.data;
+    let predicted = data.predicted(&before.values, &|_| true);
+    let columns = data.columns(&before.values, &before.places, &[place]);
+    let n = data.joints();
+    let scan = Scan::new(data, &columns, [&before.values; 2], &|w, j| {
+        data.torque[w * n + j] - predicted[w * n + j]
+    });
+    let shape = shape_parameter(place.0);
+    let mut values = after.held_out()?;
+    for (fold, values) in values.iter_mut().enumerate() {
+        let Some(best) = scan.best(place, &|f| f != fold) else {
+            continue;
+        };
+        let known = after.values.get(place, shape);
+        if (best - known).abs() <= SAME_SHAPE * known.abs() {
+            continue;
+        }
+        let mut start = after.values.clone();
+        start.set(place, shape, best);
+        let train = data.without_fold(fold);
+        let places: Vec<Place> = start.places().collect();
+        let held = places.iter().copied().filter(|p| !after.places.contains(p));
+        let how = How {
+            start: Some(start.clone()),
+            shapes: Some(Vec::new()),
+            held: held.collect(),
+            ..how()
+        };
+        *values = LimbFit::of(&train, &places, &how)?.values;
+    }
+    Some(data.squares(&data.predicted_by_fold(&values)))
+}
