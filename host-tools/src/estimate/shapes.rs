@@ -1,5 +1,5 @@
-//! Shape parameters, in which a torque is far from linear: Stribeck's speed, cogging's frequency, saturation's limit, the width of
-//! a play.
+//! Shape parameters, in which a torque is far from linear: Stribeck's speed, presliding's displacement, cogging's frequency,
+//! saturation's limit, the width of a play.
 //!
 //! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
 //! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
@@ -26,6 +26,11 @@ const LIMITS: usize = 40;
 /// Speeds that a Stribeck effect is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
+/// Displacements that presliding friction is looked for at, each so many times the one before, the largest as this share of the
+/// joint's travel: over a larger one friction is a spring.
+const DISPLACEMENTS: i32 = 14;
+const FARTHER: f64 = 1.6;
+const FARTHEST: f64 = 0.1;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
@@ -215,6 +220,14 @@ impl<'a> Scan<'a> {
                     .map(|k| most * k as f64 / LIMITS as f64)
                     .collect()
             }
+            EffectKind::Presliding => {
+                let q = || trajectory.state.iter().map(|state| state[0]);
+                let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
+                (0..DISPLACEMENTS)
+                    .rev()
+                    .map(|k| FARTHEST * travel / FARTHER.powi(k))
+                    .collect()
+            }
             _ => (0..SPEEDS as i32)
                 .map(|k| trajectory.speed_noise * FASTER.powi(k))
                 .collect(),
@@ -231,10 +244,20 @@ impl<'a> Scan<'a> {
     fn columns(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Vec<Vec<f64>> {
         let n = self.data.joints();
         let mut columns = vec![Vec::new(); effect.columns()];
+        // The states have what bristles of one displacement do.
+        let motion = &self.data.motion;
+        let presliding = (effect == EffectKind::Presliding)
+            .then(|| motion.presliding(&motion.joint[joint], shape));
         for &w in windows {
-            let window = &self.data.motion.windows[w];
+            let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let term = |k: usize| effect.terms(&self.states.states[k * n + joint], shape);
+            let term = |k: usize| {
+                let mut state = self.states.states[k * n + joint];
+                if let Some(presliding) = &presliding {
+                    state.presliding = presliding[k];
+                }
+                effect.terms(&state, shape)
+            };
             let (start, end) = (term(first), term(last));
             let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
             for k in first..=last {

@@ -48,6 +48,7 @@ pub(super) fn is_known(effect: EffectKind) -> bool {
             | E::Armature
             | E::Bias
             | E::AsymmetricCoulomb
+            | E::AsymmetricViscous
             | E::Stribeck
             | E::LoadFriction
             | E::QuadraticDrag
@@ -83,6 +84,11 @@ impl Column {
                     ..none
                 }
             }
+            (E::AsymmetricViscous, _) => Term {
+                value: dq * s,
+                by_dq: s + dq * slope,
+                ..none
+            },
             (E::Armature, _) => Term {
                 value: ddq,
                 by_ddq: 1.0,

@@ -87,7 +87,7 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
     type Formula = fn(f64, f64, f64, f64) -> f64;
     let sign = |dq: f64| (dq / 5e-4).clamp(-1.0, 1.0);
     // Torque from q, q̇, q̈ and the torque that is handed to the link, with the same `sign` of a velocity.
-    let formulas: [(&str, Formula); 11] = [
+    let formulas: [(&str, Formula); 12] = [
         ("viscous:FR_thigh=0.3", |_, dq, _, _| 0.3 * dq),
         ("coulomb:FR_thigh=0.6", |_, dq, _, _| 0.6 * dq.signum()),
         ("armature:FR_thigh=0.01", |_, _, ddq, _| 0.01 * ddq),
@@ -98,6 +98,9 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
                 if dq > 0.0 { 0.5 } else { -0.2 }
             },
         ),
+        ("asymmetric_viscous:FR_thigh=-0.07", |_, dq, _, _| {
+            -0.07 * dq.abs()
+        }),
         ("stribeck:FR_thigh=0.4,vs=0.7", |_, dq, _, _| {
             0.4 * (-dq * dq / 0.49).exp() * dq.signum()
         }),
