@@ -26,10 +26,9 @@ const LIMITS: usize = 40;
 /// Speeds that a Stribeck effect is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
-/// Displacements that presliding friction is looked for at, each so many times the one before, the largest as this share of the
-/// joint's travel: over a larger one friction is a spring.
-const DISPLACEMENTS: i32 = 14;
-const FARTHER: f64 = 1.6;
+/// Displacements that presliding friction is looked for at: from what the samples resolve to this share of the joint's travel; over
+/// a larger one friction is a spring.
+const DISPLACEMENTS: usize = 14;
 const FARTHEST: f64 = 0.1;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
@@ -173,7 +172,12 @@ impl<'a> Scan<'a> {
             _ => grid.iter().map(|&shape| fall(shape)).collect(),
         };
         let parameter = &effect.description().parameters[shape_parameter(effect)];
-        Some(refined(&grid, &falls, &fall).clamp(parameter.lower, parameter.upper))
+        // No finer than a grid that begins at what the samples resolve.
+        let lower = match effect {
+            EffectKind::Presliding => grid[0],
+            _ => parameter.lower,
+        };
+        Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
     }
 
     /// A joint's windows of the chosen folds and what the model leaves in them; `None` if they are too few.
@@ -223,15 +227,29 @@ impl<'a> Scan<'a> {
             EffectKind::Presliding => {
                 let q = || trajectory.state.iter().map(|state| state[0]);
                 let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
-                (0..DISPLACEMENTS)
-                    .rev()
-                    .map(|k| FARTHEST * travel / FARTHER.powi(k))
+                let least = self.least_displacement(joint);
+                let most = (FARTHEST * travel).max(least);
+                let farther = (most / least).powf(1.0 / (DISPLACEMENTS - 1) as f64);
+                (0..DISPLACEMENTS as i32)
+                    .map(|k| least * farther.powi(k))
                     .collect()
             }
             _ => (0..SPEEDS as i32)
                 .map(|k| trajectory.speed_noise * FASTER.powi(k))
                 .collect(),
         }
+    }
+
+    /// The least displacement of presliding friction that a joint's samples resolve, rad: from where it turns round it goes ½ a T² in a
+    /// sampling period T, with a the root mean square of its acceleration.
+    fn least_displacement(&self, joint: usize) -> f64 {
+        let state = &self.data.motion.joint[joint].state;
+        let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
+        let acceleration = (square / state.len().max(1) as f64).sqrt();
+        let turning = 0.5 * acceleration * self.data.recording.period().powi(2);
+        let parameter = &EffectKind::Presliding.description().parameters
+            [shape_parameter(EffectKind::Presliding)];
+        turning.max(parameter.lower)
     }
 
     /// A joint's gear ratio; one where the motor is not known.

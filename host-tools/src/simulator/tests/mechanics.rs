@@ -151,6 +151,32 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
     }
 }
 
+/// Dahl's friction is a function of the path alone: between two reversals exponential in the displacement, whatever the speed.
+#[test]
+fn presliding_friction_follows_the_path() {
+    const STEP: f64 = 2e-4;
+    let (size, displacement) = (0.4, 0.03);
+    let simulation = ideal(&["presliding:FR_thigh=0.4,zs=0.03"]);
+    let mut leg = SimulatedLeg::new(Leg::FR, &simulation, &mut simulation.random(0));
+    let tree = go2::leg::<f64>(Leg::FR);
+    let (mut bent, mut last, mut most) = (0.0f64, leg.state().q[1], 0.0f64);
+    for n in 1..10_000 {
+        leg.advance_to(STEP * f64::from(n)).unwrap();
+        let state = *leg.state();
+        let way: f64 = state.q[1] - last;
+        bent = way.signum() + (bent - way.signum()) * (-way.abs() / displacement).exp();
+        last = state.q[1];
+        let a = leg.accelerations();
+        let k = tree.kinematics(&Transform::identity(), &state.q, &state.dq);
+        let left = leg.report().tau - tree.inverse_dynamics(&k, &state.dq, &a.link);
+        // Where it turns round between two looks the path is a little longer.
+        let off = (left[1] - size * bent).abs();
+        assert!(off < 2e-4, "{n}: {} {}", left[1], size * bent);
+        most = most.max(left[1].abs());
+    }
+    assert!(most > 0.9 * size, "{most}");
+}
+
 /// The accelerations are those of the logged motion: a step integrates what `accelerations` says.
 #[test]
 fn the_velocity_follows_the_accelerations() {
