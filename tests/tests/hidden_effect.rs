@@ -140,6 +140,16 @@ fn drag_is_found() {
 }
 
 #[test]
+fn friction_that_builds_up_over_a_displacement_is_found() {
+    is_found("presliding:FR_thigh=0.3,zs=0.01", &KNOWN);
+}
+
+#[test]
+fn viscous_friction_that_differs_with_direction_is_found() {
+    is_found("asymmetric_viscous:FR_calf=-0.05", &KNOWN);
+}
+
+#[test]
 fn a_velocity_gain_is_found() {
     is_found("velocity_gain:FR_thigh=1.09", &KNOWN);
 }

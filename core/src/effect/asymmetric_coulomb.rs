@@ -19,7 +19,7 @@ impl Effect for AsymmetricCoulomb {
             Parameter::new("F_minus", "N m", 0.0, f64::INFINITY),
         ],
         words: "friction of constant size against the motion, larger in one direction (a worn or preloaded gear)",
-        look_alikes: &["bias", "coulomb", "load_friction"],
+        look_alikes: &["bias", "coulomb", "asymmetric_viscous", "load_friction"],
         separated_by: "rests between slow moves: at rest a bias acts and friction does not",
         urdf: None,
         mjcf: None,

@@ -19,6 +19,7 @@
 
 mod armature;
 mod asymmetric_coulomb;
+mod asymmetric_viscous;
 mod backlash;
 mod base_tilt;
 mod bias;
@@ -31,6 +32,7 @@ mod elasticity;
 mod encoder_offset;
 mod load_friction;
 mod payload;
+mod presliding;
 mod quadratic_drag;
 mod saturation;
 mod spring;
@@ -72,6 +74,9 @@ pub struct JointState<T> {
     /// Position (rad) and velocity (rad/s) of the link against the motor, per radian of the play between them; where later
     /// samples are not known, the side that the torque pushes it to.
     pub play: [T; 2],
+    /// What the joint's bristles have transmitted since the recording's start per N m of presliding friction,
+    /// ∫ z/zs dt, s; zero where the motion before is not known.
+    pub presliding: T,
     /// The motor's temperature, °C; not finite where it is not known.
     pub temperature: T,
 }
@@ -91,6 +96,7 @@ impl<T: Real> JointState<T> {
             load: tau,
             load_rate: T::zero(),
             play: [real::<T>(-0.5) * tau.signum(), T::zero()],
+            presliding: T::zero(),
             temperature: real(f64::NAN),
         }
     }
@@ -203,8 +209,12 @@ catalogue! {
     Bias = bias,
     /// Coulomb friction that differs with the direction.
     AsymmetricCoulomb = asymmetric_coulomb,
+    /// Viscous friction that differs with the direction.
+    AsymmetricViscous = asymmetric_viscous,
     /// Friction that is larger near standstill.
     Stribeck = stribeck,
+    /// Friction that builds up over a displacement.
+    Presliding = presliding,
     /// Friction that grows with the load.
     LoadFriction = load_friction,
     /// Drag that grows with the square of the speed.
@@ -309,6 +319,7 @@ mod tests {
         const SHAPE: f64 = 0.7;
         let state = |t: f64| JointState {
             temperature: 50.0,
+            presliding: (2.0 * t).sin(),
             ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
         };
         // The last column of each, which is the only one of most.
@@ -321,7 +332,9 @@ mod tests {
                 EffectKind::Armature => -q,
                 EffectKind::Bias | EffectKind::Spring => 1.0,
                 EffectKind::AsymmetricCoulomb => 0.5 * (sign - 1.0),
+                EffectKind::AsymmetricViscous => sign * dq,
                 EffectKind::Stribeck => sign * (-(dq / SHAPE).powi(2)).exp(),
+                EffectKind::Presliding => 2.0 * (2.0 * t).cos(),
                 EffectKind::LoadFriction => sign * tau.abs(),
                 EffectKind::QuadraticDrag => dq * dq.abs(),
                 EffectKind::ThermalViscous => 10.0 * dq,

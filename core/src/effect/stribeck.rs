@@ -17,7 +17,7 @@ impl Effect for Stribeck {
             Parameter::new("vs", "rad/s", 0.005, 2.0).shape(),
         ],
         words: "friction that is larger near standstill than in motion (boundary lubrication)",
-        look_alikes: &["coulomb", "viscous", "load_friction"],
+        look_alikes: &["coulomb", "presliding", "viscous", "load_friction"],
         separated_by: "many slow reversals and slow sweeps, at 0.01 to 0.3 rad/s",
         urdf: None,
         mjcf: None,

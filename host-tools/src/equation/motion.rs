@@ -12,6 +12,7 @@ use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::play::play;
+use super::presliding::presliding;
 use super::trajectory::{Stretch, Trajectory};
 use super::values::Values;
 use crate::model::BASE;
@@ -230,6 +231,12 @@ impl Motion {
                 (state.load, state.load_rate, state.play) = (0.0, 0.0, [0.0; 2]);
                 state.temperature = self.temperature[k * n + j];
             }
+            if let Some(displacement) = displacement(&columns.of_joint[j]) {
+                let impulse = self.presliding(joint, displacement);
+                for (k, impulse) in impulse.into_iter().enumerate() {
+                    states[k * n + j].presliding = impulse;
+                }
+            }
         }
         if needs.load {
             match load {
@@ -244,6 +251,16 @@ impl Motion {
             self.fill_torque(joints, values, columns, &mut states);
         }
         self.with_links(values, states)
+    }
+
+    /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
+    /// with this displacement (rad), s.
+    pub(crate) fn presliding(&self, joint: &Trajectory, displacement: f64) -> Vec<f64> {
+        let of = |stretch: &Range<usize>| {
+            let own = stretch.clone();
+            presliding(&self.time[own.clone()], &joint.state[own], displacement)
+        };
+        self.stretches.iter().flat_map(of).collect()
     }
 
     /// The torque that the gears transmit: the rigid body's own at the motors' motion. `None` where joints report late.
@@ -412,6 +429,18 @@ impl Needs {
             torque,
         }
     }
+}
+
+/// The displacement of a joint's presliding friction, rad, if it has a column.
+fn displacement(columns: &[Column]) -> Option<f64> {
+    columns.iter().find_map(|column| match *column {
+        Column::Own {
+            effect: EffectKind::Presliding,
+            shape,
+            ..
+        } => Some(shape),
+        _ => None,
+    })
 }
 
 /// Whether an effect enters by a derivative of the prediction, taken where its value is.

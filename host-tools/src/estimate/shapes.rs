@@ -1,5 +1,5 @@
-//! Shape parameters, in which a torque is far from linear: Stribeck's speed, cogging's frequency, saturation's limit, the width of
-//! a play.
+//! Shape parameters, in which a torque is far from linear: Stribeck's speed, presliding's displacement, cogging's frequency,
+//! saturation's limit, the width of a play.
 //!
 //! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
 //! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
@@ -26,6 +26,10 @@ const LIMITS: usize = 40;
 /// Speeds that a Stribeck effect is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
+/// Displacements that presliding friction is looked for at: from what the samples resolve to this share of the joint's travel; over
+/// a larger one friction is a spring.
+const DISPLACEMENTS: usize = 14;
+const FARTHEST: f64 = 0.1;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
@@ -168,7 +172,12 @@ impl<'a> Scan<'a> {
             _ => grid.iter().map(|&shape| fall(shape)).collect(),
         };
         let parameter = &effect.description().parameters[shape_parameter(effect)];
-        Some(refined(&grid, &falls, &fall).clamp(parameter.lower, parameter.upper))
+        // No finer than a grid that begins at what the samples resolve.
+        let lower = match effect {
+            EffectKind::Presliding => grid[0],
+            _ => parameter.lower,
+        };
+        Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
     }
 
     /// A joint's windows of the chosen folds and what the model leaves in them; `None` if they are too few.
@@ -215,10 +224,32 @@ impl<'a> Scan<'a> {
                     .map(|k| most * k as f64 / LIMITS as f64)
                     .collect()
             }
+            EffectKind::Presliding => {
+                let q = || trajectory.state.iter().map(|state| state[0]);
+                let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
+                let least = self.least_displacement(joint);
+                let most = (FARTHEST * travel).max(least);
+                let farther = (most / least).powf(1.0 / (DISPLACEMENTS - 1) as f64);
+                (0..DISPLACEMENTS as i32)
+                    .map(|k| least * farther.powi(k))
+                    .collect()
+            }
             _ => (0..SPEEDS as i32)
                 .map(|k| trajectory.speed_noise * FASTER.powi(k))
                 .collect(),
         }
+    }
+
+    /// The least displacement of presliding friction that a joint's samples resolve, rad: from where it turns round it goes ½ a T² in a
+    /// sampling period T, with a the root mean square of its acceleration.
+    fn least_displacement(&self, joint: usize) -> f64 {
+        let state = &self.data.motion.joint[joint].state;
+        let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
+        let acceleration = (square / state.len().max(1) as f64).sqrt();
+        let turning = 0.5 * acceleration * self.data.recording.period().powi(2);
+        let parameter = &EffectKind::Presliding.description().parameters
+            [shape_parameter(EffectKind::Presliding)];
+        turning.max(parameter.lower)
     }
 
     /// A joint's gear ratio; one where the motor is not known.
@@ -231,10 +262,20 @@ impl<'a> Scan<'a> {
     fn columns(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Vec<Vec<f64>> {
         let n = self.data.joints();
         let mut columns = vec![Vec::new(); effect.columns()];
+        // The states have what bristles of one displacement do.
+        let motion = &self.data.motion;
+        let presliding = (effect == EffectKind::Presliding)
+            .then(|| motion.presliding(&motion.joint[joint], shape));
         for &w in windows {
-            let window = &self.data.motion.windows[w];
+            let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let term = |k: usize| effect.terms(&self.states.states[k * n + joint], shape);
+            let term = |k: usize| {
+                let mut state = self.states.states[k * n + joint];
+                if let Some(presliding) = &presliding {
+                    state.presliding = presliding[k];
+                }
+                effect.terms(&state, shape)
+            };
             let (start, end) = (term(first), term(last));
             let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
             for k in first..=last {

@@ -48,6 +48,7 @@ pub(super) fn is_known(effect: EffectKind) -> bool {
             | E::Armature
             | E::Bias
             | E::AsymmetricCoulomb
+            | E::AsymmetricViscous
             | E::Stribeck
             | E::LoadFriction
             | E::QuadraticDrag
@@ -79,6 +80,11 @@ impl Column {
             (E::AsymmetricCoulomb, part) => Term {
                 value: 0.5 * if part == 0 { s + 1.0 } else { s - 1.0 },
                 by_dq: 0.5 * slope,
+                ..none
+            },
+            (E::AsymmetricViscous, _) => Term {
+                value: dq * s,
+                by_dq: s + dq * slope,
                 ..none
             },
             (E::Armature, _) => Term {

@@ -198,6 +198,7 @@ fn term(column: &Column, at: &Stretch, rigid: Interval) -> Interval {
         (E::Viscous | E::Coulomb | E::QuadraticDrag, _) | (E::AsymmetricCoulomb, 0) => {
             dq.grown(|v| value(0.0, v, 0.0))
         }
+        (E::AsymmetricViscous, _) => dq.grown(|v| super::columns::sign(v).0) * dq,
         (E::Armature, _) => ddq,
         (E::Spring, 0) => q,
         (E::Bias, _) | (E::Spring, _) => Interval::point(1.0),

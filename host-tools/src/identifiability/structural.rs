@@ -27,6 +27,8 @@ struct Instant {
     ddq: f64,
     tau: f64,
     temperature: f64,
+    /// How far the bristles are bent, of their most.
+    deflection: f64,
 }
 
 impl Instant {
@@ -37,6 +39,7 @@ impl Instant {
             ddq: random.random_range(-25.0..25.0),
             tau: random.random_range(-20.0..20.0),
             temperature: random.random_range(20.0..80.0),
+            deflection: random.random_range(-1.0..1.0),
         }
     }
 
@@ -51,6 +54,7 @@ impl Instant {
         let [q, dq] = self.at(t);
         JointState {
             temperature: self.temperature,
+            presliding: t * self.deflection,
             ..JointState::reported(q, dq, self.tau)
         }
     }

@@ -109,6 +109,35 @@ fn hidden_corrections_and_a_shape_come_out_of_one_fit() {
     );
 }
 
+/// Friction that yields before it slips, beside Coulomb friction, and viscous friction that is larger backwards: size, displacement
+/// and difference come out of one fit.
+#[test]
+fn friction_with_a_memory_and_a_direction_comes_out_of_one_fit() {
+    let hidden = [
+        "presliding:FR_thigh=0.3,zs=0.02",
+        "asymmetric_viscous:FR_calf=-0.04",
+    ];
+    let simulation = simulation(&hidden, 5);
+    let model = model(&[
+        (EffectKind::Presliding, "FR_thigh"),
+        (EffectKind::AsymmetricViscous, "FR_calf"),
+    ]);
+    let fitted = fit_model(&recording(&simulation), &model, FitOptions::default()).unwrap();
+    for (name, truth, most) in [
+        ("presliding:FR_thigh", 0.3, 0.015),
+        ("presliding.zs:FR_thigh", 0.02, 0.002),
+        (
+            "coulomb:FR_thigh",
+            truth(&simulation)["coulomb:FR_thigh"],
+            0.015,
+        ),
+        ("asymmetric_viscous:FR_calf", -0.04, 0.002),
+    ] {
+        let value = fitted.parameter(name).unwrap().value;
+        assert!((value - truth).abs() < most, "{name}: {value} {truth}");
+    }
+}
+
 #[test]
 fn what_motion_can_tell_of_a_leg_and_what_not() {
     let simulation = simulation(&[], 1);

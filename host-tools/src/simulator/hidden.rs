@@ -364,5 +364,7 @@ pub const SIZES: &[Sizes] = {
         sizes(K::Hysteresis, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
         sizes(K::FrictionStep, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
         sizes(K::CableSnag, [0.2, 0.6, 1.5], [0.2, 0.6, 1.5]),
+        sizes(K::AsymmetricViscous, [0.01, 0.03, 0.08], [0.01, 0.03, 0.08]),
+        sizes(K::Presliding, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
     ]
 };

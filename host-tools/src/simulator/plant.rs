@@ -15,7 +15,7 @@ use super::effect::{Effect, JointState, Transmission};
 /// The foot in the calf's frame, m (go2.md).
 const FOOT: Vector3<f64> = Vector3::new(0.0, 0.0, -0.213);
 /// Most effects of one joint that have a memory: as many as there are such effects.
-const MEMORIES: usize = 2;
+const MEMORIES: usize = 3;
 
 /// What one joint has beyond the rigid bodies.
 pub(super) struct PlantJoint {

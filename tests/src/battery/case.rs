@@ -159,7 +159,7 @@ fn stands_for(hidden: &HiddenEffect, typical: &HiddenEffect) -> bool {
 /// The shape of an effect that has one, as the catalogue means it.
 fn shape(effect: &HiddenEffect) -> Option<f64> {
     match effect.kind() {
-        HiddenKind::Stribeck => effect.values().get(1).copied(),
+        HiddenKind::Stribeck | HiddenKind::Presliding => effect.values().get(1).copied(),
         HiddenKind::Cogging => Some(effect.values()[2] * ACTUATORS[effect.joint()?.place()].gear),
         HiddenKind::Saturation => Some(effect.values()[0]),
         _ => None,

@@ -241,8 +241,12 @@ effects! {
     Bias = bias,
     /// Friction that differs with direction.
     AsymmetricCoulomb = asymmetric_coulomb,
+    /// Viscous friction that differs with direction.
+    AsymmetricViscous = asymmetric_viscous,
     /// Friction that falls with speed.
     Stribeck = stribeck,
+    /// Friction that builds up over a displacement.
+    Presliding = presliding,
     /// Friction that grows with the load.
     LoadFriction = load_friction,
     /// Drag that grows with the speed squared.

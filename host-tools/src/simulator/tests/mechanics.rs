@@ -87,7 +87,7 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
     type Formula = fn(f64, f64, f64, f64) -> f64;
     let sign = |dq: f64| (dq / 5e-4).clamp(-1.0, 1.0);
     // Torque from q, q̇, q̈ and the torque that is handed to the link, with the same `sign` of a velocity.
-    let formulas: [(&str, Formula); 11] = [
+    let formulas: [(&str, Formula); 12] = [
         ("viscous:FR_thigh=0.3", |_, dq, _, _| 0.3 * dq),
         ("coulomb:FR_thigh=0.6", |_, dq, _, _| 0.6 * dq.signum()),
         ("armature:FR_thigh=0.01", |_, _, ddq, _| 0.01 * ddq),
@@ -98,6 +98,9 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
                 if dq > 0.0 { 0.5 } else { -0.2 }
             },
         ),
+        ("asymmetric_viscous:FR_thigh=-0.07", |_, dq, _, _| {
+            -0.07 * dq.abs()
+        }),
         ("stribeck:FR_thigh=0.4,vs=0.7", |_, dq, _, _| {
             0.4 * (-dq * dq / 0.49).exp() * dq.signum()
         }),
@@ -146,6 +149,32 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
         }
         assert!(compared > 100, "{text}: {compared}");
     }
+}
+
+/// Dahl's friction is a function of the path alone: between two reversals exponential in the displacement, whatever the speed.
+#[test]
+fn presliding_friction_follows_the_path() {
+    const STEP: f64 = 2e-4;
+    let (size, displacement) = (0.4, 0.03);
+    let simulation = ideal(&["presliding:FR_thigh=0.4,zs=0.03"]);
+    let mut leg = SimulatedLeg::new(Leg::FR, &simulation, &mut simulation.random(0));
+    let tree = go2::leg::<f64>(Leg::FR);
+    let (mut bent, mut last, mut most) = (0.0f64, leg.state().q[1], 0.0f64);
+    for n in 1..10_000 {
+        leg.advance_to(STEP * f64::from(n)).unwrap();
+        let state = *leg.state();
+        let way: f64 = state.q[1] - last;
+        bent = way.signum() + (bent - way.signum()) * (-way.abs() / displacement).exp();
+        last = state.q[1];
+        let a = leg.accelerations();
+        let k = tree.kinematics(&Transform::identity(), &state.q, &state.dq);
+        let left = leg.report().tau - tree.inverse_dynamics(&k, &state.dq, &a.link);
+        // Where it turns round between two looks the path is a little longer.
+        let off = (left[1] - size * bent).abs();
+        assert!(off < 2e-4, "{n}: {} {}", left[1], size * bent);
+        most = most.max(left[1].abs());
+    }
+    assert!(most > 0.9 * size, "{most}");
 }
 
 /// The accelerations are those of the logged motion: a step integrates what `accelerations` says.
