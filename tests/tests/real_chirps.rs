@@ -30,6 +30,30 @@ fn no_step_raises_the_error_on_another_log() {
     let path = told["path"].as_array().unwrap();
     let mut before = errors(&told);
     assert_eq!(before.len(), 5);
+    // Each chirp as the other four predict it: well below the four plain effects of every drive.
+    let plain = folder();
+    done(
+        plain.path(),
+        &[
+            "add",
+            "viscous",
+            "coulomb",
+            "armature",
+            "bias",
+            "-m",
+            "plain.toml",
+        ],
+    );
+    let plain = json(&done(
+        plain.path(),
+        &[&["compare", "--json", "-m", "plain.toml"], &chirps[..]].concat(),
+    ));
+    let last = path.last().unwrap()["held_out_rms"].as_f64().unwrap();
+    assert!(
+        last <= 0.93 * plain["rms"].as_f64().unwrap(),
+        "{last} {}",
+        plain["rms"]
+    );
     for step in path {
         let after = errors(step);
         for (after, before) in after.iter().zip(&before) {
@@ -71,10 +95,20 @@ fn one_log_asks_for_rotors_and_friction_before_loads() {
         &["diagnose", "--json", chirp.to_str().unwrap()],
     ));
     let path = told["path"].as_array().unwrap();
-    let effects: Vec<&str> = path
+    let mut effects: Vec<&str> = path
         .iter()
         .map(|step| step["effect"].as_str().unwrap())
         .collect();
+    // Once two are there, the same effect at the other joints follows.
+    effects.dedup();
+    effects.retain({
+        let mut seen = Vec::new();
+        move |effect| {
+            let new = !seen.contains(effect);
+            seen.push(*effect);
+            new
+        }
+    });
     assert_eq!(effects[..2], ["velocity_gain", "armature"]);
     let mut friction = effects[2..4].to_vec();
     friction.sort_unstable();
@@ -87,4 +121,59 @@ fn one_log_asks_for_rotors_and_friction_before_loads() {
     );
     let rms = |of: &Value| of["held_out_rms"].as_f64().unwrap();
     assert!(rms(&path[1]) < 0.4 * rms(&told), "{}", path[1]);
+}
+
+/// What `diagnose` adds for one chirp alone, fitted to it and written, predicts every other no worse than the four plain effects fitted
+/// to the same chirp: the slowest, which says least of the others, and the hardest.
+#[test]
+fn one_chirp_predicts_the_others_no_worse_than_four_plain_effects() {
+    let Some(logs) = recorded_logs() else { return };
+    let path = |name: &str| {
+        logs.join(format!("go2_air_chirp_{name}.csv"))
+            .display()
+            .to_string()
+    };
+    let all = [
+        "2.0hz_p25d3.0",
+        "7.0hz_p25d5.0",
+        "9.0hz_p25d1.2",
+        "9.0hz_p25d2.0",
+        "9.0hz_p25d5.0",
+    ];
+    for one in ["2.0hz_p25d3.0", "9.0hz_p25d1.2"] {
+        let folder = folder();
+        let run = |arguments: &[&str]| done(folder.path(), arguments);
+        run(&[
+            "add",
+            "viscous",
+            "coulomb",
+            "armature",
+            "bias",
+            "-m",
+            "plain.toml",
+        ]);
+        // A model file without any effect.
+        run(&["add", "bias:FR_hip", "-m", "told.toml"]);
+        run(&["remove", "bias:FR_hip", "-m", "told.toml"]);
+        run(&["diagnose", &path(one), "--apply", "-m", "told.toml"]);
+        for name in ["plain", "told"] {
+            let (model, fitted) = (format!("{name}.toml"), format!("{name}_fitted.toml"));
+            run(&["identify", &path(one), "-m", &model, "-o", &fitted]);
+        }
+        for other in all.iter().filter(|name| **name != one) {
+            let rms = |model: &str| {
+                let told = json(&run(&[
+                    "compare",
+                    &path(other),
+                    "-m",
+                    model,
+                    "--given",
+                    "--json",
+                ]));
+                told["rms"].as_f64().unwrap()
+            };
+            let (told, plain) = (rms("told_fitted.toml"), rms("plain_fitted.toml"));
+            assert!(told <= plain, "{one} -> {other}: {told} {plain}");
+        }
+    }
 }

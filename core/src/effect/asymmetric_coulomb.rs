@@ -20,7 +20,7 @@ impl Effect for AsymmetricCoulomb {
         ],
         words: "friction of constant size against the motion, larger in one direction (a worn or preloaded gear)",
         look_alikes: &["bias", "coulomb", "asymmetric_viscous", "load_friction"],
-        separated_by: "rests between slow moves: at rest a bias acts and friction does not",
+        separated_by: "no motion: a bias and Coulomb friction are the same torque, at rest too; without the gear only the bias is left",
         urdf: None,
         mjcf: None,
     };

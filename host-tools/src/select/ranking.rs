@@ -196,7 +196,7 @@ fn alternatives(
         .map(|c| (c.effect, c.members.clone()))
         .collect();
     if best.effect == EffectKind::Bias {
-        // With Coulomb friction in the model, friction that differs with the direction is a bias but at rest.
+        // With Coulomb friction in the model, friction that differs with the direction is a bias.
         let of = |(limb, place): &Member| (*limb, (EffectKind::AsymmetricCoulomb, place.1));
         found.push((
             EffectKind::AsymmetricCoulomb,

@@ -362,7 +362,13 @@ impl<'a> Search<'a> {
             let Some(after) = self.state.with(self.data, &places, &start, &new) else {
                 continue;
             };
-            if after.total() <= (1.0 + criteria::LEAST_SHARE) * self.state.total() {
+            let most = if after.is_by_log() {
+                criteria::SAME
+            } else {
+                1.0 + criteria::LEAST_SHARE
+            };
+            let mut logs = after.by_log().into_iter().zip(self.state.by_log());
+            if logs.all(|(after, before)| after <= most * before) {
                 self.state = after;
                 self.push(&members, false);
             }
