@@ -22,7 +22,7 @@ impl Effect for AsymmetricViscous {
             f64::NEG_INFINITY,
             f64::INFINITY,
         )],
-        words: "viscous friction that differs with direction: more by d forwards and less by d backwards, which |d| ≤ Fv leaves friction",
+        words: "viscous friction that differs with direction: d more forwards, d less backwards (|d| ≤ Fv)",
         look_alikes: &["asymmetric_coulomb", "bias", "viscous", "quadratic_drag"],
         separated_by: "sweeps in both directions over the same range, each at several speeds",
         urdf: None,

@@ -28,7 +28,7 @@ impl Effect for Presliding {
             Parameter::new("F", "N m", 0.0, f64::INFINITY),
             Parameter::new("zs", "rad", 1e-5, 0.3).shape(),
         ],
-        words: "dry friction that builds up over a displacement after each reversal (bristles, seals and gears that yield before they slip)",
+        words: "dry friction that builds up over a displacement after each reversal (seals, preloaded gears)",
         look_alikes: &["coulomb", "stribeck", "spring", "backlash", "delay"],
         separated_by: "many slow reversals, small and large: swings shorter and longer than the displacement zs",
         urdf: None,

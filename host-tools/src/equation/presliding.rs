@@ -51,8 +51,12 @@ pub(crate) fn presliding(t: &[f64], state: &[[f64; 4]], zs: f64) -> Vec<f64> {
 fn slid(bent: f64, distance: f64) -> (f64, f64) {
     let (x, sign) = (distance.abs(), distance.signum());
     let left = (-x).exp();
-    // (1 − exp(−x))/x, which has no digits left where x is as small as an encoder's quantum.
-    let mean = if x > 1e-8 { -(-x).exp_m1() / x } else { 1.0 };
+    // (1 − exp(−x))/x, which has few digits left where x is as small as an encoder's quantum: its series there, to 1e-13.
+    let mean = if x > 1e-4 {
+        (1.0 - left) / x
+    } else {
+        1.0 - x * (0.5 - x / 6.0)
+    };
     (sign + (bent - sign) * mean, sign + (bent - sign) * left)
 }
 

@@ -261,21 +261,22 @@ impl<'a> Scan<'a> {
     /// The columns of an effect over windows, as rows have them.
     fn columns(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Vec<Vec<f64>> {
         let n = self.data.joints();
-        let mut columns = vec![Vec::new(); effect.columns()];
-        // The states have what bristles of one displacement do.
         let motion = &self.data.motion;
-        let presliding = (effect == EffectKind::Presliding)
-            .then(|| motion.presliding(&motion.joint[joint], shape));
+        if effect == EffectKind::Presliding {
+            // The states have what bristles of one displacement do; all of their term is a boundary.
+            let impulse = motion.presliding(&motion.joint[joint], shape);
+            let of = |&w: &usize| {
+                let window = &motion.windows[w];
+                let [first, last] = window.samples;
+                (impulse[last] - impulse[first]) / window.length
+            };
+            return vec![windows.iter().map(of).collect()];
+        }
+        let mut columns = vec![Vec::new(); effect.columns()];
         for &w in windows {
             let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let term = |k: usize| {
-                let mut state = self.states.states[k * n + joint];
-                if let Some(presliding) = &presliding {
-                    state.presliding = presliding[k];
-                }
-                effect.terms(&state, shape)
-            };
+            let term = |k: usize| effect.terms(&self.states.states[k * n + joint], shape);
             let (start, end) = (term(first), term(last));
             let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
             for k in first..=last {

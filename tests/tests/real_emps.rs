@@ -1,0 +1,49 @@
+//! A one-axis drive (EMPS, Janot, Gautier & Brunot 2019): what is published of its friction is found from its URDF and one log.
+
+use proprio_tests::command::{done, folder, json, recorded_logs};
+
+/// Its viscous friction differs with the direction; the effect is named first, and a log that no fit has seen is predicted better with it.
+#[test]
+fn friction_that_differs_with_direction_is_named() {
+    let Some(logs) = recorded_logs() else { return };
+    let file = |name: &str| logs.join("emps").join(name).display().to_string();
+    let (urdf, train, pulses) = (
+        file("emps.urdf"),
+        file("emps_train.csv"),
+        file("emps_pulses.csv"),
+    );
+    let folder = folder();
+    let folder = folder.path();
+    let plain = ["viscous", "coulomb", "armature", "bias"];
+    done(
+        folder,
+        &[&["add", "-m", "m.toml", "--urdf", &urdf][..], &plain].concat(),
+    );
+    let told = json(&done(
+        folder,
+        &["diagnose", &train, "-m", "m.toml", "--json"],
+    ));
+    let first = &told["path"][0];
+    assert_eq!(first["effect"], "asymmetric_viscous", "{first}");
+
+    let held_out = || {
+        done(
+            folder,
+            &[
+                "identify",
+                &train,
+                "-m",
+                "m.toml",
+                "-o",
+                "fitted.toml",
+                "--force",
+            ],
+        );
+        let given = ["compare", &pulses, "-m", "fitted.toml", "--given", "--json"];
+        json(&done(folder, &given))["rms"].as_f64().unwrap()
+    };
+    let before = held_out();
+    done(folder, &["add", "asymmetric_viscous", "-m", "m.toml"]);
+    let after = held_out();
+    assert!(after < 0.9 * before, "{before} N m, {after} N m with it");
+}
