@@ -4,19 +4,11 @@
 use proprio_core::effect::{EffectKind, Form};
 
 use super::criteria::{self, Squared};
+use super::possible::{is_possible, is_resolved};
 use super::screen::{Screen, Trial};
-use crate::equation::motion::{is_derivative, is_shared};
+use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
 use crate::model::BASE;
-
-/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
-const REACH: f64 = 0.3;
-/// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
-const LEAST_DELAY: f64 = 0.1;
-/// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
-const LIKELY: f64 = 3.0;
-/// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
-const MOST_BEYOND_LIMIT: f64 = 0.5;
 
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);
@@ -345,69 +337,4 @@ fn least_gain(effect: EffectKind) -> f64 {
 fn acts_by_weight(effect: EffectKind) -> bool {
     use EffectKind::{BaseTilt, EncoderOffset, Payload};
     [BaseTilt, EncoderOffset, Payload].contains(&effect)
-}
-
-/// Whether what a trial says of an effect is physical within twice its error, likely, and not nothing.
-fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
-    let (effect, data) = (place.0, screen.fit.data);
-    let parameters = effect.description().parameters;
-    let told: Vec<Option<(f64, f64)>> = (0..parameters.len())
-        .map(|n| screen.parameter(trial, place, n))
-        .collect();
-    let within = |(n, told): (usize, &Option<(f64, f64)>)| {
-        let Some((value, std)) = *told else {
-            return true;
-        };
-        let p = &parameters[n];
-        let (mean, likely) = data.prior(place, n);
-        let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
-        value + 2.0 * std >= p.lower
-            && value - 2.0 * std <= p.upper
-            && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
-    };
-    let resolved =
-        effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
-    let load = effect != EffectKind::Payload || is_load(&told);
-    told.iter().enumerate().all(within)
-        && resolved
-        && load
-        && (effect != EffectKind::Saturation || is_limited(screen, place))
-}
-
-/// Whether the torque that the motion takes stays at a limit while what is reported goes on: the slope of the one on the other, beyond
-/// the limit.
-fn is_limited(screen: &Screen, place: Place) -> bool {
-    let limit = screen.shape(place);
-    let beyond: Vec<[f64; 2]> = (screen.torques(place.1))
-        .filter(|[reported, _]| reported.abs() > limit)
-        .map(|[reported, predicted]| [reported.abs(), predicted * reported.signum()])
-        .collect();
-    let mean = |n: usize| beyond.iter().map(|x| x[n]).sum::<f64>() / beyond.len() as f64;
-    let means = [mean(0), mean(1)];
-    let product = |[a, b]: [usize; 2]| {
-        beyond
-            .iter()
-            .map(|x| (x[a] - means[a]) * (x[b] - means[b]))
-            .sum::<f64>()
-    };
-    product([0, 1]) < MOST_BEYOND_LIMIT * product([0, 0])
-}
-
-/// Whether a delay (s) is more than how the torque runs between two samples.
-fn is_resolved(screen: &Screen, delay: f64) -> bool {
-    delay.abs() > LEAST_DELAY * screen.fit.data.recording.period()
-}
-
-/// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
-/// a mass is none. At most [`REACH`] away.
-fn is_load(told: &[Option<(f64, f64)>]) -> bool {
-    let [Some((mass, std)), moments @ ..] = told else {
-        return true;
-    };
-    let heaviest = mass + 2.0 * std;
-    let smallest = moments.iter().take(3).flatten();
-    let smallest: f64 = smallest
-        .map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2))
-        .sum();
-    heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
 }

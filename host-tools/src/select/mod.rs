@@ -4,6 +4,7 @@
 //! 2. [`screen`]: what each effect would add to a limb, on data that are held out.
 //! 3. [`candidate`]: the same over limbs: an effect at one joint, a *family* (the effect at all like joints), a cause that all joints
 //!    share.
+//!    `possible`: whether a robot can have what a candidate says.
 //! 4. `drift`: parameters that change with time.
 //! 5. `ranking`: which candidate is the best, and what it cannot be told from.
 //! 6. [`state`]: a model of all limbs, and how it predicts what it has not seen.
@@ -12,6 +13,7 @@
 pub(crate) mod candidate;
 pub(crate) mod criteria;
 pub(crate) mod drift;
+mod possible;
 pub(crate) mod ranking;
 pub(crate) mod screen;
 pub(crate) mod search;

@@ -1,0 +1,94 @@
+//! What a robot can have: values that are physical, likely and not nothing.
+
+use proprio_core::effect::EffectKind;
+
+use super::criteria;
+use super::screen::{Screen, Trial};
+use crate::equation::motion::is_derivative;
+use crate::equation::values::Place;
+
+/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
+const REACH: f64 = 0.3;
+/// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
+const LEAST_DELAY: f64 = 0.1;
+/// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
+const LIKELY: f64 = 3.0;
+/// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
+const MOST_BEYOND_LIMIT: f64 = 0.5;
+
+/// Whether what a trial says of an effect is physical within twice its error, likely, and not nothing.
+pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
+    let (effect, data) = (place.0, screen.fit.data);
+    let parameters = effect.description().parameters;
+    let told: Vec<Option<(f64, f64)>> = (0..parameters.len())
+        .map(|n| screen.parameter(trial, place, n))
+        .collect();
+    let within = |(n, told): (usize, &Option<(f64, f64)>)| {
+        let Some((value, std)) = *told else {
+            return true;
+        };
+        let p = &parameters[n];
+        let (mean, likely) = data.prior(place, n);
+        let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
+        value + 2.0 * std >= p.lower
+            && value - 2.0 * std <= p.upper
+            && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
+    };
+    // Of several parameters each may be unsure where together they are not.
+    let something = match (0..parameters.len())
+        .filter(|&n| !parameters[n].shape)
+        .collect::<Vec<_>>()[..]
+    {
+        [only] => told[only].is_none_or(|(value, std)| {
+            let away = (value - parameters[only].neutral).abs();
+            away > 0.0 && away >= criteria::LEAST_VALUE * std
+        }),
+        _ => true,
+    };
+    let resolved =
+        effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
+    let load = effect != EffectKind::Payload || is_load(&told);
+    told.iter().enumerate().all(within)
+        && something
+        && resolved
+        && load
+        && (effect != EffectKind::Saturation || is_limited(screen, place))
+}
+
+/// Whether the torque that the motion takes stays at a limit while what is reported goes on: the slope of the one on the other, beyond
+/// the limit.
+fn is_limited(screen: &Screen, place: Place) -> bool {
+    let limit = screen.shape(place);
+    let beyond: Vec<[f64; 2]> = (screen.torques(place.1))
+        .filter(|[reported, _]| reported.abs() > limit)
+        .map(|[reported, predicted]| [reported.abs(), predicted * reported.signum()])
+        .collect();
+    let mean = |n: usize| beyond.iter().map(|x| x[n]).sum::<f64>() / beyond.len() as f64;
+    let means = [mean(0), mean(1)];
+    let product = |[a, b]: [usize; 2]| {
+        beyond
+            .iter()
+            .map(|x| (x[a] - means[a]) * (x[b] - means[b]))
+            .sum::<f64>()
+    };
+    product([0, 1]) < MOST_BEYOND_LIMIT * product([0, 0])
+}
+
+/// Whether a delay (s) is more than how the torque runs between two samples.
+pub(super) fn is_resolved(screen: &Screen, delay: f64) -> bool {
+    delay.abs() > LEAST_DELAY * screen.fit.data.recording.period()
+}
+
+/// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
+/// a mass is none. At most [`REACH`] away.
+fn is_load(told: &[Option<(f64, f64)>]) -> bool {
+    let [Some((mass, std)), moments @ ..] = told else {
+        return true;
+    };
+    let heaviest = mass + 2.0 * std;
+    let smallest = moments.iter().take(3).flatten();
+    let smallest: f64 = smallest
+        .map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2))
+        .sum();
+    heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
+}
