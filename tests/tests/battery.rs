@@ -12,7 +12,7 @@ const ALWAYS: [&str; 6] = [
     "backlash:RR_calf:0:1",
     "torque_constant_drift:RR_thigh:1:1",
     "cable_snag:FR_hip:1:1",
-    "lugre:FR_thigh:1:1",
+    "presliding:FR_thigh:1:1",
     "contact:FL_calf:0:2",
     "saturation:RR_hip:2:2",
 ];

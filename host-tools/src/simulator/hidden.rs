@@ -354,7 +354,7 @@ pub const SIZES: &[Sizes] = {
         sizes(K::Backlash, [0.005, 0.015, 0.04], [0.005, 0.015, 0.04]),
         sizes(K::Saturation, [4.0, 2.5, 1.5], [4.0, 2.5, 1.5]),
         sizes(K::PositionCoulomb, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
-        sizes(K::Lugre, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
+        sizes(K::Presliding, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
         sizes(K::PeriodicTorque, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
         sizes(
             K::TorqueConstantDrift,
@@ -365,6 +365,5 @@ pub const SIZES: &[Sizes] = {
         sizes(K::FrictionStep, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
         sizes(K::CableSnag, [0.2, 0.6, 1.5], [0.2, 0.6, 1.5]),
         sizes(K::AsymmetricViscous, [0.01, 0.03, 0.08], [0.01, 0.03, 0.08]),
-        sizes(K::Presliding, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
     ]
 };

@@ -280,7 +280,6 @@ effects! {
     /// Dry friction that depends on position.
     PositionCoulomb = position_coulomb,
     /// Presliding friction with bristles.
-    Lugre = lugre,
     /// A disturbance tied to time.
     PeriodicTorque = periodic_torque,
     /// A torque constant that falls as the motor warms.
