@@ -278,9 +278,13 @@ impl Diagnosed<'_> {
         for (fit, left) in self.found.end.fits.iter().zip(&self.found.end.squares) {
             let data = fit.data;
             let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint();
-            let names = data.joint_names().into_iter();
-            for ((name, left), torque) in names.zip(left.by_joint()).zip(torque) {
-                if left <= RESOLUTION.powi(2) * torque {
+            let told = left
+                .by_joint()
+                .into_iter()
+                .zip(torque)
+                .zip(fit.left_by_sampling());
+            for (name, ((left, torque), sampling)) in data.joint_names().into_iter().zip(told) {
+                if left <= RESOLUTION.powi(2) * torque + sampling {
                     resolved.push(name);
                 }
             }

@@ -344,6 +344,27 @@ impl<'a> LimbFit<'a> {
         Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
     }
 
+    /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round
+    /// at a moment that is known to a sample and no better, dry friction F makes 2 F T / (√12 L); and the trapezoidal rule is wrong by
+    /// T²/12 of the torque's slopes at the window's ends, one less the other, over L (Euler and Maclaurin).
+    pub(crate) fn left_by_sampling(&self) -> Vec<f64> {
+        let (data, n, period) = (self.data, self.data.joints(), self.data.recording.period());
+        let own = self.columns.combined(self.solution.theta.as_slice());
+        let mut squares = vec![0.0; n];
+        for (w, window) in data.motion.windows.iter().enumerate() {
+            let [first, last] = window.samples;
+            for j in (0..n).filter(|&j| data.counts(w, j)) {
+                let rise =
+                    |k: usize| data.recording.tau[(k + 1) * n + j] - data.recording.tau[k * n + j];
+                let jump = jump(&self.columns.of_joint[j], &own[j], &data.motion, window, j);
+                let turn = 2.0 * jump.unwrap_or(0.0) / 12f64.sqrt();
+                let curve = (rise(last - 1) - rise(first)) / 12.0;
+                squares[j] += (turn * turn + curve * curve) * (period / window.length).powi(2);
+            }
+        }
+        squares
+    }
+
     /// Sums of squares of what the slower half of the time predicts of the faster, and the faster of the slower.
     pub(crate) fn squares_at_other_speeds(&self) -> Option<Squares> {
         let fast = self.data.fast_blocks();
