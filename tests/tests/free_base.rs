@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use proprio::estimate::Constraint;
 use proprio::identify::{FreeBaseError, FreeBaseIdentification, identify_free_base};
-use proprio_tests::command::{done, folder as empty_folder, json, proprio, stderr};
+use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 
 fn folder() -> PathBuf {
@@ -218,6 +218,26 @@ fn the_command_writes_a_model_with_the_trunk() {
     assert!(
         mjcf.contains(&mass[..7]),
         "the trunk weighs {mass} kg in\n{mjcf}"
+    );
+}
+
+/// Twenty seconds of a real walk, at a tenth of the rate that it takes: the mass is that on paper within its error, the fit
+/// leaves less than the CAD does on time that it has not seen, and the rate is complained of.
+#[test]
+fn a_real_walk_weighs_what_is_on_paper() {
+    let Some(logs) = recorded_logs() else { return };
+    let log = logs.join("go2_walk_imu_standard-replay-position.csv");
+    let found = identify_free_base(&[log], Constraint::Physical, |_, _| ()).unwrap();
+    let total = found.quantity("total_mass").unwrap();
+    println!("{:.2} ± {:.2} kg", total.value, total.std);
+    let off = (15.0 - total.value).max(total.value - 16.1);
+    assert!(total.std < 0.5 && off < 2.0 * total.std, "{total:?}");
+    assert!(found.held_out_rms.unwrap() < 0.8 * found.cad_rms);
+    assert!(
+        found
+            .warnings
+            .iter()
+            .any(|w| w.contains("50 samples a second"))
     );
 }
 
