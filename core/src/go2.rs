@@ -5,6 +5,7 @@
 //! are lumped into the body that carries them, as Pinocchio does when it reads the URDF: 16.087 kg in all.
 
 use crate::Real;
+use crate::contact::Foot;
 use crate::inertia::InertialParameters;
 use crate::scalar::real;
 use crate::spatial::Transform;
@@ -137,6 +138,12 @@ pub fn quanta(joint: usize) -> [f64; 3] {
 /// The foot's centre in the calf's frame, m.
 pub const FOOT: [f64; 3] = [0.0, 0.0, -0.213];
 
+/// The sphere that is the foot's end: its centre in the calf's frame, m, and its radius, m.
+pub const FOOT_SPHERE: ([f64; 3], f64) = ([-0.002, 0.0, -0.213], 0.022);
+
+/// The IMU's origin in the base's frame, m; its axes are the base's.
+pub const IMU: [f64; 3] = [-0.025_57, 0.0, 0.042_32];
+
 /// Standard deviation of the reported speed at standstill, rad/s.
 pub const VELOCITY_NOISE: [f64; JOINTS_PER_LEG] = [0.035, 0.035, 0.022];
 
@@ -163,6 +170,16 @@ pub fn free<T: Real>() -> Tree<T, 13, 18> {
         },
         Some(n) => on_leg(&legs, n, 1),
     }))
+}
+
+/// The feet of [`free`] in SDK order.
+pub fn feet<T: Real>() -> [Foot<T>; LEGS] {
+    let (centre, radius) = FOOT_SPHERE;
+    core::array::from_fn(|leg| Foot {
+        body: JOINTS_PER_LEG * (leg + 1),
+        centre: vector(centre),
+        radius: real(radius),
+    })
 }
 
 fn tree<T: Real, const B: usize, const V: usize>(bodies: [Body<T>; B]) -> Tree<T, B, V> {

@@ -12,7 +12,8 @@
 //! 3. [`dynamics`]: inverse and forward dynamics, H, C and g.
 //! 4. [`regressor`]: the same quantities as matrices that multiply the parameters; all of them from one bilinear form.
 //! 5. [`effect`]: the catalogue of what a rigid body lacks: friction, rotor inertia, bias.
-//! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration.
+//! 6. [`window`]: samples in, integrated rows out: the momentum equation, which needs no acceleration; with a moving base and
+//!    feet on the ground by [`contact`], the projector that takes contact forces out.
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
 //! 8. [`estimator`]: a limb's factors, its prior and its solution in bounded steps.
 //! 9. [`consistent`]: the solution in which every body could exist and no friction is negative.
@@ -43,6 +44,7 @@ pub mod app;
 pub mod base_parameters;
 pub mod bus;
 pub mod consistent;
+pub mod contact;
 pub mod criticism;
 pub mod dynamics;
 pub mod effect;

@@ -13,6 +13,8 @@
 //! - a *late* one (time does not increase) is skipped;
 //! - an *implausible* one (not finite, beyond any value the robot can have) is skipped;
 //! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
+//!
+//! [`FreeBaseWindow`] does the same for a robot that walks, from gyro and accelerometer.
 
 use crate::effect::{EffectKind, JointState, Term};
 use crate::inertia::INERTIAL;
@@ -245,7 +247,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
 
     /// Takes the next sample.
     pub fn push(&mut self, sample: &Sample<T, B>) -> Push {
-        if let Some(reason) = self.implausible(sample) {
+        if let Some(reason) = implausible(&self.plausible, sample) {
             return Push::Rejected(reason);
         }
         let step_us = match &self.last {
@@ -333,26 +335,6 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             }
         }
     }
-
-    fn implausible(&self, sample: &Sample<T, B>) -> Option<Implausible> {
-        let mut reason = None;
-        for (b, limit) in self.plausible.iter().enumerate() {
-            let (q, dq, tau) = (sample.q[b], sample.dq[b], sample.tau[b]);
-            if !(q.is_finite() && dq.is_finite() && tau.is_finite()) {
-                return Some(Implausible::NotFinite);
-            }
-            if q < limit.position[0] || q > limit.position[1] {
-                reason = reason.or(Some(Implausible::Position));
-            }
-            if dq.abs() > limit.speed {
-                reason = reason.or(Some(Implausible::Speed));
-            }
-            if tau.abs() > limit.torque {
-                reason = reason.or(Some(Implausible::Torque));
-            }
-        }
-        reason
-    }
 }
 
 impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
@@ -372,6 +354,30 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
     }
 }
 
+/// Why a sample cannot be true, if it cannot.
+fn implausible<T: Real, const B: usize>(
+    plausible: &[Plausible<T>; B],
+    sample: &Sample<T, B>,
+) -> Option<Implausible> {
+    let mut reason = None;
+    for (b, limit) in plausible.iter().enumerate() {
+        let (q, dq, tau) = (sample.q[b], sample.dq[b], sample.tau[b]);
+        if !(q.is_finite() && dq.is_finite() && tau.is_finite()) {
+            return Some(Implausible::NotFinite);
+        }
+        if q < limit.position[0] || q > limit.position[1] {
+            reason = reason.or(Some(Implausible::Position));
+        }
+        if dq.abs() > limit.speed {
+            reason = reason.or(Some(Implausible::Speed));
+        }
+        if tau.abs() > limit.torque {
+            reason = reason.or(Some(Implausible::Torque));
+        }
+    }
+    reason
+}
+
 /// What an effect sees of joint b.
 fn joint_state<T: Real, const B: usize>(sample: &Sample<T, B>, b: usize) -> JointState<T> {
     JointState::reported(sample.q[b], sample.dq[b], sample.tau[b])
@@ -381,6 +387,10 @@ fn joint_state<T: Real, const B: usize>(sample: &Sample<T, B>, b: usize) -> Join
 fn microseconds<T: Real>(time: u64) -> T {
     real(time as f64 * 1e-6)
 }
+
+mod free_base;
+
+pub use free_base::{FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow};
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -8,7 +8,7 @@ use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
-use proprio::identify::IdentificationError;
+use proprio::identify::{FreeBaseError, IdentificationError};
 use proprio::log::{LEAST_RATE, LogError, Problem};
 use proprio::recording::RecordingError;
 use proprio::validate::ValidateError;
@@ -41,6 +41,14 @@ pub(crate) fn of(error: &Error) -> Option<String> {
                 .to_owned(),
         ),
         Error::Identification(IdentificationError::Solve { .. }) => None,
+        Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
+        Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
+            "record /lowstate, which has all motors and the IMU; of a robot that hangs, leave out --free-base".to_owned(),
+        ),
+        Error::FreeBase(FreeBaseError::NoWindows(_)) => {
+            Some("record moving joints at 500 Hz, without losing messages".to_owned())
+        }
+        Error::FreeBase(FreeBaseError::Unsolvable) => None,
         Error::Replay(ReplayError::Device(error)) => of_device(error),
         Error::Replay(ReplayError::Encode { .. }) => {
             Some("no motor reports such a value: check the units, or delete the line".to_owned())

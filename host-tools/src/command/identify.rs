@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use proprio::compare::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
-use proprio::identify::{FitOptions, Method, Options, check_reproduced, fit_runs, identify};
+use proprio::identify::{
+    FitOptions, Method, Options, check_reproduced, fit_runs, identify, identify_free_base,
+};
 use proprio::model::{Model, Provenance};
 use proprio::output;
 use proprio::recording::Recording;
@@ -22,6 +24,7 @@ use crate::progress::Progress;
 #[command(after_help = "Examples:
   proprio identify chirp.csv
   proprio identify chirp.csv --physical -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
+  proprio identify --free-base walk.csv --physical -o go2.toml
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
   proprio add coulomb -m arm.toml --urdf arm.urdf && proprio identify arm.csv -m arm.toml")]
 pub(crate) struct Identify {
@@ -39,6 +42,11 @@ pub(crate) struct Identify {
     /// Without it values are free, as the device streams them: an unphysical one tells that the model lacks something.
     #[arg(long)]
     physical: bool,
+    /// The robot walks, sways or is swung: trunk and legs of a Go2, from logs with gyro/ and acc/ columns
+    ///
+    /// Nothing needs to be known of velocity, attitude or contact forces; foot/ columns help to tell which feet are in the air.
+    #[arg(long, conflicts_with_all = ["bus", "model", "html"])]
+    free_base: bool,
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
@@ -88,6 +96,9 @@ impl From<Equation> for Method {
 
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if self.free_base {
+            return self.run_free_base();
+        }
         let Some(path) = &self.model else {
             return self.run_plain();
         };
@@ -138,14 +149,9 @@ impl Identify {
     /// A Go2's plain effects, by the estimator of the device.
     fn run_plain(&self) -> Result<String, Error> {
         let mut progress = Progress::new("Identifying");
-        let constraint = if self.physical {
-            Constraint::Physical
-        } else {
-            Constraint::Free
-        };
         let options = Options {
             bus: self.bus,
-            constraint,
+            constraint: self.constraint(),
         };
         let result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
         drop(progress);
@@ -172,6 +178,37 @@ impl Identify {
         } else {
             result.to_string()
         })
+    }
+
+    /// The whole Go2, moving and in contact.
+    fn run_free_base(&self) -> Result<String, Error> {
+        let mut progress = Progress::new("Identifying");
+        let result = identify_free_base(&self.logs, self.constraint(), |done, total| {
+            progress.set(done, total);
+        })?;
+        drop(progress);
+        for warning in &result.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = self.json_file() {
+            output::write(path, &json(&result))?;
+        }
+        if let Some(path) = self.model_file() {
+            result.to_model(self.provenance()?)?.save(path)?;
+        }
+        Ok(if self.json {
+            json(&result)
+        } else {
+            result.to_string()
+        })
+    }
+
+    fn constraint(&self) -> Constraint {
+        if self.physical {
+            Constraint::Physical
+        } else {
+            Constraint::Free
+        }
     }
 
     /// `-o`, if it names what --json prints.

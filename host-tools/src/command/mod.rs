@@ -26,7 +26,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
-use proprio::identify::{IdentificationError, NotAModel, NotReproduced};
+use proprio::identify::{FreeBaseError, IdentificationError, NotAModel, NotReproduced};
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{Model, ModelError, RobotError, UnknownName};
@@ -128,6 +128,8 @@ impl Command {
 pub(crate) enum Error {
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    #[error(transparent)]
+    FreeBase(#[from] FreeBaseError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(transparent)]

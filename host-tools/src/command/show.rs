@@ -103,11 +103,15 @@ impl Report {
             std: e.estimate().and_then(|estimate| estimate.std),
             unit: parameter::unit(e.effect),
         });
-        let bodies = (0..robot.bodies().len()).filter(|body| model.is_identified(*body));
+        let bodies = [BASE].into_iter().chain(0..robot.bodies().len());
+        let bodies = bodies.filter(|body| model.is_identified(*body));
         let bodies = bodies.map(|body| Body {
             body: name(body),
             mass: model.inertia(body).mass(),
-            cad_mass: robot.bodies()[body].inertia.mass(),
+            cad_mass: match body {
+                BASE => robot.base_inertia().mass(),
+                _ => robot.bodies()[body].inertia.mass(),
+            },
         });
         let provenance = model.provenance();
         Self {

@@ -42,7 +42,11 @@ impl Deviations {
 }
 
 /// A root of the covariance from R⁻¹, each block's half gradient and the prior's rows.
-fn sandwich(inverse: &DMatrix<f64>, scores: &[DVector<f64>], prior: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) fn sandwich(
+    inverse: &DMatrix<f64>,
+    scores: &[DVector<f64>],
+    prior: &DMatrix<f64>,
+) -> DMatrix<f64> {
     let count = scores.len() as f64;
     if scores.len() < 2 {
         return inverse.clone();

@@ -5,6 +5,7 @@
 //! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
 
 mod bus;
+mod free_base;
 mod leg;
 pub(crate) mod model_fit;
 mod result;
@@ -20,6 +21,9 @@ use crate::estimate::Constraint;
 pub use crate::estimate::Method;
 pub use crate::estimate::stages::{Stage, StageParameter};
 use crate::log::{LogError, LogReader, Selection, Warning};
+pub use free_base::{
+    FreeBaseError, FreeBaseIdentification, Quantity, StanceShares, Windows, identify_free_base,
+};
 use leg::LegIdentifier;
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,

@@ -6,6 +6,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::inertia::InertialParameters;
 
 use super::Identification;
+use crate::estimate::{ParameterEstimate, find};
 use crate::model::{Impossible, Model, Provenance};
 use crate::parameter::{INERTIAL_NAMES, name_at};
 
@@ -41,18 +42,28 @@ impl Identification {
     }
 
     fn set_joint(&self, model: &mut Model, joint: usize, of: &str) -> Result<(), Impossible> {
-        let found = |what: &str| self.parameter(&name_at(what, of));
-        let inertial = INERTIAL_NAMES.map(|(what, _)| found(what));
-        if inertial.iter().all(Option::is_some) {
-            let phi = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.value));
-            let std = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.std));
-            model.set_body(joint, &InertialParameters(phi.into()), Some(&std))?;
-        }
-        for &effect in EffectKind::ALL {
-            if let Some(parameter) = found(effect.name()) {
-                model.set_effect(effect, joint, parameter.value, Some(parameter.std))?;
-            }
-        }
-        Ok(())
+        set_joint(&self.parameters, model, joint, of)
     }
+}
+
+/// Sets a body, and what its joint has, to what was identified of them.
+pub(super) fn set_joint(
+    parameters: &[ParameterEstimate],
+    model: &mut Model,
+    joint: usize,
+    of: &str,
+) -> Result<(), Impossible> {
+    let found = |what: &str| find(parameters, &name_at(what, of));
+    let inertial = INERTIAL_NAMES.map(|(what, _)| found(what));
+    if inertial.iter().all(Option::is_some) {
+        let phi = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.value));
+        let std = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.std));
+        model.set_body(joint, &InertialParameters(phi.into()), Some(&std))?;
+    }
+    for &effect in EffectKind::ALL {
+        if let Some(parameter) = found(effect.name()) {
+            model.set_effect(effect, joint, parameter.value, Some(parameter.std))?;
+        }
+    }
+    Ok(())
 }

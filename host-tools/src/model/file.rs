@@ -18,7 +18,7 @@ use toml::Spanned;
 pub(super) use write::text;
 
 use super::{
-    Impossible, LogConventions, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting,
+    BASE, Impossible, LogConventions, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting,
     Provenance, Robot, UnknownName,
 };
 
@@ -280,7 +280,11 @@ fn read_priors(model: &mut Model, table: &PriorTable) -> Result<(), Fault> {
 fn read_bodies(model: &mut Model, file: &File) -> Result<(), Fault> {
     for (name, table) in &file.body {
         let at = name.span().start;
-        let body = joint(model, name.get_ref(), at)?;
+        let body = match name.get_ref().as_str() {
+            // A joint may be called so as well.
+            "base" if model.robot.bodies().iter().all(|body| body.name != "base") => BASE,
+            name => joint(model, name, at)?,
+        };
         let phi = InertialParameters(SVector::from(table.array()));
         let std = table.std.map(Ten::array);
         let what = format!("body {}", name.get_ref());

@@ -46,7 +46,7 @@
 //!
 //! [body.FR_hip]                   # about the joint frame's origin; a body not listed is the CAD's
 //! m = 0.767
-//! # … hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz
+//! # … hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; [body.base] is the base, about its own origin
 //! std = { m = 0.01 }              # … all ten
 //!
 //! [provenance]
@@ -100,6 +100,7 @@ pub struct Model {
     mounting: Mounting,
     effects: Vec<ModelEffect>,
     bodies: Vec<ModelBody>,
+    base_body: ModelBody,
     cad_uncertainty: f64,
     effect_priors: Vec<(EffectKind, Prior)>,
     motors: Vec<Option<Motor>>,
@@ -147,6 +148,7 @@ impl Model {
             mounting: Mounting::Rpy([0.0; 3]),
             effects: Vec::new(),
             bodies: vec![ModelBody::default(); bodies],
+            base_body: ModelBody::default(),
             cad_uncertainty: CAD_UNCERTAINTY,
             effect_priors: Vec::new(),
             motors: vec![None; bodies],
@@ -213,22 +215,32 @@ impl Model {
             .map_or("base", |body| &body.name)
     }
 
-    /// A body's inertial parameters about its joint frame's origin: identified, or else the CAD's.
+    /// What the model has of a body, [`BASE`] or one that a joint moves.
+    fn body(&self, body: usize) -> &ModelBody {
+        match body {
+            BASE => &self.base_body,
+            _ => &self.bodies[body],
+        }
+    }
+
+    /// A body's inertial parameters about its joint frame's origin, or those of the base ([`BASE`]) about its own: identified, or
+    /// else the CAD's.
     pub fn inertia(&self, body: usize) -> &InertialParameters<f64> {
-        match &self.bodies[body].inertia {
-            Some((phi, _)) => phi,
-            None => &self.robot.bodies()[body].inertia,
+        match (&self.body(body).inertia, body) {
+            (Some((phi, _)), _) => phi,
+            (None, BASE) => self.robot.base_inertia(),
+            (None, _) => &self.robot.bodies()[body].inertia,
         }
     }
 
     /// Whether a body's inertial parameters are the model's own and not the CAD's.
     pub fn is_identified(&self, body: usize) -> bool {
-        self.bodies[body].inertia.is_some()
+        self.body(body).inertia.is_some()
     }
 
     /// Standard deviations of a body's inertial parameters, once identified.
     pub fn inertia_std(&self, body: usize) -> Option<&[f64; INERTIAL]> {
-        self.bodies[body]
+        self.body(body)
             .inertia
             .as_ref()
             .and_then(|(_, std)| std.as_ref())
@@ -262,7 +274,11 @@ impl Model {
         std.iter()
             .flatten()
             .try_for_each(|&x| deviation(x).map(drop))?;
-        self.bodies[body].inertia = Some((phi, std));
+        let own = match body {
+            BASE => &mut self.base_body,
+            _ => &mut self.bodies[body],
+        };
+        own.inertia = Some((phi, std));
         Ok(())
     }
 

@@ -8,8 +8,8 @@ use super::edit::Edits;
 use super::mjcf_input::Input;
 use super::whole::mjcf_inertial;
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, attributes, error, identified, names, number,
-    numbers, whole, without,
+    ExportError, ExportProblem, Exported, Inertial, attributes, base_note, error, identified,
+    names, number, numbers, whole, without,
 };
 use crate::model::Model;
 
@@ -21,7 +21,7 @@ const ORIENTATIONS: [&str; 4] = ["axisangle", "xyaxes", "zaxis", "euler"];
 /// # Errors
 /// [`ExportError`] if the file is not of this robot, or cannot hold the model.
 pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
-    let (effects, written, notes) = attributes(model, "MJCF", |effect| effect.mjcf);
+    let (effects, written, mut notes) = attributes(model, "MJCF", |effect| effect.mjcf);
     let Some(path) = input else {
         let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
         return Ok(Exported {
@@ -44,6 +44,7 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
     };
     let input = Input::new(&document).map_err(at)?;
     let bodies = identified(model);
+    notes.extend(base_note(model));
     let mut edits = Edits::new(&text);
     for b in 0..model.robot().bodies().len() {
         let of_joint: Vec<_> = effects.iter().filter(|e| e.joint == b).collect();

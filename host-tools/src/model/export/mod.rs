@@ -18,7 +18,7 @@ use proprio_core::effect::Description;
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::{Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
+use super::{BASE, Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
 pub use mjcf::mjcf;
 pub use urdf::urdf;
 
@@ -191,6 +191,12 @@ fn attributes(
 fn identified(model: &Model) -> Vec<usize> {
     let bodies = 0..model.robot().bodies().len();
     bodies.filter(|&b| model.is_identified(b)).collect()
+}
+
+/// What a file that is written into does not get.
+fn base_note(model: &Model) -> Option<String> {
+    let note = "base is left out: only a whole file gets the base's inertia";
+    model.is_identified(BASE).then(|| note.to_owned())
 }
 
 fn names(model: &Model, bodies: &[usize]) -> Vec<String> {

@@ -6,8 +6,8 @@ use roxmltree::{Document, Node};
 
 use super::edit::Edits;
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, JointAttribute, attributes, error, identified,
-    names, number, numbers, same_axis, same_place, whole, without,
+    ExportError, ExportProblem, Exported, Inertial, JointAttribute, attributes, base_note, error,
+    identified, names, number, numbers, same_axis, same_place, whole, without,
 };
 use crate::model::urdf::Description;
 use crate::model::{Body, Model, RobotProblem, Source};
@@ -20,7 +20,7 @@ pub(super) const INERTIA: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"]
 /// # Errors
 /// [`ExportError`] if the file is not of this robot, or cannot hold the model.
 pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
-    let (effects, written, notes) = attributes(model, "URDF", |effect| effect.urdf);
+    let (effects, written, mut notes) = attributes(model, "URDF", |effect| effect.urdf);
     let own = match model.robot().source() {
         Source::Urdf(path) => Some(path.as_path()),
         Source::Go2 => None,
@@ -50,6 +50,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         document: &document,
     };
     let bodies = identified(model);
+    notes.extend(base_note(model));
     target.check(model)?;
     let mut edits = Edits::new(&file.text);
     for &b in &bodies {

@@ -8,7 +8,7 @@ use proprio_core::spatial::Transform;
 
 use super::urdf::{dynamics_element, inertial_element};
 use super::{Inertial, JointAttribute, escaped, number, numbers};
-use crate::model::{Body, JointKind, Model};
+use crate::model::{BASE, Body, JointKind, Model};
 
 /// The robot as URDF.
 pub(super) fn urdf(model: &Model, effects: &[JointAttribute]) -> String {
@@ -17,7 +17,7 @@ pub(super) fn urdf(model: &Model, effects: &[JointAttribute]) -> String {
         "<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n",
         escaped(robot.name())
     );
-    push_link(&mut out, robot.base_link(), robot.base_inertia());
+    push_link(&mut out, robot.base_link(), model.inertia(BASE));
     for (b, body) in robot.bodies().iter().enumerate() {
         push_link(&mut out, &body.link_name, model.inertia(b));
     }
@@ -101,11 +101,11 @@ pub(super) fn mjcf(model: &Model, effects: &[JointAttribute]) -> String {
         escaped(robot.base_link())
     );
     out += "      <!-- pinned; put a <freejoint/> here to let it go -->\n";
-    if robot.base_inertia().mass() > 0.0 {
+    if model.inertia(BASE).mass() > 0.0 {
         let _ = writeln!(
             out,
             "      {}",
-            mjcf_inertial(&Inertial::of(robot.base_inertia()))
+            mjcf_inertial(&Inertial::of(model.inertia(BASE)))
         );
     }
     // Bodies are numbered depth first: a body closes those it does not hang on.

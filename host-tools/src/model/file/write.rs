@@ -8,7 +8,8 @@ use proprio_core::inertia::{INERTIAL, NAMES};
 
 use super::FORMAT;
 use crate::model::{
-    Estimate, LogConventions, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance, Source,
+    BASE, Estimate, LogConventions, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance,
+    Source,
 };
 
 /// The file's text; `path` is where it goes, from which a URDF's path is told.
@@ -74,9 +75,10 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             writeln!(out, "just_added = true")?;
         }
     }
-    for (b, body) in named() {
-        if let Some((phi, std)) = &model.bodies[b].inertia {
-            writeln!(out, "\n[body.{}]", key(&body.name))?;
+    let base = std::iter::once((BASE, "base"));
+    for (b, name) in base.chain(named().map(|(b, body)| (b, body.name.as_str()))) {
+        if let Some((phi, std)) = &model.body(b).inertia {
+            writeln!(out, "\n[body.{}]", key(name))?;
             let entries = |x: &[f64; INERTIAL]| {
                 NAMES
                     .iter()

@@ -1,0 +1,340 @@
+//! What an identification of a walking robot says, for machines and for humans.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use nalgebra::DVector;
+use proprio_core::go2::{JOINT_NAMES, LEGS, Leg};
+use proprio_core::inertia::INERTIAL;
+use serde::Serialize;
+
+use super::fit::Fit;
+use super::rows::{ACC, BODIES, COLUMNS, EFFECTS, Windows};
+use super::stance::{Stance, StanceShares};
+use super::walk::Walk;
+use crate::estimate::{self, LEGEND, ParameterEstimate, Status};
+use crate::identify::to_model::set_joint;
+use crate::identify::{NotAModel, Samples};
+use crate::log::JointId;
+use crate::model::{BASE, Model, Provenance};
+use crate::parameter::{self, INERTIAL_NAMES};
+use crate::table::{Table, with_std};
+
+/// What follows from several parameters.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Quantity {
+    /// `total_mass`, `trunk_mass`, `trunk_com_x`, …: of the trunk about the base's origin.
+    pub name: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// By the CAD.
+    pub prior: f64,
+}
+
+/// A whole robot's parameters from logs in which it moves freely.
+#[derive(Debug, Clone, Serialize)]
+pub struct FreeBaseIdentification {
+    /// Masses and the trunk's centre of mass.
+    pub quantities: Vec<Quantity>,
+    /// Every parameter: the trunk's and the legs' bodies, effects, the accelerometer's bias.
+    pub parameters: Vec<ParameterEstimate>,
+    /// Root mean square of the fit's residuals over the equations that contact forces leave: mean torque over a window, N m;
+    /// equations of the base are scaled to the same noise.
+    pub rms: f64,
+    /// The same on stretches of time that the fit has not seen; none for short logs.
+    pub held_out_rms: Option<f64>,
+    /// The same under the CAD's rigid bodies without any effect.
+    pub cad_rms: f64,
+    /// What became of the windows.
+    pub windows: Windows,
+    /// Why feet were projected out, log by log.
+    pub stance: Vec<StanceShares>,
+    /// What became of the samples; one sample is all of the robot's.
+    pub samples: Samples,
+    /// Blocks of time that the errors come from.
+    pub blocks: usize,
+    /// The logs.
+    pub logs: Vec<PathBuf>,
+    /// What a user should know about the logs.
+    pub warnings: Vec<String>,
+}
+
+impl FreeBaseIdentification {
+    pub(super) fn new(
+        logs: &[PathBuf],
+        walks: &[(Walk, Stance)],
+        fit: &Fit,
+        mut warnings: Vec<String>,
+    ) -> Self {
+        for (walk, stance) in walks {
+            warnings.extend(warning(walk, stance));
+        }
+        let samples = walks.iter().map(|(walk, _)| &walk.samples);
+        Self {
+            quantities: quantities(fit),
+            parameters: parameters(fit),
+            rms: fit.rms,
+            held_out_rms: fit.held_out_rms,
+            cad_rms: fit.cad_rms,
+            windows: fit.windows,
+            stance: walks.iter().map(|(_, stance)| stance.shares).collect(),
+            samples: samples.fold(Samples::default(), |sum, one| sum.plus(one)),
+            blocks: fit.blocks,
+            logs: logs.to_vec(),
+            warnings,
+        }
+    }
+
+    /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        estimate::find(&self.parameters, name)
+    }
+
+    /// The Go2 with the bodies and effects identified, its trunk too, their standard deviations, and `provenance`.
+    ///
+    /// # Errors
+    /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
+    pub fn to_model(&self, provenance: Provenance) -> Result<Model, NotAModel> {
+        let mut model = Model::default();
+        let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
+        for (body, of) in bodies {
+            set_joint(&self.parameters, &mut model, body, of).map_err(|fault| NotAModel {
+                of: of.to_owned(),
+                fault,
+            })?;
+        }
+        model.set_provenance(provenance);
+        Ok(model)
+    }
+
+    /// The quantity of that name, such as `total_mass`.
+    pub fn quantity(&self, name: &str) -> Option<&Quantity> {
+        self.quantities
+            .iter()
+            .find(|quantity| quantity.name == name)
+    }
+}
+
+/// The rate below which a sampled step of a gait is not what happened in between, Hz.
+const LEAST_RATE: f64 = 200.0;
+
+fn warning(walk: &Walk, stance: &Stance) -> Vec<String> {
+    let (mut told, path) = (Vec::new(), walk.path.display());
+    let rate = 1.0 / walk.period.max(1e-6);
+    if rate < LEAST_RATE {
+        told.push(format!(
+            "{path}: {rate:.0} samples a second: between two of them a foot takes up the robot's weight, and the accelerometer \
+             shows what was at one instant; what follows is worth less than its errors say"
+        ));
+    }
+    let air: f64 = stance.shares.air.iter().sum();
+    if air == 0.0 {
+        told.push(format!(
+            "{path}: no foot is ever surely in the air: six equations of eighteen are left, and the legs' bodies are hardly told"
+        ));
+    }
+    told
+}
+
+fn std(fit: &Fit, combination: &DVector<f64>) -> f64 {
+    let roots = fit.roots.iter();
+    roots
+        .map(|root| root.tr_mul(combination).norm())
+        .fold(0.0, f64::max)
+}
+
+fn quantities(fit: &Fit) -> Vec<Quantity> {
+    let at = |entries: &[(usize, f64)]| {
+        let mut combination = DVector::zeros(COLUMNS);
+        entries.iter().for_each(|(k, x)| combination[*k] = *x);
+        combination
+    };
+    let masses: Vec<_> = (0..BODIES).map(|b| (INERTIAL * b, 1.0)).collect();
+    let linear = |name, entries: &[(usize, f64)]| {
+        let combination = at(entries);
+        Quantity {
+            name,
+            unit: "kg",
+            value: combination.dot(&fit.theta),
+            std: std(fit, &combination),
+            prior: combination.dot(&fit.prior),
+        }
+    };
+    let mut all = vec![
+        linear("total_mass", &masses),
+        linear("trunk_mass", &[(0, 1.0)]),
+    ];
+    for (axis, name) in ["trunk_com_x", "trunk_com_y", "trunk_com_z"]
+        .into_iter()
+        .enumerate()
+    {
+        let com = |theta: &DVector<f64>| theta[1 + axis] / theta[0];
+        // c = h/m: ∂c = (∂h − c ∂m)/m.
+        let (value, mass) = (com(&fit.theta), fit.theta[0]);
+        all.push(Quantity {
+            name,
+            unit: "m",
+            value,
+            std: std(fit, &at(&[(0, -value / mass), (1 + axis, 1.0 / mass)])),
+            prior: com(&fit.prior),
+        });
+    }
+    all
+}
+
+/// Names and units in the order of the columns.
+fn names() -> impl Iterator<Item = (String, &'static str)> {
+    let bodies = std::iter::once("base").chain(JOINT_NAMES);
+    let inertial = bodies.flat_map(|body| {
+        INERTIAL_NAMES
+            .iter()
+            .map(move |&(what, unit)| (parameter::name_at(what, body), unit))
+    });
+    let effects = JOINT_NAMES.into_iter().flat_map(|joint| {
+        EFFECTS.iter().map(move |&effect| {
+            (
+                parameter::name_at(effect.name(), joint),
+                parameter::unit(effect),
+            )
+        })
+    });
+    let bias = ["x", "y", "z"].map(|axis| (format!("acc_bias.{axis}:imu"), "m/s^2"));
+    inertial.chain(effects).chain(bias)
+}
+
+fn parameters(fit: &Fit) -> Vec<ParameterEstimate> {
+    let of = |(k, (name, unit)): (usize, (String, &'static str))| {
+        let [independent, blocks] = [0, 1].map(|n: usize| fit.roots[n].row(k).norm());
+        let std = independent.max(blocks);
+        ParameterEstimate {
+            name,
+            unit,
+            value: fit.theta[k],
+            std,
+            prior: fit.prior[k],
+            prior_std: fit.prior_std[k],
+            status: Status::there(std, fit.prior_std[k], independent, fit.prior_there[k]),
+            at_bound: fit.held[k],
+        }
+    };
+    names().enumerate().map(of).collect()
+}
+
+impl fmt::Display for FreeBaseIdentification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        table.row(["", "unit", "found", "CAD"].map(str::to_owned));
+        for quantity in &self.quantities {
+            let Quantity {
+                name,
+                unit,
+                value,
+                std,
+                prior,
+            } = quantity;
+            let cells = [
+                (*name).to_owned(),
+                (*unit).to_owned(),
+                with_std(*value, *std),
+                format!("{prior:.4}"),
+            ];
+            table.row(cells);
+        }
+        for estimate in &self.parameters[ACC..] {
+            let cells = [
+                estimate.name.clone(),
+                estimate.unit.to_owned(),
+                estimate.cell(),
+                "0".to_owned(),
+            ];
+            table.row(cells);
+        }
+        writeln!(f, "{table}")?;
+        let joints = Leg::ALL.into_iter().flat_map(JointId::of);
+        write!(
+            f,
+            "{}",
+            estimate::effect_table(&self.parameters, [], joints.map(|joint| (joint, [])))
+        )?;
+        self.legend(f)?;
+        self.time(f)
+    }
+}
+
+impl FreeBaseIdentification {
+    fn legend(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let inertial = || self.parameters[..INERTIAL * BODIES].iter();
+        let identified = inertial()
+            .filter(|p| p.status == Status::Identified)
+            .count();
+        let held_out = self
+            .held_out_rms
+            .map_or("–".to_owned(), |rms| format!("{rms:.4}"));
+        writeln!(
+            f,
+            "\n± one standard deviation, the larger of what independent residuals and the spread over {} blocks of time give;\n{}\n\
+             rms {:.4} N m, held-out {held_out}, of the CAD's rigid bodies {:.4}: mean torque over a window, in the equations that contact\n\
+             forces leave. {identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
+            self.blocks,
+            LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
+            self.rms,
+            self.cad_rms,
+            inertial().count(),
+        )
+    }
+
+    /// Which rows were used and why.
+    fn time(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Windows {
+            used,
+            by_feet,
+            equations,
+            cut,
+            impact,
+            gap,
+            rejected,
+        } = self.windows;
+        let feet: Vec<String> = by_feet
+            .iter()
+            .enumerate()
+            .map(|(feet, windows)| format!("{windows} with {feet}"))
+            .collect();
+        writeln!(
+            f,
+            "\n{used} windows with {equations} equations: {} feet that may carry a force.\n\
+             Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps; of {} samples {} repeat the one before, \
+             {} are late, {} impossible.",
+            feet.join(", "),
+            self.samples.total,
+            self.samples.repeated,
+            self.samples.late,
+            self.samples.rejected + rejected,
+        )?;
+        for (log, stance) in self.logs.iter().zip(&self.stance) {
+            let mut table = Table::default();
+            let head = ["% of the time", "torque", "count", "height", "guard", "air"];
+            table.row(head.map(str::to_owned));
+            let shares = [
+                stance.torque,
+                stance.count,
+                stance.height,
+                stance.guard,
+                stance.air,
+            ];
+            for leg in 0..LEGS {
+                let cells = shares.map(|share| format!("{:.0}", 100.0 * share[leg]));
+                table.row([Leg::ALL[leg].name().to_owned()].into_iter().chain(cells));
+            }
+            write!(
+                f,
+                "\n{}: what says that a foot may carry a force\n{table}",
+                log.display()
+            )?;
+        }
+        Ok(())
+    }
+}

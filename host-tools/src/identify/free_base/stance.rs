@@ -1,0 +1,269 @@
+//! Which feet may carry a force: all but those that are surely in the air.
+//!
+//! A foot that is projected out without need costs three equations of a window. A force that is not projected out moves the
+//! masses: 10 N for all the time are 10 % of a Go2. So a foot counts as in the air only if everything that was measured says so:
+//!
+//! - *torque*: what the leg's motors do beyond what its own bodies need (by the CAD, with the accelerations of base and joints)
+//!   is less than a force of [`FORCE`] at the foot;
+//! - *count*: the foot's sensor reads as low as it does in the air. Its offset and gain are unknown, so low is a share of its own
+//!   range; a sensor that reads nothing has no range and is not asked;
+//! - *height*: it is [`HEIGHT`] above the lowest of the feet that carry a force by torque, along gravity. With no such foot (flight, or
+//!   a robot that hangs) it is not asked;
+//! - *guard*: and all of that for [`GUARD`] before and after.
+
+use nalgebra::{Matrix3, SVector, Vector3};
+use proprio_core::go2::{self, JOINTS_PER_LEG, LEGS};
+use proprio_core::spatial::Transform;
+use proprio_core::tree::Tree;
+use serde::Serialize;
+
+use super::walk::Walk;
+
+/// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
+const FORCE: f64 = 14.0;
+/// Height above the feet on the ground, m: more than the ground's softness and an error of the tilt make.
+const HEIGHT: f64 = 0.015;
+/// Time before and after, s.
+const GUARD: f64 = 0.016;
+/// Accelerations are differences over this time to both sides, s; torques are means over it.
+const SPREAD: f64 = 0.006;
+/// Low is this share of a sensor's range, told by the counts that one in twenty are below and above.
+const LOW: f64 = 0.25;
+const TAIL: f64 = 0.05;
+/// A sensor whose range is less reads nothing.
+const LEAST_RANGE: f64 = 8.0;
+
+/// Why feet were projected out, as shares of the time, leg by leg in SDK order.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct StanceShares {
+    /// The torques told a force.
+    pub torque: [f64; LEGS],
+    /// The torques did not, the foot's sensor did.
+    pub count: [f64; LEGS],
+    /// Neither did, but it was no higher than feet that carry a force.
+    pub height: [f64; LEGS],
+    /// It was close in time to such a sample.
+    pub guard: [f64; LEGS],
+    /// In the air.
+    pub air: [f64; LEGS],
+}
+
+/// Which feet may carry a force, sample by sample.
+pub(super) struct Stance {
+    pub(super) loaded: Vec<[bool; LEGS]>,
+    /// A foot touched down here: impacts are short and hard.
+    pub(super) touch_down: Vec<bool>,
+    pub(super) shares: StanceShares,
+}
+
+/// The reason that speaks against air first, or none.
+#[derive(Clone, Copy, PartialEq)]
+enum Reason {
+    Torque,
+    Count,
+    Height,
+    Guard,
+    Air,
+}
+
+impl Stance {
+    pub(super) fn of(walk: &Walk, imu: &Transform<f64>) -> Self {
+        let low = low_counts(walk);
+        let legs = Legs::new(imu);
+        let mut reasons: Vec<[Reason; LEGS]> = (0..walk.len())
+            .map(|n| {
+                let (force, height) = legs.told(walk, n);
+                let ground = (0..LEGS)
+                    .filter(|f| force[*f] >= FORCE)
+                    .map(|f| height[f])
+                    .fold(f64::INFINITY, f64::min);
+                std::array::from_fn(|f| {
+                    let counts = walk.count.as_ref().map_or(f64::NAN, |count| count[n][f]);
+                    if force[f] >= FORCE {
+                        Reason::Torque
+                    } else if counts > low[f] {
+                        Reason::Count
+                    } else if height[f] < ground + HEIGHT && ground.is_finite() {
+                        Reason::Height
+                    } else {
+                        Reason::Air
+                    }
+                })
+            })
+            .collect();
+        let touch_down = (0..walk.len())
+            .map(|n| {
+                let on = |f: usize| {
+                    reasons[n][f] == Reason::Torque && n > 0 && reasons[n - 1][f] != Reason::Torque
+                };
+                (0..LEGS).any(on)
+            })
+            .collect();
+        guard(walk, &mut reasons);
+        let loaded = reasons
+            .iter()
+            .map(|r| r.map(|r| r != Reason::Air))
+            .collect();
+        Self {
+            loaded,
+            touch_down,
+            shares: shares(&reasons),
+        }
+    }
+}
+
+/// Widens what is on the ground by the guard.
+fn guard(walk: &Walk, reasons: &mut [[Reason; LEGS]]) {
+    for f in 0..LEGS {
+        let grounded: Vec<f64> = (0..walk.len())
+            .filter(|n| reasons[*n][f] != Reason::Air)
+            .map(|n| walk.seconds(n))
+            .collect();
+        for (n, reason) in reasons.iter_mut().enumerate() {
+            let t = walk.seconds(n);
+            let next = grounded.partition_point(|g| *g < t - GUARD);
+            let near = grounded.get(next).is_some_and(|g| *g <= t + GUARD);
+            if reason[f] == Reason::Air && near {
+                reason[f] = Reason::Guard;
+            }
+        }
+    }
+}
+
+fn shares(reasons: &[[Reason; LEGS]]) -> StanceShares {
+    let share = |reason: Reason| {
+        std::array::from_fn(|f| {
+            let n = reasons.iter().filter(|r| r[f] == reason).count();
+            n as f64 / reasons.len().max(1) as f64
+        })
+    };
+    StanceShares {
+        torque: share(Reason::Torque),
+        count: share(Reason::Count),
+        height: share(Reason::Height),
+        guard: share(Reason::Guard),
+        air: share(Reason::Air),
+    }
+}
+
+/// Counts above these speak of a force; infinite for a sensor that reads nothing.
+fn low_counts(walk: &Walk) -> [f64; LEGS] {
+    let Some(counts) = &walk.count else {
+        return [f64::INFINITY; LEGS];
+    };
+    std::array::from_fn(|f| {
+        let mut sorted: Vec<f64> = counts
+            .iter()
+            .map(|c| c[f])
+            .filter(|c| c.is_finite())
+            .collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied();
+        match (at(TAIL), at(1.0 - TAIL)) {
+            (Some(least), Some(most)) if most - least >= LEAST_RANGE => {
+                least + LOW * (most - least)
+            }
+            _ => f64::INFINITY,
+        }
+    })
+}
+
+/// The robot by the CAD.
+struct Legs {
+    tree: Tree<f64, 13, 18>,
+    imu: Transform<f64>,
+}
+
+impl Legs {
+    fn new(imu: &Transform<f64>) -> Self {
+        Self {
+            tree: go2::free(),
+            imu: *imu,
+        }
+    }
+
+    /// Each foot's force (N) by its leg's torques, and its height (m) along gravity, both in the base's frame.
+    fn told(&self, walk: &Walk, n: usize) -> ([f64; LEGS], [f64; LEGS]) {
+        let (first, last) = around(walk, n);
+        let seconds = (walk.seconds(last) - walk.seconds(first)).max(1e-6);
+        let slope = |a: f64, b: f64| (b - a) / seconds;
+        let mean = |of: &dyn Fn(usize) -> f64| {
+            (first..=last).map(of).sum::<f64>() / (last - first + 1) as f64
+        };
+        let down = self.imu.rotation * walk.down[n];
+        let w = self.imu.rotation * walk.gyro[n];
+        let turning = self.imu.rotation * (walk.gyro[last] - walk.gyro[first]) / seconds;
+        let acc = Vector3::from_fn(|k, _| mean(&|m| walk.acc[m][k]));
+        let r = self.imu.translation;
+        // The base's origin, from the IMU's specific force; the tree adds gravity in the direction of the filter.
+        let specific = self.imu.rotation * acc - turning.cross(&r) - w.cross(&w.cross(&r));
+        let moving = specific + down * self.tree.gravity().norm();
+        let base = level(&down);
+        let (mut q, mut v, mut a) = (SVector::zeros(), SVector::zeros(), SVector::zeros());
+        for k in 0..3 {
+            (v[k], a[k], a[3 + k]) = (w[k], turning[k], moving[k]);
+        }
+        let mut torque = [0.0; 12];
+        for j in 0..12 {
+            (q[6 + j], v[6 + j]) = (walk.q[n][j], mean(&|m| walk.dq[m][j]));
+            a[6 + j] = slope(walk.dq[first][j], walk.dq[last][j]);
+            let armature = go2::ACTUATORS[j % JOINTS_PER_LEG].armature();
+            torque[j] = mean(&|m| walk.tau[m][j]) - armature * a[6 + j];
+        }
+        let k = self.tree.kinematics(&base, &q, &v);
+        let needed = self.tree.inverse_dynamics(&k, &v, &a);
+        let feet = go2::feet();
+        let force = std::array::from_fn(|f| {
+            let jacobian = self.tree.contact_jacobian(&k.placements, &feet[f], &down);
+            let own = jacobian
+                .fixed_columns::<JOINTS_PER_LEG>(6 + JOINTS_PER_LEG * f)
+                .into_owned();
+            let first = JOINTS_PER_LEG * f;
+            let left = Vector3::from_fn(|k, _| needed[6 + first + k] - torque[first + k]);
+            // Damped: a straight leg's torques tell nothing of a force along it, and are not asked.
+            let square = own * own.transpose() + Matrix3::identity() * 1e-4;
+            square
+                .try_inverse()
+                .map_or(f64::INFINITY, |inverse| (inverse * own * left).norm())
+        });
+        let height = std::array::from_fn(|f| {
+            let centre = foot_in_base(&self.tree, &k.placements, f);
+            -down.dot(&centre)
+        });
+        (force, height)
+    }
+}
+
+/// The samples within the spread of one.
+fn around(walk: &Walk, n: usize) -> (usize, usize) {
+    let near =
+        |m: &usize| (walk.seconds(*m) - walk.seconds(n)).abs() <= SPREAD.max(1.01 * walk.period);
+    let first = (0..n).rev().take_while(near).last().unwrap_or(n);
+    let last = (n + 1..walk.len()).take_while(near).last().unwrap_or(n);
+    (first, last)
+}
+
+/// A base in whose axes gravity points `down`.
+fn level(down: &Vector3<f64>) -> Transform<f64> {
+    let rotation = nalgebra::Rotation3::rotation_between(down, &-Vector3::z());
+    Transform {
+        rotation: rotation.map_or_else(Matrix3::identity, |r| *r.matrix()),
+        translation: Vector3::zeros(),
+    }
+}
+
+/// Where a foot's centre is in the base, m.
+fn foot_in_base(
+    tree: &Tree<f64, 13, 18>,
+    placements: &proprio_core::tree::Placements<f64, 13>,
+    leg: usize,
+) -> Vector3<f64> {
+    let foot = go2::feet()[leg];
+    let (mut at, mut body) = (foot.centre, foot.body);
+    while let Some(parent) = tree.bodies()[body].parent {
+        let placed = &placements.from_parent[body];
+        at = placed.translation + placed.rotation * at;
+        body = parent;
+    }
+    at
+}

@@ -1,0 +1,172 @@
+//! Stance, velocities and gravity's length on made-up walks of which all is known.
+
+use nalgebra::{SVector, Vector3};
+use proprio_core::go2::{self, JOINTS};
+use proprio_core::spatial::Transform;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::speed::quieten;
+use super::stance::Stance;
+use super::walk::Walk;
+
+/// Samples of a robot that hangs still in the pose of standing, 500 Hz.
+fn still(count: usize) -> Walk {
+    let pose = std::array::from_fn(|j| [0.0, 0.8, -1.6][j % 3]);
+    Walk {
+        path: "made up".into(),
+        time_us: (0..count as u64).map(|n| 2_000 * n).collect(),
+        q: vec![pose; count],
+        dq: vec![[0.0; JOINTS]; count],
+        tau: vec![[0.0; JOINTS]; count],
+        gyro: vec![Vector3::zeros(); count],
+        acc: vec![Vector3::new(0.0, 0.0, 9.81); count],
+        down: vec![-Vector3::z(); count],
+        count: None,
+        samples: Default::default(),
+        period: 2e-3,
+    }
+}
+
+/// Torques that hold the legs of sample n with these forces (N, up) at the feet.
+fn hold(walk: &mut Walk, n: usize, forces: [f64; 4]) {
+    let tree = go2::free::<f64>();
+    let q = SVector::from_fn(|k, _| if k < 6 { 0.0 } else { walk.q[n][k - 6] });
+    let k = tree.kinematics(&Transform::identity(), &q, &SVector::zeros());
+    let mut torque = tree.gravity_torque(&k);
+    for (foot, force) in go2::feet().iter().zip(forces) {
+        let jacobian = tree.contact_jacobian(&k.placements, foot, &-Vector3::z());
+        torque -= jacobian.tr_mul(&(Vector3::z() * force));
+    }
+    walk.tau[n] = std::array::from_fn(|j| torque[6 + j]);
+}
+
+fn imu() -> Transform<f64> {
+    Transform::from_translation(Vector3::from(go2::IMU))
+}
+
+/// FR swings high for 100 ms in the middle; the others carry the robot.
+fn step(counts: Option<[f64; 2]>) -> Walk {
+    let mut walk = still(300);
+    for n in 0..300 {
+        let swings = (100..150).contains(&n);
+        if swings {
+            walk.q[n][1] = 1.2;
+            walk.q[n][2] = -2.3;
+        }
+        hold(
+            &mut walk,
+            n,
+            [if swings { 0.0 } else { 40.0 }, 40.0, 40.0, 40.0],
+        );
+    }
+    walk.count = counts.map(|[air, ground]| {
+        let of = |n: usize| if (100..150).contains(&n) { air } else { ground };
+        (0..300).map(|n| [of(n), ground, ground, ground]).collect()
+    });
+    walk
+}
+
+#[test]
+fn a_foot_is_in_the_air_only_where_all_say_so_and_with_a_guard() {
+    let stance = Stance::of(&step(Some([10.0, 50.0])), &imu());
+    let air: Vec<usize> = (0..300).filter(|n| !stance.loaded[*n][0]).collect();
+    // A guard of 16 ms to both sides (a sample at just 16 ms may be on either side), and a few samples where differences reach
+    // across the step.
+    let (first, last) = (air[0], air[air.len() - 1]);
+    assert!(
+        (107..=114).contains(&first) && (135..=142).contains(&last),
+        "{first} {last}"
+    );
+    assert_eq!(air.len(), last - first + 1);
+    assert!(stance.loaded.iter().all(|l| l[1] && l[2] && l[3]));
+    let shares = stance.shares;
+    let sum =
+        shares.torque[0] + shares.count[0] + shares.height[0] + shares.guard[0] + shares.air[0];
+    assert!((sum - 1.0).abs() < 1e-12 && shares.torque[1] == 1.0);
+}
+
+#[test]
+fn a_sensor_that_speaks_of_a_force_is_believed_and_a_dead_one_is_not_asked() {
+    // Fifty samples of a count in the middle of its range: the foot may drag.
+    let mut walk = step(Some([10.0, 50.0]));
+    if let Some(count) = &mut walk.count {
+        (0..30).for_each(|n| count[n][0] = 10.0);
+        (100..150).for_each(|n| count[n][0] = 30.0);
+    }
+    let stance = Stance::of(&walk, &imu());
+    assert!(stance.loaded.iter().all(|l| l[0]));
+    assert!(stance.shares.count[0] > 0.1);
+    for counts in [None, Some([17.0, 17.0]), Some([f64::NAN; 2])] {
+        let stance = Stance::of(&step(counts), &imu());
+        assert!(stance.loaded.iter().any(|l| !l[0]), "{counts:?}");
+    }
+}
+
+/// A foot without a force that is as low as those that carry the robot.
+#[test]
+fn a_foot_at_the_ground_may_carry_a_force_that_torques_do_not_tell() {
+    let mut walk = still(200);
+    (0..200).for_each(|n| hold(&mut walk, n, [3.0, 50.0, 50.0, 50.0]));
+    let stance = Stance::of(&walk, &imu());
+    assert!(stance.loaded.iter().all(|l| l[0]));
+    assert_eq!(stance.shares.height[0], 1.0);
+}
+
+#[test]
+fn a_robot_that_hangs_has_no_foot_on_the_ground() {
+    let mut walk = still(200);
+    (0..200).for_each(|n| hold(&mut walk, n, [0.0; 4]));
+    let stance = Stance::of(&walk, &imu());
+    assert_eq!(stance.shares.air, [1.0; 4]);
+}
+
+/// The position's slope where it is quieter; the reported velocity where time stamps jitter.
+#[test]
+fn velocities_come_from_the_quieter_channel() {
+    for (jitter, noise, best) in [(0.0, 0.035, 0.01), (300.0, 0.01, 0.011)] {
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut normal = move || -> f64 { StandardNormal.sample(&mut random) };
+        let mut walk = still(2000);
+        let motion = |t: f64| (0.3 * (9.0 * t).sin(), 2.7 * (9.0 * t).cos());
+        for n in 0..2000 {
+            let (q, dq) = motion(walk.seconds(n));
+            walk.q[n] = [(q / 3e-5).round() * 3e-5; JOINTS];
+            walk.dq[n] = [dq + noise * normal(); JOINTS];
+            walk.gyro[n] = Vector3::repeat(0.3 * dq + 0.005 * normal());
+        }
+        let truth: Vec<f64> = (0..2000).map(|n| motion(walk.seconds(n)).1).collect();
+        for us in &mut walk.time_us {
+            *us = us.saturating_add_signed((jitter * normal().clamp(-3.0, 3.0)) as i64);
+        }
+        quieten(&mut walk);
+        let rms = |of: &dyn Fn(usize) -> f64| {
+            ((20..1980).map(|n| of(n).powi(2)).sum::<f64>() / 1960.0).sqrt()
+        };
+        let error = rms(&|n| walk.dq[n][4] - truth[n]);
+        assert!(error < best, "jitter {jitter} us: {error} rad/s");
+        if jitter == 0.0 {
+            let gyro = rms(&|n| walk.gyro[n].x - 0.3 * truth[n]);
+            assert!(gyro < 0.0027, "{gyro} rad/s");
+        }
+    }
+}
+
+/// An accelerometer that reads 0.09 m/s² too much along gravity, on a robot that rolls and bounces.
+#[test]
+fn gravitys_length_tells_the_accelerometers_bias_along_it() {
+    let mut walk = still(5000);
+    let roll = |t: f64| 0.1 * (4.0 * t).sin();
+    for n in 0..5000 {
+        let t = walk.seconds(n);
+        walk.gyro[n] = Vector3::new(0.4 * (4.0 * t).cos(), 0.0, 0.0);
+        let up = Vector3::new(0.0, roll(t).sin(), roll(t).cos());
+        walk.acc[n] = up * (9.81 + 2.0 * (15.0 * t).sin()) + Vector3::new(0.0, 0.0, 0.09);
+        walk.down[n] = -up;
+    }
+    let told = walk.gravity().unwrap();
+    assert!((told.excess - 0.09).abs() < 0.02, "{}", told.excess);
+    assert!(told.up.z > 0.99 && told.std < 0.04);
+    assert!(still(100).gravity().is_none());
+}

@@ -1,0 +1,209 @@
+//! A log of the whole robot with its IMU, as the rows of a free base need it.
+
+use std::path::{Path, PathBuf};
+
+use proprio_core::contact::GravityDirection;
+use proprio_core::go2::{JOINTS, LEGS, Leg};
+
+use nalgebra::{Rotation3, Vector3};
+
+use super::{FreeBaseError, speed};
+use crate::identify::Samples;
+use crate::log::Log;
+
+/// The accelerometer's mean forgets over this (s): several steps of a gait.
+const TIME_CONSTANT: f64 = 2.0;
+/// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
+const STRETCH: f64 = 2.0;
+/// Vertical velocity that a robot may have when a log begins or ends, m/s.
+const VERTICAL_SPEED: f64 = 0.2;
+/// Standard gravity as all models here take it, m/s².
+const GRAVITY: f64 = 9.81;
+
+/// The samples of a log, without those that repeat the one before.
+pub(super) struct Walk {
+    pub(super) path: PathBuf,
+    pub(super) time_us: Vec<u64>,
+    pub(super) q: Vec<[f64; JOINTS]>,
+    pub(super) dq: Vec<[f64; JOINTS]>,
+    pub(super) tau: Vec<[f64; JOINTS]>,
+    pub(super) gyro: Vec<Vector3<f64>>,
+    pub(super) acc: Vec<Vector3<f64>>,
+    /// Unit vector along gravity in the IMU's axes.
+    pub(super) down: Vec<Vector3<f64>>,
+    /// What the feet read, where recorded.
+    pub(super) count: Option<Vec<[f64; LEGS]>>,
+    pub(super) samples: Samples,
+    /// The time between samples, the middle one, s.
+    pub(super) period: f64,
+}
+
+/// What a log tells of the accelerometer's bias along gravity: a robot that does not leave the ground for good is accelerated by
+/// gravity on average.
+pub(super) struct GravityTold {
+    /// The direction up, in the IMU's axes, on average.
+    pub(super) up: Vector3<f64>,
+    /// How much too long the mean specific force is, m/s².
+    pub(super) excess: f64,
+    /// Its standard deviation.
+    pub(super) std: f64,
+}
+
+impl Walk {
+    pub(super) fn read(path: &Path) -> Result<(Self, Vec<String>), FreeBaseError> {
+        let log = Log::read(path)?;
+        let missing = |what: &'static str| FreeBaseError::Missing {
+            path: path.to_owned(),
+            what,
+        };
+        let legs: Vec<_> = Leg::ALL.iter().filter_map(|&leg| log.leg(leg)).collect();
+        if legs.len() < LEGS {
+            return Err(missing("all four legs"));
+        }
+        let gyro = log.imu.gyro.as_ref().ok_or(missing("gyro/x|y|z"))?;
+        let acc = log.imu.acc.as_ref().ok_or(missing("acc/x|y|z"))?;
+        let start = log.t.first().copied().unwrap_or(0.0);
+        let mut walk = Self::empty(path, log.foot.is_some());
+        for (n, t) in log.t.iter().enumerate() {
+            let of = |channel: &dyn Fn(&crate::log::JointChannel) -> f64| {
+                std::array::from_fn(|j| channel(&legs[j / 3][j % 3]))
+            };
+            let (q, dq, tau) = (of(&|c| c.q[n]), of(&|c| c.dq[n]), of(&|c| c.tau[n]));
+            walk.samples.total += 1;
+            let time_us = ((t - start) * 1e6).round() as u64;
+            if walk.q.last() == Some(&q)
+                && walk.dq.last() == Some(&dq)
+                && walk.tau.last() == Some(&tau)
+            {
+                walk.samples.repeated += 1;
+                continue;
+            }
+            if walk.time_us.last().is_some_and(|last| time_us <= *last) {
+                walk.samples.late += 1;
+                continue;
+            }
+            if !gyro[n].iter().chain(&acc[n]).all(|x| x.is_finite()) {
+                walk.samples.rejected += 1;
+                continue;
+            }
+            walk.time_us.push(time_us);
+            walk.q.push(q);
+            walk.dq.push(dq);
+            walk.tau.push(tau);
+            walk.gyro.push(gyro[n].into());
+            walk.acc.push(acc[n].into());
+            if let (Some(count), Some(feet)) = (&mut walk.count, &log.foot) {
+                count.push(feet[n]);
+            }
+        }
+        walk.find_down();
+        walk.period = walk.middle_step();
+        speed::quieten(&mut walk);
+        let warnings = log.warnings.iter();
+        let warnings = warnings.map(|w| format!("{}: {w}", path.display()));
+        let warnings = warnings.collect();
+        Ok((walk, warnings))
+    }
+
+    fn empty(path: &Path, feet: bool) -> Self {
+        Self {
+            path: path.to_owned(),
+            time_us: Vec::new(),
+            q: Vec::new(),
+            dq: Vec::new(),
+            tau: Vec::new(),
+            gyro: Vec::new(),
+            acc: Vec::new(),
+            down: Vec::new(),
+            count: feet.then(Vec::new),
+            samples: Samples::default(),
+            period: 0.0,
+        }
+    }
+
+    /// Gravity's direction, sample by sample. The filter starts in the middle of a step, so it first runs backwards over the
+    /// beginning, with the gyro's sign turned.
+    fn find_down(&mut self) {
+        if self.acc.is_empty() {
+            return;
+        }
+        let beginning = self.index_at(3.0 * TIME_CONSTANT);
+        let mut filter = GravityDirection::new(&self.acc[beginning.min(self.acc.len() - 1)]);
+        let mut by = |n: usize, m: usize, sign: f64| {
+            let dt = self.seconds(n.max(m)) - self.seconds(n.min(m));
+            filter.update(
+                &(self.gyro[m] * sign),
+                &self.acc[m],
+                dt.min(0.1),
+                TIME_CONSTANT,
+            );
+            filter.down()
+        };
+        for n in (1..beginning).rev() {
+            by(n, n - 1, -1.0);
+        }
+        let mut down = vec![by(0, 0, 1.0)];
+        for n in 1..self.acc.len() {
+            down.push(by(n - 1, n, 1.0));
+        }
+        self.down = down;
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.time_us.len()
+    }
+
+    pub(super) fn duration(&self) -> f64 {
+        self.time_us.last().map_or(0.0, |us| *us as f64 * 1e-6)
+    }
+
+    pub(super) fn seconds(&self, n: usize) -> f64 {
+        self.time_us[n] as f64 * 1e-6
+    }
+
+    /// The first sample at this time or later; the number of samples if there is none.
+    pub(super) fn index_at(&self, seconds: f64) -> usize {
+        self.time_us
+            .partition_point(|t| (*t as f64) < seconds * 1e6)
+    }
+
+    fn middle_step(&self) -> f64 {
+        let mut steps: Vec<u64> = self.time_us.windows(2).map(|w| w[1] - w[0]).collect();
+        steps.sort_unstable();
+        steps
+            .get(steps.len() / 2)
+            .map_or(0.0, |us| *us as f64 * 1e-6)
+    }
+
+    /// The mean of the specific force in axes that the gyro keeps from turning, over stretches of two seconds: gravity, but for
+    /// what the velocity has changed by.
+    pub(super) fn gravity(&self) -> Option<GravityTold> {
+        let (mut lengths, mut up, mut seconds) = (0.0, Vector3::zeros(), 0.0);
+        let mut first = 0;
+        while first < self.len() {
+            let last = self.index_at(self.seconds(first) + STRETCH);
+            if last >= self.len() {
+                break;
+            }
+            let (mut turned, mut sum) = (Rotation3::identity(), Vector3::zeros());
+            let mut mean_up = Vector3::zeros();
+            for n in first..last {
+                let dt = self.seconds(n + 1) - self.seconds(n);
+                let next = turned
+                    * Rotation3::from_scaled_axis((self.gyro[n] + self.gyro[n + 1]) * (0.5 * dt));
+                sum += (turned * self.acc[n] + next * self.acc[n + 1]) * (0.5 * dt);
+                mean_up -= self.down[n] * dt;
+                turned = next;
+            }
+            lengths += sum.norm();
+            up += mean_up;
+            seconds += self.seconds(last) - self.seconds(first);
+            first = last;
+        }
+        (seconds > 0.0).then(|| GravityTold {
+            up: up / seconds,
+            excess: lengths / seconds - GRAVITY,
+            std: VERTICAL_SPEED * std::f64::consts::SQRT_2 / seconds,
+        })
+    }
+}

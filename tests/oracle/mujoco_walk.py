@@ -1,0 +1,267 @@
+"""Logs of a whole Go2 that MuJoCo walks on ground that gives way by a millimetre, with gyro, accelerometer and foot counts. See README.md.
+
+The robot is the oracle's free Go2 (`manifest.json`) with other masses than the CAD's. A PD controller of 1 kHz follows joint
+angles from a gait; the log has 500 Hz, a Go2's quanta and noise, and an IMU with noise and bias. Beside the logs lies the truth.
+"""
+
+import argparse
+import gzip
+import io
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from generate import GRAVITY
+
+HERE = Path(__file__).resolve().parent
+FOLDER = HERE / "walk"
+LEGS = ["FR", "FL", "RR", "RL"]
+FRONT, SIDE = np.array([1, 1, -1, -1]), np.array([-1, 1, -1, 1])
+JOINTS = [f"{leg}_{part}" for leg in LEGS for part in ("hip", "thigh", "calf")]
+AXES = [(1, 0, 0), (0, 1, 0), (0, 1, 0)]
+HIP, THIGH, LINK = np.array([0.1934, 0.0465, 0]), 0.0955, 0.213  # m
+FOOT, RADIUS = (-0.002, 0, -LINK), 0.022  # m
+IMU = (-0.02557, 0, 0.04232)  # m
+STEP, CONTROL, SAMPLE = 5e-4, 2, 4  # s; steps per tick of the controller and per sample
+GAIN_P, GAIN_D = 80.0, 2.0  # N m/rad, N m s/rad
+EFFORT = np.tile([23.7, 23.7, 45.43], 4)  # N m
+GEAR = np.tile([6.333, 6.333, 6.333 * 23 / 12], 4)
+QUANTA = np.array([2 * np.pi / 32768 / GEAR, 2 * np.pi / 256 / GEAR, GEAR / 256])  # rad, rad/s, N m
+NOISE = np.tile([0.035, 0.035, 0.022], 4), 0.05  # rad/s, N m
+GYRO, ACC = (0.00107, 0.005), (0.0012, 0.05)  # quantum and noise, rad/s, m/s²
+FRICTION = {
+    "viscous": np.tile([0.03, 0.04, 0.05], 4),
+    "coulomb": np.tile([0.15, 0.12, 0.35], 4),
+    "armature": np.tile([0.005, 0.005, 0.018], 4),
+}
+SETTLE = 1.0  # s of standing before the log begins
+
+# Per log: gait, seconds, seed of the robot, load on the trunk (kg, m, m, m).
+LOGS = {
+    "trot": ("trot", 4.5, 1, None),
+    "load": ("trot", 4.5, 1, (2.0, 0.05, -0.02, 0.07)),
+    "flying": ("flying", 4.5, 2, None),
+    "sway": ("sway", 4.5, 3, None),
+}
+
+
+def robot(seed, load):
+    """φ of the 13 bodies: the CAD's, its masses and centres of mass off, and a load on the trunk."""
+    random = np.random.default_rng([seed, 7])
+    theta = json.loads((HERE / "manifest.json").read_text())["systems"]["free"]["theta"]
+    bodies = []
+    for b, phi in enumerate(np.reshape(theta, (13, 10))):
+        m, com, inertia = about_com(phi)
+        m *= 1 + 0.03 * random.normal()
+        com = com + random.normal(size=3) * (0.005 if b == 0 else 0.001)
+        bodies.append(about_origin(m, com, inertia))
+    if load:
+        m, *place = load
+        bodies[0] = bodies[0] + about_origin(m, np.array(place), np.eye(3) * 0.4 * m * 0.04**2)
+    return bodies
+
+
+def about_com(phi):
+    m, h = phi[0], phi[1:4]
+    xx, xy, xz, yy, yz, zz = phi[4:]
+    com = h / m
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return m, com, inertia - m * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def about_origin(m, com, inertia):
+    full = inertia + m * (com @ com * np.eye(3) - np.outer(com, com))
+    return np.array([m, *(m * com), *(full[k] for k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))])
+
+
+def mjcf(bodies):
+    text = lambda numbers: " ".join(repr(float(x)) for x in numbers)
+
+    def inertial(phi):
+        m, com, inertia = about_com(phi)
+        full = [inertia[k] for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        return f'<inertial pos="{text(com)}" mass="{float(m)!r}" fullinertia="{text(full)}"/>'
+
+    legs = ""
+    for n in range(4):
+        origins = [HIP * [FRONT[n], SIDE[n], 0], (0, THIGH * SIDE[n], 0), (0, 0, -LINK)]
+        for part in range(3):
+            j = 3 * n + part
+            legs += f"""<body name="{JOINTS[j]}" pos="{text(origins[part])}">{inertial(bodies[1 + j])}
+              <joint name="{JOINTS[j]}" axis="{text(AXES[part])}" damping="{FRICTION['viscous'][j]}"
+                frictionloss="{FRICTION['coulomb'][j]}" armature="{FRICTION['armature'][j]}"/>"""
+        legs += f'<geom name="{LEGS[n]}" type="sphere" size="{RADIUS}" pos="{text(FOOT)}"/></body></body></body>'
+    motors = "".join(f'<motor joint="{j}"/>' for j in JOINTS)
+    return f"""<mujoco><option timestep="{STEP}" gravity="0 0 {-GRAVITY}" integrator="implicitfast" iterations="30"
+        tolerance="1e-9" cone="elliptic" impratio="10"/>
+      <default><joint limited="false" solreffriction="{4 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/>
+        <geom mass="0" condim="3" friction="0.9 0 0" solref="0.008 1" solimp="0.8 0.97 0.003"/></default>
+      <worldbody><geom type="plane" size="0 0 1"/><body name="base" pos="0 0 0.33"><freejoint/>{inertial(bodies[0])}
+        <site name="imu" pos="{text(IMU)}"/>{legs}</body></worldbody>
+      <actuator>{motors}</actuator>
+      <sensor><gyro site="imu"/><accelerometer site="imu"/></sensor></mujoco>"""
+
+
+def leg_angles(n, foot):
+    """Joint angles that put leg n's foot there, in the axes of the base about the leg's hip."""
+    x, y, z = foot
+    side = SIDE[n] * THIGH
+    reach = np.sqrt(max(y * y + z * z - side * side, 1e-4))
+    hip = np.arctan2(z, y) - np.arctan2(-reach, side)
+    length = min(np.hypot(x, reach), 2 * LINK - 1e-3)
+    knee = -(np.pi - np.arccos(np.clip(1 - length**2 / (2 * LINK**2), -1, 1)))
+    thigh = np.arctan2(-x, reach) - knee / 2
+    return np.array([np.arctan2(np.sin(hip), np.cos(hip)), thigh, knee])
+
+
+def turn(roll, pitch, yaw):
+    c, s = np.cos, np.sin
+    x = np.array([[1, 0, 0], [0, c(roll), -s(roll)], [0, s(roll), c(roll)]])
+    y = np.array([[c(pitch), 0, s(pitch)], [0, 1, 0], [-s(pitch), 0, c(pitch)]])
+    z = np.array([[c(yaw), -s(yaw), 0], [s(yaw), c(yaw), 0], [0, 0, 1]])
+    return z @ y @ x
+
+
+class Gait:
+    """Joint angles over time, and the body's pose as feet on the ground would have it."""
+
+    def __init__(self, kind, random):
+        self.kind = kind
+        self.phases = random.uniform(0, 2 * np.pi, 12)
+
+    def tone(self, n, t, slow):
+        p = self.phases
+        return 0.6 * np.sin(2 * np.pi * slow * t + p[n]) + 0.4 * np.sin(2 * np.pi * 2.3 * slow * t + p[n + 6])
+
+    def angles(self, t):
+        ease = 0.5 - 0.5 * np.cos(np.pi * np.clip(t / 1.0, 0, 1))
+        height = 0.29
+        if self.kind == "sway":
+            size = np.array([0.12, 0.11, 0.12, 0.03, 0.03, 0.03]) * ease
+            r, p, y, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.45, 0.55, 0.35, 0.5, 0.4, 0.6)))
+            return self.place([(0, 0, 0)] * 4, height + dz, turn(r, p, y), (dx, dy))
+        frequency, duty, lift = (2.2, 0.55, 0.07) if self.kind == "trot" else (2.6, 0.40, 0.07)
+        size = np.array([0.07, 0.06, 0.0, 0.01, 0.01, 0.02]) * ease
+        r, p, _, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.5, 0.7, 0.3, 0.6, 0.4, 0.8)))
+        ahead, aside, about = 0.25 * ease * self.tone(2, t, 0.11), 0.1 * ease * self.tone(3, t, 0.13), 0.3 * ease * self.tone(4, t, 0.1)
+        feet = []
+        for n in range(4):
+            phase = (frequency * t + (0.0 if n in (0, 3) else 0.5)) % 1.0
+            speed = np.array([ahead, aside]) + about * np.array([-SIDE[n] * 0.142, FRONT[n] * 0.1934])
+            stride = speed * duty / frequency
+            if phase < duty:
+                at = 0.5 - phase / duty
+                push = -0.025 * np.sin(np.pi * phase / duty) if self.kind == "flying" else 0.0
+                feet.append((*(stride * at), push * ease))
+            else:
+                s = (phase - duty) / (1 - duty)
+                smooth = s - np.sin(2 * np.pi * s) / (2 * np.pi)
+                feet.append((*(stride * (smooth - 0.5)), lift * ease * 0.5 * (1 - np.cos(2 * np.pi * s))))
+        return self.place(feet, height + dz, turn(r, p, 0.0), (dx, dy))
+
+    def place(self, feet, height, rotation, shift):
+        angles = []
+        for n in range(4):
+            hip = HIP * [FRONT[n], SIDE[n], 0]
+            stand = hip + [0, SIDE[n] * THIGH, 0]
+            at = np.array([stand[0] + feet[n][0] - shift[0], stand[1] + feet[n][1] - shift[1], feet[n][2] - height + RADIUS])
+            angles.append(leg_angles(n, rotation.T @ at - hip))
+        return np.concatenate(angles)
+
+
+def simulate(kind, seconds, bodies, random):
+    model = mujoco.MjModel.from_xml_string(mjcf(bodies))
+    data = mujoco.MjData(model)
+    gait = Gait(kind, random)
+    data.qpos[2] = 0.30
+    data.qpos[7:] = gait.angles(0.0)
+    feet = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, leg) for leg in LEGS]
+    rows = []
+    later = gait.angles(0.0)
+    for step in range(round((seconds + SETTLE) / STEP)):
+        t = step * STEP - SETTLE
+        if step % CONTROL == 0:
+            want, later = later, gait.angles(max(t + CONTROL * STEP, 0.0))
+            speed = (later - want) / (CONTROL * STEP)
+            torque = GAIN_P * (want - data.qpos[7:]) + GAIN_D * (speed - data.qvel[6:])
+            data.ctrl[:] = np.clip(torque, -EFFORT, EFFORT)
+        if t >= 0 and step % SAMPLE == 1:
+            mujoco.mj_forward(model, data)
+            force, wrench = np.zeros(4), np.zeros(6)
+            for k in range(data.ncon):
+                for n, geom in enumerate(feet):
+                    if geom in data.contact[k].geom:
+                        mujoco.mj_contactForce(model, data, k, wrench)
+                        force[n] += wrench[0]
+            rows.append((t, data.qpos[7:].copy(), data.qvel[6:].copy(), data.ctrl.copy(),
+                         data.sensordata[:3].copy(), data.sensordata[3:6].copy(), force))
+            tilt = data.qpos[3:7]
+            assert data.qpos[2] > 0.15 and 1 - 2 * (tilt[1] ** 2 + tilt[2] ** 2) > 0.8, (kind, t, "fell")
+        mujoco.mj_step(model, data)
+    return rows
+
+
+def written(rows, random, bias):
+    """The log as text: noise, bias, quanta, decimals that are finer than these."""
+    heads = ["t"] + [f"{c}/{j}" for c in ("q", "dq", "tau") for j in JOINTS]
+    heads += [f"{c}/{a}" for c in ("gyro", "acc") for a in "xyz"] + [f"foot/{leg}" for leg in LEGS]
+    out = io.StringIO()
+    out.write(",".join(heads) + "\n")
+    offset, gain = random.uniform(8, 20, 4), random.uniform(0.3, 0.6, 4)
+    count = np.zeros(4)
+    for t, q, dq, tau, gyro, acc, force in rows:
+        dq = dq + NOISE[0] * random.normal(size=12)
+        tau = tau + NOISE[1] * random.normal(size=12)
+        gyro = gyro + bias["gyro"] + GYRO[1] * random.normal(size=3)
+        acc = acc + bias["acc"] + ACC[1] * random.normal(size=3)
+        # A pad of rubber and air: 10 ms late, an offset and a gain of its own.
+        count += (force - count) * (1 - np.exp(-STEP * SAMPLE / 0.01))
+        feet = np.round(offset + gain * count + random.normal(size=4))
+        cells = []
+        for x, quantum, places in zip((q, dq, tau), QUANTA, (5, 4, 3)):
+            cells += [f"{v:.{places}f}" for v in np.round(x / quantum) * quantum]
+        cells += [f"{v:.4f}" for v in np.round(gyro / GYRO[0]) * GYRO[0]]
+        cells += [f"{v:.3f}" for v in np.round(acc / ACC[0]) * ACC[0]]
+        cells += [f"{v:.0f}" for v in feet]
+        out.write(f"{t:.4f}," + ",".join(cells) + "\n")
+    return out.getvalue()
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-o", type=Path, default=FOLDER)
+    parser.add_argument("--seconds", type=float)
+    parser.add_argument("--seed", type=int, default=0, help="another robot, gait and noise")
+    parser.add_argument("logs", nargs="*", default=[])
+    args = parser.parse_args()
+    args.o.mkdir(exist_ok=True, parents=True)
+    truth = {}
+    for name in args.logs or LOGS:
+        gait, seconds, seed, load = LOGS[name]
+        seed += args.seed
+        random = np.random.default_rng([seed, 3])
+        bodies = robot(seed, load)
+        bias = {"gyro": 0.003 * random.normal(size=3), "acc": np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)}
+        rows = simulate(gait, args.seconds or seconds, bodies, random)
+        packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
+        (args.o / f"{name}.csv.gz").write_bytes(packed)
+        air = np.mean([[f < 1e-6 for f in row[6]] for row in rows])
+        print(f"{name}: {len(rows)} samples, {len(packed)} bytes; a foot is in the air for {100 * air:.0f} % of the time")
+        truth[name] = {
+            "gait": gait,
+            "load": load,
+            "mass": float(sum(phi[0] for phi in bodies)),
+            "bodies": {b: dict(zip("m hx hy hz Ixx Ixy Ixz Iyy Iyz Izz".split(), map(float, phi)))
+                       for b, phi in zip(["base", *JOINTS], bodies)},
+            "effects": {f"{e}:{j}": float(x) for e, values in FRICTION.items() for j, x in zip(JOINTS, values)},
+            "acc_bias": list(map(float, bias["acc"])),
+            "gyro_bias": list(map(float, bias["gyro"])),
+        }
+    manifest = {"command": "python mujoco_walk.py", "mujoco": mujoco.__version__, "numpy": np.__version__, "logs": truth}
+    (args.o / "truth.json").write_text(json.dumps(manifest, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
