@@ -53,15 +53,14 @@ pub const fn seed_of(constant: u16, covered: usize) -> u16 {
     register
 }
 
-/// Decides whether a frame's CRC is good when the seed has to be learnt from the frames themselves.
+/// Decides whether a frame's CRC, over `COVERED` bytes, is good when the seed has to be learnt from the frames themselves.
 ///
 /// A frame that fits a known seed ([`SEED_STANDALONE`], [`SEED_GO2`]) is taken at once, and from then on only that seed
 /// is good. Any other constant must be met in [`Self::CONFIRMATIONS`] frames in a row, each different from the one before
 /// (the same wrong frame repeated proves nothing); the last of them is the first good frame. The same rule replaces a
 /// seed that was accepted by chance.
-#[derive(Clone, Copy, Debug)]
-pub struct SeedTracker {
-    covered: usize,
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SeedTracker<const COVERED: usize> {
     accepted: Option<u16>,
     candidate: Candidate,
 }
@@ -73,50 +72,47 @@ struct Candidate {
     frames: u8,
 }
 
-impl SeedTracker {
+impl Candidate {
+    const NONE: Self = Self {
+        constant: 0,
+        checksum: 0,
+        frames: 0,
+    };
+}
+
+impl<const COVERED: usize> SeedTracker<COVERED> {
     /// Frames in a row that must agree on an unknown seed: chance agreement is 2⁻⁴⁸.
     pub const CONFIRMATIONS: u8 = 4;
 
-    /// A tracker for frames whose CRC covers `covered` bytes.
-    pub const fn new(covered: usize) -> Self {
+    const KNOWN: [u16; 2] = [
+        constant_of(SEED_STANDALONE, COVERED),
+        constant_of(SEED_GO2, COVERED),
+    ];
+
+    /// A tracker that has met no frame.
+    pub const fn new() -> Self {
         Self {
-            covered,
             accepted: None,
-            candidate: Candidate {
-                constant: 0,
-                checksum: 0,
-                frames: 0,
-            },
+            candidate: Candidate::NONE,
         }
     }
 
     /// The seed in use, once a frame was good.
     pub fn seed(&self) -> Option<u16> {
-        self.accepted
-            .map(|constant| seed_of(constant, self.covered))
-    }
-
-    /// Whether a frame with this `body` and `received` CRC has the seed in use. Learns nothing from those that do not.
-    pub fn fits(&mut self, body: &[u8], received: u16) -> bool {
-        let fits = self.accepted == Some(received ^ SEED_ZERO.checksum(body));
-        if fits {
-            self.candidate = Candidate::default();
-        }
-        fits
+        self.accepted.map(|constant| seed_of(constant, COVERED))
     }
 
     /// Whether a frame with this `body` and `received` CRC is good.
-    pub fn accept(&mut self, body: &[u8], received: u16) -> bool {
+    #[inline]
+    pub fn accept(&mut self, body: &[u8; COVERED], received: u16) -> bool {
         let constant = received ^ SEED_ZERO.checksum(body);
         let fits = match self.accepted {
             Some(accepted) => constant == accepted,
-            None => [SEED_STANDALONE, SEED_GO2]
-                .iter()
-                .any(|&seed| constant == constant_of(seed, self.covered)),
+            None => Self::KNOWN.contains(&constant),
         };
         if fits || self.confirms(constant, received) {
             self.accepted = Some(constant);
-            self.candidate = Candidate::default();
+            self.candidate.frames = 0;
             return true;
         }
         false
@@ -158,7 +154,7 @@ mod tests {
     #[test]
     fn an_unknown_seed_is_proposed_and_confirmed() {
         let seed = 0xBEEF;
-        let mut tracker = SeedTracker::new(14);
+        let mut tracker = SeedTracker::<14>::new();
         let verdicts =
             [0u8, 1, 2, 3, 4].map(|n| tracker.accept(&[n; 14], checksum(seed, &[n; 14])));
         assert_eq!(verdicts, [false, false, false, true, true]);
@@ -168,7 +164,7 @@ mod tests {
 
     #[test]
     fn the_same_wrong_frame_again_proves_nothing() {
-        let mut tracker = SeedTracker::new(14);
+        let mut tracker = SeedTracker::<14>::new();
         for _ in 0..100 {
             assert!(!tracker.accept(&[7; 14], 0x1234));
         }

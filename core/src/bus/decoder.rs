@@ -12,8 +12,8 @@ pub enum Frame {
     Reply(Reply),
 }
 
-/// What went through a [`Decoder`]. Every byte pushed is in a good frame, in `skipped_bytes`, or still pending:
-/// pushed = 17 × `commands` + 16 × `replies` + `skipped_bytes` + [`Decoder::pending`].
+/// What went through a [`Decoder`]. Every byte that it took is in a good frame or in `skipped_bytes`:
+/// taken = 17 × `commands` + 16 × `replies` + `skipped_bytes`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounters {
     /// Good commands.
@@ -31,19 +31,19 @@ pub struct DecoderCounters {
 /// Finds the good frames in a stream of bytes.
 ///
 /// After a bad CRC the search goes on at the byte after the false header, so a header that noise made, or a truncated
-/// frame, hides no good frame behind it. No frame of either kind fits inside the tail of another, so a byte completes at
-/// most one frame. Work per byte is bounded: at most one pass over 18 bytes.
+/// frame, hides no good frame behind it. Commands share one seed, since they have one sender; each motor has its own.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    buffer: [u8; CAPACITY],
-    len: usize,
-    command_seed: SeedTracker,
-    reply_seed: SeedTracker,
+    command_seed: SeedTracker<{ Command::LEN - 2 }>,
+    reply_seeds: [SeedTracker<{ Reply::LEN - 2 }>; IDS],
     counters: DecoderCounters,
 }
 
-/// The longest frame, and one byte to see whether its last byte opens another.
-const CAPACITY: usize = Command::LEN + 1;
+/// Ids that the mode byte can carry.
+const IDS: usize = 16;
+
+/// What a bad CRC costs beside a byte that opens nothing, in bytes of good frames: its bytes are looked at again.
+const BAD_FRAME: usize = 24;
 
 impl Default for Decoder {
     fn default() -> Self {
@@ -55,10 +55,8 @@ impl Decoder {
     /// A decoder that has seen nothing and knows no seed.
     pub const fn new() -> Self {
         Self {
-            buffer: [0; CAPACITY],
-            len: 0,
-            command_seed: SeedTracker::new(Command::LEN - 2),
-            reply_seed: SeedTracker::new(Reply::LEN - 2),
+            command_seed: SeedTracker::new(),
+            reply_seeds: [SeedTracker::new(); IDS],
             counters: DecoderCounters {
                 commands: 0,
                 replies: 0,
@@ -74,150 +72,85 @@ impl Decoder {
         self.counters
     }
 
-    /// Bytes that may still become part of a frame.
-    pub fn pending(&self) -> usize {
-        self.len
-    }
-
     /// The seed of the commands, once one was good.
     pub fn command_seed(&self) -> Option<u16> {
         self.command_seed.seed()
     }
 
-    /// The seed of the replies, once one was good.
-    pub fn reply_seed(&self) -> Option<u16> {
-        self.reply_seed.seed()
+    /// The seed of motor `id`'s replies (its low four bits), once one was good.
+    pub fn reply_seed(&self, id: u8) -> Option<u16> {
+        self.reply_seeds
+            .get(usize::from(id & 0x0F))
+            .and_then(SeedTracker::seed)
     }
 
-    /// Takes bytes off the front of `bytes` until they complete a frame, or all of them.
+    /// Takes bytes off the front of `bytes` until they complete a frame. `None` where they do not: what may still become a
+    /// frame stays in `bytes`, 17 at most, and is to be given again with the bytes that follow it.
     ///
-    /// Gives what [`Self::push`] would give byte by byte; undisturbed frames are read where they lie, at a seventh of the cost.
-    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        loop {
-            if self.len == 0
-                && let Some(frame) = self.whole(bytes)
-            {
-                return Some(frame);
-            }
-            let (&byte, rest) = bytes.split_first()?;
-            *bytes = rest;
-            if let Some(frame) = self.push(byte) {
-                return Some(frame);
-            }
-        }
-    }
-
-    /// A frame that lies whole at the front of `bytes` and has the seed in use.
-    fn whole(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        if let Some((frame, rest)) = bytes.split_first_chunk::<{ Command::LEN }>()
-            && frame.starts_with(&Command::HEADER)
-        {
-            let [body @ .., low, high] = frame;
-            if self
-                .command_seed
-                .fits(body, u16::from_le_bytes([*low, *high]))
-            {
-                *bytes = rest;
-                self.counters.commands = self.counters.commands.wrapping_add(1);
-                return Some(Frame::Command(Command::parse(frame)));
-            }
-        } else if let Some((frame, rest)) = bytes.split_first_chunk::<{ Reply::LEN }>()
-            && frame.starts_with(&Reply::HEADER)
-        {
-            let [body @ .., low, high] = frame;
-            if self
-                .reply_seed
-                .fits(body, u16::from_le_bytes([*low, *high]))
-            {
-                *bytes = rest;
-                self.counters.replies = self.counters.replies.wrapping_add(1);
-                return Some(Frame::Reply(Reply::parse(frame)));
-            }
-        }
-        None
-    }
-
-    /// Takes one byte; gives the frame that it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Frame> {
-        if let Some(slot) = self.buffer.get_mut(self.len) {
-            *slot = byte;
-            self.len += 1;
-        }
-        while self.len > 0 {
-            match self.examine() {
+    /// `effort` bounds the work: each byte of a frame or of noise takes one off it, a false header some more, and `None`
+    /// comes too where nothing is left of it.
+    pub fn next(&mut self, bytes: &mut &[u8], effort: &mut usize) -> Option<Frame> {
+        while *effort > 0 {
+            let seen = *bytes;
+            let (verdict, taken) = match seen {
+                [] | [0xFE | 0xFD] => return None,
+                [0xFE, 0xEE, ..] => (self.command(seen), Command::LEN),
+                [0xFD, 0xEE, ..] => (self.reply(seen), Reply::LEN),
+                _ => (Verdict::Noise, noise(seen, *effort)),
+            };
+            let (taken, cost) = match verdict {
                 Verdict::Wait => return None,
-                Verdict::Good(frame) => {
-                    self.len = 0;
-                    return Some(frame);
-                }
-                Verdict::Skip => self.skip(),
+                Verdict::Good(_) | Verdict::Noise => (taken, taken),
+                Verdict::Bad => (1, BAD_FRAME),
+            };
+            *bytes = seen.get(taken..).unwrap_or_default();
+            *effort = effort.saturating_sub(cost);
+            if let Verdict::Good(frame) = verdict {
+                return Some(frame);
             }
+            self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(taken as u32);
         }
         None
     }
 
-    fn seen(&self) -> &[u8] {
-        self.buffer.get(..self.len).unwrap_or_default()
-    }
-
-    /// Judges what the buffer begins with.
-    fn examine(&mut self) -> Verdict {
-        match self.seen() {
-            [0xFE | 0xFD] => Verdict::Wait,
-            [0xFE, 0xEE, ..] => self.examine_command(),
-            [0xFD, 0xEE, ..] => self.examine_reply(),
-            _ => Verdict::Skip,
-        }
-    }
-
-    fn examine_command(&mut self) -> Verdict {
-        let Some(bytes) = self.buffer.first_chunk::<{ Command::LEN }>() else {
-            return Verdict::Skip;
-        };
-        if self.len < Command::LEN {
+    /// Judges bytes that begin with a command's header.
+    fn command(&mut self, seen: &[u8]) -> Verdict {
+        let Some(frame) = seen.first_chunk::<{ Command::LEN }>() else {
             return Verdict::Wait;
-        }
-        let [body @ .., low, high] = bytes;
-        // A frame that waits for the byte after it has been judged before.
-        if self.len == Command::LEN
-            && self
-                .command_seed
-                .accept(body, u16::from_le_bytes([*low, *high]))
-        {
+        };
+        let [body @ .., low, high] = frame;
+        let received = u16::from_le_bytes([*low, *high]);
+        if self.command_seed.accept(body, received) {
             self.counters.commands = self.counters.commands.wrapping_add(1);
-            return Verdict::Good(Frame::Command(Command::parse(bytes)));
+            return Verdict::Good(Frame::Command(Command::parse(frame)));
         }
-        self.refuse(Command::LEN)
+        self.refuse(seen, frame.len())
     }
 
-    fn examine_reply(&mut self) -> Verdict {
-        let Some(bytes) = self.buffer.first_chunk::<{ Reply::LEN }>() else {
-            return Verdict::Skip;
+    /// Judges bytes that begin with a reply's header.
+    fn reply(&mut self, seen: &[u8]) -> Verdict {
+        let Some(frame) = seen.first_chunk::<{ Reply::LEN }>() else {
+            return Verdict::Wait;
         };
-        if self.len < Reply::LEN {
-            return Verdict::Wait;
-        }
-        let [body @ .., low, high] = bytes;
-        if self.len == Reply::LEN
-            && self
-                .reply_seed
-                .accept(body, u16::from_le_bytes([*low, *high]))
-        {
+        let [body @ .., low, high] = frame;
+        let received = u16::from_le_bytes([*low, *high]);
+        let reply = Reply::parse(frame);
+        let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()));
+        if seed.is_some_and(|seed| seed.accept(body, received)) {
             self.counters.replies = self.counters.replies.wrapping_add(1);
-            return Verdict::Good(Frame::Reply(Reply::parse(bytes)));
+            return Verdict::Good(Frame::Reply(reply));
         }
-        self.refuse(Reply::LEN)
+        self.refuse(seen, frame.len())
     }
 
-    /// Counts a frame of `length` bytes with a bad CRC. Its last byte may open the header that cut it short, which only
-    /// the next byte tells.
-    fn refuse(&mut self, length: usize) -> Verdict {
-        let seen = self.seen();
-        let opens_header = matches!(seen.last(), Some(0xFE | 0xFD));
-        if self.len == length && opens_header {
+    /// Counts a frame of `length` bytes with a bad CRC. Its last byte may open the header that cut it short, which only the
+    /// next byte tells.
+    fn refuse(&mut self, seen: &[u8], length: usize) -> Verdict {
+        let examined = seen.get(..=length).unwrap_or(seen);
+        if examined.len() == length && matches!(seen.last(), Some(0xFE | 0xFD)) {
             return Verdict::Wait;
         }
-        let cut = seen
+        let cut = examined
             .windows(2)
             .skip(2)
             .any(|pair| matches!(pair, [0xFE | 0xFD, 0xEE]));
@@ -227,22 +160,24 @@ impl Decoder {
             &mut self.counters.bad_crc
         };
         *counter = counter.wrapping_add(1);
-        Verdict::Skip
+        Verdict::Bad
     }
+}
 
-    /// Drops the first byte.
-    fn skip(&mut self) {
-        self.buffer.copy_within(1.., 0);
-        self.len = self.len.saturating_sub(1);
-        self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(1);
-    }
+/// Bytes before the next that may open a header, `most` at most; the first opens none.
+fn noise(seen: &[u8], most: usize) -> usize {
+    let seen = seen.get(..most).unwrap_or(seen);
+    let opens = seen.iter().skip(1).position(|b| matches!(b, 0xFE | 0xFD));
+    opens.map_or(seen.len(), |n| n + 1)
 }
 
 enum Verdict {
     /// More bytes are needed.
     Wait,
-    /// A good frame is the whole buffer.
+    /// A good frame begins here.
     Good(Frame),
-    /// The first byte begins no good frame.
-    Skip,
+    /// A header of no good frame.
+    Bad,
+    /// No header.
+    Noise,
 }

@@ -1,0 +1,77 @@
+//! One leg's bus: bytes with times in, polling cycles out.
+
+use super::assembly::{Assembler, AssemblyCounters, Cycle, Heard};
+use super::decoder::{Decoder, DecoderCounters, Frame};
+use super::queue::Queue;
+use super::schedule::Schedule;
+
+/// What listens to one leg's bus. It assumes nothing that the frames do not say: seeds, ids, order and period of polling
+/// are learnt from them.
+#[derive(Clone, Debug)]
+pub struct Listener {
+    decoder: Decoder,
+    assembler: Assembler,
+}
+
+impl Default for Listener {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Listener {
+    /// A listener that has heard nothing.
+    pub const fn new() -> Self {
+        Self {
+            decoder: Decoder::new(),
+            assembler: Assembler::new(),
+        }
+    }
+
+    /// Takes bytes off `queue` until they complete a cycle; `None` where they do not, or where nothing is left of `effort`
+    /// ([`Decoder::next`]): then the rest waits in the queue.
+    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<Cycle> {
+        loop {
+            let (frame, time_us) = self.frame(queue, effort)?;
+            if let Frame::Reply(reply) = frame
+                && let Some(cycle) = self.assembler.push(Heard { reply, time_us })
+            {
+                return Some(cycle);
+            }
+        }
+    }
+
+    /// Takes bytes off `queue` until they complete a frame: the frame, and when its last byte came, µs.
+    fn frame(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<(Frame, u64)> {
+        let mut bytes = queue.waiting();
+        let before = bytes.len();
+        let frame = self.decoder.next(&mut bytes, effort);
+        let time_us = queue.take(before - bytes.len());
+        Some((frame?, time_us))
+    }
+
+    /// Counts a cycle that its receiver cannot use: its replies are in no sample.
+    pub fn discard(&mut self) {
+        self.assembler.discard();
+    }
+
+    /// What is known of the polling.
+    pub fn schedule(&self) -> &Schedule {
+        self.assembler.schedule()
+    }
+
+    /// The frames and their seeds.
+    pub fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// Frames and bytes.
+    pub fn frames(&self) -> DecoderCounters {
+        self.decoder.counters()
+    }
+
+    /// Replies and cycles.
+    pub fn cycles(&self) -> AssemblyCounters {
+        self.assembler.counters()
+    }
+}
