@@ -19,6 +19,8 @@ mod diagnosis;
 mod leg;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod timing_tests;
 
 use crate::Real;
 use crate::estimator::{
