@@ -39,6 +39,7 @@ impl<T: Real> Alignment<T> {
     }
 
     /// The leg at the time of the first reply of `cycle`. Replies further apart than `max_gap_us` are not interpolated.
+    #[inline(never)]
     pub(super) fn sample(&mut self, cycle: &Cycle, max_gap_us: u64) -> Sample<T, JOINTS_PER_LEG> {
         let time_us = cycle.iter().map(|heard| heard.time_us).min();
         let mut sample = Sample {

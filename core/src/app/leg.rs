@@ -153,15 +153,16 @@ impl<T: Real> LegLine<T> {
 
     /// Makes samples of what the bus brought, as much as one step has time for; the rest waits. What it cost by estimate,
     /// instructions.
+    #[inline(never)]
     pub(super) fn listen(&mut self, data: &mut LegData<T>) -> usize {
         let (mut effort, mut samples) = (STEP_EFFORT, 0);
-        while samples < STEP_SAMPLES || data.queue.is_behind() {
+        while (samples < STEP_SAMPLES || data.queue.is_behind()) && !data.queue.is_empty() {
             let Some(cycle) = self.listener.next(&mut data.queue, &mut effort) else {
                 break;
             };
             if samples < STEP_SAMPLES {
                 samples += 1;
-                let sample = self.alignment.sample(&cycle, SETTINGS.max_gap_us);
+                let sample = self.alignment.sample(cycle, SETTINGS.max_gap_us);
                 self.push(data, &sample);
             } else {
                 // What waits would be lost in the end, in the middle of a frame.
@@ -172,6 +173,8 @@ impl<T: Real> LegLine<T> {
         (STEP_EFFORT - effort) * EFFORT_COST + samples * SAMPLE_COST
     }
 
+    /// Puts a sample into the window. Not inlined: in a loop, the window's addresses would all be kept, which costs more.
+    #[inline(never)]
     fn push(&mut self, data: &mut LegData<T>, sample: &Sample<T, JOINTS_PER_LEG>) {
         let Some(window) = &mut self.window else {
             return;

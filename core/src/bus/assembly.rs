@@ -44,20 +44,17 @@ pub struct AssemblyCounters {
 pub(super) struct Assembler {
     learner: Learner,
     encoders: [Encoder; MOTORS],
-    turns: [Turn; MOTORS],
+    cycle: Cycle,
+    /// Which motors have answered, bit by bit, and of which of them the answer is to be used.
+    answered: u8,
+    trusted: u8,
     /// When the cycle under way began, by the first of its replies.
     began_us: u64,
     counters: AssemblyCounters,
 }
 
-/// One motor's turn.
-#[derive(Clone, Copy, Debug)]
-enum Turn {
-    Silent,
-    /// It answered, and the answer is not to be used.
-    Excluded,
-    Answered(Heard),
-}
+/// All motors.
+const ALL: u8 = (1 << MOTORS) - 1;
 
 /// The error code of a motor that is too hot.
 const OVERHEAT: u8 = 1;
@@ -65,10 +62,16 @@ const OVERHEAT: u8 = 1;
 impl Assembler {
     /// Nothing heard yet.
     pub(super) const fn new() -> Self {
+        const NOTHING: Heard = Heard {
+            reply: Reply::ZERO,
+            time_us: 0,
+        };
         Self {
             learner: Learner::new(),
             encoders: [Encoder::new(); MOTORS],
-            turns: [Turn::Silent; MOTORS],
+            cycle: [NOTHING; MOTORS],
+            answered: 0,
+            trusted: 0,
             began_us: 0,
             counters: AssemblyCounters {
                 unused_replies: 0,
@@ -93,70 +96,85 @@ impl Assembler {
         add(&mut self.counters.unused_replies, MOTORS as u32);
     }
 
-    /// Takes the next reply; gives the cycle that it completes.
-    pub(super) fn push(&mut self, heard: Heard) -> Option<Cycle> {
+    /// The cycle that the last [`Self::push`] completed.
+    pub(super) fn cycle(&self) -> &Cycle {
+        &self.cycle
+    }
+
+    /// Takes the next reply; whether it completes a cycle.
+    pub(super) fn push(&mut self, heard: Heard) -> bool {
         let Some(motor) = self.learner.hear(heard.reply.mode.id(), heard.time_us) else {
             add(&mut self.counters.unused_replies, 1);
-            return None;
+            return false;
         };
         let schedule = self.learner.schedule();
         let offset = schedule.offsets_us.get(motor).copied().unwrap_or_default();
         let began_us = heard.time_us.wrapping_sub(u64::from(offset));
-        let apart = began_us.wrapping_sub(self.began_us) as i64;
-        let elsewhere = apart.unsigned_abs() >= u64::from(schedule.period_us / 2);
-        let again = !matches!(self.turns.get(motor), Some(Turn::Silent));
-        if elsewhere || again {
+        let motor_bit = 1 << motor;
+        if self.answered != 0 {
+            let apart = began_us.wrapping_sub(self.began_us) as i64;
+            let elsewhere = apart.unsigned_abs() >= u64::from(schedule.period_us / 2);
+            if elsewhere || self.answered & motor_bit != 0 {
+                self.end();
+            }
+        }
+        if self.answered == 0 {
+            (self.began_us, self.trusted) = (began_us, 0);
+        }
+        self.answered |= motor_bit;
+        if self.is_trusted(motor, &heard) {
+            self.trusted |= motor_bit;
+        }
+        if let Some(place) = self.cycle.get_mut(motor) {
+            *place = heard;
+        }
+        if self.answered != ALL {
+            return false;
+        }
+        if self.trusted != ALL {
             self.end();
-            self.began_us = began_us;
+            return false;
         }
-        let turn = match self.trusted(motor, &heard) {
-            true => Turn::Answered(heard),
-            false => Turn::Excluded,
-        };
-        if let Some(place) = self.turns.get_mut(motor) {
-            *place = turn;
-        }
-        if self.turns.iter().any(|turn| matches!(turn, Turn::Silent)) {
-            return None;
-        }
-        if let [
-            Turn::Answered(hip),
-            Turn::Answered(thigh),
-            Turn::Answered(calf),
-        ] = self.turns
-        {
-            self.turns = [Turn::Silent; MOTORS];
-            return Some([hip, thigh, calf]);
-        }
-        self.end();
-        None
+        self.answered = 0;
+        true
     }
 
     /// Whether what a motor says of itself allows to believe the rest.
-    fn trusted(&mut self, motor: usize, heard: &Heard) -> bool {
+    fn is_trusted(&mut self, motor: usize, heard: &Heard) -> bool {
         let encoder = self.encoders.get_mut(motor);
         let stuck = encoder.is_some_and(|encoder| encoder.is_stuck(heard));
-        let counters = &mut self.counters;
-        match heard.reply.error() {
-            0 if !stuck => return true,
-            0 => add(&mut counters.stuck, 1),
-            OVERHEAT => add(&mut counters.overheated, 1),
-            _ => add(&mut counters.motor_faults, 1),
+        let error = heard.reply.error();
+        let fault = stuck || error != 0;
+        if fault {
+            self.count_fault(error);
         }
-        false
+        !fault
+    }
+
+    /// Counts a reply that is not to be used, for the motor's error or else for its encoder.
+    #[cold]
+    fn count_fault(&mut self, error: u8) {
+        let counters = &mut self.counters;
+        let counter = match error {
+            0 => &mut counters.stuck,
+            OVERHEAT => &mut counters.overheated,
+            _ => &mut counters.motor_faults,
+        };
+        add(counter, 1);
     }
 
     /// Ends the cycle under way, whose replies are of no use.
+    #[cold]
     fn end(&mut self) {
-        let count =
-            |wanted: fn(&Turn) -> bool| self.turns.iter().filter(|turn| wanted(turn)).count();
-        let silent = count(|turn| matches!(turn, Turn::Silent));
-        if silent == MOTORS {
-            return;
-        }
-        add(&mut self.counters.incomplete, u32::from(silent > 0));
-        add(&mut self.counters.unused_replies, (MOTORS - silent) as u32);
-        self.turns = [Turn::Silent; MOTORS];
+        add(
+            &mut self.counters.incomplete,
+            u32::from(self.answered != ALL),
+        );
+        add(
+            &mut self.counters.unused_replies,
+            self.answered.count_ones(),
+        );
+        self.answered = 0;
     }
 }
 

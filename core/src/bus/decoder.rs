@@ -89,66 +89,102 @@ impl Decoder {
     ///
     /// `effort` bounds the work: each byte of a frame or of noise takes one off it, a false header some more, and `None`
     /// comes too where nothing is left of it.
+    #[inline]
     pub fn next(&mut self, bytes: &mut &[u8], effort: &mut usize) -> Option<Frame> {
         while *effort > 0 {
-            let seen = *bytes;
-            let (verdict, taken) = match seen {
-                [] | [0xFE | 0xFD] => return None,
-                [0xFE, 0xEE, ..] => (self.command(seen), Command::LEN),
-                [0xFD, 0xEE, ..] => (self.reply(seen), Reply::LEN),
-                _ => (Verdict::Noise, noise(seen, *effort)),
+            // Frames of a known seed, one after the other, are nearly all that a bus carries: a short way for them.
+            let (frame, length) = match self.usual(bytes) {
+                Some(Frame::Command(command)) => (Frame::Command(command), Command::LEN),
+                Some(Frame::Reply(reply)) => (Frame::Reply(reply), Reply::LEN),
+                None => match self.judge(bytes, effort)? {
+                    Some((frame, length)) => (frame, length),
+                    None => continue,
+                },
             };
-            let (taken, cost) = match verdict {
-                Verdict::Wait => return None,
-                Verdict::Good(_) | Verdict::Noise => (taken, taken),
-                Verdict::Bad => (1, BAD_FRAME),
-            };
-            *bytes = seen.get(taken..).unwrap_or_default();
-            *effort = effort.saturating_sub(cost);
-            if let Verdict::Good(frame) = verdict {
-                return Some(frame);
-            }
-            self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(taken as u32);
+            *bytes = bytes.get(length..).unwrap_or_default();
+            *effort = effort.saturating_sub(length);
+            return Some(frame);
         }
         None
     }
 
-    /// Judges bytes that begin with a command's header.
-    fn command(&mut self, seen: &[u8]) -> Verdict {
-        let Some(frame) = seen.first_chunk::<{ Command::LEN }>() else {
-            return Verdict::Wait;
-        };
-        let [body @ .., low, high] = frame;
-        let received = u16::from_le_bytes([*low, *high]);
-        if self.command_seed.accept(body, received) {
-            self.counters.commands = self.counters.commands.wrapping_add(1);
-            return Verdict::Good(Frame::Command(Command::parse(frame)));
+    /// The frame at the front of `seen`, if its sender's seed is known and fits.
+    #[inline]
+    fn usual(&mut self, seen: &[u8]) -> Option<Frame> {
+        if let Some(frame) = seen.first_chunk::<{ Command::LEN }>()
+            && frame.starts_with(&Command::HEADER)
+        {
+            let [body @ .., low, high] = frame;
+            if self
+                .command_seed
+                .fits(body, u16::from_le_bytes([*low, *high]))
+            {
+                self.counters.commands = self.counters.commands.wrapping_add(1);
+                return Some(Frame::Command(Command::parse(frame)));
+            }
+        } else if let Some(frame) = seen.first_chunk::<{ Reply::LEN }>()
+            && frame.starts_with(&Reply::HEADER)
+        {
+            let [body @ .., low, high] = frame;
+            let reply = Reply::parse(frame);
+            let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()))?;
+            if seed.fits(body, u16::from_le_bytes([*low, *high])) {
+                self.counters.replies = self.counters.replies.wrapping_add(1);
+                return Some(Frame::Reply(reply));
+            }
         }
-        self.refuse(seen, frame.len())
+        None
     }
 
-    /// Judges bytes that begin with a reply's header.
-    fn reply(&mut self, seen: &[u8]) -> Verdict {
-        let Some(frame) = seen.first_chunk::<{ Reply::LEN }>() else {
-            return Verdict::Wait;
+    /// Judges bytes that begin with no frame of a known seed: a frame and its length where they begin with one after all,
+    /// nothing where some were skipped, `None` where more are needed.
+    #[inline(never)]
+    fn judge(&mut self, bytes: &mut &[u8], effort: &mut usize) -> Option<Option<(Frame, usize)>> {
+        let seen = *bytes;
+        let (skipped, cost) = match seen {
+            [] | [0xFE | 0xFD] => return None,
+            [0xFE, 0xEE, ..] => {
+                let frame = seen.first_chunk::<{ Command::LEN }>()?;
+                let [body @ .., low, high] = frame;
+                if self
+                    .command_seed
+                    .accept(body, u16::from_le_bytes([*low, *high]))
+                {
+                    self.counters.commands = self.counters.commands.wrapping_add(1);
+                    return Some(Some((Frame::Command(Command::parse(frame)), Command::LEN)));
+                }
+                self.refuse(seen, Command::LEN)?;
+                (1, BAD_FRAME)
+            }
+            [0xFD, 0xEE, ..] => {
+                let frame = seen.first_chunk::<{ Reply::LEN }>()?;
+                let [body @ .., low, high] = frame;
+                let reply = Reply::parse(frame);
+                let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()))?;
+                if seed.accept(body, u16::from_le_bytes([*low, *high])) {
+                    self.counters.replies = self.counters.replies.wrapping_add(1);
+                    return Some(Some((Frame::Reply(reply), Reply::LEN)));
+                }
+                self.refuse(seen, Reply::LEN)?;
+                (1, BAD_FRAME)
+            }
+            _ => {
+                let bytes = noise(seen, *effort);
+                (bytes, bytes)
+            }
         };
-        let [body @ .., low, high] = frame;
-        let received = u16::from_le_bytes([*low, *high]);
-        let reply = Reply::parse(frame);
-        let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()));
-        if seed.is_some_and(|seed| seed.accept(body, received)) {
-            self.counters.replies = self.counters.replies.wrapping_add(1);
-            return Verdict::Good(Frame::Reply(reply));
-        }
-        self.refuse(seen, frame.len())
+        *bytes = seen.get(skipped..).unwrap_or_default();
+        *effort = effort.saturating_sub(cost);
+        self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(skipped as u32);
+        Some(None)
     }
 
     /// Counts a frame of `length` bytes with a bad CRC. Its last byte may open the header that cut it short, which only the
-    /// next byte tells.
-    fn refuse(&mut self, seen: &[u8], length: usize) -> Verdict {
+    /// next byte tells: `None` until then.
+    fn refuse(&mut self, seen: &[u8], length: usize) -> Option<()> {
         let examined = seen.get(..=length).unwrap_or(seen);
         if examined.len() == length && matches!(seen.last(), Some(0xFE | 0xFD)) {
-            return Verdict::Wait;
+            return None;
         }
         let cut = examined
             .windows(2)
@@ -160,7 +196,7 @@ impl Decoder {
             &mut self.counters.bad_crc
         };
         *counter = counter.wrapping_add(1);
-        Verdict::Bad
+        Some(())
     }
 }
 
@@ -169,15 +205,4 @@ fn noise(seen: &[u8], most: usize) -> usize {
     let seen = seen.get(..most).unwrap_or(seen);
     let opens = seen.iter().skip(1).position(|b| matches!(b, 0xFE | 0xFD));
     opens.map_or(seen.len(), |n| n + 1)
-}
-
-enum Verdict {
-    /// More bytes are needed.
-    Wait,
-    /// A good frame begins here.
-    Good(Frame),
-    /// A header of no good frame.
-    Bad,
-    /// No header.
-    Noise,
 }

@@ -1,6 +1,7 @@
 //! Encoders that no longer follow their motor.
 
 use super::assembly::Heard;
+use super::frame::Reply;
 
 /// Watches one motor's encoder.
 ///
@@ -50,6 +51,7 @@ impl Encoder {
     }
 
     /// Takes note of a reply; whether the encoder is stuck.
+    #[inline]
     pub(super) fn is_stuck(&mut self, heard: &Heard) -> bool {
         let (reply, time_us) = (&heard.reply, heard.time_us);
         if reply.position != self.position || time_us < self.last_us || self.last_us == 0 {
@@ -64,6 +66,12 @@ impl Encoder {
             };
             return false;
         }
+        self.is_stuck_at_rest(reply, time_us)
+    }
+
+    /// The same of a reply whose position is that of the one before.
+    #[inline(never)]
+    fn is_stuck_at_rest(&mut self, reply: &Reply, time_us: u64) -> bool {
         let step_us = (time_us - self.last_us) as i64;
         self.last_us = time_us;
         self.travel = self

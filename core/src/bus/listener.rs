@@ -30,24 +30,20 @@ impl Listener {
 
     /// Takes bytes off `queue` until they complete a cycle; `None` where they do not, or where nothing is left of `effort`
     /// ([`Decoder::next`]): then the rest waits in the queue.
-    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<Cycle> {
+    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<&Cycle> {
         loop {
-            let (frame, time_us) = self.frame(queue, effort)?;
-            if let Frame::Reply(reply) = frame
-                && let Some(cycle) = self.assembler.push(Heard { reply, time_us })
-            {
-                return Some(cycle);
+            let before = queue.waiting();
+            let mut bytes = before;
+            let frame = self.decoder.next(&mut bytes, effort);
+            let taken = before.len() - bytes.len();
+            queue.take(taken);
+            if let Frame::Reply(reply) = frame? {
+                let time_us = queue.taken_us();
+                if self.assembler.push(Heard { reply, time_us }) {
+                    return Some(self.assembler.cycle());
+                }
             }
         }
-    }
-
-    /// Takes bytes off `queue` until they complete a frame: the frame, and when its last byte came, µs.
-    fn frame(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<(Frame, u64)> {
-        let mut bytes = queue.waiting();
-        let before = bytes.len();
-        let frame = self.decoder.next(&mut bytes, effort);
-        let time_us = queue.take(before - bytes.len());
-        Some((frame?, time_us))
     }
 
     /// Counts a cycle that its receiver cannot use: its replies are in no sample.

@@ -64,6 +64,12 @@ impl Queue {
     /// What finds no room is lost and counted.
     pub fn push(&mut self, bytes: &[u8], end_us: u64, byte_ns: u32) {
         self.byte_ns = byte_ns;
+        if self.start == self.end {
+            (self.start, self.end) = (0, 0);
+        }
+        if self.count == PIECES {
+            self.forget_passed();
+        }
         if self.end + bytes.len() > CAPACITY && self.start <= self.end && self.end <= CAPACITY {
             self.bytes.copy_within(self.start..self.end, 0);
             (self.start, self.end) = (0, self.end - self.start);
@@ -98,24 +104,42 @@ impl Queue {
         self.bytes.get(self.start..self.end).unwrap_or_default()
     }
 
-    /// Takes `n` bytes off the front; when the last of them came, µs.
-    pub fn take(&mut self, n: usize) -> u64 {
+    /// Takes `n` bytes off the front.
+    pub fn take(&mut self, n: usize) {
         let n = n.min(self.end - self.start);
         self.start += n;
         self.taken = self.taken.wrapping_add(n as u32);
-        loop {
-            let Some(piece) = self.pieces.get(self.first) else {
-                return 0;
-            };
-            let ahead = piece.end.wrapping_sub(self.taken);
-            // A piece that ends here stays: its last byte is the one asked for.
-            if ahead as usize <= CAPACITY || self.count <= 1 {
-                let since_ns = ahead.wrapping_mul(self.byte_ns);
-                return piece.end_us.saturating_sub(u64::from(since_ns / 1000));
-            }
+    }
+
+    /// When the last of the bytes taken came, µs.
+    pub fn taken_us(&mut self) -> u64 {
+        self.forget_passed();
+        let Some(piece) = self.pieces.get(self.first) else {
+            return 0;
+        };
+        let after_ns = self.ahead(piece).wrapping_mul(self.byte_ns);
+        piece.end_us.saturating_sub(u64::from(after_ns / 1000))
+    }
+
+    /// Forgets pieces that end before the last byte taken.
+    fn forget_passed(&mut self) {
+        while let Some(piece) = self.pieces.get(self.first)
+            && self.ahead(piece) as usize > CAPACITY
+            && self.count > 1
+        {
             self.first = (self.first + 1) % PIECES;
             self.count -= 1;
         }
+    }
+
+    /// Bytes of a piece that are not taken; more than there can be where it ends before those taken.
+    fn ahead(&self, piece: &Piece) -> u32 {
+        piece.end.wrapping_sub(self.taken)
+    }
+
+    /// Whether nothing waits.
+    pub fn is_empty(&self) -> bool {
+        self.start == self.end
     }
 
     /// Whether more waits than a listener that keeps up leaves.

@@ -9,7 +9,8 @@
 //! - *order*: the motor from which the others follow soonest is polled first. So a cycle begins after the longest pause of
 //!   the bus, whatever the ids; where the motors are polled at even intervals, any of them may be called the first.
 //!
-//! Period and order are taken over when two passes over the replies agree, and looked at again every few hundred replies.
+//! Period and order are taken over when two passes over the replies agree, and looked at again every couple of thousand
+//! replies.
 
 use super::MOTORS;
 
@@ -22,7 +23,7 @@ const ID_WINDOW: u16 = 256;
 /// nothing is known, many once something is.
 const FIRST_PASS: [u16; 2] = [5 * MOTORS as u16, 8 * MOTORS as u16];
 const LATER_PASS: [u16; 2] = [16 * MOTORS as u16, 48 * MOTORS as u16];
-const REST: u16 = 200 * MOTORS as u16;
+const REST: u16 = 600 * MOTORS as u16;
 
 /// Longest time between two replies of a motor that is measured, µs.
 const LONGEST_US: u32 = 1_000_000;
@@ -180,9 +181,7 @@ impl Learner {
     pub(super) fn hear(&mut self, id: u8, time_us: u64) -> Option<usize> {
         self.counted += 1;
         if self.counted >= ID_WINDOW {
-            self.counted = 0;
-            self.heard = [false; MOTORS];
-            self.strangers = [0; 16];
+            self.count_anew();
         }
         let motor = self.schedule.ids.iter().position(|&known| known == id);
         let Some(motor) = motor else {
@@ -192,9 +191,8 @@ impl Learner {
         if let Some(heard) = self.heard.get_mut(motor) {
             *heard = true;
         }
-        match self.stage {
-            Stage::Rest => {}
-            _ => self.measure(motor, time_us),
+        if self.stage != Stage::Rest {
+            self.measure(motor, time_us);
         }
         self.left = self.left.saturating_sub(1);
         if self.left == 0 {
@@ -203,7 +201,15 @@ impl Learner {
         Some(motor)
     }
 
+    #[cold]
+    fn count_anew(&mut self) {
+        self.counted = 0;
+        self.heard = [false; MOTORS];
+        self.strangers = [0; 16];
+    }
+
     /// Counts a reply of an id that is not known as a motor's, and makes it one where a known one is silent.
+    #[cold]
     fn meet(&mut self, id: u8) {
         let Some(replies) = self.strangers.get_mut(usize::from(id)) else {
             return;
@@ -269,6 +275,7 @@ impl Learner {
     }
 
     /// The times from the last replies of all motors to this one.
+    #[inline(never)]
     fn measure(&mut self, motor: usize, time_us: u64) {
         for (from, &last_us) in self.last_us.iter().enumerate() {
             // A motor that has not answered in this stage, or whose clock is not this one's, is out of range.
@@ -297,20 +304,20 @@ impl Learner {
         }
     }
 
+    #[cold]
     fn end_stage(&mut self) {
         match self.stage {
             Stage::Shortest => self.begin(Stage::Average),
             Stage::Rest => self.begin(Stage::Shortest),
             Stage::Average => {
                 let found = self.sums.schedule(self.schedule.ids, self.pass()[1]);
-                let confirmed = match (&found, &self.proposed) {
-                    (Some(found), Some(proposed)) => proposed.agrees(found),
-                    _ => false,
-                };
+                let says = |known: &Schedule| found.is_some_and(|found| known.agrees(&found));
+                let known = self.schedule.learnt && says(&self.schedule);
+                let confirmed = known || self.proposed.as_ref().is_some_and(says);
                 if let (Some(found), true) = (found, confirmed) {
-                    // What was learnt from few replies is looked at again at once.
-                    let known = core::mem::replace(&mut self.schedule, found).learnt;
+                    self.schedule = found;
                     self.proposed = None;
+                    // What was learnt from few replies is looked at again at once.
                     self.begin(if known { Stage::Rest } else { Stage::Shortest });
                 } else {
                     self.proposed = found;
