@@ -180,7 +180,7 @@ impl Listening {
     /// line that is never idle.
     pub fn note(&self) {
         if let Some(bus) = self.bus {
-            critical_section::with(|_| bus.note(0));
+            cortex_m::interrupt::free(|_| bus.note(0));
         }
     }
 
