@@ -43,7 +43,7 @@ pub struct Decoder {
 const IDS: usize = 16;
 
 /// What a bad CRC costs beside a byte that opens nothing, in bytes of good frames: its bytes are looked at again.
-const BAD_FRAME: usize = 24;
+const BAD_FRAME: usize = 48;
 
 impl Default for Decoder {
     fn default() -> Self {
