@@ -14,7 +14,6 @@ fn help_tells_each_command_with_an_example() {
     for command in [
         &["--help"][..],
         &["add", "--help"],
-        &["capture", "--help"],
         &["compare", "--help"],
         &["completions", "--help"],
         &["demo", "--help"],
