@@ -9,7 +9,8 @@
 //! Everything is divided by the window's length, so that rows and residuals are mean torques in N m. Integrals are sums
 //! of trapezia, which take samples at any spacing. What real buses and hosts do to samples is handled here, in one place:
 //!
-//! - a *repeated* sample (the host read the latest message twice) is skipped: its time stamp is not when it was measured;
+//! - a *repeated* sample (the host read the latest message twice) is skipped: its time stamp is not when it was measured
+//!   (not on a bus, [`Settings::skip_repeated`]);
 //! - a *late* one (time does not increase) is skipped;
 //! - an *implausible* one (not finite, beyond any value the robot can have) is skipped;
 //! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
@@ -37,22 +38,31 @@ pub struct Sample<T, const B: usize> {
     pub tau: [T; B],
 }
 
-/// Lengths of time, µs.
+/// How samples become windows; lengths of time in µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// A window closes at the first sample this long after its start.
     pub window_us: u64,
     /// Two samples further apart than this are not bridged.
     pub max_gap_us: u64,
+    /// A sample that equals the last one is skipped: the host has read the latest message twice. On a bus, where each sample
+    /// is measured when it is asked for, it is a sample like any other.
+    pub skip_repeated: bool,
+}
+
+impl Settings {
+    /// 20 ms windows, gaps of up to 10 ms, samples of a host.
+    pub const DEFAULT: Self = Self {
+        window_us: 20_000,
+        max_gap_us: 10_000,
+        skip_repeated: true,
+    };
 }
 
 impl Default for Settings {
-    /// 20 ms windows, gaps of up to 10 ms.
+    /// [`Self::DEFAULT`].
     fn default() -> Self {
-        Self {
-            window_us: 20_000,
-            max_gap_us: 10_000,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -253,7 +263,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
         let step_us = match &self.last {
             None => None,
             Some(last) if sample.time_us <= last.time_us => return Push::Late,
-            Some(last) if sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau => {
+            Some(last) if self.settings.skip_repeated && repeats(sample, last) => {
                 return Push::Repeated;
             }
             Some(last) => Some(sample.time_us - last.time_us),
@@ -376,6 +386,11 @@ fn implausible<T: Real, const B: usize>(
         }
     }
     reason
+}
+
+/// Whether all readings are the same.
+fn repeats<T: Real, const B: usize>(sample: &Sample<T, B>, last: &Sample<T, B>) -> bool {
+    sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau
 }
 
 /// What an effect sees of joint b.

@@ -4,6 +4,7 @@ mod model;
 
 use std::io::ErrorKind;
 
+use proprio::capture::CaptureError;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
@@ -49,7 +50,8 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(FreeBaseError::Unsolvable) => None,
-        Error::Replay(ReplayError::Device(error)) => of_device(error),
+        Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
+        Error::Capture(error) => of_capture(error),
         Error::Replay(ReplayError::Encode { .. }) => {
             Some("no motor reports such a value: check the units, or delete the line".to_owned())
         }
@@ -130,6 +132,21 @@ fn of_device(error: &DeviceError) -> Option<String> {
             "check the port's name, and that you may use it: `ls -l /dev/tty*`, group dialout"
         }
         DeviceError::Link(_) => return None,
+    };
+    Some(hint.to_owned())
+}
+
+fn of_capture(error: &CaptureError) -> Option<String> {
+    let hint = match error {
+        CaptureError::Read { .. } => {
+            "check the path; `proprio capture PORT -o FILE` makes a capture"
+        }
+        CaptureError::NotACapture(_) => "`proprio capture PORT -o FILE` makes one",
+        CaptureError::Version { .. } => "read it with the proprio that made it, or capture again",
+        CaptureError::Port(_) => {
+            "check that the adapter is plugged in, and that no other program uses it"
+        }
+        CaptureError::Write(_) => return None,
     };
     Some(hint.to_owned())
 }

@@ -5,6 +5,7 @@
 //! [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]. The [`simulator`] is truth, independent of them.
 
 pub mod advise;
+pub mod capture;
 pub mod compare;
 pub mod detect;
 pub mod device;

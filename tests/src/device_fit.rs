@@ -34,10 +34,7 @@ pub fn factors<T: Real>(
     to: impl Fn(f64) -> T,
 ) -> Result<LegFactors<T>, Failure> {
     let mut reader = LogReader::open(log, Selection::Motion)?;
-    let settings = Settings {
-        window_us: 20_000,
-        max_gap_us: 10_000,
-    };
+    let settings = Settings::default();
     let mut window: LegWindow<T> = Window::new(
         go2::leg(leg),
         Transform::identity(),

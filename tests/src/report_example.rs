@@ -24,10 +24,7 @@ use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings};
 
-const SETTINGS: Settings = Settings {
-    window_us: 20_000,
-    max_gap_us: 10_000,
-};
+const SETTINGS: Settings = Settings::DEFAULT;
 
 /// A joint's windows: what was measured and each parameter's share of the prediction.
 struct Windows {

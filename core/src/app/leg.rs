@@ -1,19 +1,33 @@
 //! One leg's line: bus bytes, frames, samples, windows, factors.
 
-use super::assembly::Assembler;
+use super::alignment::Alignment;
 use super::diagnosis::Evidence;
 use crate::Real;
-use crate::bus::{Decoder, Reply};
+use crate::bus::{Listener, Queue};
 use crate::estimator::{
     Active, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
     Gather, LegBase, NOISE_GUESS, plausible,
 };
 use crate::factor::FactorError;
-use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
+use crate::go2::{JOINTS_PER_LEG, Leg, leg};
 use crate::scalar::real;
 use crate::spatial::Transform;
 use crate::window::{Push, Sample, Settings, Window};
 use crate::wire::LegCounters;
+
+/// A motor answers when it is asked: the same numbers again are a measurement, not a message read twice.
+pub(super) const SETTINGS: Settings = Settings {
+    skip_repeated: false,
+    ..Settings::DEFAULT
+};
+
+/// What a step takes off one bus at most, in bytes of good frames: what a bus without a pause brings in 2 ms, and more.
+const STEP_EFFORT: usize = 1000;
+/// Samples of a leg in one step at most: a bus polled at 1 kHz.
+const STEP_SAMPLES: usize = 2;
+/// What listening costs by estimate, instructions: a byte of a good frame, a sample.
+const EFFORT_COST: usize = 7;
+const SAMPLE_COST: usize = 3900;
 
 /// A step of gathering ends at the first row that brings its cost here, in numbers rotated.
 const STEP_COST: usize = 1200;
@@ -23,6 +37,8 @@ const STEP_COST: usize = 1200;
 pub(super) struct LegData<T> {
     folds: DeviceFolds<T>,
     base: LegBase<T>,
+    /// What the bus has brought and no step has taken yet.
+    queue: Queue,
 }
 
 impl<T: Real> LegData<T> {
@@ -31,14 +47,17 @@ impl<T: Real> LegData<T> {
         Self {
             folds: DeviceFolds::empty(),
             base: LegBase::empty(),
+            queue: Queue::new(),
         }
     }
 }
 
 /// One leg, from its bus to its factors.
 pub(super) struct LegLine<T: Real> {
-    decoder: Decoder,
-    assembler: Assembler,
+    listener: Listener,
+    alignment: Alignment<T>,
+    /// Cycles left out because more came than steps have time for.
+    surplus: u32,
     /// `None` until the first [`Self::reset`], like the prior: neither can be a constant.
     window: Option<DeviceWindow<T>>,
     /// The window has closed and its rows are not in the factors yet.
@@ -54,8 +73,9 @@ impl<T: Real> LegLine<T> {
     /// A line that listens to nothing yet.
     pub(super) const fn new() -> Self {
         Self {
-            decoder: Decoder::new(),
-            assembler: Assembler::new(),
+            listener: Listener::new(),
+            alignment: Alignment::new(),
+            surplus: 0,
             window: None,
             closed: false,
             active: DEFAULT_ACTIVE,
@@ -67,8 +87,10 @@ impl<T: Real> LegLine<T> {
 
     /// Begins anew, in place: a line is larger than a microcontroller's stack. `work` is space for the analysis of the leg.
     pub(super) fn reset(&mut self, which: Leg, data: &mut LegData<T>, work: &mut [T]) {
-        self.decoder = Decoder::new();
-        self.assembler = Assembler::new();
+        self.listener = Listener::new();
+        self.alignment = Alignment::new();
+        self.surplus = 0;
+        data.queue.clear();
         self.open(which);
         self.closed = false;
         data.folds.clear();
@@ -91,7 +113,7 @@ impl<T: Real> LegLine<T> {
     /// An empty window. Not inlined, so that what it takes of the stack is given back before the prior takes its own.
     #[inline(never)]
     fn open(&mut self, which: Leg) {
-        let (upright, settings) = (Transform::identity(), Settings::default());
+        let (upright, settings) = (Transform::identity(), SETTINGS);
         self.window = Some(Window::new(
             leg(which),
             upright,
@@ -101,15 +123,21 @@ impl<T: Real> LegLine<T> {
         ));
     }
 
-    pub(super) fn counters(&self) -> LegCounters {
-        let bus = self.decoder.counters();
+    pub(super) fn counters(&self, data: &LegData<T>) -> LegCounters {
+        let (frames, cycles) = (self.listener.frames(), self.listener.cycles());
         LegCounters {
-            commands: bus.commands,
-            replies: bus.replies,
-            bad_crc: bus.bad_crc,
-            short: bus.short,
-            skipped_bytes: bus.skipped_bytes,
-            unused_replies: self.assembler.unused(),
+            commands: frames.commands,
+            replies: frames.replies,
+            bad_crc: frames.bad_crc,
+            short: frames.short,
+            skipped_bytes: frames.skipped_bytes,
+            lost_bytes: data.queue.lost(),
+            unused_replies: cycles.unused_replies,
+            incomplete: cycles.incomplete,
+            motor_faults: cycles.motor_faults,
+            overheated: cycles.overheated,
+            stuck: cycles.stuck,
+            surplus: self.surplus,
             ..self.counters
         }
     }
@@ -118,34 +146,41 @@ impl<T: Real> LegLine<T> {
         increment(&mut self.counters.unsolved);
     }
 
-    /// Takes the bytes of one step. Of several samples in them the newest is used, so that a step's work is bounded.
-    pub(super) fn listen(
-        &mut self,
-        data: &mut LegData<T>,
-        now_us: u64,
-        cycle_us: u64,
-        bytes: &[u8],
-    ) {
-        let mut newest = None;
-        let mut bytes = bytes;
-        while let Some(frame) = self.decoder.next(&mut bytes) {
-            if let Some(replies) = self.assembler.push(&frame, now_us, cycle_us)
-                && newest.replace(replies).is_some()
-            {
-                self.assembler.discard(JOINTS_PER_LEG as u32);
-            }
-        }
-        if let Some(replies) = newest {
-            self.push(data, &sample(now_us, &replies));
-        }
+    /// Takes what the bus brought until `end_us`, each byte `byte_ns` after the one before.
+    pub(super) fn hear(data: &mut LegData<T>, bytes: &[u8], end_us: u64, byte_ns: u32) {
+        data.queue.push(bytes, end_us, byte_ns);
     }
 
+    /// Makes samples of what the bus brought, as much as one step has time for; the rest waits. What it cost by estimate,
+    /// instructions.
+    #[inline(never)]
+    pub(super) fn listen(&mut self, data: &mut LegData<T>) -> usize {
+        let (mut effort, mut samples) = (STEP_EFFORT, 0);
+        while (samples < STEP_SAMPLES || data.queue.is_behind()) && !data.queue.is_empty() {
+            let Some(cycle) = self.listener.next(&mut data.queue, &mut effort) else {
+                break;
+            };
+            if samples < STEP_SAMPLES {
+                samples += 1;
+                let sample = self.alignment.sample(cycle, SETTINGS.max_gap_us);
+                self.push(data, &sample);
+            } else {
+                // What waits would be lost in the end, in the middle of a frame.
+                increment(&mut self.surplus);
+                self.listener.discard();
+            }
+        }
+        (STEP_EFFORT - effort) * EFFORT_COST + samples * SAMPLE_COST
+    }
+
+    /// Puts a sample into the window. Not inlined: in a loop, the window's addresses would all be kept, which costs more.
+    #[inline(never)]
     fn push(&mut self, data: &mut LegData<T>, sample: &Sample<T, JOINTS_PER_LEG>) {
         let Some(window) = &mut self.window else {
             return;
         };
         // Steps so long that the turn to fold did not come: fold now, before the next window's rows take the place.
-        let next_close = window.rows().span_us[1].saturating_add(Settings::default().window_us);
+        let next_close = window.rows().span_us[1].saturating_add(SETTINGS.window_us);
         if self.closed && sample.time_us >= next_close {
             self.fold(data);
         }
@@ -164,8 +199,7 @@ impl<T: Real> LegLine<T> {
                 increment(&mut counters.used);
                 increment(&mut counters.gaps);
             }
-            Push::Repeated => increment(&mut counters.repeated),
-            Push::Late => increment(&mut counters.late),
+            Push::Late | Push::Repeated => increment(&mut counters.late),
             Push::Rejected(_) => increment(&mut counters.rejected),
         }
     }
@@ -238,19 +272,6 @@ impl<T: Real> LegLine<T> {
             prior.activate(&self.active);
         }
         true
-    }
-}
-
-/// What three motors say, joint side.
-fn sample<T: Real>(time_us: u64, replies: &[Reply; JOINTS_PER_LEG]) -> Sample<T, JOINTS_PER_LEG> {
-    let joint = |quantity: fn(&Reply, f64) -> f64| {
-        core::array::from_fn(|j| real(quantity(&replies[j], ACTUATORS[j].gear)))
-    };
-    Sample {
-        time_us,
-        q: joint(Reply::joint_position),
-        dq: joint(Reply::joint_velocity),
-        tau: joint(Reply::joint_torque),
     }
 }
 

@@ -3,34 +3,37 @@
 //! [`App::step`] is the same synchronous function on a board, in emulation and on the desktop; who calls it says what time
 //! it is and who it is. A step
 //!
-//! 1. decodes the bytes that each leg's bus brought and assembles at most one sample per leg (`assembly`);
+//! 1. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
+//!    two of a leg at most, and no more bytes than a step has time for; the rest waits;
 //! 2. puts the samples into the legs' windows; a window that closes is marked;
 //! 3. folds at most one marked window into its leg's factors, or does one part of a solution or of the diagnosis;
 //! 4. says at most one message.
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
-//! bound. Apart from step 1, which ends earlier where frames are broken, it does not depend on the data.
+//! bound. Apart from step 1, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
+//! leaves the solution and the diagnosis to the next.
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
-mod assembly;
+mod alignment;
 mod diagnosis;
 mod leg;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod timing_tests;
 
 use crate::Real;
 use crate::estimator::{
     Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
-use crate::window::Settings;
 use crate::wire::{
     self, Capacities, Changed, Counters, DeviceMessage, EffectAt, Estimate, Hello, HostMessage,
-    Load, Outcome, SCHEMA,
+    LegCounters, Load, Outcome, SCHEMA,
 };
 use diagnosis::{Diagnosis, Verdict};
 use heapless::{Deque, String};
-use leg::{LegData, LegLine};
+use leg::{LegData, LegLine, SETTINGS};
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -42,6 +45,10 @@ pub const HELLO_US: u64 = 1_000_000;
 /// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
 /// step within its budget.
 const REST: u8 = 1;
+
+/// What listening may cost in a step that solves or diagnoses as well, instructions by estimate: all that four legs polled at
+/// 1 kHz bring.
+const LISTENING: usize = 40_000;
 
 /// Answers that may wait to be told; a command that finds no room is not obeyed, so that what is done is always answered.
 const ANSWERS: usize = 144;
@@ -57,9 +64,9 @@ pub struct Identity {
     pub load_unit: &'static str,
     /// A step that costs more is counted as over budget.
     pub budget: u32,
-    /// How long before the step that completes a sample its first reply may have come, µs: 0 where a step brings whole
-    /// polling cycles, as in replay; the time between two steps on a board that reads a running bus.
-    pub cycle_us: u64,
+    /// Time between two bytes that follow each other on a motor bus, ns: 2500 at 4 Mbit/s; 0 where all bytes that come at once
+    /// have one time, as in replay.
+    pub byte_ns: u32,
 }
 
 /// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
@@ -191,37 +198,48 @@ impl<T: Real> App<T> {
     }
 
     /// Everything counted up to `now_us`.
-    pub fn counters(&self, now_us: u64) -> Counters {
+    pub fn counters(&self, memory: &Memory<T>, now_us: u64) -> Counters {
         Counters {
             time_us: now_us,
-            legs: self.legs.each_ref().map(LegLine::counters),
+            legs: core::array::from_fn(|leg| match (self.legs.get(leg), memory.0.get(leg)) {
+                (Some(line), Some(data)) => line.counters(data),
+                _ => LegCounters::ZERO,
+            }),
             host_frames_bad: self.host_frames.0,
             host_frames_missed: self.host_frames.1,
             load: self.load,
         }
     }
 
-    /// One step at `now_us` (any fixed origin, never backwards), with the bytes that each leg's bus brought since the last
-    /// one, in SDK order. `out` gets the messages to the host.
+    /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came: on the clock of the steps. It waits
+    /// for the next steps. What finds no room is counted.
+    pub fn hear(&mut self, memory: &mut Memory<T>, leg: usize, bytes: &[u8], end_us: u64) {
+        if !self.begun {
+            self.reset(memory);
+        }
+        if let Some(data) = memory.0.get_mut(leg) {
+            LegLine::hear(data, bytes, end_us, self.identity.byte_ns);
+        }
+    }
+
+    /// One step at `now_us` (any fixed origin, never backwards). `out` gets the messages to the host.
     pub fn step(
         &mut self,
         memory: &mut Memory<T>,
         now_us: u64,
-        buses: [&[u8]; LEGS],
         out: &mut impl FnMut(&DeviceMessage),
     ) {
         if !self.begun {
             self.reset(memory);
         }
-        for ((leg, data), bytes) in self.legs.iter_mut().zip(&mut memory.0).zip(buses) {
-            leg.listen(data, now_us, self.identity.cycle_us, bytes);
-        }
+        let lines = self.legs.iter_mut().zip(&mut memory.0);
+        let listening: usize = lines.map(|(leg, data)| leg.listen(data)).sum();
         let mut lines = self.legs.iter_mut().zip(&mut memory.0);
         let folded = lines.any(|(line, data)| line.fold(data));
-        if !folded {
+        if !folded && listening <= LISTENING {
             self.work(memory, now_us);
         }
-        if let Some(message) = self.message(now_us) {
+        if let Some(message) = self.message(memory, now_us) {
             out(&message);
         }
     }
@@ -278,7 +296,7 @@ impl<T: Real> App<T> {
     }
 
     /// The most urgent message that is due.
-    fn message(&mut self, now_us: u64) -> Option<DeviceMessage> {
+    fn message(&mut self, memory: &Memory<T>, now_us: u64) -> Option<DeviceMessage> {
         if now_us >= self.hello_at {
             self.hello_at = now_us + HELLO_US;
             return Some(DeviceMessage::Hello(self.hello()));
@@ -291,7 +309,7 @@ impl<T: Real> App<T> {
         }
         if now_us >= self.counters_at {
             self.counters_at = now_us + REPORT_US;
-            return Some(DeviceMessage::Counters(self.counters(now_us)));
+            return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
         }
         self.diagnosis
             .take()
@@ -308,7 +326,7 @@ impl<T: Real> App<T> {
                 joints_per_leg: JOINTS_PER_LEG as u8,
                 inertial_parameters: LEG_INERTIAL as u8,
                 effect_parameters: DEFAULT_ACTIVE.effects().count() as u8,
-                window_us: Settings::default().window_us as u32,
+                window_us: SETTINGS.window_us as u32,
                 scalar_bits: (8 * size_of::<T>()) as u8,
             },
             load_unit: text(self.identity.load_unit),

@@ -4,9 +4,8 @@ use std::{boxed::Box, vec::Vec};
 
 use proptest::prelude::*;
 
-use super::assembly::Assembler;
 use super::*;
-use crate::bus::{Command, Frame, Mode, Reply, crc::SEED_GO2};
+use crate::bus::{Command, Mode, Reply, crc::SEED_GO2};
 use crate::effect::EffectKind;
 use crate::estimator::tests::{LegEstimator, solved};
 use crate::go2::ACTUATORS;
@@ -20,7 +19,7 @@ const DESKTOP: Identity = Identity {
     board: "desktop",
     load_unit: "instructions",
     budget: 10,
-    cycle_us: 0,
+    byte_ns: 0,
 };
 const STEP_US: u64 = 2000;
 
@@ -41,7 +40,10 @@ impl<T: Real> Whole<T> {
     }
 
     fn step(&mut self, now_us: u64, buses: [&[u8]; LEGS], out: &mut impl FnMut(&DeviceMessage)) {
-        self.app.step(&mut self.memory, now_us, buses, out);
+        for (leg, bytes) in buses.into_iter().enumerate() {
+            self.app.hear(&mut self.memory, leg, bytes, now_us);
+        }
+        self.app.step(&mut self.memory, now_us, out);
     }
 }
 
@@ -139,7 +141,7 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
             assert!((f64::from(*noise) / expected - 1.0).abs() < 1e-6);
         }
         assert_eq!((estimate.windows, estimate.effects), (69, [0b1111; 3]));
-        let counters = app.app.counters(0).legs[which.index()];
+        let counters = app.app.counters(&app.memory, 0).legs[which.index()];
         assert_eq!(
             (counters.samples, counters.used, counters.windows),
             (700, 700, 69)
@@ -301,7 +303,7 @@ fn a_reset_forgets_and_says_hello() {
     run(&mut app, 100, true);
     app.app.record_cost(11, 5);
     app.handle(&HostMessage::Reset);
-    assert_eq!(app.app.counters(0), Counters::default());
+    assert_eq!(app.app.counters(&app.memory, 0), Counters::default());
     assert!(matches!(run(&mut app, 1, true)[0], DeviceMessage::Hello(_)));
 }
 
@@ -311,7 +313,7 @@ fn costs_are_counted_against_the_budget() {
     for cost in [9, 10, 11, 5] {
         app.app.record_cost(cost, 7);
     }
-    let load = app.app.counters(0).load;
+    let load = app.app.counters(&app.memory, 0).load;
     assert_eq!(
         load,
         Load {
@@ -324,57 +326,7 @@ fn costs_are_counted_against_the_budget() {
     );
 }
 
-/// The cycles of a bus with some of the frames missing: per cycle three commands and three replies, all marked with the
-/// cycle's number.
-fn cycles() -> impl Strategy<Value = Vec<[bool; 6]>> {
-    proptest::collection::vec(
-        proptest::array::uniform6(proptest::bool::weighted(0.7)),
-        1..200,
-    )
-}
-
 proptest! {
-    #[test]
-    fn no_sample_mixes_two_cycles(cycles in cycles()) {
-        let mut assembler = Assembler::new();
-        let (mut samples, mut replies, mut whole) = (0, 0, 0);
-        for (n, heard) in cycles.iter().enumerate() {
-            for motor in 0..3u8 {
-                let mode = Mode::foc(motor);
-                let command = Frame::Command(Command { mode, ..Command::default() });
-                let reply = Frame::Reply(Reply { mode, position: n as i32, ..Reply::default() });
-                let frames = [command, reply];
-                for (frame, _) in frames.iter().zip(&heard[2 * usize::from(motor)..]).filter(|(_, heard)| **heard) {
-                    replies += u32::from(matches!(frame, Frame::Reply(_)));
-                    if let Some(sample) = assembler.push(frame, n as u64 * STEP_US, 0) {
-                        prop_assert_eq!(sample.map(|reply| reply.position), [n as i32; 3]);
-                        samples += 1;
-                    }
-                }
-            }
-            whole += u32::from(heard[1] && heard[3] && heard[5]);
-        }
-        prop_assert_eq!(samples, whole);
-        prop_assert!((0..3).contains(&(replies - 3 * samples - assembler.unused())));
-    }
-
-    #[test]
-    fn cycles_in_one_step_stay_apart_when_replies_are_lost(cycles in cycles()) {
-        let mut assembler = Assembler::new();
-        for (n, heard) in cycles.iter().enumerate() {
-            for motor in 0..3u8 {
-                let mode = Mode::foc(motor);
-                assembler.push(&Frame::Command(Command { mode, ..Command::default() }), 0, 0);
-                if heard[usize::from(motor)] {
-                    let reply = Frame::Reply(Reply { mode, position: n as i32, ..Reply::default() });
-                    if let Some(sample) = assembler.push(&reply, 0, 0) {
-                        prop_assert_eq!(sample.map(|reply| reply.position), [n as i32; 3]);
-                    }
-                }
-            }
-        }
-    }
-
     #[test]
     fn no_bytes_panic_or_break_the_estimate(
         noise in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 1..40)

@@ -6,20 +6,44 @@
 //! in successive, different frames are the seed's, for a chance agreement has probability 2⁻¹⁶ each. [`SeedTracker`]
 //! does that; [`seed_of`] runs the register backwards from the constant to the seed itself.
 
-use crc::{CRC_16_KERMIT, Crc};
-
 /// Seed of motors sold alone.
 pub const SEED_STANDALONE: u16 = 0x0000;
 /// Seed of the commands captured on a Go2.
 pub const SEED_GO2: u16 = 0x2CBB;
 
-/// CRC-16/KERMIT is this polynomial with seed 0.
-const SEED_ZERO: Crc<u16> = Crc::<u16>::new(&CRC_16_KERMIT);
 const POLYNOMIAL: u16 = 0x8408;
+
+/// What a byte leaves in the register: with one byte after it, and as the last. Two bytes at a time cost half of one at a time,
+/// and checksums are most of what listening costs (slicing, Kounavis & Berry 2005).
+const TABLES: [[u16; 256]; 2] = {
+    let mut tables = [[0; 256]; 2];
+    let mut byte = 0;
+    while byte < 256 {
+        tables[1][byte] = constant_of(byte as u16, 1);
+        tables[0][byte] = constant_of(byte as u16, 2);
+        byte += 1;
+    }
+    tables
+};
+
+/// CRC of `body` started from 0: CRC-16/KERMIT.
+#[inline]
+fn seed_zero(body: &[u8]) -> u16 {
+    let (pairs, odd) = body.as_chunks::<2>();
+    let two = |register: u16, pair: &[u8; 2]| {
+        let [first, second] = (register ^ u16::from_le_bytes(*pair)).to_le_bytes();
+        TABLES[0][usize::from(first)] ^ TABLES[1][usize::from(second)]
+    };
+    let one = |register: u16, byte: &u8| {
+        let [low, high] = register.to_le_bytes();
+        TABLES[1][usize::from(low ^ byte)] ^ u16::from(high)
+    };
+    odd.iter().fold(pairs.iter().fold(0, two), one)
+}
 
 /// CRC of `body` started from `seed`.
 pub fn checksum(seed: u16, body: &[u8]) -> u16 {
-    SEED_ZERO.checksum(body) ^ constant_of(seed, body.len())
+    seed_zero(body) ^ constant_of(seed, body.len())
 }
 
 /// The constant that `seed` exclusive-ors into the CRC of `covered` bytes.
@@ -53,15 +77,14 @@ pub const fn seed_of(constant: u16, covered: usize) -> u16 {
     register
 }
 
-/// Decides whether a frame's CRC is good when the seed has to be learnt from the frames themselves.
+/// Decides whether a frame's CRC, over `COVERED` bytes, is good when the seed has to be learnt from the frames themselves.
 ///
 /// A frame that fits a known seed ([`SEED_STANDALONE`], [`SEED_GO2`]) is taken at once, and from then on only that seed
 /// is good. Any other constant must be met in [`Self::CONFIRMATIONS`] frames in a row, each different from the one before
 /// (the same wrong frame repeated proves nothing); the last of them is the first good frame. The same rule replaces a
 /// seed that was accepted by chance.
-#[derive(Clone, Copy, Debug)]
-pub struct SeedTracker {
-    covered: usize,
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SeedTracker<const COVERED: usize> {
     accepted: Option<u16>,
     candidate: Candidate,
 }
@@ -73,50 +96,56 @@ struct Candidate {
     frames: u8,
 }
 
-impl SeedTracker {
+impl Candidate {
+    const NONE: Self = Self {
+        constant: 0,
+        checksum: 0,
+        frames: 0,
+    };
+}
+
+impl<const COVERED: usize> SeedTracker<COVERED> {
     /// Frames in a row that must agree on an unknown seed: chance agreement is 2⁻⁴⁸.
     pub const CONFIRMATIONS: u8 = 4;
 
-    /// A tracker for frames whose CRC covers `covered` bytes.
-    pub const fn new(covered: usize) -> Self {
+    const KNOWN: [u16; 2] = [
+        constant_of(SEED_STANDALONE, COVERED),
+        constant_of(SEED_GO2, COVERED),
+    ];
+
+    /// A tracker that has met no frame.
+    pub const fn new() -> Self {
         Self {
-            covered,
             accepted: None,
-            candidate: Candidate {
-                constant: 0,
-                checksum: 0,
-                frames: 0,
-            },
+            candidate: Candidate::NONE,
         }
     }
 
     /// The seed in use, once a frame was good.
     pub fn seed(&self) -> Option<u16> {
-        self.accepted
-            .map(|constant| seed_of(constant, self.covered))
+        self.accepted.map(|constant| seed_of(constant, COVERED))
     }
 
     /// Whether a frame with this `body` and `received` CRC has the seed in use. Learns nothing from those that do not.
-    pub fn fits(&mut self, body: &[u8], received: u16) -> bool {
-        let fits = self.accepted == Some(received ^ SEED_ZERO.checksum(body));
+    #[inline]
+    pub fn fits(&mut self, body: &[u8; COVERED], received: u16) -> bool {
+        let fits = self.accepted == Some(received ^ seed_zero(body));
         if fits {
-            self.candidate = Candidate::default();
+            self.candidate.frames = 0;
         }
         fits
     }
 
     /// Whether a frame with this `body` and `received` CRC is good.
-    pub fn accept(&mut self, body: &[u8], received: u16) -> bool {
-        let constant = received ^ SEED_ZERO.checksum(body);
+    pub fn accept(&mut self, body: &[u8; COVERED], received: u16) -> bool {
+        let constant = received ^ seed_zero(body);
         let fits = match self.accepted {
             Some(accepted) => constant == accepted,
-            None => [SEED_STANDALONE, SEED_GO2]
-                .iter()
-                .any(|&seed| constant == constant_of(seed, self.covered)),
+            None => Self::KNOWN.contains(&constant),
         };
         if fits || self.confirms(constant, received) {
             self.accepted = Some(constant);
-            self.candidate = Candidate::default();
+            self.candidate.frames = 0;
             return true;
         }
         false
@@ -143,6 +172,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_checksum_is_the_catalogues() {
+        let kermit = crc::Crc::<u16>::new(&crc::CRC_16_KERMIT);
+        let bytes: [u8; 64] = core::array::from_fn(|n| (n * n * 7 + 3 * n) as u8);
+        for from in 0..8 {
+            for to in from..64 {
+                assert_eq!(
+                    checksum(0, &bytes[from..to]),
+                    kermit.checksum(&bytes[from..to])
+                );
+            }
+        }
+    }
+
+    #[test]
     fn constants_of_the_go2_seed() {
         assert_eq!(constant_of(SEED_GO2, 15), 0xE021);
         assert_eq!(constant_of(SEED_GO2, 14), 0x1797);
@@ -158,7 +201,7 @@ mod tests {
     #[test]
     fn an_unknown_seed_is_proposed_and_confirmed() {
         let seed = 0xBEEF;
-        let mut tracker = SeedTracker::new(14);
+        let mut tracker = SeedTracker::<14>::new();
         let verdicts =
             [0u8, 1, 2, 3, 4].map(|n| tracker.accept(&[n; 14], checksum(seed, &[n; 14])));
         assert_eq!(verdicts, [false, false, false, true, true]);
@@ -168,7 +211,7 @@ mod tests {
 
     #[test]
     fn the_same_wrong_frame_again_proves_nothing() {
-        let mut tracker = SeedTracker::new(14);
+        let mut tracker = SeedTracker::<14>::new();
         for _ in 0..100 {
             assert!(!tracker.accept(&[7; 14], 0x1234));
         }

@@ -12,8 +12,8 @@ pub enum Frame {
     Reply(Reply),
 }
 
-/// What went through a [`Decoder`]. Every byte pushed is in a good frame, in `skipped_bytes`, or still pending:
-/// pushed = 17 × `commands` + 16 × `replies` + `skipped_bytes` + [`Decoder::pending`].
+/// What went through a [`Decoder`]. Every byte that it took is in a good frame or in `skipped_bytes`:
+/// taken = 17 × `commands` + 16 × `replies` + `skipped_bytes`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounters {
     /// Good commands.
@@ -31,19 +31,19 @@ pub struct DecoderCounters {
 /// Finds the good frames in a stream of bytes.
 ///
 /// After a bad CRC the search goes on at the byte after the false header, so a header that noise made, or a truncated
-/// frame, hides no good frame behind it. No frame of either kind fits inside the tail of another, so a byte completes at
-/// most one frame. Work per byte is bounded: at most one pass over 18 bytes.
+/// frame, hides no good frame behind it. Commands share one seed, since they have one sender; each motor has its own.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    buffer: [u8; CAPACITY],
-    len: usize,
-    command_seed: SeedTracker,
-    reply_seed: SeedTracker,
+    command_seed: SeedTracker<{ Command::LEN - 2 }>,
+    reply_seeds: [SeedTracker<{ Reply::LEN - 2 }>; IDS],
     counters: DecoderCounters,
 }
 
-/// The longest frame, and one byte to see whether its last byte opens another.
-const CAPACITY: usize = Command::LEN + 1;
+/// Ids that the mode byte can carry.
+const IDS: usize = 16;
+
+/// What a bad CRC costs beside a byte that opens nothing, in bytes of good frames: its bytes are looked at again.
+const BAD_FRAME: usize = 48;
 
 impl Default for Decoder {
     fn default() -> Self {
@@ -55,10 +55,8 @@ impl Decoder {
     /// A decoder that has seen nothing and knows no seed.
     pub const fn new() -> Self {
         Self {
-            buffer: [0; CAPACITY],
-            len: 0,
-            command_seed: SeedTracker::new(Command::LEN - 2),
-            reply_seed: SeedTracker::new(Reply::LEN - 2),
+            command_seed: SeedTracker::new(),
+            reply_seeds: [SeedTracker::new(); IDS],
             counters: DecoderCounters {
                 commands: 0,
                 replies: 0,
@@ -74,42 +72,46 @@ impl Decoder {
         self.counters
     }
 
-    /// Bytes that may still become part of a frame.
-    pub fn pending(&self) -> usize {
-        self.len
-    }
-
     /// The seed of the commands, once one was good.
     pub fn command_seed(&self) -> Option<u16> {
         self.command_seed.seed()
     }
 
-    /// The seed of the replies, once one was good.
-    pub fn reply_seed(&self) -> Option<u16> {
-        self.reply_seed.seed()
+    /// The seed of motor `id`'s replies (its low four bits), once one was good.
+    pub fn reply_seed(&self, id: u8) -> Option<u16> {
+        self.reply_seeds
+            .get(usize::from(id & 0x0F))
+            .and_then(SeedTracker::seed)
     }
 
-    /// Takes bytes off the front of `bytes` until they complete a frame, or all of them.
+    /// Takes bytes off the front of `bytes` until they complete a frame. `None` where they do not: what may still become a
+    /// frame stays in `bytes`, 17 at most, and is to be given again with the bytes that follow it.
     ///
-    /// Gives what [`Self::push`] would give byte by byte; undisturbed frames are read where they lie, at a seventh of the cost.
-    pub fn next(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        loop {
-            if self.len == 0
-                && let Some(frame) = self.whole(bytes)
-            {
-                return Some(frame);
-            }
-            let (&byte, rest) = bytes.split_first()?;
-            *bytes = rest;
-            if let Some(frame) = self.push(byte) {
-                return Some(frame);
-            }
+    /// `effort` bounds the work: each byte of a frame or of noise takes one off it, a false header some more, and `None`
+    /// comes too where nothing is left of it.
+    #[inline]
+    pub fn next(&mut self, bytes: &mut &[u8], effort: &mut usize) -> Option<Frame> {
+        while *effort > 0 {
+            // Frames of a known seed, one after the other, are nearly all that a bus carries: a short way for them.
+            let (frame, length) = match self.usual(bytes) {
+                Some(Frame::Command(command)) => (Frame::Command(command), Command::LEN),
+                Some(Frame::Reply(reply)) => (Frame::Reply(reply), Reply::LEN),
+                None => match self.judge(bytes, effort)? {
+                    Some((frame, length)) => (frame, length),
+                    None => continue,
+                },
+            };
+            *bytes = bytes.get(length..).unwrap_or_default();
+            *effort = effort.saturating_sub(length);
+            return Some(frame);
         }
+        None
     }
 
-    /// A frame that lies whole at the front of `bytes` and has the seed in use.
-    fn whole(&mut self, bytes: &mut &[u8]) -> Option<Frame> {
-        if let Some((frame, rest)) = bytes.split_first_chunk::<{ Command::LEN }>()
+    /// The frame at the front of `seen`, if its sender's seed is known and fits.
+    #[inline]
+    fn usual(&mut self, seen: &[u8]) -> Option<Frame> {
+        if let Some(frame) = seen.first_chunk::<{ Command::LEN }>()
             && frame.starts_with(&Command::HEADER)
         {
             let [body @ .., low, high] = frame;
@@ -117,107 +119,74 @@ impl Decoder {
                 .command_seed
                 .fits(body, u16::from_le_bytes([*low, *high]))
             {
-                *bytes = rest;
                 self.counters.commands = self.counters.commands.wrapping_add(1);
                 return Some(Frame::Command(Command::parse(frame)));
             }
-        } else if let Some((frame, rest)) = bytes.split_first_chunk::<{ Reply::LEN }>()
+        } else if let Some(frame) = seen.first_chunk::<{ Reply::LEN }>()
             && frame.starts_with(&Reply::HEADER)
         {
             let [body @ .., low, high] = frame;
-            if self
-                .reply_seed
-                .fits(body, u16::from_le_bytes([*low, *high]))
-            {
-                *bytes = rest;
+            let reply = Reply::parse(frame);
+            let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()))?;
+            if seed.fits(body, u16::from_le_bytes([*low, *high])) {
                 self.counters.replies = self.counters.replies.wrapping_add(1);
-                return Some(Frame::Reply(Reply::parse(frame)));
+                return Some(Frame::Reply(reply));
             }
         }
         None
     }
 
-    /// Takes one byte; gives the frame that it completes.
-    pub fn push(&mut self, byte: u8) -> Option<Frame> {
-        if let Some(slot) = self.buffer.get_mut(self.len) {
-            *slot = byte;
-            self.len += 1;
-        }
-        while self.len > 0 {
-            match self.examine() {
-                Verdict::Wait => return None,
-                Verdict::Good(frame) => {
-                    self.len = 0;
-                    return Some(frame);
+    /// Judges bytes that begin with no frame of a known seed: a frame and its length where they begin with one after all,
+    /// nothing where some were skipped, `None` where more are needed.
+    #[inline(never)]
+    fn judge(&mut self, bytes: &mut &[u8], effort: &mut usize) -> Option<Option<(Frame, usize)>> {
+        let seen = *bytes;
+        let (skipped, cost) = match seen {
+            [] | [0xFE | 0xFD] => return None,
+            [0xFE, 0xEE, ..] => {
+                let frame = seen.first_chunk::<{ Command::LEN }>()?;
+                let [body @ .., low, high] = frame;
+                if self
+                    .command_seed
+                    .accept(body, u16::from_le_bytes([*low, *high]))
+                {
+                    self.counters.commands = self.counters.commands.wrapping_add(1);
+                    return Some(Some((Frame::Command(Command::parse(frame)), Command::LEN)));
                 }
-                Verdict::Skip => self.skip(),
+                self.refuse(seen, Command::LEN)?;
+                (1, BAD_FRAME)
             }
-        }
-        None
-    }
-
-    fn seen(&self) -> &[u8] {
-        self.buffer.get(..self.len).unwrap_or_default()
-    }
-
-    /// Judges what the buffer begins with.
-    fn examine(&mut self) -> Verdict {
-        match self.seen() {
-            [0xFE | 0xFD] => Verdict::Wait,
-            [0xFE, 0xEE, ..] => self.examine_command(),
-            [0xFD, 0xEE, ..] => self.examine_reply(),
-            _ => Verdict::Skip,
-        }
-    }
-
-    fn examine_command(&mut self) -> Verdict {
-        let Some(bytes) = self.buffer.first_chunk::<{ Command::LEN }>() else {
-            return Verdict::Skip;
+            [0xFD, 0xEE, ..] => {
+                let frame = seen.first_chunk::<{ Reply::LEN }>()?;
+                let [body @ .., low, high] = frame;
+                let reply = Reply::parse(frame);
+                let seed = self.reply_seeds.get_mut(usize::from(reply.mode.id()))?;
+                if seed.accept(body, u16::from_le_bytes([*low, *high])) {
+                    self.counters.replies = self.counters.replies.wrapping_add(1);
+                    return Some(Some((Frame::Reply(reply), Reply::LEN)));
+                }
+                self.refuse(seen, Reply::LEN)?;
+                (1, BAD_FRAME)
+            }
+            _ => {
+                let bytes = noise(seen, *effort);
+                (bytes, bytes)
+            }
         };
-        if self.len < Command::LEN {
-            return Verdict::Wait;
-        }
-        let [body @ .., low, high] = bytes;
-        // A frame that waits for the byte after it has been judged before.
-        if self.len == Command::LEN
-            && self
-                .command_seed
-                .accept(body, u16::from_le_bytes([*low, *high]))
-        {
-            self.counters.commands = self.counters.commands.wrapping_add(1);
-            return Verdict::Good(Frame::Command(Command::parse(bytes)));
-        }
-        self.refuse(Command::LEN)
+        *bytes = seen.get(skipped..).unwrap_or_default();
+        *effort = effort.saturating_sub(cost);
+        self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(skipped as u32);
+        Some(None)
     }
 
-    fn examine_reply(&mut self) -> Verdict {
-        let Some(bytes) = self.buffer.first_chunk::<{ Reply::LEN }>() else {
-            return Verdict::Skip;
-        };
-        if self.len < Reply::LEN {
-            return Verdict::Wait;
+    /// Counts a frame of `length` bytes with a bad CRC. Its last byte may open the header that cut it short, which only the
+    /// next byte tells: `None` until then.
+    fn refuse(&mut self, seen: &[u8], length: usize) -> Option<()> {
+        let examined = seen.get(..=length).unwrap_or(seen);
+        if examined.len() == length && matches!(seen.last(), Some(0xFE | 0xFD)) {
+            return None;
         }
-        let [body @ .., low, high] = bytes;
-        if self.len == Reply::LEN
-            && self
-                .reply_seed
-                .accept(body, u16::from_le_bytes([*low, *high]))
-        {
-            self.counters.replies = self.counters.replies.wrapping_add(1);
-            return Verdict::Good(Frame::Reply(Reply::parse(bytes)));
-        }
-        self.refuse(Reply::LEN)
-    }
-
-    /// Counts a frame of `length` bytes with a bad CRC. Its last byte may open the header that cut it short, which only
-    /// the next byte tells.
-    fn refuse(&mut self, length: usize) -> Verdict {
-        let seen = self.seen();
-        let opens_header = matches!(seen.last(), Some(0xFE | 0xFD));
-        if self.len == length && opens_header {
-            return Verdict::Wait;
-        }
-        let cut = seen
+        let cut = examined
             .windows(2)
             .skip(2)
             .any(|pair| matches!(pair, [0xFE | 0xFD, 0xEE]));
@@ -227,22 +196,13 @@ impl Decoder {
             &mut self.counters.bad_crc
         };
         *counter = counter.wrapping_add(1);
-        Verdict::Skip
-    }
-
-    /// Drops the first byte.
-    fn skip(&mut self) {
-        self.buffer.copy_within(1.., 0);
-        self.len = self.len.saturating_sub(1);
-        self.counters.skipped_bytes = self.counters.skipped_bytes.wrapping_add(1);
+        Some(())
     }
 }
 
-enum Verdict {
-    /// More bytes are needed.
-    Wait,
-    /// A good frame is the whole buffer.
-    Good(Frame),
-    /// The first byte begins no good frame.
-    Skip,
+/// Bytes before the next that may open a header, `most` at most; the first opens none.
+fn noise(seen: &[u8], most: usize) -> usize {
+    let seen = seen.get(..most).unwrap_or(seen);
+    let opens = seen.iter().skip(1).position(|b| matches!(b, 0xFE | 0xFD));
+    opens.map_or(seen.len(), |n| n + 1)
 }

@@ -155,6 +155,16 @@ impl Reply {
     /// First two bytes.
     pub const HEADER: [u8; 2] = [0xFD, 0xEE];
 
+    /// All zeros, a constant.
+    pub(super) const ZERO: Self = Self {
+        mode: Mode(0),
+        torque: 0,
+        speed: 0,
+        position: 0,
+        temperature: 0,
+        flags: 0,
+    };
+
     /// The reply nearest to a joint's position `q` (rad), velocity `dq` (rad/s) and torque `tau` (N m) behind a
     /// transmission of ratio `gear`.
     ///

@@ -213,15 +213,25 @@ pub struct LegCounters {
     pub short: u32,
     /// Bytes in no good frame.
     pub skipped_bytes: u32,
-    /// Good replies that are in no sample: of another motor than 0–2, of a polling cycle that stayed incomplete, or of a
-    /// cycle that a newer one in the same step replaced.
+    /// Bytes that found no room: the bus brought more than steps have time for.
+    pub lost_bytes: u32,
+    /// Good replies that are in no sample: of an id that is none of the leg's motors', or of a cycle that is counted in one
+    /// of the next five.
     pub unused_replies: u32,
-    /// Samples assembled: three good replies of one polling cycle.
+    /// Polling cycles in which a motor was not heard.
+    pub incomplete: u32,
+    /// Replies in which a motor reports a fault other than heat; their cycles are in no sample.
+    pub motor_faults: u32,
+    /// Replies in which a motor says that it is too hot; their cycles are in no sample.
+    pub overheated: u32,
+    /// Replies of a motor whose position stays where it is though speed or torque say otherwise; their cycles are in no sample.
+    pub stuck: u32,
+    /// Polling cycles left out because more came than steps have time for.
+    pub surplus: u32,
+    /// Samples assembled: three good replies of one polling cycle, brought to one time.
     pub samples: u32,
     /// Samples used.
     pub used: u32,
-    /// Samples equal to the one before: skipped.
-    pub repeated: u32,
     /// Samples whose time was not after the one before: skipped.
     pub late: u32,
     /// Samples that cannot be true: skipped.
@@ -244,10 +254,15 @@ impl LegCounters {
         bad_crc: 0,
         short: 0,
         skipped_bytes: 0,
+        lost_bytes: 0,
         unused_replies: 0,
+        incomplete: 0,
+        motor_faults: 0,
+        overheated: 0,
+        stuck: 0,
+        surplus: 0,
         samples: 0,
         used: 0,
-        repeated: 0,
         late: 0,
         rejected: 0,
         gaps: 0,

@@ -21,7 +21,7 @@ const IDENTITY: Identity = Identity {
     board: "mps2-an500",
     load_unit: "instructions",
     budget: 120_000,
-    cycle_us: 0,
+    byte_ns: 0,
 };
 
 /// Bytes of one bus that one step takes; a longer stretch is several steps at the same time.
@@ -150,7 +150,10 @@ impl Listener {
         });
         let mut told = 0;
         let ((), instructions) = self.board.counter.count(|| {
-            app.step(memory, time_us, buses, &mut |message| {
+            for (leg, bytes) in buses.into_iter().enumerate() {
+                app.hear(memory, leg, bytes, time_us);
+            }
+            app.step(memory, time_us, &mut |message| {
                 told = sender.encode(message, frame).len()
             });
         });

@@ -1,5 +1,5 @@
-//! The listener on the NUCLEO-H743ZI2: every 2 ms it takes what its buses have brought and does one step at the time that
-//! the board's clock shows.
+//! The listener on the NUCLEO-H743ZI2: every 2 ms it takes what its buses have brought, with the times that the interrupts of
+//! their UARTs noted, and does one step at the time that the board's clock shows.
 //!
 //! Flash with `probe-rs run --chip STM32H743ZITx`, which shows the log as well.
 #![no_std]
@@ -13,7 +13,9 @@ use embassy_time::{Duration, Instant, Ticker};
 use panic_probe as _;
 use proprio_core::app::{App, Identity, Memory};
 use proprio_core::wire::{HostMessage, LEGS, MAX_FRAME, Receiver, Sender};
-use proprio_firmware::board::nucleo_h743zi2::{Board, CORE_HZ, CycleCounter, Listening, RING};
+use proprio_firmware::board::nucleo_h743zi2::{
+    BUS_BYTE_NS, Board, CORE_HZ, CycleCounter, Listening, RING,
+};
 use proprio_firmware::{Scalar, VERSION, stack::HighWater};
 use static_cell::ConstStaticCell;
 
@@ -25,7 +27,7 @@ const IDENTITY: Identity = Identity {
     board: "nucleo-h743zi2",
     load_unit: "cycles",
     budget: (CORE_HZ as u64 * TICK_US / 1_000_000) as u32,
-    cycle_us: TICK_US,
+    byte_ns: BUS_BYTE_NS,
 };
 
 /// Time between two looks at what was lost, for the log, µs.
@@ -34,7 +36,7 @@ const LOG_US: u64 = 1_000_000;
 static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
 /// All zeros, unlike the application: no copy of it lies in flash.
 static MEMORY: ConstStaticCell<Memory<Scalar>> = ConstStaticCell::new(Memory::new());
-static BUS_BUFFERS: ConstStaticCell<[[u8; RING]; LEGS]> = ConstStaticCell::new([[0; RING]; LEGS]);
+static BUS_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 static HOST_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 
 /// Frames on their way to the host. The step never waits for it; a frame that finds no room is dropped and counted.
@@ -64,7 +66,7 @@ struct Listener {
     counter: CycleCounter,
     app: &'static mut App<Scalar>,
     memory: &'static mut Memory<Scalar>,
-    bus_buffers: &'static mut [[u8; RING]; LEGS],
+    bus_buffer: &'static mut [u8; RING],
     host_buffer: &'static mut [u8; RING],
     receiver: Receiver<HostMessage>,
     sender: Sender,
@@ -91,7 +93,7 @@ async fn main(spawner: Spawner) {
         counter: board.counter,
         app: APP.take(),
         memory: MEMORY.take(),
-        bus_buffers: BUS_BUFFERS.take(),
+        bus_buffer: BUS_BUFFER.take(),
         host_buffer: HOST_BUFFER.take(),
         receiver: Receiver::default(),
         sender: Sender::default(),
@@ -147,14 +149,15 @@ impl Listener {
             frame,
             ..
         } = self;
-        let mut buses = self.buses.iter_mut();
-        let bytes = self
-            .bus_buffers
-            .each_mut()
-            .map(|buffer| buses.next().map_or(&[] as &[u8], |bus| bus.read(buffer)));
+        for (leg, bus) in self.buses.iter_mut().enumerate() {
+            bus.note();
+            while let Some((bytes, time_us)) = bus.piece(self.bus_buffer) {
+                app.hear(memory, leg, bytes, time_us);
+            }
+        }
         let mut told = 0;
         let ((), cycles) = self.counter.count(|| {
-            app.step(memory, now_us, bytes, &mut |message| {
+            app.step(memory, now_us, &mut |message| {
                 told = sender.encode(message, frame).len();
             });
         });

@@ -210,7 +210,8 @@ fn main() -> ! {
             }
             let (_, cost) = counter.count(|| {
                 let mut bytes = bytes.as_slice();
-                core::iter::from_fn(|| decoder.next(&mut bytes)).count()
+                let mut effort = bytes.len();
+                core::iter::from_fn(|| decoder.next(&mut bytes, &mut effort)).count()
             });
             // The first frames also find the seed.
             if n > 0 {

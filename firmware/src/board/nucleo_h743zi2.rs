@@ -12,6 +12,9 @@
 //! PCLK1, 100 MHz: 4 Mbit/s is exact, 921 600 bit/s 0.5 % slow. Clocks come from the ST-LINK's 8 MHz, a crystal's, because
 //! the estimates are only as good as the time.
 //!
+//! The time of a bus's bytes is noted by the UART's interrupt when the line falls idle, as it does after each frame, with how
+//! far DMA has written: [`Listening::piece`] gives the bytes between two such notes, and when the last of them came.
+//!
 //! The data cache stays off: the buffers that DMA writes lie in the same SRAM as all data.
 //!
 //! Reference manual: RM0433; pins: UM2407 and the STM32H743xI data sheet.
@@ -20,9 +23,13 @@ use core::task::Poll;
 
 use cortex_m::peripheral::{DCB, DWT};
 use embassy_futures::poll_once;
+use embassy_stm32::interrupt::typelevel::{self, Handler};
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::{self, Error, RingBufferedUartRx, UartRx, UartTx};
 use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals, time::Hertz};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use embassy_time::Instant;
 use static_cell::ConstStaticCell;
 
 /// Frequency of the core and of its cycle counter, Hz.
@@ -34,11 +41,84 @@ pub const RING: usize = 4096;
 const BUS_BAUD: u32 = 4_000_000;
 const HOST_BAUD: u32 = 921_600;
 
+/// Time of a byte, eight data bits between start and stop bit, on a motor bus, ns.
+pub const BUS_BYTE_NS: u32 = (10_000_000_000 / BUS_BAUD as u64) as u32;
+
+/// Notes of one bus that may wait: six frames of a cycle, eight cycles, between two looks.
+const NOTES: usize = 64;
+
+/// What a bus's UART is, and the DMA stream that empties it, beside the driver that owns both: for notes of the time.
+struct Bus {
+    uart: pac::usart::Usart,
+    stream: usize,
+    notes: Channel<CriticalSectionRawMutex, Note, NOTES>,
+}
+
+/// How far DMA had written, and when.
+#[derive(Clone, Copy)]
+struct Note {
+    position: usize,
+    time_us: u64,
+}
+
+static BUSES: [Bus; 4] = [
+    Bus::new(pac::USART2, 0),
+    Bus::new(pac::UART4, 1),
+    Bus::new(pac::UART5, 2),
+    Bus::new(pac::UART7, 3),
+];
+
+impl Bus {
+    const fn new(uart: pac::usart::Usart, stream: usize) -> Self {
+        let notes = Channel::new();
+        Self {
+            uart,
+            stream,
+            notes,
+        }
+    }
+
+    /// Notes that all that DMA has written came `ago_us` ago at the latest. A note that finds no room is no loss: the next
+    /// speaks for its bytes as well, whose times are then less exact.
+    fn note(&self, ago_us: u64) {
+        let left = usize::from(pac::DMA1.st(self.stream).ndtr().read().ndt());
+        let note = Note {
+            position: RING - left.clamp(1, RING),
+            time_us: Instant::now().as_micros().saturating_sub(ago_us),
+        };
+        let _ = self.notes.try_send(note);
+    }
+
+    /// Notes the time if the line has just fallen idle.
+    fn on_interrupt(&self) {
+        if self.uart.isr().read().idle() {
+            // Before the driver sees it: the driver would not look again until it is read from.
+            self.uart.icr().write(|w| w.set_idle(true));
+            // The line is idle after one byte's time without a byte.
+            self.note(u64::from(BUS_BYTE_NS) / 1000);
+        }
+    }
+}
+
+/// The interrupt of a bus's UART, beside the driver's own.
+struct NotesTime<const BUS: usize>;
+
+macro_rules! notes_time {
+    ($($bus:literal $interrupt:ident),*) => {$(
+        impl Handler<typelevel::$interrupt> for NotesTime<$bus> {
+            unsafe fn on_interrupt() {
+                BUSES[$bus].on_interrupt();
+            }
+        }
+    )*};
+}
+notes_time!(0 USART2, 1 UART4, 2 UART5, 3 UART7);
+
 bind_interrupts!(struct Interrupts {
-    USART2 => usart::InterruptHandler<peripherals::USART2>;
-    UART4 => usart::InterruptHandler<peripherals::UART4>;
-    UART5 => usart::InterruptHandler<peripherals::UART5>;
-    UART7 => usart::InterruptHandler<peripherals::UART7>;
+    USART2 => NotesTime<0>, usart::InterruptHandler<peripherals::USART2>;
+    UART4 => NotesTime<1>, usart::InterruptHandler<peripherals::UART4>;
+    UART5 => NotesTime<2>, usart::InterruptHandler<peripherals::UART5>;
+    UART7 => NotesTime<3>, usart::InterruptHandler<peripherals::UART7>;
     USART3 => usart::InterruptHandler<peripherals::USART3>;
     DMA1_STREAM0 => dma::InterruptHandler<peripherals::DMA1_CH0>;
     DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
@@ -55,6 +135,10 @@ static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]
 pub struct Listening {
     uart: RingBufferedUartRx<'static>,
     registers: pac::usart::Usart,
+    /// Of a motor bus: the notes of its time.
+    bus: Option<&'static Bus>,
+    /// Where in the ring the next byte is read.
+    position: usize,
     overruns: u32,
     line_errors: u32,
 }
@@ -64,6 +148,7 @@ impl Listening {
         uart: Result<UartRx<'static, Async>, usart::ConfigError>,
         ring: &'static mut [u8; RING],
         registers: pac::usart::Usart,
+        bus: Option<&'static Bus>,
     ) -> Self {
         let Ok(uart) = uart else {
             panic!("the baud rate divides the clock")
@@ -71,6 +156,8 @@ impl Listening {
         let mut listening = Self {
             uart: uart.into_ring_buffered(ring),
             registers,
+            bus,
+            position: 0,
             overruns: 0,
             line_errors: 0,
         };
@@ -83,14 +170,53 @@ impl Listening {
     fn start(&mut self) {
         self.uart.start_uart();
         self.registers.cr3().modify(|w| w.set_eie(false));
+        self.position = 0;
+        if let Some(bus) = self.bus {
+            bus.notes.clear();
+        }
     }
 
-    /// The bytes that came since the last call, `buffer`'s beginning. Never waits.
-    pub fn read<'a>(&mut self, buffer: &'a mut [u8; RING]) -> &'a [u8] {
+    /// Notes the time for what has come since the line was idle last: then [`Self::piece`] gives all that has come, also of a
+    /// line that is never idle.
+    pub fn note(&self) {
+        if let Some(bus) = self.bus {
+            cortex_m::interrupt::free(|_| bus.note(0));
+        }
+    }
+
+    /// The next bytes of a motor bus that came without a pause, and when the last of them did, µs. `None` where no more have
+    /// come. Never waits.
+    pub fn piece<'a>(&mut self, buffer: &'a mut [u8; RING]) -> Option<(&'a [u8], u64)> {
+        let bus = self.bus?;
+        while let Ok(note) = bus.notes.try_receive() {
+            let length = (note.position + RING - self.position) % RING;
+            let mut filled = 0;
+            // Where the ring ends, a piece is read in two parts.
+            for _ in 0..2 {
+                let part = self
+                    .read(buffer.get_mut(filled..length).unwrap_or_default())
+                    .len();
+                filled += part;
+            }
+            if filled > 0 {
+                return Some((buffer.get(..filled).unwrap_or_default(), note.time_us));
+            }
+        }
+        None
+    }
+
+    /// Bytes that came since the last call, `buffer`'s beginning. Never waits.
+    pub fn read<'a>(&mut self, buffer: &'a mut [u8]) -> &'a [u8] {
+        if buffer.is_empty() {
+            return &[];
+        }
         // A broken line is found first, then what it brought; what overran the ring is found by the second look.
         for _ in 0..3 {
             match poll_once(self.uart.read(buffer)) {
-                Poll::Ready(Ok(length)) => return &buffer[..length.min(RING)],
+                Poll::Ready(Ok(length)) => {
+                    self.position = (self.position + length) % RING;
+                    return buffer.get(..length).unwrap_or_default();
+                }
                 Poll::Ready(Err(Error::Overrun)) => self.overruns = self.overruns.wrapping_add(1),
                 Poll::Ready(Err(_)) => self.line_errors = self.line_errors.wrapping_add(1),
                 Poll::Pending => break,
@@ -158,21 +284,25 @@ impl Board {
                 UartRx::new(p.USART2, p.PD6, p.DMA1_CH0, irqs, bus),
                 fr,
                 pac::USART2,
+                Some(&BUSES[0]),
             ),
             Listening::new(
                 UartRx::new(p.UART4, p.PD0, p.DMA1_CH1, irqs, bus),
                 fl,
                 pac::UART4,
+                Some(&BUSES[1]),
             ),
             Listening::new(
                 UartRx::new(p.UART5, p.PD2, p.DMA1_CH2, irqs, bus),
                 rr,
                 pac::UART5,
+                Some(&BUSES[2]),
             ),
             Listening::new(
                 UartRx::new(p.UART7, p.PE7, p.DMA1_CH3, irqs, bus),
                 rl,
                 pac::UART7,
+                Some(&BUSES[3]),
             ),
         ];
         let host_uart = usart::Uart::new(
@@ -186,7 +316,7 @@ impl Board {
         );
         let (to_host, from_host) = host_uart.ok()?.split();
         Some(Self {
-            from_host: Listening::new(Ok(from_host), host, pac::USART3),
+            from_host: Listening::new(Ok(from_host), host, pac::USART3, None),
             to_host,
             buses,
             counter: CycleCounter::new(core.DCB, core.DWT),

@@ -2,6 +2,7 @@
 
 mod add;
 mod advise;
+mod capture;
 mod compare;
 mod completions;
 mod demo;
@@ -23,6 +24,8 @@ use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use proprio::capture::CaptureError;
+use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
@@ -60,6 +63,7 @@ pub(crate) struct Arguments {
 enum Command {
     Add(add::Add),
     Advise(advise::Advise),
+    Capture(capture::Capture),
     Compare(compare::Compare),
     Completions(completions::Completions),
     Demo(demo::Demo),
@@ -104,6 +108,7 @@ impl Command {
         match self {
             Self::Add(command) => command.run(),
             Self::Advise(command) => command.run(),
+            Self::Capture(command) => command.run(),
             Self::Compare(command) => command.run(),
             Self::Completions(command) => command.run(),
             Self::Demo(command) => command.run(),
@@ -136,6 +141,10 @@ pub(crate) enum Error {
     Log(#[from] LogError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     #[error(
         "the device told no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
     )]

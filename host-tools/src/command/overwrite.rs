@@ -20,7 +20,9 @@ const WRITTEN: [&str; 4] = ["output", "html", "truth", "coefficients"];
 /// Arguments that name a file which may be written again on purpose.
 const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];
 /// Arguments that name logs, motions and models that are read.
-const LOGS: [&str; 6] = ["logs", "log", "from", "motion", "follow", "models"];
+const LOGS: [&str; 7] = [
+    "logs", "log", "from", "motion", "follow", "models", "explain",
+];
 
 /// What stands where a file is to go.
 enum Standing {

@@ -94,7 +94,7 @@ impl Replay {
             .iter()
             .map(|w| format!("{}: {w}", self.log.display()))
             .collect();
-        let report = Report::new(device.hello(), told, &legs, steps.played, warnings)?;
+        let report = Report::new(device.hello(), told, &legs, &steps.played, warnings)?;
         report
             .warnings
             .iter()
@@ -134,12 +134,22 @@ impl Replay {
     }
 }
 
+/// What was played of a log's rows to one leg.
+#[derive(Clone, Copy, Default)]
+struct Played {
+    samples: u32,
+    /// Rows that repeat the one before and were left out.
+    repeated: u32,
+}
+
 /// A log as bus steps.
 struct Steps<'a> {
     reader: LogReader,
     legs: &'a [Leg],
     last_us: Option<u64>,
-    played: u32,
+    /// What each leg's bus carried last.
+    last: [Vec<u8>; LEGS],
+    played: [Played; LEGS],
     progress: Progress,
 }
 
@@ -150,7 +160,8 @@ impl<'a> Steps<'a> {
             reader,
             legs,
             last_us: None,
-            played: 0,
+            last: Default::default(),
+            played: Default::default(),
             progress,
         }
     }
@@ -164,11 +175,34 @@ impl<'a> Steps<'a> {
                 continue;
             }
             self.last_us = Some(row.time_us);
-            self.played += 1;
             let instant = Leg::ALL.map(|leg| self.legs.contains(&leg).then(|| row.sample(leg)));
-            return Ok(Some(bus_step(row.time_us, &instant)?));
+            let mut step = bus_step(row.time_us, &instant)?;
+            self.leave_out_repeats(&mut step);
+            return Ok(Some(step));
         }
         Ok(None)
+    }
+
+    /// A host reads the latest message twice; a bus measures anew whenever it is asked. So what a leg said already, to the last
+    /// count, was not on its bus a second time.
+    fn leave_out_repeats(&mut self, step: &mut BusStep) {
+        let legs = step
+            .buses
+            .iter_mut()
+            .zip(&mut self.last)
+            .zip(&mut self.played);
+        for ((bytes, last), played) in legs {
+            if bytes.is_empty() {
+                continue;
+            }
+            if bytes == last {
+                bytes.clear();
+                played.repeated += 1;
+            } else {
+                last.clone_from(bytes);
+                played.samples += 1;
+            }
+        }
     }
 }
 

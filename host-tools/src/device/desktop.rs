@@ -2,7 +2,6 @@
 
 use proprio_core::Real;
 use proprio_core::app::{App, Identity, Memory};
-use proprio_core::go2::LEGS;
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 
 use super::{BusStep, Device, DeviceError};
@@ -22,12 +21,12 @@ impl<T: Real> Desktop<T> {
             board: "desktop",
             load_unit: "nothing",
             budget: u32::MAX,
-            cycle_us: 0,
+            byte_ns: 0,
         }));
         let mut memory = Box::new(Memory::new());
         // Every board does one step at time 0, and it says hello.
         let mut hello = None;
-        app.step(&mut memory, 0, [&[]; LEGS], &mut |message| {
+        app.step(&mut memory, 0, &mut |message| {
             if let DeviceMessage::Hello(said) = message {
                 hello = Some(said.clone());
             }
@@ -58,9 +57,11 @@ impl<T: Real> Device for Desktop<T> {
         step: &BusStep,
         told: &mut dyn FnMut(DeviceMessage),
     ) -> Result<(), DeviceError> {
-        let buses = step.buses.each_ref().map(Vec::as_slice);
+        for (leg, bytes) in step.buses.iter().enumerate() {
+            self.app.hear(&mut self.memory, leg, bytes, step.time_us);
+        }
         self.app
-            .step(&mut self.memory, step.time_us, buses, &mut |message| {
+            .step(&mut self.memory, step.time_us, &mut |message| {
                 told(message.clone())
             });
         Ok(())

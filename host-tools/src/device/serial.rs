@@ -57,7 +57,11 @@ impl SerialDevice {
     }
 }
 
-fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
+/// A serial port, 8N1, whose reads give up after a millisecond.
+///
+/// # Errors
+/// [`DeviceError::Port`].
+pub fn open(port: &str, baud: u32) -> Result<Box<dyn SerialPort>, DeviceError> {
     serialport::new(port, baud)
         .timeout(Duration::from_millis(1))
         .open()

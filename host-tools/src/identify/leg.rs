@@ -15,10 +15,7 @@ use super::result::Samples;
 use crate::estimate::{self, Constraint, ParameterEstimate};
 
 /// Windows of the estimator, here and on the device.
-pub(super) const SETTINGS: Settings = Settings {
-    window_us: 20_000,
-    max_gap_us: 10_000,
-};
+pub(super) const SETTINGS: Settings = Settings::DEFAULT;
 
 /// Length of a block of one fold, µs: longer than a residual remembers.
 const BLOCK_US: u64 = 2_000_000;

@@ -13,6 +13,7 @@ use proprio_core::wire::{
 };
 use serde::Serialize;
 
+use super::Played;
 use super::effects::{self, Answer, Found};
 use crate::command::Error;
 
@@ -38,6 +39,8 @@ struct LegReport {
     leg: &'static str,
     /// Samples played.
     played: u32,
+    /// Rows of the log that repeat the one before: not played, since a bus never says what it measured twice.
+    repeated: u32,
     windows: u32,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
     noise: [f32; 3],
@@ -73,7 +76,7 @@ impl Report {
         hello: &Hello,
         told: Told,
         legs: &[Leg],
-        played: u32,
+        played: &[Played; LEGS],
         mut warnings: Vec<String>,
     ) -> Result<Self, Error> {
         let mut parameters = Vec::new();
@@ -81,13 +84,14 @@ impl Report {
         for &leg in legs {
             let counters = &told.counters.legs[leg.index()];
             let name = leg.name();
+            let Played { samples, repeated } = played[leg.index()];
+            let played = samples;
             let Some(estimate) = &told.estimates[leg.index()] else {
-                let (samples, windows) = (counters.samples, counters.windows);
                 return Err(Error::NoEstimate {
                     leg: name,
                     played,
-                    samples,
-                    windows,
+                    samples: counters.samples,
+                    windows: counters.windows,
                 });
             };
             if counters.samples != played {
@@ -102,6 +106,7 @@ impl Report {
             reports.push(LegReport {
                 leg: name,
                 played,
+                repeated,
                 windows,
                 noise,
             });
@@ -127,13 +132,16 @@ impl Report {
 
 /// What one leg's counters are called and how to read them.
 type Count = (&'static str, fn(&LegCounters) -> u32);
-const COUNTS: [Count; 10] = [
+const COUNTS: [Count; 13] = [
     ("replies", |c| c.replies),
     ("bad CRC", |c| c.bad_crc),
     ("short", |c| c.short),
     ("unused", |c| c.unused_replies),
+    ("incomplete", |c| c.incomplete),
+    ("faults", |c| c.motor_faults + c.overheated),
+    ("stuck", |c| c.stuck),
+    ("surplus", |c| c.surplus),
     ("samples", |c| c.samples),
-    ("repeated", |c| c.repeated),
     ("late", |c| c.late),
     ("rejected", |c| c.rejected),
     ("gaps", |c| c.gaps),
@@ -168,14 +176,19 @@ impl fmt::Display for Report {
         let mut table = Table::default();
         let names = COUNTS.map(|(name, _)| name.to_owned());
         table.row(
-            [String::from("leg"), String::from("played")]
+            ["leg", "played", "repeated"]
+                .map(String::from)
                 .into_iter()
                 .chain(names),
         );
         for (leg, report) in legs() {
             let counters = &self.counters.legs[leg.index()];
             let counts = COUNTS.map(|(_, count)| count(counters).to_string());
-            let first = [report.leg.to_owned(), report.played.to_string()];
+            let first = [
+                report.leg.to_owned(),
+                report.played.to_string(),
+                report.repeated.to_string(),
+            ];
             table.row(first.into_iter().chain(counts));
         }
         write!(f, "{table}")?;

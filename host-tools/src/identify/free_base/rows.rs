@@ -174,6 +174,7 @@ fn settings(period: f64) -> Settings {
     Settings {
         window_us: (2 * usual.window_us).max(us(LEAST_STEPS * period)),
         max_gap_us: usual.max_gap_us.max(us(1.6 * period)),
+        ..usual
     }
 }
 

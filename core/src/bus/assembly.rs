@@ -1,0 +1,183 @@
+//! Motors' replies to polling cycles.
+//!
+//! The master polls the motors of a leg in turn; a [`Cycle`] is the replies of one turn of all and never of two. Where a
+//! cycle begins is not written on the bus, and frames are lost, so time tells: with what is known of the [`Schedule`], each
+//! reply says when its cycle began, and two replies belong together if these beginnings are less than half a period apart.
+//! The commands are not needed: a tap may carry replies alone.
+//!
+//! A reply that cannot be trusted stays out, and with it its cycle. Everything left out is counted.
+
+use super::MOTORS;
+use super::encoder::Encoder;
+use super::frame::Reply;
+use super::schedule::{Learner, Schedule};
+
+/// A reply, and when its last byte came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// What the motor said.
+    pub reply: Reply,
+    /// When, µs.
+    pub time_us: u64,
+}
+
+/// The replies of one polling cycle, by ascending id: hip, thigh, calf.
+pub type Cycle = [Heard; MOTORS];
+
+/// What became of good replies that are in no [`Cycle`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AssemblyCounters {
+    /// Good replies in no cycle, for any of the reasons below or because another reply of the cycle was.
+    pub unused_replies: u32,
+    /// Cycles in which a motor was not heard.
+    pub incomplete: u32,
+    /// Replies in which the motor reports a fault other than heat.
+    pub motor_faults: u32,
+    /// Replies in which the motor says that it is too hot.
+    pub overheated: u32,
+    /// Replies of a motor whose encoder is stuck.
+    pub stuck: u32,
+}
+
+/// The cycle under way.
+#[derive(Clone, Debug)]
+pub(super) struct Assembler {
+    learner: Learner,
+    encoders: [Encoder; MOTORS],
+    cycle: Cycle,
+    /// Which motors have answered, bit by bit, and of which of them the answer is to be used.
+    answered: u8,
+    trusted: u8,
+    /// When the cycle under way began, by the first of its replies.
+    began_us: u64,
+    counters: AssemblyCounters,
+}
+
+/// All motors.
+const ALL: u8 = (1 << MOTORS) - 1;
+
+/// The error code of a motor that is too hot.
+const OVERHEAT: u8 = 1;
+
+impl Assembler {
+    /// Nothing heard yet.
+    pub(super) const fn new() -> Self {
+        const NOTHING: Heard = Heard {
+            reply: Reply::ZERO,
+            time_us: 0,
+        };
+        Self {
+            learner: Learner::new(),
+            encoders: [Encoder::new(); MOTORS],
+            cycle: [NOTHING; MOTORS],
+            answered: 0,
+            trusted: 0,
+            began_us: 0,
+            counters: AssemblyCounters {
+                unused_replies: 0,
+                incomplete: 0,
+                motor_faults: 0,
+                overheated: 0,
+                stuck: 0,
+            },
+        }
+    }
+
+    pub(super) fn counters(&self) -> AssemblyCounters {
+        self.counters
+    }
+
+    pub(super) fn schedule(&self) -> &Schedule {
+        self.learner.schedule()
+    }
+
+    /// Counts a cycle that its receiver cannot use.
+    pub(super) fn discard(&mut self) {
+        add(&mut self.counters.unused_replies, MOTORS as u32);
+    }
+
+    /// The cycle that the last [`Self::push`] completed.
+    pub(super) fn cycle(&self) -> &Cycle {
+        &self.cycle
+    }
+
+    /// Takes the next reply; whether it completes a cycle.
+    pub(super) fn push(&mut self, heard: Heard) -> bool {
+        let Some(motor) = self.learner.hear(heard.reply.mode.id(), heard.time_us) else {
+            add(&mut self.counters.unused_replies, 1);
+            return false;
+        };
+        let schedule = self.learner.schedule();
+        let offset = schedule.offsets_us.get(motor).copied().unwrap_or_default();
+        let began_us = heard.time_us.wrapping_sub(u64::from(offset));
+        let motor_bit = 1 << motor;
+        if self.answered != 0 {
+            let apart = began_us.wrapping_sub(self.began_us) as i64;
+            let elsewhere = apart.unsigned_abs() >= u64::from(schedule.period_us / 2);
+            if elsewhere || self.answered & motor_bit != 0 {
+                self.end();
+            }
+        }
+        if self.answered == 0 {
+            (self.began_us, self.trusted) = (began_us, 0);
+        }
+        self.answered |= motor_bit;
+        if self.is_trusted(motor, &heard) {
+            self.trusted |= motor_bit;
+        }
+        if let Some(place) = self.cycle.get_mut(motor) {
+            *place = heard;
+        }
+        if self.answered != ALL {
+            return false;
+        }
+        if self.trusted != ALL {
+            self.end();
+            return false;
+        }
+        self.answered = 0;
+        true
+    }
+
+    /// Whether what a motor says of itself allows to believe the rest.
+    fn is_trusted(&mut self, motor: usize, heard: &Heard) -> bool {
+        let encoder = self.encoders.get_mut(motor);
+        let stuck = encoder.is_some_and(|encoder| encoder.is_stuck(heard));
+        let error = heard.reply.error();
+        let fault = stuck || error != 0;
+        if fault {
+            self.count_fault(error);
+        }
+        !fault
+    }
+
+    /// Counts a reply that is not to be used, for the motor's error or else for its encoder.
+    #[cold]
+    fn count_fault(&mut self, error: u8) {
+        let counters = &mut self.counters;
+        let counter = match error {
+            0 => &mut counters.stuck,
+            OVERHEAT => &mut counters.overheated,
+            _ => &mut counters.motor_faults,
+        };
+        add(counter, 1);
+    }
+
+    /// Ends the cycle under way, whose replies are of no use.
+    #[cold]
+    fn end(&mut self) {
+        add(
+            &mut self.counters.incomplete,
+            u32::from(self.answered != ALL),
+        );
+        add(
+            &mut self.counters.unused_replies,
+            self.answered.count_ones(),
+        );
+        self.answered = 0;
+    }
+}
+
+fn add(counter: &mut u32, n: u32) {
+    *counter = counter.wrapping_add(n);
+}

@@ -1,0 +1,73 @@
+//! One leg's bus: bytes with times in, polling cycles out.
+
+use super::assembly::{Assembler, AssemblyCounters, Cycle, Heard};
+use super::decoder::{Decoder, DecoderCounters, Frame};
+use super::queue::Queue;
+use super::schedule::Schedule;
+
+/// What listens to one leg's bus. It assumes nothing that the frames do not say: seeds, ids, order and period of polling
+/// are learnt from them.
+#[derive(Clone, Debug)]
+pub struct Listener {
+    decoder: Decoder,
+    assembler: Assembler,
+}
+
+impl Default for Listener {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Listener {
+    /// A listener that has heard nothing.
+    pub const fn new() -> Self {
+        Self {
+            decoder: Decoder::new(),
+            assembler: Assembler::new(),
+        }
+    }
+
+    /// Takes bytes off `queue` until they complete a cycle; `None` where they do not, or where nothing is left of `effort`
+    /// ([`Decoder::next`]): then the rest waits in the queue.
+    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<&Cycle> {
+        loop {
+            let before = queue.waiting();
+            let mut bytes = before;
+            let frame = self.decoder.next(&mut bytes, effort);
+            let taken = before.len() - bytes.len();
+            queue.take(taken);
+            if let Frame::Reply(reply) = frame? {
+                let time_us = queue.taken_us();
+                if self.assembler.push(Heard { reply, time_us }) {
+                    return Some(self.assembler.cycle());
+                }
+            }
+        }
+    }
+
+    /// Counts a cycle that its receiver cannot use: its replies are in no sample.
+    pub fn discard(&mut self) {
+        self.assembler.discard();
+    }
+
+    /// What is known of the polling.
+    pub fn schedule(&self) -> &Schedule {
+        self.assembler.schedule()
+    }
+
+    /// The frames and their seeds.
+    pub fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// Frames and bytes.
+    pub fn frames(&self) -> DecoderCounters {
+        self.decoder.counters()
+    }
+
+    /// Replies and cycles.
+    pub fn cycles(&self) -> AssemblyCounters {
+        self.assembler.counters()
+    }
+}

@@ -1,0 +1,311 @@
+//! What a capture says of the bus: by the device's own listener, and what only a desktop has room for.
+
+use std::io::Read;
+
+use proprio_core::bus::{
+    AssemblyCounters, Decoder, DecoderCounters, Frame, Listener, MOTORS, Queue, Reply,
+};
+use serde::Serialize;
+
+use super::{CaptureError, CaptureReader};
+
+/// Bytes given to the listener at once: what its queue always has room for.
+const PART: usize = 256;
+
+/// Ids that a reply can carry.
+const IDS: usize = 16;
+
+/// What a capture says.
+#[derive(Debug, Clone, Serialize)]
+pub struct Explanation {
+    /// From the first record to the last, s.
+    pub seconds: f64,
+    /// Bytes captured.
+    pub bytes: u64,
+    /// Records: pieces that came without a pause, as the adapter tells.
+    pub records: u64,
+    /// Bits per second.
+    pub baud: u32,
+    /// Share of the time in which the bus was busy.
+    pub busy: f64,
+    /// Good commands.
+    pub commands: u32,
+    /// Good replies.
+    pub replies: u32,
+    /// Frames with a bad checksum, of full length.
+    pub bad_crc: u32,
+    /// Frames with a bad checksum, cut short by the next.
+    pub short: u32,
+    /// Bytes in no good frame.
+    pub skipped_bytes: u32,
+    /// Seed of the commands' checksums.
+    pub command_seed: Option<u16>,
+    /// The motors that answer, by ascending id.
+    pub motors: Vec<MotorExplanation>,
+    /// Ids in the order of polling; empty where it was not learnt.
+    pub order: Vec<u8>,
+    /// Time from one polling cycle to the next, µs; none where it was not learnt.
+    pub period_us: Option<u32>,
+    /// Polling cycles of which a sample can be made.
+    pub cycles: u64,
+    /// Polling cycles in which a motor was not heard.
+    pub incomplete_cycles: u32,
+    /// Replies in which a motor reports a fault other than heat.
+    pub motor_faults: u32,
+    /// Replies in which a motor says that it is too hot.
+    pub overheated: u32,
+    /// Replies of a motor whose encoder is stuck.
+    pub stuck: u32,
+    /// Share of the good replies that are in a sample.
+    pub used: f64,
+    /// What is wrong, in words.
+    pub warnings: Vec<String>,
+}
+
+/// What a capture says of one motor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MotorExplanation {
+    /// Its id.
+    pub id: u8,
+    /// Good replies.
+    pub replies: u32,
+    /// Seed of its checksums.
+    pub seed: Option<u16>,
+    /// How long after the first motor's reply its own comes, µs; none where that was not learnt.
+    pub offset_us: Option<u32>,
+    /// From the end of a command to the beginning of its reply; none where no pair came in two records.
+    pub turnaround: Option<Turnaround>,
+    /// Replies with each error code: none, overheat, overcurrent, overvoltage, encoder, and the codes without a name.
+    pub errors: [u32; 8],
+    /// Least and greatest temperature, °C.
+    pub temperature: [i8; 2],
+}
+
+/// Turn-around times, µs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Turnaround {
+    /// The shortest.
+    pub least: u64,
+    /// The median.
+    pub median: u64,
+    /// The longest.
+    pub greatest: u64,
+}
+
+/// One motor's replies.
+#[derive(Default)]
+struct Motor {
+    replies: u32,
+    errors: [u32; 8],
+    temperature: Option<[i8; 2]>,
+    turnarounds: Vec<u64>,
+}
+
+/// The frames one by one, with their times.
+struct Frames {
+    queue: Queue,
+    decoder: Decoder,
+    byte_ns: u32,
+    /// Id of the last command, and when its last byte came, if no frame came after it.
+    asked: Option<(u8, u64)>,
+    motors: [Motor; IDS],
+}
+
+impl Frames {
+    fn hear(&mut self, bytes: &[u8], end_us: u64) {
+        self.queue.push(bytes, end_us, self.byte_ns);
+        loop {
+            let waiting = self.queue.waiting();
+            let mut rest = waiting;
+            let frame = self.decoder.next(&mut rest, &mut { usize::MAX });
+            let taken = waiting.len() - rest.len();
+            self.queue.take(taken);
+            match frame {
+                Some(Frame::Command(command)) => {
+                    self.asked = Some((command.mode.id(), self.queue.taken_us()));
+                }
+                Some(Frame::Reply(reply)) => self.reply(&reply),
+                None => return,
+            }
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply) {
+        let id = reply.mode.id();
+        let motor = &mut self.motors[usize::from(id)];
+        motor.replies += 1;
+        motor.errors[usize::from(reply.error())] += 1;
+        let [least, greatest] = motor.temperature.get_or_insert([reply.temperature; 2]);
+        *least = reply.temperature.min(*least);
+        *greatest = reply.temperature.max(*greatest);
+        let length_us = Reply::LEN as u64 * u64::from(self.byte_ns) / 1000;
+        let began_us = self.queue.taken_us().saturating_sub(length_us);
+        if let Some((asked, at_us)) = self.asked.take()
+            && asked == id
+            // A pair of one record seems to follow without a pause, whatever happened on the bus.
+            && began_us > at_us + 1
+        {
+            motor.turnarounds.push(began_us - at_us);
+        }
+    }
+}
+
+impl Motor {
+    fn turnaround(&mut self) -> Option<Turnaround> {
+        let times = &mut self.turnarounds;
+        times.sort_unstable();
+        Some(Turnaround {
+            least: *times.first()?,
+            median: times[times.len() / 2],
+            greatest: *times.last()?,
+        })
+    }
+}
+
+/// Says what a capture holds.
+///
+/// # Errors
+/// [`CaptureError::Read`].
+pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, CaptureError> {
+    let byte_ns = capture.byte_ns();
+    let mut frames = Frames {
+        queue: Queue::new(),
+        decoder: Decoder::new(),
+        byte_ns,
+        asked: None,
+        motors: Default::default(),
+    };
+    let (mut queue, mut listener) = (Queue::new(), Listener::new());
+    let (mut records, mut bytes, mut cycles) = (0, 0, 0);
+    let mut span: Option<[u64; 2]> = None;
+    while let Some(record) = capture.next_record()? {
+        records += 1;
+        bytes += record.bytes.len() as u64;
+        span.get_or_insert([record.time_us; 2])[1] = record.time_us;
+        let mut left = record.bytes.len();
+        for part in record.bytes.chunks(PART) {
+            left -= part.len();
+            let after_us = left as u64 * u64::from(byte_ns) / 1000;
+            let end_us = record.time_us.saturating_sub(after_us);
+            frames.hear(part, end_us);
+            queue.push(part, end_us, byte_ns);
+            while listener.next(&mut queue, &mut { usize::MAX }).is_some() {
+                cycles += 1;
+            }
+        }
+    }
+    let seconds = span.map_or(0.0, |[first, last]| {
+        last.saturating_sub(first) as f64 * 1e-6
+    });
+    let busy_s = bytes as f64 * f64::from(byte_ns) * 1e-9;
+    let DecoderCounters {
+        commands,
+        replies,
+        bad_crc,
+        short,
+        skipped_bytes,
+    } = listener.frames();
+    let AssemblyCounters {
+        incomplete,
+        motor_faults,
+        overheated,
+        stuck,
+        ..
+    } = listener.cycles();
+    let schedule = listener.schedule();
+    let mut explanation = Explanation {
+        seconds,
+        bytes,
+        records,
+        baud: capture.baud(),
+        busy: if seconds > 0.0 { busy_s / seconds } else { 0.0 },
+        commands,
+        replies,
+        bad_crc,
+        short,
+        skipped_bytes,
+        command_seed: listener.decoder().command_seed(),
+        motors: motors(&mut frames, &listener),
+        order: match schedule.learnt {
+            true => schedule.order().map(|motor| schedule.ids[motor]).to_vec(),
+            false => Vec::new(),
+        },
+        period_us: schedule.learnt.then_some(schedule.period_us),
+        cycles,
+        incomplete_cycles: incomplete,
+        motor_faults,
+        overheated,
+        stuck,
+        used: cycles as f64 * MOTORS as f64 / f64::from(replies.max(1)),
+        warnings: Vec::new(),
+    };
+    explanation.warnings = explanation.warn();
+    Ok(explanation)
+}
+
+fn motors(frames: &mut Frames, listener: &Listener) -> Vec<MotorExplanation> {
+    let schedule = listener.schedule();
+    let offset = |id: u8| {
+        let place = schedule.ids.iter().position(|known| *known == id);
+        place
+            .filter(|_| schedule.learnt)
+            .map(|motor| schedule.offsets_us[motor])
+    };
+    let decoder = &frames.decoder;
+    let heard = frames
+        .motors
+        .iter_mut()
+        .enumerate()
+        .filter(|(_, motor)| motor.replies > 0);
+    let explained = heard.map(|(id, motor)| MotorExplanation {
+        id: id as u8,
+        replies: motor.replies,
+        seed: decoder.reply_seed(id as u8),
+        offset_us: offset(id as u8),
+        turnaround: motor.turnaround(),
+        errors: motor.errors,
+        temperature: motor.temperature.unwrap_or_default(),
+    });
+    explained.collect()
+}
+
+impl Explanation {
+    fn warn(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let frames = self.commands + self.replies;
+        if self.bytes == 0 {
+            warnings.push(
+                "nothing was captured: check the wiring, and that the robot is on".to_owned(),
+            );
+        } else if frames == 0 {
+            warnings.push(format!(
+                "no frame has a good checksum: check the baud rate ({}), and that A and B are not swapped",
+                self.baud
+            ));
+        } else if self.replies == 0 {
+            warnings.push(
+                "there are commands and no reply: no motor answers, or only the master is heard"
+                    .to_owned(),
+            );
+        }
+        if frames > 0 && self.skipped_bytes as f64 > 0.01 * self.bytes as f64 {
+            let share = 100.0 * f64::from(self.skipped_bytes) / self.bytes as f64;
+            warnings.push(format!(
+                "{share:.1} % of the bytes are in no good frame: check ground and termination"
+            ));
+        }
+        if self.replies > 0 && self.motors.len() != MOTORS {
+            warnings.push(format!(
+                "{} ids answer where a leg has {MOTORS} motors",
+                self.motors.len()
+            ));
+        }
+        if self.replies > 0 && self.used < 0.9 {
+            warnings.push(format!(
+                "only {:.1} % of the replies are in a sample",
+                100.0 * self.used
+            ));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,197 @@
+//! Simulated captures, whose content is known.
+
+use proprio_core::bus::crc::SEED_GO2;
+use proprio_core::bus::{Command, Mode, Reply};
+
+use super::*;
+
+const BAUD: u32 = 4_000_000;
+
+/// A capture of `cycles` cycles of 2 ms, motors 3, 1 and 2 in this order; motor 2 has another seed and 30 µs turn-around, the
+/// others 20 µs. `change` may change a reply's bytes.
+fn capture(cycles: u64, change: impl Fn(u64, u8, &mut Vec<u8>)) -> Vec<u8> {
+    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    for n in 0..cycles {
+        let mut time_us = 5_000 + 2_000 * n;
+        for (id, seed, turnaround_us) in [(3, 0, 20), (1, 0, 20), (2, 0xBEEF, 30)] {
+            let mode = Mode::foc(id);
+            let command = Command {
+                mode,
+                ..Command::default()
+            };
+            time_us += 43;
+            writer.record(time_us, &command.encode(SEED_GO2)).unwrap();
+            let reply = Reply {
+                mode,
+                position: n as i32,
+                temperature: 30 + id as i8,
+                ..Reply::default()
+            };
+            let mut bytes = reply.encode(seed).to_vec();
+            change(n, id, &mut bytes);
+            time_us += turnaround_us + 40;
+            writer.record(time_us, &bytes).unwrap();
+        }
+    }
+    writer.finish().unwrap()
+}
+
+fn explained(bytes: &[u8]) -> Explanation {
+    explain(&mut CaptureReader::new(bytes, "test".to_owned()).unwrap()).unwrap()
+}
+
+#[test]
+fn ids_order_rate_turnaround_and_seeds_are_told() {
+    let said = explained(&capture(1000, |_, _, _| {}));
+    // Of an unknown seed the fourth reply is the first that is believed.
+    assert_eq!((said.commands, said.replies), (3000, 2997));
+    assert_eq!((said.bad_crc, said.skipped_bytes), (3, 48));
+    assert_eq!(
+        (said.order.as_slice(), said.period_us),
+        (&[3, 1, 2][..], Some(2000))
+    );
+    assert_eq!(said.command_seed, Some(SEED_GO2));
+    let seeds: Vec<_> = said
+        .motors
+        .iter()
+        .map(|motor| (motor.id, motor.seed))
+        .collect();
+    assert_eq!(seeds, [(1, Some(0)), (2, Some(0xBEEF)), (3, Some(0))]);
+    for (motor, turnaround) in said.motors.iter().zip([20, 30, 20]) {
+        let times = motor.turnaround.unwrap();
+        assert_eq!(
+            (times.least, times.median, times.greatest),
+            (turnaround, turnaround, turnaround)
+        );
+        assert_eq!(motor.temperature, [30 + motor.id as i8; 2]);
+        assert_eq!(motor.errors[1..], [0; 7]);
+    }
+    let offsets: Vec<_> = said.motors.iter().map(|motor| motor.offset_us).collect();
+    assert_eq!(offsets, [Some(103), Some(216), Some(0)]);
+    // The first three of an unknown seed, and the first cycles of unknown ids.
+    assert!((993..=997).contains(&said.cycles), "{}", said.cycles);
+    assert!(
+        said.used > 0.99 && said.warnings.is_empty(),
+        "{:?}",
+        said.warnings
+    );
+    assert!((said.busy - 99.0 * 2.5e-6 / 2e-3).abs() < 1e-3);
+}
+
+#[test]
+fn faults_and_damage_are_told() {
+    let said = explained(&capture(1000, |n, id, bytes| match (n % 10, id) {
+        (5, 1) => {
+            let reply = Reply {
+                mode: Mode::foc(1),
+                flags: 4,
+                ..Reply::default()
+            };
+            *bytes = reply.encode(0).to_vec();
+        }
+        (7, 3) => bytes[5] ^= 0x40,
+        _ => {}
+    }));
+    assert_eq!((said.bad_crc + said.short, said.motor_faults), (103, 100));
+    assert_eq!(said.motors[0].errors, [900, 0, 0, 0, 100, 0, 0, 0]);
+    assert!((790..800).contains(&said.cycles), "{}", said.cycles);
+    let warned = |part: &str| said.warnings.iter().any(|warning| warning.contains(part));
+    assert!(
+        warned("% of the replies") && warned("% of the bytes"),
+        "{:?}",
+        said.warnings
+    );
+}
+
+#[test]
+fn a_wrong_baud_rate_and_silence_are_told() {
+    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    let garbage: Vec<u8> = (0..5000u32).map(|n| (n * n * 31 >> 3) as u8).collect();
+    writer.record(1000, &garbage).unwrap();
+    let said = explained(&writer.finish().unwrap());
+    assert!(
+        said.warnings[0].contains("check the baud rate"),
+        "{:?}",
+        said.warnings
+    );
+    let said = explained(
+        &CaptureWriter::new(Vec::new(), BAUD)
+            .unwrap()
+            .finish()
+            .unwrap(),
+    );
+    assert!(
+        said.warnings[0].contains("nothing was captured"),
+        "{:?}",
+        said.warnings
+    );
+}
+
+#[test]
+fn a_capture_that_was_cut_gives_its_whole_records() {
+    let whole = capture(20, |_, _, _| {});
+    for cut in (0..whole.len()).step_by(7) {
+        match CaptureReader::new(&whole[..cut], "test".to_owned()) {
+            Ok(mut reader) => {
+                let mut records = 0;
+                while let Some(record) = reader.next_record().unwrap() {
+                    assert!(!record.bytes.is_empty());
+                    records += 1;
+                }
+                assert!(records <= 120);
+            }
+            Err(error) => assert!(matches!(error, CaptureError::NotACapture(_)) && cut < 40),
+        }
+    }
+}
+
+#[test]
+fn other_files_and_versions_are_refused() {
+    let refused = |text: &str| {
+        CaptureReader::new(text.as_bytes(), "test".to_owned())
+            .err()
+            .unwrap()
+    };
+    for text in [
+        "",
+        "t,q/FR_hip\n0,0\n",
+        "proprio capture 1 baud=0\n",
+        "proprio capture one baud=4\n",
+    ] {
+        assert!(
+            matches!(refused(text), CaptureError::NotACapture(_)),
+            "{text}"
+        );
+    }
+    let newer = refused("proprio capture 2 baud=4000000\n");
+    assert!(
+        matches!(newer, CaptureError::Version { version: 2, .. }),
+        "{newer}"
+    );
+}
+
+/// Through a real serial line of the operating system, a pair of pseudo-terminals.
+#[cfg(unix)]
+#[test]
+fn what_a_port_brings_is_recorded() {
+    use serialport::{SerialPort, TTYPort};
+    let (mut master, mut slave) = TTYPort::pair().unwrap();
+    slave
+        .set_timeout(std::time::Duration::from_millis(1))
+        .unwrap();
+    let sent: Vec<u8> = (0..=255).collect();
+    let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
+    master.write_all(&sent).unwrap();
+    let captured = record(&mut slave, &mut writer, |captured| captured.bytes < 256).unwrap();
+    assert_eq!(captured.bytes, 256);
+    let bytes = writer.finish().unwrap();
+    let mut reader = CaptureReader::new(bytes.as_slice(), "test".to_owned()).unwrap();
+    let mut heard = Vec::new();
+    let mut last_us = 0;
+    while let Some(record) = reader.next_record().unwrap() {
+        assert!(record.time_us >= last_us);
+        last_us = record.time_us;
+        heard.extend(record.bytes);
+    }
+    assert_eq!(heard, sent);
+}

@@ -1,0 +1,238 @@
+//! `proprio capture`: a motor bus's raw bytes to a file, and what they say.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use proprio::capture::{
+    CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, MotorExplanation, explain,
+    record,
+};
+use proprio::device::serial::{BUS_BAUD, open};
+use proprio::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
+use proprio::table::Table;
+use serde::Serialize;
+
+use super::{Error, json};
+use crate::progress::{Progress, Underway};
+
+/// Record a motor bus's raw bytes, or tell what a recording of them says
+///
+/// An RS-485 adapter listens to one leg's bus. What it brings goes to the file with the times at which it came, until Ctrl-C
+/// or --seconds. --explain tells of such a file what the device would make of it: ids and order of the motors, cycle rate,
+/// turn-around times, seeds of the checksums, errors, and which share of the replies become samples. Times are as good as
+/// the adapter's: set the latency timer of a USB adapter to 1 ms.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
+  proprio capture --explain FR.cap")]
+pub(crate) struct Capture {
+    /// Serial port of the adapter
+    #[arg(value_name = "PORT", required_unless_present = "explain")]
+    port: Option<String>,
+    /// Where the capture goes
+    #[arg(short, long, value_name = "FILE", required_unless_present = "explain")]
+    output: Option<PathBuf>,
+    /// Bits per second on the bus
+    #[arg(long, default_value_t = BUS_BAUD, value_parser = clap::value_parser!(u32).range(1..))]
+    baud: u32,
+    /// How long to record [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Tell what this capture says
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "output", "seconds", "baud"])]
+    explain: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if seconds > 0.0 && f64::is_finite(seconds) => Ok(seconds),
+        _ => Err("expected a time in seconds, such as 10".to_owned()),
+    }
+}
+
+/// What was recorded.
+#[derive(Serialize)]
+struct Recorded {
+    output: PathBuf,
+    seconds: f64,
+    bytes: u64,
+    records: u64,
+}
+
+impl Capture {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        match (&self.explain, &self.port, &self.output) {
+            (Some(path), ..) => self.explain(path),
+            (None, Some(port), Some(output)) => self.record(port, output),
+            // Clap has seen to it.
+            _ => Ok(String::new()),
+        }
+    }
+
+    fn record(&self, port: &str, output: &Path) -> Result<String, Error> {
+        let mut port = open(port, self.baud)?;
+        let written = |source| WriteError {
+            path: output.to_owned(),
+            source,
+        };
+        let file = AtomicFile::create(output)?;
+        let mut capture = CaptureWriter::new(file, self.baud).map_err(written)?;
+        finish_on_interrupt();
+        let mut progress = Progress::new("Recording");
+        let underway = self
+            .seconds
+            .is_none()
+            .then(|| Underway::new("Recording until Ctrl-C"));
+        let captured = record(&mut port, &mut capture, |captured| {
+            let limit_us = self.seconds.map(|seconds| seconds * 1e6);
+            if let Some(limit_us) = limit_us {
+                progress.set(captured.time_us, limit_us as u64);
+            }
+            !asked_to_finish()
+                && limit_us.is_none_or(|limit_us| (captured.time_us as f64) < limit_us)
+        });
+        drop(underway);
+        let Captured {
+            bytes,
+            records,
+            time_us,
+        } = captured.map_err(|error| match error {
+            CaptureError::Write(source) => Error::Write(written(source)),
+            error => Error::Capture(error),
+        })?;
+        capture.finish().map_err(written)?.commit()?;
+        let recorded = Recorded {
+            output: output.to_owned(),
+            seconds: time_us as f64 * 1e-6,
+            bytes,
+            records,
+        };
+        if bytes == 0 {
+            eprintln!("warning: nothing came: check the wiring, and that the robot is on");
+        }
+        Ok(match self.json {
+            true => json(&recorded),
+            false => recorded.to_string(),
+        })
+    }
+
+    fn explain(&self, path: &Path) -> Result<String, Error> {
+        let explanation = explain(&mut CaptureReader::open(path)?)?;
+        for warning in &explanation.warnings {
+            eprintln!("warning: {}: {warning}", path.display());
+        }
+        Ok(match self.json {
+            true => json(&explanation),
+            false => Words(&explanation).to_string(),
+        })
+    }
+}
+
+impl fmt::Display for Recorded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (output, seconds, bytes) = (self.output.display(), self.seconds, self.bytes);
+        writeln!(
+            f,
+            "{output} has {bytes} bytes of {seconds:.1} s in {} pieces",
+            self.records
+        )?;
+        writeln!(f, "What they say: proprio capture --explain {output}")
+    }
+}
+
+/// An explanation for humans.
+struct Words<'a>(&'a Explanation);
+
+impl fmt::Display for Words<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let said = self.0;
+        writeln!(
+            f,
+            "{} bytes in {:.2} s at {} bit/s: the bus is busy {:.1} % of the time",
+            said.bytes,
+            said.seconds,
+            said.baud,
+            100.0 * said.busy
+        )?;
+        writeln!(
+            f,
+            "{} commands, {} replies; bad checksum {}, cut short {}, bytes in no frame {}",
+            said.commands, said.replies, said.bad_crc, said.short, said.skipped_bytes
+        )?;
+        writeln!(f, "Seed of the commands: {}", seed(said.command_seed))?;
+        match said.period_us {
+            Some(period_us) => {
+                let order: Vec<String> = said.order.iter().map(u8::to_string).collect();
+                let rate = 1e6 / f64::from(period_us.max(1));
+                writeln!(
+                    f,
+                    "Polled in the order {}, every {period_us} µs ({rate:.0} Hz)",
+                    order.join(", ")
+                )?;
+            }
+            None => writeln!(f, "Too few cycles to tell order and rate of polling")?,
+        }
+        writeln!(
+            f,
+            "{} cycles become samples: {:.2} % of the replies; {} cycles lack a motor\n",
+            said.cycles,
+            100.0 * said.used,
+            said.incomplete_cycles
+        )?;
+        let mut table = Table::default();
+        let header = [
+            "motor",
+            "replies",
+            "seed",
+            "after first µs",
+            "turn-around µs",
+            "°C",
+            "errors",
+        ];
+        table.row(header.map(str::to_owned));
+        said.motors.iter().for_each(|motor| table.row(row(motor)));
+        write!(f, "{table}")
+    }
+}
+
+fn row(motor: &MotorExplanation) -> [String; 7] {
+    const ERRORS: [&str; 5] = ["", "overheat", "overcurrent", "overvoltage", "encoder"];
+    let told = motor
+        .errors
+        .iter()
+        .enumerate()
+        .skip(1)
+        .filter(|(_, count)| **count > 0);
+    let told: Vec<String> = told
+        .map(|(code, count)| match ERRORS.get(code) {
+            Some(name) => format!("{name} {count}"),
+            None => format!("code {code} {count}"),
+        })
+        .collect();
+    let [coldest, hottest] = motor.temperature;
+    [
+        motor.id.to_string(),
+        motor.replies.to_string(),
+        seed(motor.seed),
+        motor
+            .offset_us
+            .map_or("-".to_owned(), |offset| offset.to_string()),
+        motor.turnaround.map_or("-".to_owned(), |t| {
+            format!("{} ({}–{})", t.median, t.least, t.greatest)
+        }),
+        format!("{coldest}–{hottest}"),
+        if told.is_empty() {
+            "none".to_owned()
+        } else {
+            told.join(", ")
+        },
+    ]
+}
+
+fn seed(seed: Option<u16>) -> String {
+    seed.map_or("unknown".to_owned(), |seed| format!("{seed:#06X}"))
+}
