@@ -28,6 +28,8 @@ const STEP_SAMPLES: usize = 2;
 /// What listening costs by estimate, instructions: a byte of a good frame, a sample.
 const EFFORT_COST: usize = 7;
 const SAMPLE_COST: usize = 3900;
+/// A queue that is behind: what waits is moved to make room.
+const BEHIND_COST: usize = 8000;
 
 /// A step of gathering ends at the first row that brings its cost here, in numbers rotated.
 const STEP_COST: usize = 1200;
@@ -170,7 +172,12 @@ impl<T: Real> LegLine<T> {
                 self.listener.discard();
             }
         }
-        (STEP_EFFORT - effort) * EFFORT_COST + samples * SAMPLE_COST
+        let moved = if data.queue.is_behind() {
+            BEHIND_COST
+        } else {
+            0
+        };
+        (STEP_EFFORT - effort) * EFFORT_COST + samples * SAMPLE_COST + moved
     }
 
     /// Puts a sample into the window. Not inlined: in a loop, the window's addresses would all be kept, which costs more.
