@@ -4,7 +4,7 @@
 use proprio_core::effect::{EffectKind, Form};
 
 use super::criteria::{self, Squared};
-use super::possible::{is_possible, is_resolved};
+use super::possible::{is_possible, is_resolved, is_something};
 use super::screen::{Screen, Trial};
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
@@ -140,15 +140,14 @@ impl Candidate {
         self.effect == EffectKind::Delay && self.is_there() && self.trials.iter().all(small)
     }
 
-    /// Whether its values are physical within twice their errors, and what a robot can have.
+    /// Whether its values are physical within twice their errors, what a robot can have, and not all nothing.
     pub(crate) fn is_possible(&self, screens: &[Screen]) -> bool {
-        let possible = |(limb, trial): &(usize, Trial)| {
-            trial
-                .places
-                .iter()
-                .all(|&place| is_possible(&screens[*limb], trial, place))
-        };
-        self.trials.iter().all(possible)
+        let mut places = (self.trials.iter())
+            .flat_map(|(limb, trial)| trial.places.iter().map(move |place| (*limb, trial, *place)));
+        places
+            .clone()
+            .all(|(limb, trial, place)| is_possible(&screens[limb], trial, place))
+            && places.any(|(limb, trial, place)| is_something(&screens[limb], trial, place))
     }
 }
 

@@ -16,7 +16,7 @@ const LIKELY: f64 = 3.0;
 /// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
 const MOST_BEYOND_LIMIT: f64 = 0.5;
 
-/// Whether what a trial says of an effect is physical within twice its error, likely, and not nothing.
+/// Whether what a trial says of an effect is physical within twice its error, and likely.
 pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool {
     let (effect, data) = (place.0, screen.fit.data);
     let parameters = effect.description().parameters;
@@ -34,25 +34,29 @@ pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool 
             && value - 2.0 * std <= p.upper
             && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
     };
-    // Of several parameters each may be unsure where together they are not.
-    let something = match (0..parameters.len())
-        .filter(|&n| !parameters[n].shape)
-        .collect::<Vec<_>>()[..]
-    {
-        [only] => told[only].is_none_or(|(value, std)| {
-            let away = (value - parameters[only].neutral).abs();
-            away > 0.0 && away >= criteria::LEAST_VALUE * std
-        }),
-        _ => true,
-    };
     let resolved =
         effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
     let load = effect != EffectKind::Payload || is_load(&told);
     told.iter().enumerate().all(within)
-        && something
         && resolved
         && load
         && (effect != EffectKind::Saturation || is_limited(screen, place))
+}
+
+/// Whether an effect's one value is beyond [`criteria::LEAST_VALUE`] errors of nothing; of several parameters each may be unsure where
+/// together they are not.
+pub(super) fn is_something(screen: &Screen, trial: &Trial, place: Place) -> bool {
+    let parameters = place.0.description().parameters;
+    let linear: Vec<usize> = (0..parameters.len())
+        .filter(|&n| !parameters[n].shape)
+        .collect();
+    let [only] = linear[..] else { return true };
+    screen
+        .parameter(trial, place, only)
+        .is_none_or(|(value, std)| {
+            let away = (value - parameters[only].neutral).abs();
+            away > 0.0 && away >= criteria::LEAST_VALUE * std
+        })
 }
 
 /// Whether the torque that the motion takes stays at a limit while what is reported goes on: the slope of the one on the other, beyond
