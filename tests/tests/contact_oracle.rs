@@ -18,7 +18,7 @@ fn records() -> Vec<Vec<f64>> {
         .chunks_exact(8)
         .map(|b| f64::from_le_bytes(b.try_into().unwrap()))
         .collect();
-    assert!(numbers.len() % LENGTH == 0 && numbers.len() >= 40 * LENGTH);
+    assert!(numbers.len().is_multiple_of(LENGTH) && numbers.len() >= 40 * LENGTH);
     numbers.chunks_exact(LENGTH).map(<[f64]>::to_vec).collect()
 }
 

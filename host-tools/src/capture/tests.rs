@@ -106,7 +106,7 @@ fn faults_and_damage_are_told() {
 #[test]
 fn a_wrong_baud_rate_and_silence_are_told() {
     let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
-    let garbage: Vec<u8> = (0..5000u32).map(|n| (n * n * 31 >> 3) as u8).collect();
+    let garbage: Vec<u8> = (0..5000u32).map(|n| ((n * n * 31) >> 3) as u8).collect();
     writer.record(1000, &garbage).unwrap();
     let said = explained(&writer.finish().unwrap());
     assert!(

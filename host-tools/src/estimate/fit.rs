@@ -16,7 +16,7 @@ use proprio_core::inertia::INERTIAL;
 use super::blocks::BlockFactors;
 use super::bounded::{Bounded, Problem, Solution};
 use super::groups::{Group, Groups, stacked};
-use super::limb_data::{LimbData, Squares};
+use super::limb_data::LimbData;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes;
@@ -328,20 +328,16 @@ impl<'a> LimbFit<'a> {
 
     /// Models fitted to the data of all folds but one, in the order of the folds.
     pub(crate) fn held_out(&self) -> Option<Vec<Values>> {
-        (0..self.data.blocks.folds)
-            .map(|fold| self.without(|b| self.data.blocks.fold(b) == fold))
-            .collect()
-    }
-
-    /// The estimate from the data of all other blocks of time.
-    fn without(&self, left_out: impl Fn(usize) -> bool) -> Option<Values> {
-        let train = self.groups.sum(|b| !left_out(b));
-        let problem = Problem {
-            data: stacked(&train, &self.noise),
-            ..self.problem.clone()
+        let without = |fold: usize| {
+            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
+            let problem = Problem {
+                data: stacked(&train, &self.noise),
+                ..self.problem.clone()
+            };
+            let theta = problem.solve()?.theta;
+            Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
         };
-        let theta = problem.solve()?.theta;
-        Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
+        (0..self.data.blocks.folds).map(without).collect()
     }
 
     /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round
@@ -363,23 +359,6 @@ impl<'a> LimbFit<'a> {
             }
         }
         squares
-    }
-
-    /// Sums of squares of what the slower half of the time predicts of the faster, and the faster of the slower.
-    pub(crate) fn squares_at_other_speeds(&self) -> Option<Squares> {
-        let fast = self.data.fast_blocks();
-        let mut torque = vec![0.0; self.data.torque.len()];
-        for half in [false, true] {
-            let values = self.without(|b| fast[b] == half)?;
-            let chosen = |w: usize| fast[self.data.motion.windows[w].block] == half;
-            let predicted = self.data.predicted(&values, &chosen);
-            // Windows of the other half are zero.
-            torque
-                .iter_mut()
-                .zip(predicted)
-                .for_each(|(to, from)| *to += from);
-        }
-        Some(self.data.squares(&torque))
     }
 
     /// Sums of squares of what the estimate predicts, by the predictor; each group's by another equation.

@@ -129,31 +129,6 @@ impl<'a> LimbData<'a> {
         self.blocks.fold(self.motion.windows[window].block)
     }
 
-    /// Which blocks of time have the faster half of the motion: each joint's speed in units of its own mean square.
-    pub(crate) fn fast_blocks(&self) -> Vec<bool> {
-        let (motion, count) = (&self.motion, self.blocks.count());
-        let mut speeds = vec![0.0; count];
-        for joint in &motion.joint {
-            let (mut squares, mut samples) = (vec![0.0; count], vec![0.0f64; count]);
-            for window in &motion.windows {
-                let [first, last] = window.samples;
-                let square = |state: &[f64; 4]| state[1] * state[1];
-                squares[window.block] += joint.state[first..last].iter().map(square).sum::<f64>();
-                samples[window.block] += (last - first) as f64;
-            }
-            let mean = squares.iter().sum::<f64>() / samples.iter().sum::<f64>();
-            for (b, speed) in speeds.iter_mut().enumerate() {
-                *speed += squares[b] / samples[b].max(1.0) / mean.max(f64::MIN_POSITIVE);
-            }
-        }
-        let mut sorted = speeds.clone();
-        sorted.sort_by(f64::total_cmp);
-        speeds
-            .into_iter()
-            .map(|speed| speed >= sorted[count / 2])
-            .collect()
-    }
-
     /// Windows in which each joint is judged.
     pub(crate) fn windows(&self) -> Vec<f64> {
         let count = |j: usize| {

@@ -273,11 +273,6 @@ impl<'a> Search<'a> {
         if !worth || !after.is_better_than(&self.state) || 2 * held <= members.len() {
             return false;
         }
-        // Of one log only its own speeds are known: what helps at some of them alone is for another log to show.
-        let general = after.is_by_log() || after.holds_at_other_speeds(&self.state);
-        if !general {
-            return false;
-        }
         self.state = after;
         self.push(members, false);
         true

@@ -127,20 +127,6 @@ impl<'a> State<'a> {
                 .all(|(after, before)| after <= criteria::SAME * before)
     }
 
-    /// Whether the slower half of the time predicts the faster, and the faster the slower, better with this model than with `before`.
-    pub(super) fn holds_at_other_speeds(&self, before: &Self) -> bool {
-        let changed = (self.fits.iter().zip(&before.fits)).filter(|(a, b)| !Arc::ptr_eq(a, b));
-        let both: Vec<_> = changed.collect();
-        let squares = side_by_side(&both, |(after, before)| {
-            let of = |fit: &LimbFit| Some(fit.squares_at_other_speeds()?.weighted(&before.noise));
-            Some([of(after)?, of(before)?])
-        });
-        let squares: Option<Vec<[f64; 2]>> = squares.into_iter().collect();
-        squares.is_some_and(|squares| {
-            squares.iter().map(|s| s[0]).sum::<f64>() < squares.iter().map(|s| s[1]).sum::<f64>()
-        })
-    }
-
     /// Whether each log is held out as a whole.
     pub(super) fn is_by_log(&self) -> bool {
         self.fits.iter().all(|fit| fit.data.blocks.by_log)
