@@ -21,9 +21,8 @@ pub(super) const SETTINGS: Settings = Settings {
     ..Settings::DEFAULT
 };
 
-/// What a step takes off one bus at most, in bytes of good frames: of what a bus without a pause brings in 2 ms three quarters, which is six
-/// polling cycles. Four such buses and a fold are what a step may cost; what is left waits, and is lost if it goes on.
-const STEP_EFFORT: usize = 600;
+/// What a step takes off one bus at most, in bytes of good frames: what a bus without a pause brings in 2 ms, and more.
+const STEP_EFFORT: usize = 1000;
 /// Samples of a leg in one step at most: a bus polled at 1 kHz.
 const STEP_SAMPLES: usize = 2;
 /// What listening costs by estimate, instructions: a byte of a good frame, a sample.
