@@ -235,11 +235,8 @@ impl States {
         let first = INERTIAL * joint;
         for (n, to) in row.iter_mut().enumerate() {
             let within = n < INERTIAL * tree.subtree(joint).len();
-            *to = if within {
-                regressor[(coordinate, first + n)]
-            } else {
-                T::zero()
-            };
+            let entry = regressor.get((coordinate, first + n));
+            *to = entry.filter(|_| within).copied().unwrap_or(T::zero());
         }
     }
 }

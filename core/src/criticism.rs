@@ -8,7 +8,7 @@
 //! would accept almost anything: residuals remember (`design.md` §6).
 
 use crate::Real;
-use crate::factor::{Factor, FactorError, packed_len};
+use crate::factor::{Factor, FactorError, ROWS, packed_len};
 use crate::scalar::{real, sqrt};
 
 /// Most effect columns of a [`Nested`] factor.
@@ -99,24 +99,27 @@ impl<'a, T: Real> Nested<'a, T> {
         let short = FactorError::Length(work.len());
         let mut small = Factor::in_storage(m, work.get_mut(..packed_len(m)).ok_or(short)?)?;
         small.clear();
-        let mut row = [T::zero(); MAX_EFFECTS + 1];
-        for k in nuisance..=p {
-            let from = self.factor.row(k);
-            let entry = |c: usize| {
-                let entry = c.checked_sub(k).and_then(|n| from.get(n));
-                entry.copied().unwrap_or(T::zero())
-            };
+        let mut block = [[T::zero(); ROWS]; MAX_EFFECTS + 1];
+        let block = block.get_mut(..=m).unwrap_or(&mut []);
+        for first in (nuisance..=p).step_by(ROWS) {
             let columns = order().map(|n| nuisance + n).chain([p]);
-            row.iter_mut()
-                .zip(columns)
-                .for_each(|(to, c)| *to = entry(c));
-            small.fold_from(0, row.get_mut(..=m).unwrap_or(&mut []))?;
+            for (to, c) in block.iter_mut().zip(columns) {
+                *to = core::array::from_fn(|slot| {
+                    let entry = c
+                        .checked_sub(first + slot)
+                        .and_then(|n| self.factor.row(first + slot).get(n));
+                    entry.copied().unwrap_or(T::zero())
+                });
+            }
+            small.fold_block(0, block)?;
         }
         let mut values = [T::zero(); MAX_EFFECTS];
         small.solve(values.get_mut(..m).unwrap_or(&mut []))?;
         theta.fill(T::zero());
         for (n, value) in order().zip(values) {
-            theta[nuisance + n] = value;
+            if let Some(to) = theta.get_mut(nuisance + n) {
+                *to = value;
+            }
         }
         self.substitute(theta)?;
         Ok(match (chosen(&of), m.checked_sub(1)) {
@@ -124,7 +127,7 @@ impl<'a, T: Real> Nested<'a, T> {
                 let pivot = small.row(last).first().copied().unwrap_or(T::zero());
                 Finding {
                     information: pivot * pivot,
-                    weighted: pivot * pivot * values[last],
+                    weighted: pivot * pivot * values.get(last).copied().unwrap_or(T::zero()),
                 }
             }
             _ => Finding::NONE,
@@ -145,7 +148,10 @@ impl<'a, T: Real> Nested<'a, T> {
                 return Err(FactorError::Length(theta.len()));
             };
             let known = r.iter().zip(rest.unwrap_or(&[]));
-            theta[k] = (*z - known.fold(T::zero(), |sum, (r, x)| sum + *r * *x)) / *pivot;
+            let value = (*z - known.fold(T::zero(), |sum, (r, x)| sum + *r * *x)) / *pivot;
+            if let Some(to) = theta.get_mut(k) {
+                *to = value;
+            }
         }
         Ok(())
     }

@@ -177,7 +177,10 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
             if *pivot <= T::zero() {
                 return Err(FactorError::Singular(k));
             }
-            theta[k] = (*z - dot(r, &theta[k + 1..])) / *pivot;
+            let value = (*z - dot(r, theta.get(k + 1..).unwrap_or(&[]))) / *pivot;
+            if let Some(to) = theta.get_mut(k) {
+                *to = value;
+            }
         }
         Ok(())
     }
@@ -231,7 +234,11 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
                 return Err(FactorError::Singular(k));
             }
             let right = if k == j { T::one() } else { T::zero() };
-            out[k] = (right - dot(row.get(1..=j - k).unwrap_or(&[]), &out[k + 1..])) / pivot;
+            let below = out.get(k + 1..).unwrap_or(&[]);
+            let value = (right - dot(row.get(1..=j - k).unwrap_or(&[]), below)) / pivot;
+            if let Some(to) = out.get_mut(k) {
+                *to = value;
+            }
         }
         Ok(())
     }
@@ -250,8 +257,11 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 /// What is known of one body's ten inertial parameters.
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
 
+mod block;
 mod reduce;
 mod update;
+
+pub(crate) use block::{ROWS, Run, block_cost};
 
 #[cfg(test)]
 mod tests;

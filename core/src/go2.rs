@@ -183,8 +183,8 @@ pub fn feet<T: Real>() -> [Foot<T>; LEGS] {
 }
 
 fn tree<T: Real, const B: usize, const V: usize>(bodies: [Body<T>; B]) -> Tree<T, B, V> {
-    // The numbering is that of this file, and a test builds all three trees.
-    Tree::new(bodies).unwrap_or_else(|_| unreachable!())
+    // The numbering is that of this file: a test asks `Tree::new` about all three trees.
+    Tree::numbered(bodies)
 }
 
 /// The n-th leg body of the robot, its parent renumbered for a tree whose first leg body has index `first`.
@@ -301,6 +301,16 @@ fn calf_inertia<T: Real>(s: f64) -> InertialParameters<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_trees_are_numbered_as_trees_must_be() {
+        for which in Leg::ALL {
+            let tree = leg::<f64>(which);
+            assert_eq!(Tree::new(*tree.bodies()), Ok(tree));
+        }
+        assert_eq!(Tree::new(*pinned::<f64>().bodies()), Ok(pinned()));
+        assert_eq!(Tree::new(*free::<f64>().bodies()), Ok(free()));
+    }
 
     #[test]
     fn the_robot_weighs_what_its_urdf_says() {

@@ -26,13 +26,26 @@ use crate::dynamics::{Acceleration, accelerate_free};
 use crate::inertia::{INERTIAL, momentum_row};
 use crate::scalar::real;
 use crate::spatial::{Motion, Transform};
-use crate::tree::joint_frame::{JointFrame, by_joint};
+use crate::tree::joint_frame::{JointFrame, JointKind, by_joint};
 use crate::tree::{Kinematics, Placements, Tree};
 use block::Block;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// A regressor, row-major: `rows[c][b]` is coordinate c's row of body b's ten parameters.
 pub type RegressorRows<T, const B: usize, const V: usize> = [[[T; INERTIAL]; B]; V];
+
+/// Writes what coordinate c feels of body b.
+#[inline(always)]
+fn put<T, const B: usize, const V: usize>(
+    rows: &mut RegressorRows<T, B, V>,
+    c: usize,
+    b: usize,
+    run: [T; INERTIAL],
+) {
+    if let Some(to) = rows.get_mut(c).and_then(|row| row.get_mut(b)) {
+        *to = run;
+    }
+}
 
 /// r(S, −γ): no rotational part, for gravity has none.
 #[inline(always)]
@@ -62,19 +75,22 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         write: impl FnOnce(&mut dyn FnMut(usize, usize, [T; INERTIAL])),
     ) -> SMatrix<T, V, P> {
         const { assert!(P == INERTIAL * B) }
-        let mut regressor = SMatrix::zeros();
+        let mut regressor = SMatrix::<T, V, P>::zeros();
         write(&mut |c, b, run| {
             for (n, entry) in run.into_iter().enumerate() {
-                regressor[(c, INERTIAL * b + n)] = entry;
+                if let Some(to) = regressor.get_mut((c, INERTIAL * b + n)) {
+                    *to = entry;
+                }
             }
         });
         regressor
     }
 
     /// Calls `visit(c, b, S, Ṡ)` for each coordinate c that moves body b: the coordinate's column of the body's Jacobian and
-    /// how fast that turns, in the body's coordinates. Each is carried down the subtree of its joint.
+    /// how fast that turns, in the body's coordinates. Each is carried down the subtree of its joint. Without `OWN` the one
+    /// coordinate of a body's own joint is left out: what it sees of its body costs less by [`own_run`](Self::own_run).
     #[inline(always)]
-    fn for_each_subspace(
+    fn for_each_subspace<const OWN: bool>(
         &self,
         k: &Kinematics<T, B, V>,
         mut visit: impl FnMut(usize, usize, &Motion<T>, &Motion<T>),
@@ -82,20 +98,47 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         let mut carried = [(Motion::zero(), Motion::zero()); B];
         for a in 0..B {
             for (n, c) in self.coordinates(a).enumerate() {
-                let own = self.own_subspace(a, n);
-                carried[a] = (own, k.velocity[a].cross(&own));
-                visit(c, a, &carried[a].0, &carried[a].1);
+                carried[a] = by_joint!(self.own_carried(a, k), free: {
+                    let own = self.own_subspace(a, n);
+                    (own, k.velocity[a].cross(&own))
+                });
+                if OWN || self.kind(a) == JointKind::Free {
+                    visit(c, a, &carried[a].0, &carried[a].1);
+                }
                 for b in self.subtree(a).skip(1) {
                     // Its parent is in the subtree as well, and comes before.
-                    let above = carried[self.bodies()[b].parent.unwrap_or(a)];
-                    carried[b] = by_joint!(
+                    let Some(body) = self.bodies().get(b) else {
+                        break;
+                    };
+                    let Some(&above) = carried.get(body.parent.unwrap_or(a)) else {
+                        break;
+                    };
+                    let moved = by_joint!(
                         self.carry_down(b, &k.placements, &above),
                         free: above
                     );
-                    visit(c, b, &carried[b].0, &carried[b].1);
+                    visit(c, b, &moved.0, &moved.1);
+                    carried[b] = moved;
                 }
             }
         }
+    }
+
+    /// S and Ṡ of a joint's coordinate in its own body.
+    #[inline(always)]
+    fn own_carried<J: JointFrame<T>>(
+        &self,
+        b: usize,
+        k: &Kinematics<T, B, V>,
+    ) -> (Motion<T>, Motion<T>) {
+        let v = &k.velocity[b];
+        let own = self.own_subspace(b, 0);
+        if J::SLIDES {
+            return (own, v.cross(&own));
+        }
+        let joint = J::new(&k.placements.from_parent[b], &self.bodies()[b].joint);
+        let rate = Motion::new(joint.cross_axis(&v.angular), joint.cross_axis(&v.linear));
+        (Motion::new(joint.axis(), Vector3::zeros()), rate)
     }
 
     #[inline(always)]
@@ -119,15 +162,42 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
         rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.for_each_subspace(k, |c, b, s, _| {
-            rows[c][b] = momentum_row(s, &k.velocity[b]).into();
+        for b in 0..B {
+            let c = self.coordinates(b).start;
+            put(
+                rows,
+                c,
+                b,
+                by_joint!(self.own_momentum(b, k), free: [T::zero(); INERTIAL]),
+            );
+        }
+        self.for_each_subspace::<false>(k, |c, b, s, _| {
+            put(rows, c, b, momentum_row(s, &k.velocity[b]).into());
         });
+    }
+
+    /// r(S, v) of a joint and its own body.
+    #[inline(always)]
+    fn own_momentum<J: JointFrame<T>>(&self, b: usize, k: &Kinematics<T, B, V>) -> [T; INERTIAL] {
+        let v = &k.velocity[b];
+        if J::SLIDES {
+            return momentum_row(&self.own_subspace(b, 0), v).into();
+        }
+        let joint = J::new(&k.placements.from_parent[b], &self.bodies()[b].joint);
+        let (w, zero) = (&v.angular, T::zero());
+        let h = joint.cross_axis(&v.linear);
+        let [xx, xy, xz, yy, yz, zz] = joint.combine(&[
+            [w.x, w.y, w.z, zero, zero, zero],
+            [zero, w.x, zero, w.y, w.z, zero],
+            [zero, zero, w.x, zero, w.y, w.z],
+        ]);
+        [zero, h.x, h.y, h.z, xx, xy, xz, yy, yz, zz]
     }
 
     /// [`write_momentum_regressor`](Self::write_momentum_regressor) as a matrix.
     pub fn momentum_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
         self.assemble(|write| {
-            self.for_each_subspace(k, |c, b, s, _| {
+            self.for_each_subspace::<true>(k, |c, b, s, _| {
                 write(c, b, momentum_row(s, &k.velocity[b]).into());
             });
         })
@@ -139,8 +209,8 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
         rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.for_each_subspace(k, |c, b, _, rate| {
-            rows[c][b] = momentum_row(rate, &k.velocity[b]).into();
+        self.for_each_subspace::<true>(k, |c, b, _, rate| {
+            put(rows, c, b, momentum_row(rate, &k.velocity[b]).into());
         });
     }
 
@@ -150,7 +220,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
     ) -> SMatrix<T, V, P> {
         self.assemble(|write| {
-            self.for_each_subspace(k, |c, b, _, rate| {
+            self.for_each_subspace::<true>(k, |c, b, _, rate| {
                 write(c, b, momentum_row(rate, &k.velocity[b]).into());
             });
         })
@@ -162,13 +232,17 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
         rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.for_each_subspace(k, |c, b, s, _| rows[c][b] = gravity_row(s, &k.gravity[b]));
+        self.for_each_subspace::<true>(k, |c, b, s, _| {
+            put(rows, c, b, gravity_row(s, &k.gravity[b]))
+        });
     }
 
     /// [`write_gravity_regressor`](Self::write_gravity_regressor) as a matrix.
     pub fn gravity_regressor<const P: usize>(&self, k: &Kinematics<T, B, V>) -> SMatrix<T, V, P> {
         self.assemble(|write| {
-            self.for_each_subspace(k, |c, b, s, _| write(c, b, gravity_row(s, &k.gravity[b])));
+            self.for_each_subspace::<true>(k, |c, b, s, _| {
+                write(c, b, gravity_row(s, &k.gravity[b]))
+            });
         })
     }
 
@@ -178,8 +252,23 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
         rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.for_each_subspace(k, |c, b, s, rate| {
-            rows[c][b] = rate_row(s, rate, &k.velocity[b], &k.gravity[b]);
+        for b in 0..B {
+            // What a joint feels of its own body is the same as without acceleration: Ṡ is then how S changes in the body.
+            let v = &k.velocity[b];
+            let block = Block::new(&Acceleration {
+                velocity: v.angular,
+                angular: Vector3::zeros(),
+                linear: v.angular.cross(&v.linear) - k.gravity[b],
+            });
+            let c = self.coordinates(b).start;
+            let own = by_joint!(
+                self.own_run(b, &k.placements, &block),
+                free: [T::zero(); INERTIAL]
+            );
+            put(rows, c, b, own);
+        }
+        self.for_each_subspace::<false>(k, |c, b, s, rate| {
+            put(rows, c, b, rate_row(s, rate, &k.velocity[b], &k.gravity[b]));
         });
     }
 
@@ -189,7 +278,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         k: &Kinematics<T, B, V>,
     ) -> SMatrix<T, V, P> {
         self.assemble(|write| {
-            self.for_each_subspace(k, |c, b, s, rate| {
+            self.for_each_subspace::<true>(k, |c, b, s, rate| {
                 write(c, b, rate_row(s, rate, &k.velocity[b], &k.gravity[b]));
             });
         })
@@ -203,7 +292,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         a: &SVector<T, V>,
         rows: &mut RegressorRows<T, B, V>,
     ) {
-        self.for_each_torque_run(placements, v, a, |c, b, run| rows[c][b] = run);
+        self.for_each_torque_run(placements, v, a, |c, b, run| put(rows, c, b, run));
     }
 
     /// [`write_inverse_dynamics_regressor`](Self::write_inverse_dynamics_regressor) as a matrix.
@@ -260,7 +349,12 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
             carried[a] = self.own_subspace(a, 0);
             for b in self.subtree(a).skip(1) {
                 // Its parent is in the subtree as well, and comes before.
-                let above = carried[self.bodies()[b].parent.unwrap_or(a)];
+                let Some(body) = self.bodies().get(b) else {
+                    break;
+                };
+                let Some(&above) = carried.get(body.parent.unwrap_or(a)) else {
+                    break;
+                };
                 carried[b] = by_joint!(self.lower(b, placements, &above), free: above);
                 write(
                     c,
@@ -312,7 +406,10 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     ) -> (Matrix3<T>, Vector3<T>) {
         let placement = &placements.from_parent[b];
         let joint = J::new(placement, &self.bodies()[b].joint);
-        let (rotation, p) = &in_base[self.bodies()[b].parent.unwrap_or(0)];
+        let parent = self.bodies()[b].parent.unwrap_or(0);
+        let Some((rotation, p)) = in_base.get(parent) else {
+            return (Matrix3::identity(), Vector3::zeros());
+        };
         (joint.after(rotation), p + rotation * placement.translation)
     }
 

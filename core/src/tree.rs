@@ -91,11 +91,9 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     /// # Errors
     /// [`TreeError`] names the body that breaks the numbering.
     pub fn new(bodies: [Body<T>; B]) -> Result<Self, TreeError> {
-        let mut first_coordinate = [0; B];
         let mut subtree_end = [0; B];
         let mut coordinates = 0;
         for b in 0..B {
-            first_coordinate[b] = coordinates;
             coordinates += if bodies[b].joint == Joint::Free { 6 } else { 1 };
             subtree_end[b] = b + 1;
             match bodies[b].parent {
@@ -117,16 +115,37 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         if coordinates != V {
             return Err(TreeError::DegreesOfFreedom(coordinates));
         }
-        let gravity = Vector3::new(T::zero(), T::zero(), scalar::real(-9.81));
-        let turning = core::array::from_fn(|b| Turning::new(&bodies[b]));
-        Ok(Self {
-            bodies,
-            turning,
+        Ok(Self::numbered(bodies))
+    }
+
+    /// [`new`](Self::new) of bodies whose numbering is known to be right.
+    pub(crate) fn numbered(bodies: [Body<T>; B]) -> Self {
+        let mut first_coordinate = [0; B];
+        let mut subtree_end = core::array::from_fn(|b| b + 1);
+        let mut coordinates = 0;
+        for (b, body) in bodies.iter().enumerate() {
+            if let Some(first) = first_coordinate.get_mut(b) {
+                *first = coordinates;
+            }
+            coordinates += if body.joint == Joint::Free { 6 } else { 1 };
+            let mut ancestor = body.parent;
+            // A parent comes before its child, so that this ends, and no sooner than it has to.
+            for _ in 0..B {
+                let Some(a) = ancestor else { break };
+                if let Some(end) = subtree_end.get_mut(a) {
+                    *end = b + 1;
+                }
+                ancestor = bodies.get(a).and_then(|body| body.parent);
+            }
+        }
+        Self {
+            turning: bodies.each_ref().map(Turning::new),
             kinds: bodies.each_ref().map(JointKind::of),
+            bodies,
             first_coordinate,
             subtree_end,
-            gravity,
-        })
+            gravity: Vector3::new(T::zero(), T::zero(), scalar::real(-9.81)),
+        }
     }
 
     /// The bodies, root first.
@@ -150,19 +169,18 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
 
     /// The velocity coordinates of a body's joint: one number, or six.
     pub fn coordinates(&self, body: usize) -> core::ops::Range<usize> {
-        let first = self.first_coordinate[body];
-        first
-            ..first
-                + if self.bodies[body].joint == Joint::Free {
-                    6
-                } else {
-                    1
-                }
+        let first = self.first_coordinate(body);
+        let free = self.kind(body) == JointKind::Free;
+        first..first + if free { 6 } else { 1 }
+    }
+
+    fn first_coordinate(&self, body: usize) -> usize {
+        self.first_coordinate.get(body).copied().unwrap_or(0)
     }
 
     /// The bodies that a body's joint moves: the body itself and all it carries.
     pub fn subtree(&self, body: usize) -> core::ops::Range<usize> {
-        body..self.subtree_end[body]
+        body..self.subtree_end.get(body).copied().unwrap_or(body).min(B)
     }
 
     /// Gravity in world coordinates, m/s².
@@ -172,7 +190,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
 
     /// How a body's joint carries vectors.
     pub(crate) fn kind(&self, body: usize) -> JointKind {
-        self.kinds[body]
+        self.kinds.get(body).copied().unwrap_or(JointKind::Free)
     }
 }
 

@@ -143,12 +143,15 @@ impl<T: Real, const B: usize, const E: usize> Integrand<T, B, E> {
         *self = Self::zero();
     }
 
-    /// Adds `other` times `duration`.
-    fn add(&mut self, other: &Self, duration: T) {
-        let rates = other.inertial.as_flattened().as_flattened();
-        let sums = self.inertial.as_flattened_mut().as_flattened_mut();
-        for (sum, rate) in sums.iter_mut().zip(rates) {
-            *sum += *rate * duration;
+    /// Adds `other` times `duration`; the inertial columns of the bodies that each joint of `tree` moves.
+    fn add(&mut self, tree: &Tree<T, B, B>, other: &Self, duration: T) {
+        for (c, (sums, rates)) in self.inertial.iter_mut().zip(&other.inertial).enumerate() {
+            let moved = tree.subtree(c);
+            let sums = sums.get_mut(moved.clone()).unwrap_or(&mut []);
+            let rates = rates.get(moved).unwrap_or(&[]);
+            for (sum, rate) in sums.as_flattened_mut().iter_mut().zip(rates.as_flattened()) {
+                *sum += *rate * duration;
+            }
         }
         for b in 0..B {
             self.torque[b] += other.torque[b] * duration;
@@ -207,8 +210,10 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [
     integrand: Integrand<T, B, E>,
     half_step: T,
     integral: Integrand<T, B, E>,
-    start: Edge<T, B, E>,
-    end: Edge<T, B, E>,
+    /// The edges of the window, and whether its end is the first of them: the end of one window is the next one's start.
+    edges: [Edge<T, B, E>; 2],
+    ends_first: bool,
+    start_us: u64,
     rows: Rows<T, B, P, E>,
 }
 
@@ -234,8 +239,9 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             integrand: Integrand::zero(),
             half_step: T::zero(),
             integral: Integrand::zero(),
-            start: Edge::zero(),
-            end: Edge::zero(),
+            edges: [Edge::zero(); 2],
+            ends_first: true,
+            start_us: 0,
             rows: Rows {
                 span_us: [0; 2],
                 inertial: SMatrix::zeros(),
@@ -272,13 +278,14 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
         if let Some(step_us) = bridged {
             // A sample's share of the trapezia on both of its sides: half the time from the one before to the next.
             let half = microseconds::<T>(step_us) * real(0.5);
-            self.integral.add(&self.integrand, self.half_step + half);
+            self.integral
+                .add(&self.tree, &self.integrand, self.half_step + half);
             self.half_step = half;
         }
         self.last = Some(*sample);
         self.measure(sample);
         match (step_us, bridged) {
-            (Some(_), Some(_)) if sample.time_us - self.start.time_us < self.settings.window_us => {
+            (Some(_), Some(_)) if sample.time_us - self.start_us < self.settings.window_us => {
                 return Push::Used;
             }
             (Some(_), Some(_)) => {
@@ -287,7 +294,8 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             }
             _ => self.set_end(sample),
         }
-        core::mem::swap(&mut self.start, &mut self.end);
+        self.ends_first = !self.ends_first;
+        self.start_us = sample.time_us;
         self.integral.clear();
         self.half_step = T::zero();
         match (step_us, bridged) {
@@ -314,26 +322,33 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
 
     /// Makes the sample that was just measured the window's end.
     fn set_end(&mut self, sample: &Sample<T, B>) {
-        self.end.time_us = sample.time_us;
+        let [first, second] = &mut self.edges;
+        let end = if self.ends_first { first } else { second };
+        end.time_us = sample.time_us;
         self.tree
-            .write_momentum_regressor(&self.kinematics, &mut self.end.momentum);
+            .write_momentum_regressor(&self.kinematics, &mut end.momentum);
         for b in 0..B {
             let terms = self.effects.terms(&joint_state(sample, b));
-            self.end.effects[b] = terms.map(|term| term.boundary);
+            end.effects[b] = terms.map(|term| term.boundary);
         }
     }
 
     fn close(&mut self) {
-        self.integral.add(&self.integrand, self.half_step);
-        let (start, end, sum, rows) = (&self.start, &self.end, &self.integral, &mut self.rows);
+        self.integral
+            .add(&self.tree, &self.integrand, self.half_step);
+        let (start, end) = match (self.ends_first, &self.edges) {
+            (true, [end, start]) | (false, [start, end]) => (start, end),
+        };
+        let (sum, rows) = (&self.integral, &mut self.rows);
         let per_second = T::one() / microseconds(end.time_us - start.time_us);
         rows.span_us = [start.time_us, end.time_us];
         for c in 0..B {
             for b in self.tree.subtree(c) {
-                for n in 0..INERTIAL {
-                    let difference = end.momentum[c][b][n] - start.momentum[c][b][n];
-                    rows.inertial[(c, INERTIAL * b + n)] =
-                        (difference + sum.inertial[c][b][n]) * per_second;
+                let runs = end.momentum[c][b].iter().zip(&start.momentum[c][b]);
+                for (n, ((end, start), sum)) in runs.zip(&sum.inertial[c][b]).enumerate() {
+                    if let Some(to) = rows.inertial.get_mut((c, INERTIAL * b + n)) {
+                        *to = (*end - *start + *sum) * per_second;
+                    }
                 }
             }
         }
@@ -369,23 +384,43 @@ fn implausible<T: Real, const B: usize>(
     plausible: &[Plausible<T>; B],
     sample: &Sample<T, B>,
 ) -> Option<Implausible> {
-    let mut reason = None;
+    let (mut within, mut probe) = (true, T::zero());
     for (b, limit) in plausible.iter().enumerate() {
         let (q, dq, tau) = (sample.q[b], sample.dq[b], sample.tau[b]);
-        if !(q.is_finite() && dq.is_finite() && tau.is_finite()) {
-            return Some(Implausible::NotFinite);
+        // x·0 is NaN for what is not finite; limits may be infinite.
+        probe += q * T::zero() + dq * T::zero() + tau * T::zero();
+        within &= (q >= limit.position[0]) & (q <= limit.position[1]);
+        within &= (dq.abs() <= limit.speed) & (tau.abs() <= limit.torque);
+    }
+    if within && probe == T::zero() {
+        None
+    } else {
+        Some(reason(plausible, sample))
+    }
+}
+
+/// Why an implausible sample cannot be true.
+#[cold]
+fn reason<T: Real, const B: usize>(
+    plausible: &[Plausible<T>; B],
+    sample: &Sample<T, B>,
+) -> Implausible {
+    let finite = |x: &[T; B]| x.iter().all(|x| x.is_finite());
+    if !(finite(&sample.q) && finite(&sample.dq) && finite(&sample.tau)) {
+        return Implausible::NotFinite;
+    }
+    for (b, limit) in plausible.iter().enumerate() {
+        if sample.q[b] < limit.position[0] || sample.q[b] > limit.position[1] {
+            return Implausible::Position;
         }
-        if q < limit.position[0] || q > limit.position[1] {
-            reason = reason.or(Some(Implausible::Position));
+        if sample.dq[b].abs() > limit.speed {
+            return Implausible::Speed;
         }
-        if dq.abs() > limit.speed {
-            reason = reason.or(Some(Implausible::Speed));
-        }
-        if tau.abs() > limit.torque {
-            reason = reason.or(Some(Implausible::Torque));
+        if sample.tau[b].abs() > limit.torque {
+            return Implausible::Torque;
         }
     }
-    reason
+    Implausible::Torque
 }
 
 /// Whether all readings are the same.

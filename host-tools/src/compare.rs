@@ -6,7 +6,9 @@
 //! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
 mod feet;
+mod nested;
 mod ranking;
+mod summary;
 mod values;
 mod words;
 
@@ -17,12 +19,14 @@ use serde::Serialize;
 
 use feet::Feet;
 pub use feet::FootForce;
+pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
 pub use crate::detect::JointSeries;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
+use crate::equation::motion::is_shared;
 use crate::equation::values::Values;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
@@ -49,6 +53,9 @@ pub struct Comparison {
     pub yardsticks: Yardsticks,
     /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
+    /// The effects that were left out of the model as it was given, where it is compared with that.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub left_out: Vec<String>,
     /// Whether values were fitted to the other stretches of time rather than taken from the model file.
     pub fitted: bool,
     /// The values of the model's effects.
@@ -138,46 +145,114 @@ pub fn compare(
     let (data, feet) = swing(robot::data(recording, model));
     check(recording, &data, &feet, fitted)?;
     let predictions = predictions(&data, from);
-    let series = all_series(&data, &predictions);
-    let effects = predictions
-        .iter()
-        .zip(&data)
-        .zip(&feet)
-        .flat_map(|((of, data), foot)| values::of(data, of.fit.as_ref(), foot.as_ref()));
-    let effects: Vec<EffectValue> = values::once(effects);
     let added = if fitted {
         last_added(&unvalued)
     } else {
         Vec::new()
     };
     let baselines = Baselines::new(recording, model, from, &added, &feet);
-    let (contact, words) = feet::told(&feet, recording, model);
-    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-    let mut criticism = residual::criticise(&views);
-    feet::restrain(&mut criticism, &contact);
-    let joints = series.iter().zip(&criticism).enumerate();
-    let joints: Vec<JointComparison> = joints
-        .map(|(k, (series, criticism))| JointComparison::of(series, criticism, baselines.rms(k)))
-        .collect();
-    let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
-    let rms = over_all(&joints, &|j| j.scores.rms);
-    Ok(Comparison {
-        data: recording.gates.clone(),
-        rms,
-        yardsticks: Yardsticks::over_all(&joints, rms),
-        added: added.iter().map(name).collect(),
-        effects,
+    let judged = Judged {
+        recording,
+        model,
+        data: &data,
+        feet: &feet,
+        predictions,
+        baselines,
         fitted,
-        patterns: ranking::patterns(&criticism),
-        episodes: ranking::episodes(&criticism, recording),
-        criticism,
-        logs: recording.logs.clone(),
-        warnings: recording.warnings.iter().cloned().chain(words).collect(),
-        contact,
-        joints,
-        series,
-        baselines: baselines.named(),
-    })
+    };
+    Ok(judged.told(&added, &[]))
+}
+
+/// Compares `model` with the model `given`, from which it was made by adding and leaving out effects: both fitted to every stretch
+/// of time but the one that is predicted, under the weights that the fit of `given` has. That is what a report's page does.
+///
+/// # Errors
+/// [`RecordingError`] if no limb can be judged.
+pub fn compare_with(
+    recording: &Recording,
+    given: &Model,
+    model: &Model,
+) -> Result<Comparison, RecordingError> {
+    let (given_data, feet) = swing(robot::data(recording, given));
+    check(recording, &given_data, &feet, true)?;
+    let before = predictions(&given_data, From::HeldOut);
+    let data: Vec<LimbData> = (robot::data(recording, model).into_iter().zip(&feet))
+        .map(|(data, foot)| without_stance(data, foot))
+        .collect();
+    let predictions = predictions_under(&data, &before);
+    let mut baselines = Baselines::new(recording, model, From::File, &[], &feet);
+    baselines.before = Some(all_series(&given_data, &before));
+    let judged = Judged {
+        recording,
+        model,
+        data: &data,
+        feet: &feet,
+        predictions,
+        baselines,
+        fitted: true,
+    };
+    let lacks = |model: &Model, e: &ModelEffect| {
+        let same = |other: &ModelEffect| (other.effect, other.joint) == (e.effect, e.joint);
+        !model.effects().iter().any(same)
+    };
+    let only = |own: &Model, other: &Model| -> Vec<ModelEffect> {
+        let effects = own.effects().iter().filter(|e| lacks(other, e));
+        effects.copied().collect()
+    };
+    Ok(judged.told(&only(model, given), &only(given, model)))
+}
+
+/// A model and what it predicts.
+struct Judged<'a> {
+    recording: &'a Recording,
+    model: &'a Model,
+    data: &'a [LimbData<'a>],
+    feet: &'a Feet,
+    predictions: Vec<Prediction<'a>>,
+    baselines: Baselines,
+    fitted: bool,
+}
+
+impl Judged<'_> {
+    /// How well, where and when; beside the model without what was `added` or with what was `left_out`.
+    fn told(self, added: &[ModelEffect], left_out: &[ModelEffect]) -> Comparison {
+        let (recording, model, feet) = (self.recording, self.model, self.feet);
+        let series = all_series(self.data, &self.predictions);
+        let limbs = self.predictions.iter().zip(self.data).zip(feet);
+        let effects =
+            limbs.flat_map(|((of, data), foot)| values::of(data, of.fit.as_ref(), foot.as_ref()));
+        let effects: Vec<EffectValue> = values::once(effects);
+        let (contact, words) = feet::told(feet, recording, model);
+        let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+        let mut criticism = residual::criticise(&views);
+        feet::restrain(&mut criticism, &contact);
+        let joints = series.iter().zip(&criticism).enumerate();
+        let joints: Vec<JointComparison> = joints
+            .map(|(k, (series, criticism))| {
+                JointComparison::of(series, criticism, self.baselines.rms(k))
+            })
+            .collect();
+        let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+        let rms = over_all(&joints, &|j| j.scores.rms);
+        Comparison {
+            data: recording.gates.clone(),
+            rms,
+            yardsticks: Yardsticks::over_all(&joints, rms),
+            added: added.iter().map(name).collect(),
+            left_out: left_out.iter().map(name).collect(),
+            effects,
+            fitted: self.fitted,
+            patterns: ranking::patterns(&criticism),
+            episodes: ranking::episodes(&criticism, recording),
+            criticism,
+            logs: recording.logs.clone(),
+            warnings: recording.warnings.iter().cloned().chain(words).collect(),
+            contact,
+            joints,
+            series,
+            baselines: self.baselines.named(),
+        }
+    }
 }
 
 /// What models that know less make of the same windows.
@@ -386,6 +461,11 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
         // A fit that is not finite has no prediction: that of the file stands for it.
         return predictions(data, From::File);
     }
+    predicted(fits)
+}
+
+/// What fits predict, each window by that to the other folds.
+fn predicted(fits: Vec<LimbFit<'_>>) -> Vec<Prediction<'_>> {
     let of = |fit: &LimbFit| match fit.held_out() {
         Some(values) => fit.data.predicted_by_fold(&values),
         None => fit.data.predicted(&fit.values, &|_| true),
@@ -397,6 +477,31 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
         fit: Some(fit),
     })
     .collect()
+}
+
+/// What another model of the same limbs predicts, fitted under the weights of the fits `before`; its shapes and what all limbs
+/// share are theirs.
+fn predictions_under<'a>(data: &'a [LimbData<'a>], before: &[Prediction]) -> Vec<Prediction<'a>> {
+    let fit = |(data, before): &(&'a LimbData<'a>, &Prediction)| {
+        let before = before.fit.as_ref()?;
+        let places = places_of(data);
+        let shared = places.iter().copied().filter(|place| is_shared(place.1));
+        let how = How {
+            constraint: Constraint::Physical,
+            start: Some(before.values.clone()),
+            held: shared.collect(),
+            shapes: Some(Vec::new()),
+            weights: Some(before.weights.clone()),
+            ..How::default()
+        };
+        LimbFit::of(data, &places, &how)
+    };
+    let both: Vec<_> = data.iter().zip(before).collect();
+    let fits: Vec<LimbFit> = side_by_side(&both, fit).into_iter().flatten().collect();
+    if fits.len() < data.len() {
+        return predictions(data, From::File);
+    }
+    predicted(fits)
 }
 
 fn all_series(data: &[LimbData], predictions: &[Prediction]) -> Vec<JointSeries> {

@@ -3,6 +3,7 @@
 mod contact;
 mod path;
 mod report;
+mod summary;
 mod words;
 
 use std::path::PathBuf;
@@ -10,7 +11,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
-use crate::equation::values::{Place, Values};
+use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -21,6 +22,7 @@ use crate::recording::{Recording, RecordingError};
 use crate::select::search::{Found, search};
 use crate::select::state::how;
 use report::report;
+pub(crate) use summary::NEW_MODEL;
 
 /// What `proprio diagnose` says.
 #[derive(Debug, Clone, Serialize)]
@@ -245,6 +247,5 @@ fn with_velocities<'a>(
 /// Held-out sums of squares of the model as it is given.
 fn start_squares(data: &LimbData) -> Option<Squares> {
     let fit = LimbFit::of(data, &places_of(data), &how())?;
-    let values: Vec<Values> = fit.held_out()?;
-    Some(data.squares(&data.predicted_by_fold(&values)))
+    Some(data.squares(&fit.predicted_held_out()?))
 }

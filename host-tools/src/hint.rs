@@ -9,8 +9,10 @@ use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
+use proprio::factors::FactorsError;
 use proprio::identify::{FreeBaseError, IdentificationError};
 use proprio::log::{LEAST_RATE, LogError, Problem};
+use proprio::monitor::{FeedError, JournalError};
 use proprio::recording::RecordingError;
 use proprio::validate::ValidateError;
 
@@ -52,6 +54,15 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::FreeBase(FreeBaseError::Unsolvable) => None,
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
         Error::Capture(error) => of_capture(error),
+        Error::Factors(error) => of_factors(error),
+        Error::Feed(FeedError::Device(error) | FeedError::Replay(ReplayError::Device(error))) => of_device(error),
+        Error::Feed(FeedError::Journal(error)) => Some(of_journal(error).to_owned()),
+        Error::Feed(FeedError::Replay(_)) => None,
+        Error::Feed(FeedError::Diverged(_)) => {
+            Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
+        }
+        Error::Journal(error) => Some(of_journal(error).to_owned()),
+        Error::Terminal(_) => Some("print lines instead: --lines".to_owned()),
         Error::Replay(ReplayError::Encode { .. }) => {
             Some("no motor reports such a value: check the units, or delete the line".to_owned())
         }
@@ -73,6 +84,10 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Earlier(EarlierError::Excite(error)) => of_excite(error),
         Error::Earlier(EarlierError::NotRecorded(_)) => Some("name logs of these legs, or other --legs".to_owned()),
         Error::Validate(_) => None,
+        Error::Shapes(_) => Some(
+            "a file of shapes has `[[capsule]]` with name, body, ends, radius and `[[plane]]` with name, normal, offset"
+                .to_owned(),
+        ),
         Error::Follow(_) => Some("`proprio excite -o motion.csv` makes a motion to follow".to_owned()),
         Error::Excite(error) => of_excite(error),
         Error::NotWithinLimits(_) => Some("keep back more of that limit, or begin in another --pose".to_owned()),
@@ -113,6 +128,9 @@ fn of_excite(error: &ExciteError) -> Option<String> {
         ExciteError::TooLarge(..) => "make the joints that can be held still fixed in the URDF",
         ExciteError::Unknown(unknown) => return model::of_name(unknown),
         ExciteError::NotDesignable(_) => "`proprio diagnose` says in words which motion tells it",
+        ExciteError::Shape { .. } => {
+            "lengths are in m, in the frame of the joint that moves the shape"
+        }
         ExciteError::Unphysical(_) => "correct the bodies of the URDF or of the model file",
     };
     Some(hint.to_owned())
@@ -127,10 +145,19 @@ fn of_device(error: &DeviceError) -> Option<String> {
         DeviceError::Silent(_) => {
             "check the port, that the board is powered, and that it runs proprio's firmware"
         }
-        DeviceError::Wire(_) => "flash the firmware of this version of proprio",
+        DeviceError::Wire(_) => "`proprio flash` puts this version's firmware on the board",
         DeviceError::Port { .. } => {
             "check the port's name, and that you may use it: `ls -l /dev/tty*`, group dialout"
         }
+        DeviceError::Image { .. } => "check the path; without --image the firmware is built",
+        DeviceError::NotAnImage(_) => "without --image the firmware is built",
+        DeviceError::NoProgrammer => {
+            return Some(proprio::device::programmer::how_to_install());
+        }
+        DeviceError::Programmer(..) => {
+            "check that the board's ST-LINK is plugged in: `proprio ports` lists it"
+        }
+        DeviceError::NoFactor => "`proprio flash` puts this version's firmware on the board",
         DeviceError::Link(_) => return None,
     };
     Some(hint.to_owned())
@@ -147,6 +174,27 @@ fn of_capture(error: &CaptureError) -> Option<String> {
             "check that the adapter is plugged in, and that no other program uses it"
         }
         CaptureError::Write(_) => return None,
+    };
+    Some(hint.to_owned())
+}
+
+fn of_journal(error: &JournalError) -> &'static str {
+    match error {
+        JournalError::Read { .. } | JournalError::NotMessages(_) => {
+            "`proprio monitor PORT --record FILE` makes such a file"
+        }
+        JournalError::Schema { .. } => "watch it with the proprio that recorded it",
+    }
+}
+
+fn of_factors(error: &FactorsError) -> Option<String> {
+    let hint = match error {
+        FactorsError::Read { .. } | FactorsError::NotFactors(_) => {
+            "`proprio replay LOG --to desktop --factors FILE` makes such a file"
+        }
+        FactorsError::Damaged(_) => "read the device's factors again",
+        FactorsError::Other(_) => "read it with the proprio that made it, or make it anew",
+        FactorsError::Solve { .. } => return None,
     };
     Some(hint.to_owned())
 }

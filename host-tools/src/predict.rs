@@ -44,6 +44,7 @@ pub(crate) fn predict_under(
     let mut torque = vec![0.0; motion.joints * motion.windows.len()];
     let delays: Vec<f64> = (0..motion.joints).map(|j| values.delay(j)).collect();
     let asked = motion.asked(values, chosen);
+    let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
     let mut done: Vec<f64> = Vec::new();
     for &delay in &delays {
         if done.contains(&delay) {
@@ -54,7 +55,7 @@ pub(crate) fn predict_under(
             motion,
             rigid: body.loaded(values),
             base: body.base(values),
-            states: motion.states_under(load, body, values, &columns, (delay, &asked)),
+            states: motion.states_under(load, body, values, (&columns, &made), (delay, &asked)),
             effects: effects(&columns, values),
             joints: (0..motion.joints).filter(|&j| delays[j] == delay).collect(),
         };

@@ -5,6 +5,7 @@ pub mod battery;
 pub mod browser;
 pub mod command;
 pub mod device_fit;
+pub mod excitation;
 pub mod information;
 pub mod ladder;
 pub mod motion;

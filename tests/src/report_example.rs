@@ -107,6 +107,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
             path: log.display().to_string(),
             sha256,
         }],
+        ..Header::default()
     };
     let (steps, floor) = path(&windows);
     let sections = vec![

@@ -74,7 +74,6 @@ fn check(what: &str, counters: &Counters, disturbed: u64) {
 }
 
 #[test]
-#[ignore = "not met: eight polling cycles on all four buses in one step cost 135 287 instructions"]
 fn no_step_costs_more_than_it_may_whatever_the_buses_bring() {
     let mut random = ChaCha8Rng::seed_from_u64(15);
     let noise = |random: &mut ChaCha8Rng| -> Vec<u8> {

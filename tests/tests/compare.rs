@@ -121,7 +121,7 @@ fn where_and_when_are_told_in_the_order_of_their_weight() {
         .map(|e| number(e, "size"))
         .collect();
     assert!(sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
-    let short = done(folder, &["compare", "log.csv"]);
+    let short = done(folder, &["compare", "log.csv", "--verbose"]);
     let long = done(folder, &["compare", "log.csv", "--all"]);
     assert!(
         short.starts_with("Data: nothing wrong with the samples\n"),
@@ -129,6 +129,20 @@ fn where_and_when_are_told_in_the_order_of_their_weight() {
     );
     assert!(short.contains("more (--all)") && !long.contains("(--all)"));
     assert!(long.lines().count() > short.lines().count());
+    // One screen: what is wrong with the data, one line, three points at most, one command.
+    let screen = done(folder, &["compare", "log.csv"]);
+    let points = screen
+        .lines()
+        .filter(|line| line.starts_with("  • "))
+        .count();
+    assert!(
+        (1..=3).contains(&points) && screen.lines().count() <= 12,
+        "{screen}"
+    );
+    assert!(
+        screen.contains("\n  $ proprio diagnose log.csv\n"),
+        "{screen}"
+    );
 }
 
 /// Two logs: moments are told by log and by time since its start.

@@ -127,3 +127,45 @@ fn applying_walks_to_a_model_that_lacks_nothing() {
     ));
     assert!(comparison["rms"].as_f64() < comparison["before_rms"].as_f64());
 }
+
+/// One screen: the fall of the error and what is missing, three points, and a command that runs.
+#[test]
+fn the_first_screen_ends_with_a_command_that_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let hide = [
+        "--hide",
+        "coulomb:FR_calf=0.5",
+        "--hide",
+        "viscous:FR_hip=0.2",
+    ];
+    simulate(folder, &[&["-o", "log.csv"][..], &hide].concat());
+    let screen = done(folder, &["diagnose", "log.csv"]);
+    let headline = screen
+        .lines()
+        .find(|line| line.contains("missing: "))
+        .unwrap();
+    assert!(
+        headline.contains(" → ") && headline.contains("; floor "),
+        "{screen}"
+    );
+    assert!(headline.contains("coulomb (FR_calf)"), "{screen}");
+    let points = screen
+        .lines()
+        .filter(|line| line.starts_with("  • "))
+        .count();
+    assert!((1..=3).contains(&points), "{screen}");
+    let command = screen
+        .lines()
+        .find_map(|line| line.strip_prefix("  $ proprio "))
+        .unwrap();
+    assert!(
+        command.starts_with("add ") && command.ends_with(" -m go2.toml"),
+        "{screen}"
+    );
+    done(folder, &command.split(' ').collect::<Vec<_>>());
+    let compared = done(folder, &["compare", "log.csv", "-m", "go2.toml", "--json"]);
+    let compared = json(&compared);
+    assert!(compared["rms"].as_f64() < compared["before_rms"].as_f64());
+    assert!(done(folder, &["diagnose", "log.csv", "--verbose"]).contains("held-out gain %"));
+}

@@ -104,11 +104,17 @@ fn a_motion_is_designed_followed_judged_and_a_model_validated_on_it() {
     for effect in ["viscous", "coulomb", "armature", "bias"] {
         done(here, &["add", effect, "-m", "fit.toml"]);
     }
-    done(
+    let told = done(
         here,
         &[
             "identify", "log.csv", "--model", "fit.toml", "-o", "fit.toml",
         ],
+    );
+    // What the log could not tell closes the words, with the command for the motion that would.
+    assert!(
+        told.contains("What these logs could not tell")
+            && told.contains("proprio excite -m fit.toml --legs FR --for "),
+        "{told}"
     );
     excite(here, &["-o", "other.csv", "--seed", "7"]);
     let robot = ["--typical", "--inertia-error", "0.06"];
@@ -199,11 +205,35 @@ fn other_goals_are_designed_for_too() {
 }
 
 #[test]
+fn four_legs_move_at_once_each_in_its_quarter() {
+    let folder = folder();
+    let design = json(&done(
+        folder.path(),
+        &[&["excite", "--json", "-o", "all.csv"], &QUICK[2..]].concat(),
+    ));
+    assert_eq!(
+        (design["violations"].as_u64(), design["rank"].as_u64()),
+        (Some(0), Some(4 * 17))
+    );
+    let header = fs::read_to_string(folder.path().join("all.csv")).unwrap();
+    assert_eq!(
+        header.lines().next().unwrap().split(',').count(),
+        1 + 6 * 12
+    );
+}
+
+#[test]
 fn bad_input_is_named_and_leaves_no_file() {
     let folder = folder();
     let here = folder.path();
     fs::write(here.join("short.csv"), "t,q/FR_hip\n0,0\n").unwrap();
-    let cases: [(&[&str], i32, &str); 10] = [
+    fs::write(
+        here.join("wall.toml"),
+        "[[plane]]\nname = \"the wall\"\nnormal = [0, 0, 1]\noffset = 0.5\n",
+    )
+    .unwrap();
+    fs::write(here.join("bad.toml"), "[[cylinder]]\n").unwrap();
+    let cases: [(&[&str], i32, &str); 21] = [
         (
             &["excite", "--pose", "FR_calf=-3"],
             1,
@@ -238,6 +268,48 @@ fn bad_input_is_named_and_leaves_no_file() {
             "no column `q/FR_thigh`",
         ),
         (&["validate"], 2, "--motion"),
+        (
+            &["excite", "--velocity-share", "nan"],
+            1,
+            "the share of the speed",
+        ),
+        (&["excite", "--duration", "inf"], 1, "the duration"),
+        (
+            &["excite", "--pose", "FR_calf=nan"],
+            1,
+            "the pose of FR_calf",
+        ),
+        (&["excite", "--torque-share", "0.01"], 1, "torque of FR_"),
+        (&["excite", "--starts", "0"], 1, "the number of starts"),
+        (
+            &["excite", "--legs", "FR", "--for", "m:FR_foot"],
+            1,
+            "m:FR_foot",
+        ),
+        (
+            &[
+                "excite",
+                "--legs",
+                "FR",
+                "--separate",
+                "viscous,coulomb:FR_knee",
+            ],
+            1,
+            "FR_knee",
+        ),
+        (&["excite", "--shapes", "none.toml"], 1, "none.toml"),
+        (&["excite", "--shapes", "bad.toml"], 1, "cylinder"),
+        // Where the leg hangs the wall stands already.
+        (
+            &["excite", "--legs", "FR", "--shapes", "wall.toml"],
+            1,
+            "to the wall is beyond its limit",
+        ),
+        (
+            &["excite", "--legs", "FR", "--from", "short.csv"],
+            1,
+            "short.csv",
+        ),
     ];
     for (arguments, status, words) in cases {
         let output = proprio(here, arguments);
@@ -257,7 +329,7 @@ fn bad_input_is_named_and_leaves_no_file() {
         .unwrap()
         .map(|entry| entry.unwrap().file_name())
         .collect();
-    assert_eq!(left, ["short.csv"]);
+    assert_eq!(left.len(), 3, "{left:?}");
 }
 
 #[cfg(unix)]

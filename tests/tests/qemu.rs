@@ -6,7 +6,8 @@ use proprio::device::replay::{ReplayError, bus_step, replay};
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
-    Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, HostMessage, Outcome, SCHEMA,
+    Action, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, HostMessage, Outcome, Request,
+    SCHEMA,
 };
 use proprio_tests::motion;
 
@@ -43,7 +44,7 @@ fn told(device: &mut dyn Device, steps: &[BusStep]) -> (Vec<Estimate>, Vec<Diagn
         DeviceMessage::Estimate(estimate) => estimates.push(estimate),
         DeviceMessage::Counters(latest) => counters = latest,
         DeviceMessage::Diagnosis(diagnosis) => diagnoses.push(diagnosis),
-        DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) | DeviceMessage::Changed(_) => {}
+        _ => {}
     };
     replay(steps, device, &mut hear).unwrap();
     (estimates, diagnoses, counters)
@@ -93,18 +94,20 @@ fn the_running_board_takes_an_effect_and_gives_it_up() {
     };
     let mut masks = Vec::new();
     let mut answers = Vec::new();
-    for (n, message) in [
-        HostMessage::AddEffect(at),
-        HostMessage::AddEffect(at),
-        HostMessage::DropEffect(at),
+    for (n, action) in [
+        Action::AddEffect(at),
+        Action::AddEffect(at),
+        Action::DropEffect(at),
     ]
     .into_iter()
     .enumerate()
     {
-        qemu.command(&message).unwrap();
+        let id = 7 + n as u32;
+        qemu.command(&HostMessage::Request(Request { id, action }))
+            .unwrap();
         let played = steps(&Leg::ALL[2..3], 1_000 * (n as u64 + 1));
         let mut hear = |message| match message {
-            DeviceMessage::Changed(changed) => answers.push(changed.outcome),
+            DeviceMessage::Answer(answer) => answers.push(answer.outcome),
             DeviceMessage::Estimate(estimate) if estimate.leg == 2 => {
                 masks.push(estimate.effects[1])
             }

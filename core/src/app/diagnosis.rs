@@ -10,15 +10,15 @@ use crate::criticism::{Finding, HeldOut, Nested, work_len};
 use crate::estimator::{
     Active, BASE_RANK, DEVICE_COLUMNS, DeviceFolds, FOLDS, FRONT, LegBase, effect_prior,
 };
-use crate::factor::{Factor, FactorError, packed_len};
+use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
 use crate::go2::{JOINTS_PER_LEG, LEGS};
 use crate::scalar::real;
 
 /// Columns of the longest joint: effects and base parameters.
 const COLUMNS: usize = DEVICE_COLUMNS + BASE_RANK[0];
 
-/// A step ends at the first row that brings its cost here, in numbers rotated.
-const STEP_COST: usize = 300;
+/// A step ends at the first block of rows that brings its cost here ([`block_cost`]).
+const STEP_COST: usize = 1200;
 
 /// Effects tried in one step; an active one takes two fits.
 const TRIES: usize = 1;
@@ -124,14 +124,20 @@ impl<T: Real> Diagnosis<T> {
         let Stage::Tell { effect } = self.stage else {
             return None;
         };
+        let (Some(held_out), Some(finding)) =
+            (self.held_out.get(effect), self.findings.get(effect))
+        else {
+            self.next_joint();
+            return None;
+        };
         let verdict = Verdict {
             leg: self.leg(),
             joint: self.joint % JOINTS_PER_LEG,
             effect,
             active: self.active >> effect & 1 == 1,
             windows: self.windows[0] + self.windows[1],
-            held_out: self.held_out[effect],
-            finding: self.findings[effect],
+            held_out: *held_out,
+            finding: *finding,
         };
         if effect + 1 < DEVICE_COLUMNS {
             self.stage = Stage::Tell { effect: effect + 1 };
@@ -173,7 +179,7 @@ impl<T: Real> Diagnosis<T> {
     /// Puts the priors in the work space, for the fit to fold `train`.
     fn train_on(&mut self, train: usize, evidence: &Evidence<T>) -> Result<(), FactorError> {
         let (joint, base) = (self.joint % JOINTS_PER_LEG, self.base());
-        self.train = train;
+        self.train = train % FOLDS;
         self.stage = Stage::Stack { row: 0 };
         let mut work = factor(&mut self.work, base + DEVICE_COLUMNS)?;
         work.clear();
@@ -201,15 +207,20 @@ impl<T: Real> Diagnosis<T> {
         let weight = T::one() / self.noise;
         let (mut cost, mut k) = (0, first);
         while k <= p && cost < STEP_COST {
-            let train = factor(&mut self.folds[self.train], p)?;
-            let mut row = [T::zero(); COLUMNS + 1];
-            for (n, x) in train.row(k).iter().enumerate() {
-                let place = match k + n {
-                    c if c < FRONT => base + c,
-                    c if c < FRONT + base => c - FRONT,
-                    c => c,
-                };
-                row[place] = *x * weight;
+            let train = factor(&mut self.folds[self.train % FOLDS], p)?;
+            let mut block = [[T::zero(); ROWS]; COLUMNS + 1];
+            let end = (k + ROWS).min(p + 1);
+            for (slot, k) in (k..end).enumerate() {
+                for (n, x) in train.row(k).iter().enumerate() {
+                    let place = match k + n {
+                        c if c < FRONT => base + c,
+                        c if c < FRONT + base => c - FRONT,
+                        c => c,
+                    };
+                    if let Some(to) = block.get_mut(place).and_then(|to| to.get_mut(slot)) {
+                        *to = *x * weight;
+                    }
+                }
             }
             // A row begins at its own place; the first effects' rows have base columns, which come before.
             let start = match k {
@@ -217,10 +228,10 @@ impl<T: Real> Diagnosis<T> {
                 k if k < FRONT + base => k - FRONT,
                 k => k,
             };
-            let row = row.get_mut(start..=p).unwrap_or(&mut []);
-            factor(&mut self.work, p)?.fold_from(start, row)?;
-            cost += (p + 1 - start) * (p + 2 - start) / 2;
-            k += 1;
+            let block = block.get_mut(start..=p).unwrap_or(&mut []);
+            factor(&mut self.work, p)?.fold_block(start, block)?;
+            cost += block_cost(p + 1 - start);
+            k = end;
         }
         self.stage = if k <= p {
             Stage::Stack { row: k }
@@ -239,15 +250,15 @@ impl<T: Real> Diagnosis<T> {
         let theta = theta.get_mut(..p).unwrap_or(&mut []);
         let fitted = factor(&mut self.work, p)?;
         let found = Nested::new(fitted.view(), base).fit(subset, of, theta, &mut self.small)?;
-        let (inertial, effects) = theta.split_at(base);
-        let (front, back) = effects.split_at(FRONT);
+        let (inertial, effects) = theta.split_at(base.min(theta.len()));
+        let (front, back) = effects.split_at(FRONT.min(effects.len()));
         for (to, from) in there
             .iter_mut()
             .zip(front.iter().chain(inertial).chain(back))
         {
             *to = *from;
         }
-        let test = factor(&mut self.folds[1 - self.train], p)?;
+        let test = factor(&mut self.folds[(self.train + 1) % FOLDS], p)?;
         Ok((test.sum_of_squares(&there), found))
     }
 
@@ -272,17 +283,17 @@ impl<T: Real> Diagnosis<T> {
         let bit = 1 << effect;
         let active = self.active & bit != 0;
         let (error, found) = self.judge(self.active ^ bit, effect)?;
-        let held_out = &mut self.held_out[effect];
-        let found = if active {
-            held_out.without[self.train] = error;
-            held_out.with[self.train] = self.present;
-            self.judge(self.active, effect)?.1
+        let (with, without, found) = if active {
+            (self.present, error, self.judge(self.active, effect)?.1)
         } else {
-            held_out.with[self.train] = error;
-            held_out.without[self.train] = self.present;
-            found
+            (error, self.present, found)
         };
-        self.findings[effect] = self.findings[effect].plus(found);
+        let train = self.train % FOLDS;
+        let (held_out, finding) = (self.held_out.get_mut(effect), self.findings.get_mut(effect));
+        if let (Some(held_out), Some(finding)) = (held_out, finding) {
+            (held_out.with[train], held_out.without[train]) = (with, without);
+            *finding = finding.plus(found);
+        }
         Ok(())
     }
 }

@@ -2,13 +2,14 @@
 
 use super::alignment::Alignment;
 use super::diagnosis::Evidence;
+use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
     Active, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
     Gather, LegBase, NOISE_GUESS, plausible,
 };
-use crate::factor::FactorError;
+use crate::factor::{Factor, FactorError};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
 use crate::scalar::real;
 use crate::spatial::Transform;
@@ -21,18 +22,20 @@ pub(super) const SETTINGS: Settings = Settings {
     ..Settings::DEFAULT
 };
 
-/// What a step takes off one bus at most, in bytes of good frames: what a bus without a pause brings in 2 ms, and more.
-const STEP_EFFORT: usize = 1000;
+/// What a step takes off one bus at most, in bytes of good frames: nearly what a bus without a pause brings in 2 ms; and
+/// what a step does that folds as well, one in ten.
+pub(super) const STEP_EFFORT: usize = 700;
+pub(super) const FOLDING_EFFORT: usize = 400;
 /// Samples of a leg in one step at most: a bus polled at 1 kHz.
 const STEP_SAMPLES: usize = 2;
 /// What listening costs by estimate, instructions: a byte of a good frame, a sample.
-const EFFORT_COST: usize = 7;
-const SAMPLE_COST: usize = 3900;
+const EFFORT_COST: usize = 13;
+const SAMPLE_COST: usize = 3600;
 /// A queue that is behind: what waits is moved to make room.
 const BEHIND_COST: usize = 8000;
 
-/// A step of gathering ends at the first row that brings its cost here, in numbers rotated.
-const STEP_COST: usize = 1200;
+/// A step of gathering ends where its cost would come beyond this, in numbers rotated.
+const STEP_COST: usize = 1600;
 
 /// One leg's data: what is all zeros at first, and so needs no copy in a microcontroller's flash.
 #[derive(Clone, Copy, Debug)]
@@ -52,36 +55,38 @@ impl<T: Real> LegData<T> {
             queue: Queue::new(),
         }
     }
+
+    /// A joint's factor in one fold.
+    pub(super) fn factor(&self, fold: usize, joint: usize) -> Factor<T, &[T]> {
+        self.folds.joint(fold, joint)
+    }
 }
 
 /// One leg, from its bus to its factors.
 pub(super) struct LegLine<T: Real> {
-    listener: Listener,
+    listener: Slot<Listener>,
     alignment: Alignment<T>,
     /// Cycles left out because more came than steps have time for.
     surplus: u32,
-    /// `None` until the first [`Self::reset`], like the prior: neither can be a constant.
-    window: Option<DeviceWindow<T>>,
-    /// The window has closed and its rows are not in the factors yet.
-    closed: bool,
+    /// Empty until the first [`Self::reset`], like the prior: neither can be a constant.
+    window: Slot<DeviceWindow<T>>,
     active: Active,
-    prior: Option<DevicePrior<T>>,
+    prior: Slot<DevicePrior<T>>,
     /// The joints' noise by the last solution, N m.
     noise: [T; JOINTS_PER_LEG],
     counters: LegCounters,
 }
 
 impl<T: Real> LegLine<T> {
-    /// A line that listens to nothing yet.
+    /// A line that listens to nothing yet: all zeros.
     pub(super) const fn new() -> Self {
         Self {
-            listener: Listener::new(),
+            listener: Slot::Empty,
             alignment: Alignment::new(),
             surplus: 0,
-            window: None,
-            closed: false,
-            active: DEFAULT_ACTIVE,
-            prior: None,
+            window: Slot::Empty,
+            active: Active::NONE,
+            prior: Slot::Empty,
             noise: [T::ZERO; JOINTS_PER_LEG],
             counters: LegCounters::ZERO,
         }
@@ -89,17 +94,16 @@ impl<T: Real> LegLine<T> {
 
     /// Begins anew, in place: a line is larger than a microcontroller's stack. `work` is space for the analysis of the leg.
     pub(super) fn reset(&mut self, which: Leg, data: &mut LegData<T>, work: &mut [T]) {
-        self.listener = Listener::new();
+        self.listener = Slot::Full(Listener::new());
         self.alignment = Alignment::new();
         self.surplus = 0;
         data.queue.clear();
         self.open(which);
-        self.closed = false;
         data.folds.clear();
         self.active = DEFAULT_ACTIVE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
         self.set_prior(which);
-        if let Some(prior) = &self.prior {
+        if let Slot::Full(prior) = &self.prior {
             // The work space is as large as it says; without the analysis, every fold would count as unfolded.
             let _ = data.base.analyse(which, prior, work);
         }
@@ -109,14 +113,14 @@ impl<T: Real> LegLine<T> {
     /// The prior of the effects active at first. Not inlined, like [`Self::open`].
     #[inline(never)]
     fn set_prior(&mut self, which: Leg) {
-        self.prior = Some(DevicePrior::of(which, &self.active));
+        self.prior = Slot::Full(DevicePrior::of(which, &self.active));
     }
 
     /// An empty window. Not inlined, so that what it takes of the stack is given back before the prior takes its own.
     #[inline(never)]
     fn open(&mut self, which: Leg) {
         let (upright, settings) = (Transform::identity(), SETTINGS);
-        self.window = Some(Window::new(
+        self.window = Slot::Full(Window::new(
             leg(which),
             upright,
             DeviceColumns,
@@ -126,7 +130,10 @@ impl<T: Real> LegLine<T> {
     }
 
     pub(super) fn counters(&self, data: &LegData<T>) -> LegCounters {
-        let (frames, cycles) = (self.listener.frames(), self.listener.cycles());
+        let Slot::Full(listener) = &self.listener else {
+            return LegCounters::ZERO;
+        };
+        let (frames, cycles) = (listener.frames(), listener.cycles());
         LegCounters {
             commands: frames.commands,
             replies: frames.replies,
@@ -153,13 +160,15 @@ impl<T: Real> LegLine<T> {
         data.queue.push(bytes, end_us, byte_ns);
     }
 
-    /// Makes samples of what the bus brought, as much as one step has time for; the rest waits. What it cost by estimate,
-    /// instructions.
+    /// Makes samples of what the bus brought, `most` bytes at most; the rest waits. What it cost by estimate, instructions.
     #[inline(never)]
-    pub(super) fn listen(&mut self, data: &mut LegData<T>) -> usize {
-        let (mut effort, mut samples) = (STEP_EFFORT, 0);
+    pub(super) fn listen(&mut self, data: &mut LegData<T>, most: usize) -> usize {
+        let (mut effort, mut samples) = (most, 0);
         while (samples < STEP_SAMPLES || data.queue.is_behind()) && !data.queue.is_empty() {
-            let Some(cycle) = self.listener.next(&mut data.queue, &mut effort) else {
+            let Some(listener) = self.listener.get_mut() else {
+                break;
+            };
+            let Some(cycle) = listener.next(&mut data.queue, &mut effort) else {
                 break;
             };
             if samples < STEP_SAMPLES {
@@ -169,7 +178,7 @@ impl<T: Real> LegLine<T> {
             } else {
                 // What waits would be lost in the end, in the middle of a frame.
                 increment(&mut self.surplus);
-                self.listener.discard();
+                listener.discard();
             }
         }
         let moved = if data.queue.is_behind() {
@@ -177,21 +186,13 @@ impl<T: Real> LegLine<T> {
         } else {
             0
         };
-        (STEP_EFFORT - effort) * EFFORT_COST + samples * SAMPLE_COST + moved
+        (most - effort) * EFFORT_COST + samples * SAMPLE_COST + moved
     }
 
     /// Puts a sample into the window. Not inlined: in a loop, the window's addresses would all be kept, which costs more.
     #[inline(never)]
     fn push(&mut self, data: &mut LegData<T>, sample: &Sample<T, JOINTS_PER_LEG>) {
-        let Some(window) = &mut self.window else {
-            return;
-        };
-        // Steps so long that the turn to fold did not come: fold now, before the next window's rows take the place.
-        let next_close = window.rows().span_us[1].saturating_add(SETTINGS.window_us);
-        if self.closed && sample.time_us >= next_close {
-            self.fold(data);
-        }
-        let Some(window) = &mut self.window else {
+        let Some(window) = self.window.get_mut() else {
             return;
         };
         let counters = &mut self.counters;
@@ -200,7 +201,7 @@ impl<T: Real> LegLine<T> {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
                 increment(&mut counters.used);
-                self.closed = true;
+                self.take(data);
             }
             Push::Gap => {
                 increment(&mut counters.used);
@@ -211,26 +212,47 @@ impl<T: Real> LegLine<T> {
         }
     }
 
-    /// Folds a closed window into the factors; whether there was one.
-    pub(super) fn fold(&mut self, data: &mut LegData<T>) -> bool {
-        let (true, Some(window)) = (self.closed, &self.window) else {
-            return false;
-        };
-        self.closed = false;
-        match data.folds.fold_window(window.rows(), &data.base) {
-            Ok(()) => increment(&mut self.counters.windows),
-            Err(_) => increment(&mut self.counters.unfolded),
+    /// Lays the rows of the closed window by, to be folded in with others.
+    fn take(&mut self, data: &mut LegData<T>) {
+        // Steps so long that the turn to fold did not come.
+        if data.folds.is_full() {
+            self.fold(data);
         }
-        true
+        let Some(window) = self.window.get() else {
+            return;
+        };
+        if data.folds.take(window.rows(), &data.base).is_err() {
+            increment(&mut self.counters.unfolded);
+        }
     }
 
-    /// Begins to gather the windows folded so far.
+    /// Whether as many windows wait as are folded in together.
+    pub(super) fn is_full(data: &LegData<T>) -> bool {
+        data.folds.is_full()
+    }
+
+    /// Folds the windows that wait into the factors.
+    #[inline(never)]
+    pub(super) fn fold(&mut self, data: &mut LegData<T>) {
+        let waiting = data.folds.waiting();
+        if waiting == 0 {
+            return;
+        }
+        let counter = match data.folds.fold() {
+            Ok(()) => &mut self.counters.windows,
+            Err(_) => &mut self.counters.unfolded,
+        };
+        *counter = counter.wrapping_add(waiting as u32);
+    }
+
+    /// Folds in what waits, and begins to gather.
     pub(super) fn gather(
-        &self,
-        data: &LegData<T>,
+        &mut self,
+        data: &mut LegData<T>,
         gather: &mut Gather<T>,
         solver: &mut DeviceSolver<T>,
     ) {
+        self.fold(data);
         gather.start(&self.active, &data.folds, solver);
     }
 
@@ -241,17 +263,20 @@ impl<T: Real> LegLine<T> {
         gather: &mut Gather<T>,
         solver: &mut DeviceSolver<T>,
     ) -> Result<bool, FactorError> {
-        let done = gather.advance(STEP_COST, &data.folds, &data.base, solver)?;
-        match &self.prior {
-            Some(prior) if done && *gather.active() == self.active => solver.restart(prior),
+        // The prior takes a step of its own.
+        if !gather.is_done() {
+            gather.advance(STEP_COST, &data.folds, &data.base, solver)?;
+            return Ok(false);
+        }
+        match self.prior.get() {
+            Some(prior) if *gather.active() == self.active => solver.restart(prior),
             // The host has changed the model meanwhile: once more.
-            _ if done => {
+            _ => {
                 gather.start(&self.active, &data.folds, solver);
                 return Ok(false);
             }
-            _ => {}
         }
-        Ok(done)
+        Ok(true)
     }
 
     /// What a diagnosis looks at.
@@ -275,7 +300,7 @@ impl<T: Real> LegLine<T> {
             return false;
         }
         self.active.set(joint, effect, active);
-        if let Some(prior) = &mut self.prior {
+        if let Some(prior) = self.prior.get_mut() {
             prior.activate(&self.active);
         }
         true

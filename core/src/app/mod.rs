@@ -3,20 +3,27 @@
 //! [`App::step`] is the same synchronous function on a board, in emulation and on the desktop; who calls it says what time
 //! it is and who it is. A step
 //!
-//! 1. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
-//!    two of a leg at most, and no more bytes than a step has time for; the rest waits;
-//! 2. puts the samples into the legs' windows; a window that closes is marked;
-//! 3. folds at most one marked window into its leg's factors, or does one part of a solution or of the diagnosis;
-//! 4. says at most one message.
+//! 1. obeys at most one request of the host (`requests`);
+//! 2. folds one leg's windows into its factors, if four of them wait;
+//! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
+//!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;
+//! 4. puts the samples into the legs' windows; the rows of a window that closes wait to be folded;
+//! 5. if it did not fold, does one part of a solution or of the diagnosis;
+//! 6. says at most one message.
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
-//! bound. Apart from step 1, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
+//! bound. Apart from part 3, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
 //! leaves the solution and the diagnosis to the next.
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;
+mod copy;
 mod diagnosis;
 mod leg;
+#[cfg(test)]
+mod request_tests;
+mod requests;
+mod slot;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -28,12 +35,15 @@ use crate::estimator::{
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::wire::{
-    self, Capacities, Changed, Counters, DeviceMessage, EffectAt, Estimate, Hello, HostMessage,
-    LegCounters, Load, Outcome, SCHEMA,
+    self, Action, Answer, Capacities, Counters, DeviceMessage, EffectAt, Estimate, Hello,
+    HostMessage, LegCounters, Load, Losses, Outcome, SCHEMA,
 };
+use copy::FactorCopy;
 use diagnosis::{Diagnosis, Verdict};
-use heapless::{Deque, String};
-use leg::{LegData, LegLine, SETTINGS};
+use heapless::{String, Vec};
+use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
+use requests::Requests;
+use slot::Slot;
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -44,14 +54,11 @@ pub const HELLO_US: u64 = 1_000_000;
 
 /// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
 /// step within its budget.
-const REST: u8 = 1;
+const REST: u8 = 2;
 
 /// What listening may cost in a step that solves or diagnoses as well, instructions by estimate: all that four legs polled at
 /// 1 kHz bring.
 const LISTENING: usize = 40_000;
-
-/// Answers that may wait to be told; a command that finds no room is not obeyed, so that what is done is always answered.
-const ANSWERS: usize = 144;
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,13 +76,22 @@ pub struct Identity {
     pub byte_ns: u32,
 }
 
+/// Of an application that has not been told who it is.
+const NOBODY: Identity = Identity {
+    firmware: "",
+    board: "",
+    load_unit: "",
+    budget: u32::MAX,
+    byte_ns: 0,
+};
+
 /// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
-pub struct Memory<T: Real>([LegData<T>; LEGS]);
+pub struct Memory<T: Real>([LegData<T>; LEGS], FactorCopy<T>);
 
 impl<T: Real> Memory<T> {
     /// No data, a constant.
     pub const fn new() -> Self {
-        Self([const { LegData::new() }; LEGS])
+        Self([const { LegData::new() }; LEGS], FactorCopy::new())
     }
 }
 
@@ -87,7 +103,7 @@ impl<T: Real> Default for Memory<T> {
 
 /// The application: four legs' lines and the solver that serves them in turn.
 pub struct App<T: Real> {
-    identity: Identity,
+    identity: Slot<Identity>,
     begun: bool,
     legs: [LegLine<T>; LEGS],
     solver: DeviceSolver<T>,
@@ -96,38 +112,52 @@ pub struct App<T: Real> {
     /// Steps left of the rest after one with work.
     rest: u8,
     /// The leg being solved, the time its data end, and whether its data are still being gathered.
-    solving: Option<(Leg, u64, bool)>,
+    solving: Slot<(Leg, u64, bool)>,
     /// The leg to solve next, and when.
     next: (Leg, u64),
     /// A solution to be told.
-    solved: Option<(Leg, u64)>,
-    answers: Deque<Changed, ANSWERS>,
+    solved: Slot<(Leg, u64)>,
+    requests: Requests,
     hello_at: u64,
     counters_at: u64,
     load: Load,
-    host_frames: (u32, u32),
+    losses: Losses,
 }
 
 impl<T: Real> App<T> {
-    /// An application that has seen nothing, a constant. It says hello in its first step.
+    /// An application that has seen nothing. It says hello in its first step.
     pub const fn new(identity: Identity) -> Self {
+        let mut app = Self::unset();
+        app.identity = Slot::Full(identity);
+        app
+    }
+
+    /// An application that is nobody yet, a constant of zeros: a microcontroller keeps no copy of it in flash.
+    /// [`begin`](Self::begin) says who it is.
+    pub const fn unset() -> Self {
         Self {
-            identity,
+            identity: Slot::Empty,
             begun: false,
             legs: [const { LegLine::new() }; LEGS],
             solver: DeviceSolver::empty(),
             gather: Gather::new(),
             diagnosis: Diagnosis::new(),
             rest: 0,
-            solving: None,
+            solving: Slot::Empty,
             next: (Leg::FR, 0),
-            solved: None,
-            answers: Deque::new(),
+            solved: Slot::Empty,
+            requests: Requests::new(),
             hello_at: 0,
             counters_at: 0,
             load: Load::ZERO,
-            host_frames: (0, 0),
+            losses: Losses::ZERO,
         }
+    }
+
+    /// Becomes the application of `identity`, and forgets all data.
+    pub fn begin(&mut self, memory: &mut Memory<T>, identity: Identity) {
+        self.identity = Slot::Full(identity);
+        self.reset(memory);
     }
 
     /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
@@ -137,36 +167,49 @@ impl<T: Real> App<T> {
         for ((line, data), which) in lines.zip(Leg::ALL) {
             line.reset(which, data, self.solver.storage_mut());
         }
-        self.solving = None;
+        self.solving = Slot::Empty;
         self.next = (Leg::FR, 0);
-        self.solved = None;
+        self.solved = Slot::Empty;
         self.diagnosis.restart();
         self.rest = 0;
         self.hello_at = 0;
         self.counters_at = 0;
         self.load = Load::ZERO;
-        self.host_frames = (0, 0);
     }
 
-    /// Obeys the host. [`HostMessage::Advance`] is for the loop around the application and does nothing here.
+    /// Takes what the host says; the next steps obey, one request each. [`HostMessage::Advance`] is for the loop around the
+    /// application and does nothing here.
     pub fn handle(&mut self, memory: &mut Memory<T>, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
-            HostMessage::Reset => self.reset(memory),
-            HostMessage::AddEffect(at) => self.change(true, *at),
-            HostMessage::DropEffect(at) => self.change(false, *at),
+            HostMessage::Request(request) => self.requests.push(*request),
+            HostMessage::ReadFactor(read) => memory.1.ask(*read),
             HostMessage::Advance(_) => {}
         }
     }
 
-    /// Adds an effect to a joint's model or drops it, and says so.
-    fn change(&mut self, add: bool, at: EffectAt) {
-        if self.answers.is_full() {
+    /// Obeys the request that has waited longest.
+    fn obey(&mut self, memory: &mut Memory<T>) {
+        let Some(request) = self.requests.next() else {
             return;
-        }
+        };
+        let outcome = match request.action {
+            Action::Reset => {
+                self.reset(memory);
+                Outcome::Accepted
+            }
+            Action::AddEffect(at) => self.change(true, at),
+            Action::DropEffect(at) => self.change(false, at),
+        };
+        let id = request.id;
+        self.requests.answer(Answer { id, outcome });
+    }
+
+    /// Adds an effect to a joint's model or drops it.
+    fn change(&mut self, add: bool, at: EffectAt) -> Outcome {
         let joint = usize::from(at.joint);
         let effect = usize::from(at.effect);
-        let outcome = match self.legs.get_mut(usize::from(at.leg)) {
+        match self.legs.get_mut(usize::from(at.leg)) {
             Some(_) if joint >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
             Some(_) if effect >= COLUMNS.len() => Outcome::NoSuchEffect,
             Some(leg) => match (leg.set_effect(joint, effect, add), add) {
@@ -175,26 +218,23 @@ impl<T: Real> App<T> {
                 (false, false) => Outcome::NotActive,
             },
             None => Outcome::NoSuchJoint,
-        };
-        // There is room.
-        let _ = self.answers.push_back(Changed { add, at, outcome });
+        }
     }
 
     /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
     pub fn record_cost(&mut self, cost: u32, stack_bytes: u32) {
+        let budget = self.identity().budget;
         let load = &mut self.load;
         load.ticks = load.ticks.wrapping_add(1);
-        load.over_budget = load
-            .over_budget
-            .wrapping_add(u32::from(cost > self.identity.budget));
+        load.over_budget = load.over_budget.wrapping_add(u32::from(cost > budget));
         load.worst = load.worst.max(cost);
         load.total = load.total.wrapping_add(u64::from(cost));
         load.stack_bytes = stack_bytes;
     }
 
-    /// Takes note of frames from the host that were damaged or never came.
-    pub fn record_host_frames(&mut self, bad: u32, missed: u32) {
-        self.host_frames = (bad, missed);
+    /// Takes note of what was lost around the application since the start; a reset does not forget it.
+    pub fn record_losses(&mut self, losses: Losses) {
+        self.losses = losses;
     }
 
     /// Everything counted up to `now_us`.
@@ -205,8 +245,11 @@ impl<T: Real> App<T> {
                 (Some(line), Some(data)) => line.counters(data),
                 _ => LegCounters::ZERO,
             }),
-            host_frames_bad: self.host_frames.0,
-            host_frames_missed: self.host_frames.1,
+            host_frames_bad: self.losses.host_frames_bad,
+            host_frames_missed: self.losses.host_frames_missed,
+            frames_dropped: self.losses.frames_dropped,
+            buses: self.losses.buses,
+            host_line: self.losses.host_line,
             load: self.load,
         }
     }
@@ -218,11 +261,13 @@ impl<T: Real> App<T> {
             self.reset(memory);
         }
         if let Some(data) = memory.0.get_mut(leg) {
-            LegLine::hear(data, bytes, end_us, self.identity.byte_ns);
+            LegLine::hear(data, bytes, end_us, self.identity().byte_ns);
         }
     }
 
+    // A symbol of its own: a test looks whether anything that it reaches can panic (tests/tests/no_panic.rs).
     /// One step at `now_us` (any fixed origin, never backwards). `out` gets the messages to the host.
+    #[inline(never)]
     pub fn step(
         &mut self,
         memory: &mut Memory<T>,
@@ -232,10 +277,11 @@ impl<T: Real> App<T> {
         if !self.begun {
             self.reset(memory);
         }
+        self.obey(memory);
+        let folded = self.fold(memory);
+        let effort = if folded { FOLDING_EFFORT } else { STEP_EFFORT };
         let lines = self.legs.iter_mut().zip(&mut memory.0);
-        let listening: usize = lines.map(|(leg, data)| leg.listen(data)).sum();
-        let mut lines = self.legs.iter_mut().zip(&mut memory.0);
-        let folded = lines.any(|(line, data)| line.fold(data));
+        let listening: usize = lines.map(|(leg, data)| leg.listen(data, effort)).sum();
         if !folded && listening <= LISTENING {
             self.work(memory, now_us);
         }
@@ -244,8 +290,15 @@ impl<T: Real> App<T> {
         }
     }
 
+    /// Folds the windows of a leg that has as many as are folded in together; false if there is none.
+    fn fold(&mut self, memory: &mut Memory<T>) -> bool {
+        let mut lines = self.legs.iter_mut().zip(&mut memory.0);
+        let full = lines.find(|(_, data)| LegLine::is_full(data));
+        full.map(|(line, data)| line.fold(data)).is_some()
+    }
+
     /// One part of a solution, or of the diagnosis where none is due; then a rest.
-    fn work(&mut self, memory: &Memory<T>, now_us: u64) {
+    fn work(&mut self, memory: &mut Memory<T>, now_us: u64) {
         if let Some(left) = self.rest.checked_sub(1) {
             self.rest = left;
             return;
@@ -260,15 +313,15 @@ impl<T: Real> App<T> {
     }
 
     /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
-    fn solve(&mut self, memory: &Memory<T>, now_us: u64) -> bool {
-        let Some((which, time_us, gathering)) = self.solving else {
+    fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
+        let Slot::Full((which, time_us, gathering)) = self.solving else {
             let (which, due) = self.next;
-            if self.solved.is_some() || now_us < due {
+            if self.solved.get().is_some() || now_us < due {
                 return false;
             }
-            let data = &memory.0[which.index()];
+            let data = &mut memory.0[which.index()];
             self.legs[which.index()].gather(data, &mut self.gather, &mut self.solver);
-            self.solving = Some((which, now_us, true));
+            self.solving = Slot::Full((which, now_us, true));
             // A solver that cannot keep up does not try to catch up.
             let due = (due + ESTIMATE_US).max(now_us.saturating_sub(ESTIMATE_US));
             self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
@@ -281,14 +334,14 @@ impl<T: Real> App<T> {
         };
         match (gathering, done) {
             (_, Ok(false)) => {}
-            (true, Ok(true)) => self.solving = Some((which, time_us, false)),
+            (true, Ok(true)) => self.solving = Slot::Full((which, time_us, false)),
             (false, Ok(true)) => {
                 leg.set_noise(self.solver.noise());
-                self.solving = None;
-                self.solved = Some((which, time_us));
+                self.solving = Slot::Empty;
+                self.solved = Slot::Full((which, time_us));
             }
             (_, Err(_)) => {
-                self.solving = None;
+                self.solving = Slot::Empty;
                 leg.count_unsolved();
             }
         }
@@ -296,13 +349,13 @@ impl<T: Real> App<T> {
     }
 
     /// The most urgent message that is due.
-    fn message(&mut self, memory: &Memory<T>, now_us: u64) -> Option<DeviceMessage> {
+    fn message(&mut self, memory: &mut Memory<T>, now_us: u64) -> Option<DeviceMessage> {
         if now_us >= self.hello_at {
             self.hello_at = now_us + HELLO_US;
             return Some(DeviceMessage::Hello(self.hello()));
         }
-        if let Some(answer) = self.answers.pop_front() {
-            return Some(DeviceMessage::Changed(answer));
+        if let Some(answer) = self.requests.take() {
+            return Some(DeviceMessage::Answer(answer));
         }
         if let Some((which, time_us)) = self.solved.take() {
             return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
@@ -311,16 +364,30 @@ impl<T: Real> App<T> {
             self.counters_at = now_us + REPORT_US;
             return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
         }
+        if let Some(leg) = memory.1.leg_to_copy()
+            && let (Some(line), Some(data)) = (self.legs.get_mut(leg), memory.0.get_mut(leg))
+        {
+            // A copy has all windows that have closed.
+            line.fold(data);
+        }
+        if let Some(part) = memory.1.take(&memory.0) {
+            return Some(DeviceMessage::FactorPart(part));
+        }
         self.diagnosis
             .take()
             .map(|verdict| DeviceMessage::Diagnosis(told(&verdict)))
     }
 
+    fn identity(&self) -> Identity {
+        self.identity.get().copied().unwrap_or(NOBODY)
+    }
+
     fn hello(&self) -> Hello {
+        let identity = self.identity();
         Hello {
             schema: SCHEMA,
-            firmware: text(self.identity.firmware),
-            board: text(self.identity.board),
+            firmware: text(identity.firmware),
+            board: text(identity.board),
             capacities: Capacities {
                 legs: LEGS as u8,
                 joints_per_leg: JOINTS_PER_LEG as u8,
@@ -329,8 +396,8 @@ impl<T: Real> App<T> {
                 window_us: SETTINGS.window_us as u32,
                 scalar_bits: (8 * size_of::<T>()) as u8,
             },
-            load_unit: text(self.identity.load_unit),
-            effects: COLUMNS.iter().map(|effect| text(effect.name())).collect(),
+            load_unit: text(identity.load_unit),
+            effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }
     }
 
@@ -349,8 +416,8 @@ impl<T: Real> App<T> {
             time_us,
             windows: single(solver.windows()) as u32,
             effects: active.0,
-            values: values.zip(neutral).map(|(v, n)| v + n).collect(),
-            std: solver.std().iter().copied().map(single).collect(),
+            values: fitting(values.zip(neutral).map(|(v, n)| v + n)),
+            std: fitting(solver.std().iter().copied().map(single)),
             noise: solver.noise().map(single),
         }
     }
@@ -386,7 +453,21 @@ fn single<T: Real>(value: T) -> f32 {
     nalgebra::try_convert(value).unwrap_or(f64::NAN) as f32
 }
 
+/// As many as fit. `collect` would panic where there is no room.
+fn fitting<X, const N: usize>(items: impl Iterator<Item = X>) -> Vec<X, N> {
+    let mut vec = Vec::new();
+    for item in items {
+        let _ = vec.push(item);
+    }
+    vec
+}
+
 /// As much of `source` as fits.
 fn text<const N: usize>(source: &str) -> String<N> {
-    source.chars().take_while(char::is_ascii).take(N).collect()
+    let mut text = String::new();
+    for character in source.chars().take_while(char::is_ascii) {
+        // What finds no room is left out.
+        let _ = text.push(character);
+    }
+    text
 }

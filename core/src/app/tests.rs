@@ -14,7 +14,7 @@ use crate::window::Sample;
 /// Long enough for every leg's turn to be solved to come once more, and for the solution.
 const SILENT_STEPS: u64 = 600;
 
-const DESKTOP: Identity = Identity {
+pub(super) const DESKTOP: Identity = Identity {
     firmware: "test",
     board: "desktop",
     load_unit: "instructions",
@@ -24,19 +24,23 @@ const DESKTOP: Identity = Identity {
 const STEP_US: u64 = 2000;
 
 /// An application and its memory.
-struct Whole<T: Real> {
-    app: App<T>,
-    memory: Memory<T>,
+pub(super) struct Whole<T: Real> {
+    pub(super) app: App<T>,
+    pub(super) memory: Memory<T>,
 }
 
 impl<T: Real> Whole<T> {
-    fn new(identity: Identity) -> Box<Self> {
+    pub(super) fn new(identity: Identity) -> Box<Self> {
         let (app, memory) = (App::new(identity), Memory::new());
         Box::new(Self { app, memory })
     }
 
-    fn handle(&mut self, message: &HostMessage) {
+    pub(super) fn handle(&mut self, message: &HostMessage) {
         self.app.handle(&mut self.memory, message);
+    }
+
+    fn ask(&mut self, id: u32, action: Action) {
+        self.handle(&HostMessage::Request(wire::Request { id, action }));
     }
 
     fn step(&mut self, now_us: u64, buses: [&[u8]; LEGS], out: &mut impl FnMut(&DeviceMessage)) {
@@ -48,7 +52,7 @@ impl<T: Real> Whole<T> {
 }
 
 /// A motion that excites every joint, and torques that vary with it.
-fn motion(step: u64, leg: usize) -> [Reply; 3] {
+pub(super) fn motion(step: u64, leg: usize) -> [Reply; 3] {
     let t = step as f64 * 2e-3 + leg as f64;
     core::array::from_fn(|j| {
         let (amplitude, rate) = ([0.4, 0.5, 0.6][j], [5.0, 7.0, 9.0][j]);
@@ -220,19 +224,19 @@ fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
     assert!(best.gain > 0.5, "{best:?}");
     assert!((best.value - 0.15).abs() < 0.03, "{best:?}");
 
-    app.handle(&HostMessage::AddEffect(drag));
-    app.handle(&HostMessage::AddEffect(drag));
+    app.ask(1, Action::AddEffect(drag));
+    app.ask(2, Action::AddEffect(drag));
     messages = play(&mut app, 16_000..16_400, with_drag);
     let answers: Vec<_> = messages
         .iter()
         .filter_map(|message| match message {
-            DeviceMessage::Changed(changed) => Some((changed.at, changed.outcome)),
+            DeviceMessage::Answer(answer) => Some((answer.id, answer.outcome)),
             _ => None,
         })
         .collect();
     assert_eq!(
         answers,
-        [(drag, Outcome::Accepted), (drag, Outcome::AlreadyActive)]
+        [(1, Outcome::Accepted), (2, Outcome::AlreadyActive)]
     );
     let estimate = last_estimate(&messages, 1);
     assert_eq!(
@@ -248,7 +252,7 @@ fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
         estimate.noise[2]
     );
 
-    app.handle(&HostMessage::DropEffect(drag));
+    app.ask(3, Action::DropEffect(drag));
     let messages = play(&mut app, 16_400..16_800, with_drag);
     assert_eq!(last_estimate(&messages, 1).effects, [0b1111; 3]);
 }
@@ -259,28 +263,28 @@ fn commands_that_make_no_sense_are_refused_with_the_reason() {
     let at = |leg, joint, effect| EffectAt { leg, joint, effect };
     let active = column(EffectKind::Viscous);
     let candidate = column(EffectKind::Delay);
-    for (add, at, outcome) in [
+    for (id, (add, at, outcome)) in (7..).zip([
         (true, at(4, 0, 0), Outcome::NoSuchJoint),
         (true, at(0, 3, 0), Outcome::NoSuchJoint),
         (true, at(0, 0, 11), Outcome::NoSuchEffect),
         (false, at(0, 0, 255), Outcome::NoSuchEffect),
         (true, at(0, 0, active), Outcome::AlreadyActive),
         (false, at(0, 0, candidate), Outcome::NotActive),
-    ] {
-        let message = match add {
-            true => HostMessage::AddEffect(at),
-            false => HostMessage::DropEffect(at),
+    ]) {
+        let action = match add {
+            true => Action::AddEffect(at),
+            false => Action::DropEffect(at),
         };
-        app.handle(&message);
+        app.ask(id, action);
         let mut told = Vec::new();
         (0..3).for_each(|n| app.step(n, [&[]; LEGS], &mut |m| told.push(m.clone())));
-        let answer = DeviceMessage::Changed(Changed { add, at, outcome });
+        let answer = DeviceMessage::Answer(Answer { id, outcome });
         assert!(told.contains(&answer), "{told:?}");
     }
 }
 
 /// Steps through `steps` cycles on all legs.
-fn play(
+pub(super) fn play(
     app: &mut Whole<f64>,
     steps: core::ops::Range<u64>,
     motion: fn(u64, usize) -> [Reply; 3],
@@ -302,9 +306,11 @@ fn a_reset_forgets_and_says_hello() {
     let mut app = Whole::new(DESKTOP);
     run(&mut app, 100, true);
     app.app.record_cost(11, 5);
-    app.handle(&HostMessage::Reset);
-    assert_eq!(app.app.counters(&app.memory, 0), Counters::default());
-    assert!(matches!(run(&mut app, 1, true)[0], DeviceMessage::Hello(_)));
+    app.ask(1, Action::Reset);
+    let messages = run(&mut app, 1, true);
+    assert!(matches!(messages[0], DeviceMessage::Hello(_)));
+    let counters = app.app.counters(&app.memory, 0);
+    assert_eq!((counters.legs[0].windows, counters.load), (0, Load::ZERO));
 }
 
 #[test]

@@ -32,16 +32,21 @@ impl Listener {
     /// ([`Decoder::next`]): then the rest waits in the queue.
     pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<&Cycle> {
         loop {
-            let before = queue.waiting();
-            let mut bytes = before;
-            let frame = self.decoder.next(&mut bytes, effort);
-            let taken = before.len() - bytes.len();
-            queue.take(taken);
-            if let Frame::Reply(reply) = frame? {
-                let time_us = queue.taken_us();
-                if self.assembler.push(Heard { reply, time_us }) {
-                    return Some(self.assembler.cycle());
+            let waiting = queue.waiting();
+            let mut bytes = waiting;
+            // Commands are passed over: replies alone say what was polled, and when.
+            let reply = loop {
+                match self.decoder.next(&mut bytes, effort) {
+                    Some(Frame::Reply(reply)) => break Some(reply),
+                    Some(Frame::Command(_)) => {}
+                    None => break None,
                 }
+            };
+            let taken = waiting.len() - bytes.len();
+            queue.take(taken);
+            let (reply, time_us) = (reply?, queue.taken_us());
+            if self.assembler.push(Heard { reply, time_us }) {
+                return Some(self.assembler.cycle());
             }
         }
     }

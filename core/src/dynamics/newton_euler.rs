@@ -99,16 +99,15 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
         let placement = &placements.from_parent[b];
         let joint = J::new(placement, &self.bodies()[b].joint);
         let c = self.coordinates(b).start;
-        let (rate, acceleration) = (v[c], a[c]);
-        let above = match self.bodies()[b].parent {
-            Some(parent) => {
-                let above = &moved[parent];
-                Acceleration {
-                    velocity: joint.to_child(&above.velocity),
-                    angular: joint.to_child(&above.angular),
-                    linear: joint.to_child(&above.at(&placement.translation)),
-                }
-            }
+        let entry = |of: &SVector<T, V>| of.get(c).copied().unwrap_or(T::zero());
+        let (rate, acceleration) = (entry(v), entry(a));
+        let parent = self.bodies()[b].parent;
+        let above = match parent.and_then(|parent| moved.get(parent)) {
+            Some(above) => Acceleration {
+                velocity: joint.to_child(&above.velocity),
+                angular: joint.to_child(&above.angular),
+                linear: joint.to_child(&above.at(&placement.translation)),
+            },
             None => Acceleration {
                 linear: -joint.to_child(gravity),
                 ..Acceleration::zero()
@@ -173,7 +172,8 @@ pub(crate) fn accelerate_free<T: Real, const V: usize>(
     a: &SVector<T, V>,
     gravity: &Vector3<T>,
 ) -> Acceleration<T> {
-    let part = |of: &SVector<T, V>, first: usize| Vector3::from_fn(|row, _| of[first + row]);
+    let entry = |of: &SVector<T, V>, n: usize| of.get(n).copied().unwrap_or(T::zero());
+    let part = |of, first: usize| Vector3::from_fn(|row, _| entry(of, first + row));
     let velocity = part(v, 0);
     Acceleration {
         velocity,

@@ -5,7 +5,7 @@
 //! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost.
 //! Nothing is lost: the rows of all columns are those of the independent ones times P.
 //!
-//! Windows go to the fold of their block of time, in turn. All data are the two folds together; each fold alone judges what
+//! Windows go to the fold of their block of time, in turn, four at a time. All data are the two folds together; each fold alone judges what
 //! was fitted to the other ([`crate::criticism`]). There is no guard between blocks: it would cost the estimate its data or
 //! the board a third set of factors, and windows that remember the block before are few (residuals are forgotten within
 //! 0.1 s of 2 s).
@@ -90,7 +90,7 @@ const _: () = {
 pub(crate) const BASE_RANK: [usize; JOINTS_PER_LEG] = [15, 14, 7];
 
 /// Folds of the data.
-pub(crate) const FOLDS: usize = 2;
+pub const FOLDS: usize = 2;
 
 /// Effects in front of a fold's base columns: those that are active at first. The others stand behind.
 pub(crate) const FRONT: usize = 4;
@@ -129,6 +129,17 @@ const fn rank(joint: usize) -> usize {
 }
 
 const FOLD_LEN: usize = range!(columns, JOINTS_PER_LEG - 1).end;
+/// Numbers that the joints' rows of a window have.
+const ROWS_LEN: usize = {
+    let (mut len, mut joint) = (0, 0);
+    while joint < JOINTS_PER_LEG {
+        len += columns(joint) + 1;
+        joint += 1;
+    }
+    len
+};
+/// Numbers of the longest triangle of a joint in a fold, the hip's.
+pub const LONGEST_TRIANGLE: usize = packed_len(columns(0));
 const BASE_LEN: usize = range!(standard, JOINTS_PER_LEG - 1).end;
 const MARGINAL_LEN: usize = range!(rank, JOINTS_PER_LEG - 1).end;
 
@@ -154,6 +165,9 @@ pub struct Active(pub [u32; JOINTS_PER_LEG]);
 pub const DEFAULT_ACTIVE: Active = Active([0b1111; JOINTS_PER_LEG]);
 
 impl Active {
+    /// No effect at any joint.
+    pub(crate) const NONE: Self = Self([0; JOINTS_PER_LEG]);
+
     /// Whether the model of a joint has effect n.
     pub fn has(&self, joint: usize, n: usize) -> bool {
         self.0.get(joint).is_some_and(|mask| mask >> n & 1 == 1)
@@ -187,15 +201,18 @@ impl Active {
 /// What is known before any data of effect n at a joint, and its bounds; of the parameter beyond its neutral value.
 pub(crate) fn effect_prior(joint: usize, n: usize) -> EffectPrior {
     let effect = COLUMNS[n % DEVICE_COLUMNS];
-    let parameter = &effect.description().parameters[0];
+    let parameter = effect.description().parameters.first();
+    let (neutral, lower, upper) = parameter.map_or((0.0, f64::NEG_INFINITY, f64::INFINITY), |p| {
+        (p.neutral, p.lower, p.upper)
+    });
     let prior = effect.prior(&ACTUATORS[joint % JOINTS_PER_LEG]);
     EffectPrior {
         prior: Prior {
-            mean: prior.mean - parameter.neutral,
+            mean: prior.mean - neutral,
             std: prior.std,
         },
-        lower: parameter.lower - parameter.neutral,
-        upper: parameter.upper - parameter.neutral,
+        lower: lower - neutral,
+        upper: upper - neutral,
     }
 }
 
@@ -211,14 +228,19 @@ impl<T: Real> DevicePrior<T> {
     /// Becomes the prior of a model with other effects.
     pub fn activate(&mut self, active: &Active) {
         let priors = active.effects().map(|(joint, n)| effect_prior(joint, n));
-        self.set_effects(priors.collect());
+        // There is room for all effects.
+        let mut effects = Vec::new();
+        for prior in priors {
+            let _ = effects.push(prior);
+        }
+        self.set_effects(effects);
     }
 }
 
 impl<T: Real> DeviceSolver<T> {
-    /// A solver that has solved nothing yet.
+    /// A solver that has solved nothing yet and knows no columns: all zeros.
     pub const fn empty() -> Self {
-        let data = JointFactors::unset(LARGEST, [T::ZERO; LARGEST.packed_len()]);
+        let data = JointFactors::unset(Layout::NONE, [T::ZERO; LARGEST.packed_len()]);
         Self::new(data, [T::ZERO; solver_len(LEG_INERTIAL + MAX_EFFECTS)])
     }
 }

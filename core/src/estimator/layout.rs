@@ -16,6 +16,13 @@ pub struct Layout<const B: usize> {
 }
 
 impl<const B: usize> Layout<B> {
+    /// No bodies.
+    pub(crate) const NONE: Self = Self {
+        bodies: 0,
+        subtree_end: [0; B],
+        effects: [0; B],
+    };
+
     /// A limb of `B` bodies, each carried by the one before, with `effects` columns at every joint.
     pub const fn chain(effects: usize) -> Self {
         Self {
@@ -44,12 +51,12 @@ impl<const B: usize> Layout<B> {
 
     /// The bodies that a joint moves.
     pub const fn subtree(&self, joint: usize) -> core::ops::Range<usize> {
-        joint..self.subtree_end[joint]
+        joint..at(&self.subtree_end, joint)
     }
 
     /// Effect columns of a joint.
     pub const fn effects(&self, joint: usize) -> usize {
-        self.effects[joint]
+        at(&self.effects, joint)
     }
 
     /// Inertial parameters of the limb.
@@ -64,7 +71,7 @@ impl<const B: usize> Layout<B> {
 
     /// Columns of a joint's factor.
     pub const fn columns(&self, joint: usize) -> usize {
-        self.effects[joint] + INERTIAL * (self.subtree_end[joint] - joint)
+        self.effects(joint) + INERTIAL * at(&self.subtree_end, joint).saturating_sub(joint)
     }
 
     /// Where the packed triangle of a joint's factor lies among those of all joints.
@@ -94,7 +101,7 @@ impl<const B: usize> Layout<B> {
 
     /// Where column `column` of a joint's factor stands in θ.
     pub const fn parameter_index(&self, joint: usize, column: usize) -> usize {
-        match column.checked_sub(self.effects[joint]) {
+        match column.checked_sub(self.effects(joint)) {
             None => self.effect_index(joint, column),
             Some(inertial) => INERTIAL * joint + inertial,
         }
@@ -112,9 +119,14 @@ impl<const B: usize> Layout<B> {
         let mut count = 0;
         let mut before = 0;
         while before < joint {
-            count += self.effects[before];
+            count += self.effects(before);
             before += 1;
         }
         count
     }
+}
+
+/// Entry n, zero beyond the end.
+const fn at<const B: usize>(entries: &[usize; B], n: usize) -> usize {
+    if n < B { entries[n] } else { 0 }
 }

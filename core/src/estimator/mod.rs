@@ -15,9 +15,9 @@ mod solver;
 
 pub use device::{
     Active, COLUMNS, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceRows,
-    DeviceSolver, DeviceWindow, Gather, LegBase,
+    DeviceSolver, DeviceWindow, FOLDS, Gather, LONGEST_TRIANGLE, LegBase,
 };
-pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FOLDS, FRONT, MAX_EFFECTS, effect_prior};
+pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS, effect_prior};
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};

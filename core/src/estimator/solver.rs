@@ -5,16 +5,16 @@
 
 use super::{EffectPrior, JointFactors, Layout, LimbPrior};
 use crate::Real;
-use crate::factor::{Factor, FactorError, packed_len};
+use crate::factor::{Factor, FactorError, ROWS, Run, block_cost, packed_len};
 use crate::inertia::INERTIAL;
 use crate::scalar::sqrt;
 
-/// A step ends at the first row that brings its cost here: numbers rotated, 20 to 35 instructions each on a Cortex-M7.
-const STEP_COST: usize = 1200;
+/// A step ends before what would bring its cost beyond this ([`block_cost`]), but does something.
+const STEP_COST: usize = 1700;
 
 /// How many numbers a solver of `parameters` parameters keeps beside its copy of the data.
 pub const fn solver_len(parameters: usize) -> usize {
-    packed_len(parameters) + 5 * parameters + 1
+    packed_len(parameters) + 4 * parameters + ROWS * (parameters + 1)
 }
 
 /// The solver's storage, taken apart.
@@ -60,10 +60,11 @@ pub struct Solver<T, D, S, const B: usize> {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
+    // First, so that a solver which has done nothing is all zeros.
+    Done,
     Merge { joint: usize, row: usize },
     Solve,
     Variance { column: usize },
-    Done,
 }
 
 impl<T, D, S, const B: usize> Solver<T, D, S, B>
@@ -125,7 +126,7 @@ where
     /// [`FactorError`] if the prior leaves something open or the data are not finite; the solution stays the last one.
     pub fn advance(&mut self) -> Result<bool, FactorError> {
         let mut cost = 0;
-        while cost < STEP_COST && self.stage != Stage::Done {
+        while self.stage != Stage::Done && (cost == 0 || cost + self.next_cost() <= STEP_COST) {
             cost += match self.stage {
                 Stage::Merge { joint, row } => self.merge(joint, row)?,
                 Stage::Solve => self.solve()?,
@@ -134,6 +135,19 @@ where
             };
         }
         Ok(self.stage == Stage::Done)
+    }
+
+    /// What the next part costs at most.
+    fn next_cost(&self) -> usize {
+        let layout = self.layout();
+        match self.stage {
+            Stage::Done => 0,
+            Stage::Merge { joint, row } => {
+                block_cost((layout.columns(joint) + 1).saturating_sub(row))
+            }
+            Stage::Solve => layout.parameters() * layout.parameters() / 4,
+            Stage::Variance { column } => variance_cost(column),
+        }
     }
 
     /// Which column is what.
@@ -183,35 +197,46 @@ where
         self.storage.as_ref().get(start..start + p).unwrap_or(&[])
     }
 
-    /// Merges one row of a joint's factor; returns the cost.
+    /// Merges the next rows of a joint's factor, a block at most; returns the cost.
     fn merge(&mut self, joint: usize, row: usize) -> Result<usize, FactorError> {
         let layout = *self.layout();
         let columns = layout.columns(joint);
         let weight = T::one() / self.data.noise(joint);
-        let effects = layout.effects(joint);
-        let first_effect = layout.solver_column(layout.effect_index(joint, 0));
-        let first_body = layout.solver_column(INERTIAL * joint);
-        let place = |c| {
-            if c < effects {
-                first_effect + c
-            } else {
-                first_body + c - effects
-            }
-        };
         let mut parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
         let factor = self.data.joint(joint);
-        // A row of a dependent column, where base columns were expanded, is empty whatever the data.
-        let empty = factor.row(row).iter().all(|x| *x == T::zero());
-        if !empty {
+        let (blocks, _) = parts.scratch.as_chunks_mut::<ROWS>();
+        let (mut first, mut taken, mut next, mut cost) = (row, 0, row, 0);
+        while taken < ROWS && next <= columns {
+            let entries = factor.row(next);
+            // A row of a dependent column, where base columns were expanded, is empty whatever the data.
+            if entries.iter().all(|x| *x == T::zero()) {
+                cost += entries.len() / 2;
+            } else {
+                if taken == 0 {
+                    first = next;
+                    let block = blocks.get_mut(..=columns - first).unwrap_or(&mut []);
+                    block.fill([T::zero(); ROWS]);
+                }
+                let block = blocks.get_mut(next - first..).unwrap_or(&mut []);
+                for (to, x) in block.iter_mut().zip(entries) {
+                    if let Some(to) = to.get_mut(taken) {
+                        *to = *x * weight;
+                    }
+                }
+                taken += 1;
+            }
+            next += 1;
+        }
+        if taken > 0 {
+            let error = FactorError::Length(columns);
+            let block = blocks.get_mut(..=columns - first).ok_or(error)?;
             parts
                 .factor
-                .merge_row(&factor, row, place, weight, parts.scratch)?;
+                .fold_runs(&runs(&layout, joint, first), block)?;
+            cost += block_cost(columns + 1 - first);
         }
-        self.stage = if row < columns {
-            Stage::Merge {
-                joint,
-                row: row + 1,
-            }
+        self.stage = if next <= columns {
+            Stage::Merge { joint, row: next }
         } else if joint + 1 < layout.bodies() {
             Stage::Merge {
                 joint: joint + 1,
@@ -220,12 +245,7 @@ where
         } else {
             Stage::Solve
         };
-        let length = columns + 1 - row;
-        Ok(if empty {
-            length
-        } else {
-            length * (length + 1) / 2
-        })
+        Ok(cost)
     }
 
     /// Solves the triangle; returns the cost.
@@ -249,21 +269,49 @@ where
         if column + 1 == p {
             self.finish()?;
         }
-        // A number of a dot product costs half of one that is rotated.
-        Ok((column + 1) * (column + 2) / 4)
+        Ok(variance_cost(column))
     }
 
     fn finish(&mut self) -> Result<(), FactorError> {
         let layout = *self.layout();
         let parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
-        for k in 0..layout.parameters() {
+        let found = parts.values.iter_mut().zip(parts.std);
+        for (k, (value, std)) in found.enumerate() {
             let from = layout.solver_column(k);
-            parts.values[k] = parts.next[from];
-            parts.std[k] = sqrt(parts.variance[from]);
+            if let (Some(next), Some(variance)) = (parts.next.get(from), parts.variance.get(from)) {
+                (*value, *std) = (*next, sqrt(*variance));
+            }
         }
         self.noise = core::array::from_fn(|joint| self.data.noise(joint));
         self.windows = self.data.windows();
         self.stage = Stage::Done;
         Ok(())
     }
+}
+
+/// A number of a dot product costs half of one that is rotated; each dot product, some more.
+const fn variance_cost(column: usize) -> usize {
+    (column + 1) * (column + 2) / 4 + 3 * (column + 1)
+}
+
+/// Where the columns of a joint's factor from `first` on, and its right-hand side, lie among the solver's: its effects, its bodies.
+fn runs<const B: usize>(layout: &Layout<B>, joint: usize, first: usize) -> [Run; 3] {
+    let effects = layout.effects(joint);
+    let skipped = first.saturating_sub(effects);
+    let first_effect = layout.solver_column(layout.effect_index(joint, 0));
+    let first_body = layout.solver_column(INERTIAL * joint);
+    [
+        Run {
+            first: first_effect + first.min(effects),
+            length: effects.saturating_sub(first),
+        },
+        Run {
+            first: first_body + skipped,
+            length: (layout.columns(joint) - effects).saturating_sub(skipped),
+        },
+        Run {
+            first: layout.parameters(),
+            length: 1,
+        },
+    ]
 }

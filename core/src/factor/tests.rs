@@ -42,7 +42,71 @@ fn well_posed(w: &DMatrix<f64>) -> bool {
     s[s.len() - 1] > 1e-2 * s[0]
 }
 
+/// The triangle of the same rows, four at a time; the last block is filled up with rows of zeros.
+fn folded_in_blocks(rows: &[[f64; P + 1]]) -> Six<f64> {
+    let mut factor = Six::new::<P>();
+    for rows in rows.chunks(ROWS) {
+        let mut block: [[f64; ROWS]; P + 1] = core::array::from_fn(|c| {
+            core::array::from_fn(|n| rows.get(n).map_or(0.0, |row| row[c]))
+        });
+        factor.fold_block(0, &mut block).unwrap();
+    }
+    factor
+}
+
+#[test]
+fn a_block_of_zeros_changes_nothing() {
+    let mut factor = folded(&[[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], [1.0; P + 1]]);
+    let before = factor;
+    factor.fold_block(0, &mut [[0.0; ROWS]; P + 1]).unwrap();
+    for k in 0..=P {
+        let (before, after) = (before.row(k), factor.row(k));
+        for (a, b) in before.iter().zip(after) {
+            assert!((a.abs() - b.abs()).abs() < 1e-14, "{before:?} {after:?}");
+        }
+    }
+    let mut wrong = [[0.0; ROWS]; P];
+    assert_eq!(
+        factor.fold_block(0, &mut wrong),
+        Err(FactorError::Length(P))
+    );
+    let mut infinite = [[f64::INFINITY; ROWS]; P + 1];
+    assert_eq!(
+        factor.fold_block(0, &mut infinite),
+        Err(FactorError::NotFinite)
+    );
+}
+
 proptest! {
+    #[test]
+    fn blocks_of_rows_fold_to_the_same_triangle(rows in problem(1..30)) {
+        let (by_rows, by_blocks) = (folded(&rows), folded_in_blocks(&rows));
+        for (a, b) in by_rows.packed().iter().zip(by_blocks.packed()) {
+            // Where a pivot is nothing but rounding, the sign of its row is nothing either.
+            prop_assert!((a - b).abs() < 1e-9 || rows.len() <= P && (a.abs() - b.abs()).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_block_with_a_run_of_zeros_is_folded_past_it(first in problem(8..9), rows in problem(4..5)) {
+        // Columns 0 and 1, then 4 and 5: what is known of 2 and 3 is apart from them.
+        let apart = |row: &[f64; P + 1]| [row[0], row[1], 0.0, 0.0, row[4], row[5], row[6]];
+        let mut before: Vec<[f64; P + 1]> = first.iter().map(apart).collect();
+        before.push([0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
+        before.push([0.0, 0.0, 1.0, 3.0, 0.0, 0.0, 1.0]);
+        let rows: Vec<[f64; P + 1]> = rows.iter().map(apart).collect();
+        let mut split = folded(&before);
+        let places = [0, 1, 4, 5, 6];
+        let mut block = places.map(|c| core::array::from_fn(|n| rows[n][c]));
+        let runs = [(0, 2), (4, 3)].map(|(first, length)| Run { first, length });
+        split.fold_runs(&runs, &mut block).unwrap();
+        before.extend(rows);
+        let whole = folded(&before);
+        for (a, b) in whole.packed().iter().zip(split.packed()) {
+            prop_assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
+
     #[test]
     fn equals_dense_qr(rows in problem(P + 2..40)) {
         let (w, b) = dense(&rows);

@@ -22,17 +22,6 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         Ok(())
     }
 
-    /// Folds in a row that is zero before column `first`, given from there on; [`rows`](Self::rows) is not changed. The row
-    /// is used up.
-    ///
-    /// # Errors
-    /// As [`update`](Self::update).
-    pub(crate) fn fold_from(&mut self, first: usize, row: &mut [T]) -> Result<(), FactorError> {
-        self.check(row, (self.columns + 1).saturating_sub(first))?;
-        self.rotate_in(first, row);
-        Ok(())
-    }
-
     /// Writes `floor` on the diagonal of an empty triangle: each parameter is zero ± 1/`floor`.
     pub(crate) fn set_floor(&mut self, floor: T) {
         for k in 0..self.columns {
@@ -124,11 +113,8 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         Ok(())
     }
 
-    /// Row k of [`merge`](Self::merge), for callers that spread the work over time; [`rows`](Self::rows) is not changed.
-    ///
-    /// # Errors
-    /// As [`update`](Self::update).
-    pub fn merge_row<O: AsRef<[T]>>(
+    /// Row k of [`merge`](Self::merge); [`rows`](Self::rows) is not changed.
+    fn merge_row<O: AsRef<[T]>>(
         &mut self,
         other: &Factor<T, O>,
         k: usize,

@@ -123,21 +123,24 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     ) {
         placements.gravity = base.rotation.tr_mul(&self.gravity);
         // Side by side: sines of several angles at a time where the machine has lanes.
-        let angles: [T; B] = core::array::from_fn(|b| q[self.first_coordinate[b]]);
+        let at = |b: usize| {
+            let position = q.get(self.first_coordinate[b]);
+            position.copied().unwrap_or(T::zero())
+        };
+        let angles: [T; B] = core::array::from_fn(at);
         let (mut sin, mut cos) = ([T::zero(); B], [T::zero(); B]);
         for b in 0..B {
             (sin[b], cos[b]) = sin_cos(angles[b]);
         }
         for b in 0..B {
             let body = &self.bodies[b];
-            let first = self.first_coordinate[b];
             let turn = (sin[b], cos[b]);
             let placed = &mut placements.from_parent[b];
             match self.kinds[b] {
                 JointKind::Free => *placed = *base,
                 JointKind::Sliding => {
                     let slide = match body.joint {
-                        Joint::Prismatic(axis) => axis * q[first],
+                        Joint::Prismatic(axis) => axis * angles[b],
                         Joint::Free | Joint::Revolute(_) => Vector3::zeros(),
                     };
                     *placed = Transform {
@@ -159,7 +162,8 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
 
     #[inline(always)]
     fn move_free(&self, b: usize, k: &mut Kinematics<T, B, V>) {
-        let part = |first: usize| Vector3::from_fn(|row, _| k.rates[first + row]);
+        let rate = |n: usize| k.rates.get(n).copied().unwrap_or(T::zero());
+        let part = |first: usize| Vector3::from_fn(|row, _| rate(first + row));
         k.velocity[b] = Motion::new(part(0), part(3));
         k.gravity[b] = k.placements.gravity;
     }
@@ -168,13 +172,15 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
     fn move_body<J: JointFrame<T>>(&self, b: usize, k: &mut Kinematics<T, B, V>) {
         let placement = &k.placements.from_parent[b];
         let joint = J::new(placement, &self.bodies[b].joint);
-        let rate = k.rates[self.first_coordinate[b]];
-        let (velocity, gravity) = match self.bodies[b].parent {
-            Some(parent) => {
-                let above = &k.velocity[parent];
+        let rate = k.rates.get(self.first_coordinate[b]);
+        let rate = rate.copied().unwrap_or(T::zero());
+        let parent = self.bodies[b].parent;
+        let above = parent.and_then(|parent| k.velocity.get(parent).zip(k.gravity.get(parent)));
+        let (velocity, gravity) = match above {
+            Some((above, gravity)) => {
                 let linear = above.linear + above.angular.cross(&placement.translation);
                 let carried = Motion::new(joint.to_child(&above.angular), joint.to_child(&linear));
-                (carried, k.gravity[parent])
+                (carried, *gravity)
             }
             None => (Motion::zero(), k.placements.gravity),
         };

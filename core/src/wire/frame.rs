@@ -4,7 +4,8 @@ use core::marker::PhantomData;
 
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISCSI, Crc};
-use postcard::ser_flavors::{Cobs, Slice, crc::CrcModifier};
+use heapless::String;
+use postcard::ser_flavors::{Flavor, crc::CrcModifier};
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::{DeviceMessage, HostMessage, SCHEMA};
@@ -16,7 +17,7 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 const CRC_LEN: usize = 4;
 
 /// Why a frame was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum WireError {
     /// It is longer than any message.
     TooLong,
@@ -30,6 +31,8 @@ pub enum WireError {
     Incompatible {
         /// The schema it named.
         theirs: [u8; 8],
+        /// The version of its firmware; empty if it does not say it where this program's would.
+        firmware: String<24>,
     },
 }
 
@@ -40,10 +43,11 @@ impl core::fmt::Display for WireError {
             Self::Cut => f.write_str("frame cut short"),
             Self::Crc => f.write_str("frame with a wrong checksum"),
             Self::Malformed => f.write_str("frame that holds no known message"),
-            Self::Incompatible { theirs } => write!(
+            Self::Incompatible { theirs, firmware } => write!(
                 f,
-                "the device speaks schema {:016x}, this program {:016x}: build both from the same sources",
+                "the device's firmware {firmware} speaks schema {:016x}, this program {} schema {:016x}",
                 u64::from_be_bytes(*theirs),
+                env!("CARGO_PKG_VERSION"),
                 u64::from_be_bytes(SCHEMA)
             ),
         }
@@ -70,9 +74,12 @@ impl Message for HostMessage {
 impl Message for DeviceMessage {
     fn check(bytes: &[u8]) -> Result<(), WireError> {
         match bytes.split_first_chunk::<9>() {
-            Some(([0, theirs @ ..], _)) if *theirs != SCHEMA => {
-                Err(WireError::Incompatible { theirs: *theirs })
-            }
+            Some(([0, theirs @ ..], rest)) if *theirs != SCHEMA => Err(WireError::Incompatible {
+                theirs: *theirs,
+                firmware: postcard::take_from_bytes(rest)
+                    .map(|(firmware, _)| firmware)
+                    .unwrap_or_default(),
+            }),
             _ => Ok(()),
         }
     }
@@ -105,15 +112,63 @@ impl Sender {
 }
 
 fn encode<'a, V: Serialize>(value: &V, buffer: &'a mut [u8]) -> postcard::Result<&'a [u8]> {
-    let [first, rest @ ..] = buffer else {
-        return Ok(&[]);
+    if let Some(first) = buffer.first_mut() {
+        *first = 0;
+    }
+    let stuffed = Stuffed {
+        buffer: &mut *buffer,
+        code: 1,
+        at: 2,
     };
-    *first = 0;
-    let cobs = Cobs::try_new(Slice::new(rest))?;
-    let length =
-        postcard::serialize_with_flavor(value, CrcModifier::new(cobs, CRC.digest()))?.len();
-    // With `first` in front; `rest` begins one byte later.
-    Ok(buffer.get(..=length).unwrap_or_default())
+    let length = postcard::serialize_with_flavor(value, CrcModifier::new(stuffed, CRC.digest()))?;
+    Ok(buffer.get(..length).unwrap_or_default())
+}
+
+/// Consistent overhead byte stuffing (Cheshire & Baker 1999) into a buffer. postcard's own would panic where there is no room.
+struct Stuffed<'a> {
+    buffer: &'a mut [u8],
+    /// Where the length of the open run of bytes goes, and where its next byte does.
+    code: usize,
+    at: usize,
+}
+
+impl Stuffed<'_> {
+    fn put(&mut self, place: usize, byte: u8) -> postcard::Result<()> {
+        let place = self.buffer.get_mut(place);
+        *place.ok_or(postcard::Error::SerializeBufferFull)? = byte;
+        Ok(())
+    }
+
+    /// Ends the run, whose length with its own byte is 255 at most, and opens the next.
+    fn end_run(&mut self) -> postcard::Result<()> {
+        self.put(self.code, (self.at - self.code) as u8)?;
+        self.code = self.at;
+        self.at += 1;
+        Ok(())
+    }
+}
+
+impl Flavor for Stuffed<'_> {
+    type Output = usize;
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        if byte == 0 {
+            return self.end_run();
+        }
+        self.put(self.at, byte)?;
+        self.at += 1;
+        match self.at - self.code {
+            255 => self.end_run(),
+            _ => Ok(()),
+        }
+    }
+
+    /// The length of the frame.
+    fn finalize(mut self) -> postcard::Result<usize> {
+        self.end_run()?;
+        self.put(self.code, 0)?;
+        Ok(self.at)
+    }
 }
 
 /// Finds frames in bytes and the messages in them.

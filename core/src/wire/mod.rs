@@ -4,22 +4,26 @@
 //! COBS frame between zero bytes (`frame`). So the reader finds the next frame after any damage, knows a damaged frame
 //! from a good one, and knows from the numbers how many never came.
 //!
+//! What a host wants done is a [`Request`]: it has a number of its own, is answered, and is done once however often it comes.
+//!
 //! Both ends are built from these types. [`SCHEMA`] is a hash of their layout, taken when compiled; a device says it in its
 //! [`Hello`], before anything whose layout may differ, and a host with another hash gets [`WireError::Incompatible`]
 //! instead of numbers in the wrong places.
 
 mod frame;
+mod request;
 #[cfg(test)]
 mod tests;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
+pub use request::{Action, Answer, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request};
 
 use heapless::{String, Vec};
 use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
 use serde::{Deserialize, Serialize};
 
 /// Version of the rules that the hash does not see: framing, units, when which message is sent.
-pub const PROTOCOL: u8 = 2;
+pub const PROTOCOL: u8 = 3;
 
 /// Identifies the layout of all messages and [`PROTOCOL`].
 pub const SCHEMA: [u8; 8] = {
@@ -55,8 +59,10 @@ pub enum DeviceMessage {
     Counters(Counters),
     /// What an effect brings, or would bring, to one joint.
     Diagnosis(Diagnosis),
-    /// What became of the host's wish to change the model.
-    Changed(Changed),
+    /// What became of a [`Request`].
+    Answer(Answer),
+    /// A part of what [`HostMessage::ReadFactor`] asks for.
+    FactorPart(FactorPart),
     /// The step that the host asked for is done.
     Advanced(Advanced),
 }
@@ -66,12 +72,10 @@ pub enum DeviceMessage {
 pub enum HostMessage {
     /// Say [`Hello`] at once.
     RequestHello,
-    /// Forget all data and counts.
-    Reset,
-    /// Estimate this effect from now on; answered by [`DeviceMessage::Changed`].
-    AddEffect(EffectAt),
-    /// Estimate it no more; answered likewise.
-    DropEffect(EffectAt),
+    /// Do this, once; answered by [`DeviceMessage::Answer`].
+    Request(Request),
+    /// Say a part of a factor.
+    ReadFactor(ReadFactor),
     /// Do one step at a time that the host decides; only emulated boards, whose clock means nothing, obey.
     Advance(Advance),
 }
@@ -148,43 +152,6 @@ pub struct Diagnosis {
     pub std: f32,
 }
 
-/// An effect at a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct EffectAt {
-    /// The leg's index in SDK order.
-    pub leg: u8,
-    /// The joint's place in the leg.
-    pub joint: u8,
-    /// The effect's place in [`Hello::effects`].
-    pub effect: u8,
-}
-
-/// The answer to [`HostMessage::AddEffect`] and [`HostMessage::DropEffect`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub struct Changed {
-    /// The effect was to be added; else it was to be dropped.
-    pub add: bool,
-    /// Which effect, where.
-    pub at: EffectAt,
-    /// What became of it.
-    pub outcome: Outcome,
-}
-
-/// What became of a wish to change the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
-pub enum Outcome {
-    /// Done: the next estimate of the leg is of the new model.
-    Accepted,
-    /// The robot has no such joint.
-    NoSuchJoint,
-    /// The firmware keeps no columns for such an effect.
-    NoSuchEffect,
-    /// The model has it already.
-    AlreadyActive,
-    /// The model does not have it.
-    NotActive,
-}
-
 /// Everything that was counted, ten times a second. Counts start at zero and wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Counters {
@@ -196,8 +163,55 @@ pub struct Counters {
     pub host_frames_bad: u32,
     /// Frames from the host that never came, by their sequence numbers.
     pub host_frames_missed: u32,
+    /// Frames to the host that found no room on the way: a host that is slow, or not there.
+    pub frames_dropped: u32,
+    /// What the board's drivers lost of each bus, in SDK order.
+    pub buses: [LineLosses; LEGS],
+    /// And of the host link.
+    pub host_line: LineLosses,
     /// Cost of the ticks.
     pub load: Load,
+}
+
+/// What never got from a line to the application.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct LineLosses {
+    /// Times that the line's buffer was full.
+    pub overruns: u32,
+    /// Reads that found a broken byte.
+    pub errors: u32,
+}
+
+/// What was lost around the application, since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Losses {
+    /// [`Counters::host_frames_bad`].
+    pub host_frames_bad: u32,
+    /// [`Counters::host_frames_missed`].
+    pub host_frames_missed: u32,
+    /// [`Counters::frames_dropped`].
+    pub frames_dropped: u32,
+    /// [`Counters::buses`].
+    pub buses: [LineLosses; LEGS],
+    /// [`Counters::host_line`].
+    pub host_line: LineLosses,
+}
+
+impl Losses {
+    /// Nothing lost.
+    pub const ZERO: Self = Self {
+        host_frames_bad: 0,
+        host_frames_missed: 0,
+        frames_dropped: 0,
+        buses: [LineLosses {
+            overruns: 0,
+            errors: 0,
+        }; LEGS],
+        host_line: LineLosses {
+            overruns: 0,
+            errors: 0,
+        },
+    };
 }
 
 /// One leg's bus, samples and windows.

@@ -1,12 +1,13 @@
 //! Every message there and back, the largest, damage, arbitrary bytes.
 
-use std::vec::Vec;
-
 use proptest::prelude::*;
 
 use super::*;
 
-fn receive<M: Message>(receiver: &mut Receiver<M>, bytes: &[u8]) -> Vec<Result<M, WireError>> {
+fn receive<M: Message>(
+    receiver: &mut Receiver<M>,
+    bytes: &[u8],
+) -> std::vec::Vec<Result<M, WireError>> {
     bytes
         .iter()
         .filter_map(|&byte| receiver.push(byte))
@@ -41,8 +42,16 @@ const AT: EffectAt = EffectAt {
     effect: 255,
 };
 
+const READ: ReadFactor = ReadFactor {
+    copy: u32::MAX,
+    leg: 255,
+    fold: 255,
+    joint: 255,
+    first: u16::MAX,
+};
+
 /// Every message with every field as long as it gets.
-fn largest() -> [DeviceMessage; 6] {
+fn largest() -> [DeviceMessage; 7] {
     let full = Parameters::from_slice(&[f32::MIN; MAX_PARAMETERS]).unwrap();
     let m = u32::MAX;
     let leg = LegCounters {
@@ -67,6 +76,10 @@ fn largest() -> [DeviceMessage; 6] {
         unfolded: m,
         unsolved: m,
     };
+    let line = LineLosses {
+        overruns: m,
+        errors: m,
+    };
     let load = Load {
         ticks: m,
         over_budget: m,
@@ -90,6 +103,9 @@ fn largest() -> [DeviceMessage; 6] {
             legs: [leg; LEGS],
             host_frames_bad: m,
             host_frames_missed: m,
+            frames_dropped: m,
+            buses: [line; LEGS],
+            host_line: line,
             load,
         }),
         DeviceMessage::Diagnosis(Diagnosis {
@@ -101,10 +117,15 @@ fn largest() -> [DeviceMessage; 6] {
             value: f32::MIN,
             std: f32::MIN,
         }),
-        DeviceMessage::Changed(Changed {
-            add: true,
-            at: AT,
+        DeviceMessage::Answer(Answer {
+            id: m,
             outcome: Outcome::NotActive,
+        }),
+        DeviceMessage::FactorPart(FactorPart {
+            read: READ,
+            windows: f64::MIN,
+            length: u16::MAX,
+            numbers: Vec::from_slice(&[f64::MIN; MAX_PART]).unwrap(),
         }),
         DeviceMessage::Advanced(Advanced { time_us: u64::MAX }),
     ]
@@ -132,7 +153,11 @@ fn a_device_of_another_schema_is_refused() {
     let mut buffer = [0; MAX_FRAME];
     let bytes = Sender::default().encode(&message, &mut buffer);
     let got = receive(&mut Receiver::<DeviceMessage>::default(), bytes);
-    assert_eq!(got, [Err(WireError::Incompatible { theirs })]);
+    let firmware = hello().firmware;
+    assert_eq!(got, [Err(WireError::Incompatible { theirs, firmware })]);
+    let said = std::string::ToString::to_string(&got[0].as_ref().unwrap_err());
+    assert!(said.contains("123456789012345678901234"), "{said}");
+    assert!(said.contains(env!("CARGO_PKG_VERSION")), "{said}");
 }
 
 #[test]
@@ -166,9 +191,19 @@ fn host_message() -> impl Strategy<Value = HostMessage> {
     let at = any::<(u8, u8, u8)>().prop_map(|(leg, joint, effect)| EffectAt { leg, joint, effect });
     prop_oneof![
         advance(),
-        at.clone().prop_map(HostMessage::AddEffect),
-        at.prop_map(HostMessage::DropEffect)
+        (any::<u32>(), at.clone()).prop_map(|(id, at)| request(id, Action::AddEffect(at))),
+        (any::<u32>(), at).prop_map(|(id, at)| request(id, Action::DropEffect(at))),
+        any::<u32>().prop_map(|id| request(id, Action::Reset)),
+        any::<(u32, u16)>().prop_map(|(copy, first)| HostMessage::ReadFactor(ReadFactor {
+            copy,
+            first,
+            ..READ
+        })),
     ]
+}
+
+fn request(id: u32, action: Action) -> HostMessage {
+    HostMessage::Request(Request { id, action })
 }
 
 fn advance() -> impl Strategy<Value = HostMessage> {
@@ -211,7 +246,7 @@ proptest! {
     fn no_content_with_a_good_checksum_panics(content in proptest::collection::vec(any::<u8>(), 0..300)) {
         let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&content).to_le_bytes();
         let mut frame = [0; MAX_FRAME];
-        let plain: Vec<u8> = content.iter().copied().chain(crc).collect();
+        let plain: std::vec::Vec<u8> = content.iter().copied().chain(crc).collect();
         let length = cobs::encode(&plain, &mut frame);
         receive(&mut Receiver::<DeviceMessage>::default(), &frame[..=length]);
         receive(&mut Receiver::<HostMessage>::default(), &frame[..=length]);

@@ -10,7 +10,7 @@ use cortex_m_semihosting::debug::{EXIT_FAILURE, exit};
 use defmt_semihosting as _;
 use proprio_core::app::{App, Identity, Memory};
 use proprio_core::wire::{
-    Advance, Advanced, DeviceMessage, HostMessage, LEGS, MAX_FRAME, Receiver, Sender,
+    Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Receiver, Sender,
 };
 use proprio_firmware::board::mps2_an500::Board;
 use proprio_firmware::{Scalar, VERSION, stack::HighWater};
@@ -27,8 +27,8 @@ const IDENTITY: Identity = Identity {
 /// Bytes of one bus that one step takes; a longer stretch is several steps at the same time.
 const BUS_BUFFER: usize = 1024;
 
-static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
-/// All zeros, unlike the application: no copy of it lies in flash.
+// All zeros at first: no copies of them lie in flash.
+static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::unset());
 static MEMORY: ConstStaticCell<Memory<Scalar>> = ConstStaticCell::new(Memory::new());
 static BUFFERS: ConstStaticCell<[[u8; BUS_BUFFER]; LEGS]> =
     ConstStaticCell::new([[0; BUS_BUFFER]; LEGS]);
@@ -62,7 +62,7 @@ fn main() -> ! {
         time_us: 0,
     };
     let mut receiver = Receiver::<HostMessage>::default();
-    listener.app.reset(listener.memory);
+    listener.app.begin(listener.memory, IDENTITY);
     listener.step(0, [0; LEGS]);
     loop {
         let Some(byte) = listener.board.host.read() else {
@@ -77,9 +77,11 @@ fn main() -> ! {
             }
             Some(Err(_)) => defmt::warn!("damaged frame from the host"),
         }
-        listener
-            .app
-            .record_host_frames(receiver.bad(), receiver.missed());
+        listener.app.record_losses(Losses {
+            host_frames_bad: receiver.bad(),
+            host_frames_missed: receiver.missed(),
+            ..Losses::ZERO
+        });
     }
 }
 

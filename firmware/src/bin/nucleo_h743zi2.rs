@@ -12,7 +12,7 @@ use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::{Duration, Instant, Ticker};
 use panic_probe as _;
 use proprio_core::app::{App, Identity, Memory};
-use proprio_core::wire::{HostMessage, LEGS, MAX_FRAME, Receiver, Sender};
+use proprio_core::wire::{HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Receiver, Sender};
 use proprio_firmware::board::nucleo_h743zi2::{
     BUS_BYTE_NS, Board, CORE_HZ, CycleCounter, Listening, RING,
 };
@@ -30,11 +30,8 @@ const IDENTITY: Identity = Identity {
     byte_ns: BUS_BYTE_NS,
 };
 
-/// Time between two looks at what was lost, for the log, µs.
-const LOG_US: u64 = 1_000_000;
-
-static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::new(IDENTITY));
-/// All zeros, unlike the application: no copy of it lies in flash.
+// All zeros at first: no copies of them lie in flash.
+static APP: ConstStaticCell<App<Scalar>> = ConstStaticCell::new(App::unset());
 static MEMORY: ConstStaticCell<Memory<Scalar>> = ConstStaticCell::new(Memory::new());
 static BUS_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
 static HOST_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]);
@@ -43,22 +40,6 @@ static HOST_BUFFER: ConstStaticCell<[u8; RING]> = ConstStaticCell::new([0; RING]
 static FRAMES: Pipe<CriticalSectionRawMutex, { 4 * MAX_FRAME }> = Pipe::new();
 /// What DMA sends from, so static.
 static SENDING: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
-
-/// What never reached the application or the host, since the start. Frames of a bus that are damaged by it are counted
-/// by the application as well.
-#[derive(Clone, Copy, Default, PartialEq, defmt::Format)]
-struct Losses {
-    /// Times that a bus's buffer was full.
-    bus_overruns: [u32; LEGS],
-    /// Reads that found a broken byte on a bus.
-    bus_line_errors: [u32; LEGS],
-    /// As for a bus.
-    host_overruns: u32,
-    /// As for a bus.
-    host_line_errors: u32,
-    /// Frames to the host that found no room.
-    frames_dropped: u32,
-}
 
 struct Listener {
     buses: [Listening; LEGS],
@@ -73,8 +54,6 @@ struct Listener {
     frame: [u8; MAX_FRAME],
     stack: HighWater,
     frames_dropped: u32,
-    logged: Losses,
-    log_at: u64,
 }
 
 #[embassy_executor::main]
@@ -100,17 +79,14 @@ async fn main(spawner: Spawner) {
         frame: [0; MAX_FRAME],
         stack: HighWater::new(),
         frames_dropped: 0,
-        logged: Losses::default(),
-        log_at: 0,
     };
-    listener.app.reset(listener.memory);
+    listener.app.begin(listener.memory, IDENTITY);
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     loop {
         ticker.next().await;
         let now_us = Instant::now().as_micros();
         listener.obey();
         listener.step(now_us);
-        listener.log(now_us);
     }
 }
 
@@ -126,6 +102,14 @@ async fn tell(mut to_host: UartTx<'static, Async>) {
     }
 }
 
+/// What a line's driver lost.
+fn losses(line: &Listening) -> LineLosses {
+    LineLosses {
+        overruns: line.overruns(),
+        errors: line.line_errors(),
+    }
+}
+
 impl Listener {
     /// Takes what the host sent.
     fn obey(&mut self) {
@@ -136,8 +120,13 @@ impl Listener {
                 Some(Err(_)) => defmt::warn!("damaged frame from the host"),
             }
         }
-        self.app
-            .record_host_frames(self.receiver.bad(), self.receiver.missed());
+        self.app.record_losses(Losses {
+            host_frames_bad: self.receiver.bad(),
+            host_frames_missed: self.receiver.missed(),
+            frames_dropped: self.frames_dropped,
+            buses: self.buses.each_ref().map(losses),
+            host_line: losses(&self.from_host),
+        });
     }
 
     /// One step of the application, its message made a frame; both are counted, the copying of the bytes is not.
@@ -177,25 +166,6 @@ impl Listener {
             && let Ok(taken) = FRAMES.try_write(rest)
         {
             rest = &rest[taken..];
-        }
-    }
-
-    /// Tells the log what was lost, when there is news, once a second at most.
-    fn log(&mut self, now_us: u64) {
-        if now_us < self.log_at {
-            return;
-        }
-        self.log_at = now_us + LOG_US;
-        let losses = Losses {
-            bus_overruns: self.buses.each_ref().map(Listening::overruns),
-            bus_line_errors: self.buses.each_ref().map(Listening::line_errors),
-            host_overruns: self.from_host.overruns(),
-            host_line_errors: self.from_host.line_errors(),
-            frames_dropped: self.frames_dropped,
-        };
-        if losses != self.logged {
-            defmt::warn!("since the start: {}", losses);
-            self.logged = losses;
         }
     }
 }

@@ -31,7 +31,7 @@ const SAMPLES: u64 = 45;
 const SOLVER_STEPS: usize = 40;
 
 /// Numbers that a step of gathering rotates at most, but for its last row.
-const GATHER_COST: usize = 1200;
+const GATHER_COST: usize = 1600;
 
 // Larger than the stack.
 static FOLDS: ConstStaticCell<DeviceFolds<Scalar>> = ConstStaticCell::new(DeviceFolds::empty());
@@ -143,8 +143,9 @@ fn main() -> ! {
     };
     let [mut decode, mut push, mut close] =
         ["decode_cycle", "push", "push_closing"].map(Count::new);
-    let [mut fold, mut analysis, mut start] =
-        ["fold", "base_analysis", "gather_start"].map(Count::new);
+    let [mut take, mut fold] = ["take", "fold"].map(Count::new);
+    let [mut analysis, mut start, mut restart] =
+        ["base_analysis", "gather_start", "solver_start"].map(Count::new);
     let mut gathers = [const { Count::new("gather_step") }; SOLVER_STEPS];
     let mut steps = [const { Count::new("solver_step") }; SOLVER_STEPS];
     let prior = DevicePrior::<Scalar>::of(Leg::FR, &DEFAULT_ACTIVE);
@@ -227,11 +228,19 @@ fn main() -> ! {
             match pushed {
                 Push::Closed => {
                     close.add(cost);
-                    let (folded, cost) = counter.count(|| folds.fold_window(window.rows(), base));
-                    fold.add(cost);
-                    if folded.is_err() {
-                        hprintln!("a fold failed");
+                    let (taken, cost) = counter.count(|| folds.take(window.rows(), base));
+                    take.add(cost);
+                    if taken.is_err() {
+                        hprintln!("a window was not taken");
                         exit(EXIT_FAILURE);
+                    }
+                    if folds.is_full() {
+                        let (folded, cost) = counter.count(|| folds.fold());
+                        fold.add(cost);
+                        if folded.is_err() {
+                            hprintln!("a fold failed");
+                            exit(EXIT_FAILURE);
+                        }
                     }
                 }
                 Push::Used if n > 0 => push.add(cost),
@@ -248,18 +257,13 @@ fn main() -> ! {
                 .1,
         );
         for step in &mut gathers {
-            let (done, cost) = counter.count(|| {
-                let done = gather.advance(GATHER_COST, folds, base, solver);
-                if done == Ok(true) {
-                    solver.restart(&prior);
-                }
-                done
-            });
+            let (done, cost) = counter.count(|| gather.advance(GATHER_COST, folds, base, solver));
             step.add(cost);
             if done != Ok(false) {
                 break;
             }
         }
+        restart.add(counter.count(|| solver.restart(&prior)).1);
         for step in &mut steps {
             let (done, cost) = counter.count(|| solver.advance());
             step.add(cost);
@@ -275,7 +279,7 @@ fn main() -> ! {
     [consistent.step, consistent.part, consistent.steps]
         .iter()
         .for_each(Count::print);
-    [decode, push, close, fold, analysis, start]
+    [decode, push, close, take, fold, analysis, start, restart]
         .iter()
         .for_each(Count::print);
     gathers

@@ -4,7 +4,7 @@
 //! motions ([`crate::excite::told`]). What lies between the last two is what a better motion can still give.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -19,6 +19,8 @@ const TOLD: f64 = 0.9;
 const STRUCTURAL: f64 = 0.9;
 /// Parameters that the command for the next motion names per limb.
 const NAMED: usize = 6;
+/// Parameters per limb that the lines at the end of another command name.
+const CLOSING: usize = 3;
 
 /// How much of what can be learned of a parameter was.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -71,12 +73,13 @@ pub struct Advised {
     pub limbs: Vec<LimbAdvice>,
 }
 
-/// Judges what `logs` tell of each of `limbs` that they record.
+/// Judges what `logs` tell of each of `limbs` that they record; `file` is the model's, for the command that fills the gap.
 ///
 /// # Errors
 /// [`EarlierError`]: a log that cannot be read, or none with any of the limbs.
 pub fn advise(
     model: &Model,
+    file: Option<&Path>,
     limbs: &[Limb],
     logs: &[PathBuf],
     progress: impl FnMut(u64, u64),
@@ -94,7 +97,7 @@ pub fn advise(
         all.push(LimbAdvice {
             limb: limb.name.clone(),
             condition_number: told.condition_number,
-            command: command(&limb.name, &parameters, logs),
+            command: command(file, &limb.name, &parameters, logs),
             parameters,
         });
     }
@@ -129,15 +132,19 @@ fn advice(told: &Told) -> Advice {
     }
 }
 
-fn command(limb: &str, parameters: &[Advice], logs: &[PathBuf]) -> Option<String> {
-    let open = parameters
-        .iter()
-        .filter(|a| matches!(a.learned, Learned::Open | Learned::Partly));
+fn command(
+    file: Option<&Path>,
+    limb: &str,
+    parameters: &[Advice],
+    logs: &[PathBuf],
+) -> Option<String> {
+    let open = parameters.iter().filter(|a| a.is_open());
     let names: Vec<&str> = open.take(NAMED).map(|a| a.parameter.as_str()).collect();
     let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    let model = file.map_or_else(String::new, |file| format!("-m {} ", file.display()));
     (!names.is_empty()).then(|| {
         format!(
-            "proprio excite --legs {limb} --for {} --from {} -o next.csv",
+            "proprio excite {model}--legs {limb} --for {} --from {} -o next.csv",
             names.join(","),
             logs.join(" ")
         )
@@ -153,17 +160,48 @@ impl Advised {
         }
         text
     }
+
+    /// The lines that close what another command says of the same logs; none if they have told all that a motion can.
+    pub fn closing(&self) -> String {
+        let open: Vec<&LimbAdvice> = self.limbs.iter().filter(|l| l.command.is_some()).collect();
+        if open.is_empty() {
+            return String::new();
+        }
+        let mut text =
+            "\nWhat these logs could not tell (`proprio advise` tells each parameter):\n"
+                .to_owned();
+        for limb in open {
+            text += &limb.heading();
+            for advice in limb.parameters.iter().filter(|a| a.is_open()).take(CLOSING) {
+                text += &format!("  {advice}\n");
+            }
+            text += &limb.way_on();
+        }
+        text
+    }
+}
+
+/// [`Advised::closing`] of logs, for the end of another command's words: empty where nothing can be said of them.
+pub fn closing(model: &Model, file: Option<&Path>, logs: &[PathBuf]) -> String {
+    // Standard input is read once.
+    if logs.iter().any(|log| log.as_os_str() == "-") {
+        return String::new();
+    }
+    let limbs = model.robot().limbs();
+    advise(model, file, &limbs, logs, |_, _| {})
+        .map_or_else(|_| String::new(), |told| told.closing())
 }
 
 impl LimbAdvice {
-    fn text(&self, all: bool) -> String {
+    /// How many parameters are told and how many not.
+    fn heading(&self) -> String {
         let of = |learned| {
             self.parameters
                 .iter()
                 .filter(|a| a.learned == learned)
                 .count()
         };
-        let mut text = format!(
+        format!(
             "{}: {} parameters told, {} partly, {} open; {} that no motion tells apart from others. Condition number {:.0}.\n",
             self.limb,
             of(Learned::Told),
@@ -171,17 +209,28 @@ impl LimbAdvice {
             of(Learned::Open),
             of(Learned::Never),
             self.condition_number,
-        );
-        for advice in &self.parameters {
-            let worth = matches!(advice.learned, Learned::Open | Learned::Partly);
-            if worth || all {
-                text += &format!("  {advice}\n");
-            }
+        )
+    }
+
+    /// The command for the next motion, as a line.
+    fn way_on(&self) -> String {
+        let line = |command| format!("  the motion that would tell: {command}\n");
+        self.command.as_ref().map(line).unwrap_or_default()
+    }
+
+    fn text(&self, all: bool) -> String {
+        let mut text = self.heading();
+        for advice in self.parameters.iter().filter(|a| all || a.is_open()) {
+            text += &format!("  {advice}\n");
         }
-        if let Some(command) = &self.command {
-            text += &format!("  the motion that would tell: {command}\n");
-        }
-        text
+        text + &self.way_on()
+    }
+}
+
+impl Advice {
+    /// Whether a motion can still tell more of it.
+    fn is_open(&self) -> bool {
+        matches!(self.learned, Learned::Open | Learned::Partly)
     }
 }
 

@@ -41,9 +41,13 @@ impl Advise {
         let model = model_or_default(self.model.as_deref(), false)?;
         let limbs = chosen(&model, &self.legs)?;
         let mut progress = Progress::new("Reading");
-        let advised = advise(&model, &limbs, &self.logs, |done, total| {
-            progress.set(done, total)
-        })?;
+        let advised = advise(
+            &model,
+            self.model.as_deref(),
+            &limbs,
+            &self.logs,
+            |done, total| progress.set(done, total),
+        )?;
         drop(progress);
         Ok(if self.json {
             json(&advised)

@@ -9,8 +9,13 @@ use proprio::capture::{
     record,
 };
 use proprio::device::serial::{BUS_BAUD, open};
+use proprio::device::{BusStep, Device, Qemu, image};
+use proprio::monitor::Robot;
 use proprio::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
+use proprio::simulator::hidden::typical;
 use proprio::table::Table;
+use proprio_core::go2::Leg;
+use proprio_core::wire::DeviceMessage;
 use serde::Serialize;
 
 use super::{Error, json};
@@ -18,17 +23,18 @@ use crate::progress::{Progress, Underway};
 
 /// Record a motor bus's raw bytes, or tell what a recording of them says
 ///
-/// An RS-485 adapter listens to one leg's bus. What it brings goes to the file with the times at which it came, until Ctrl-C
+/// An RS-485 adapter listens to one leg's bus; `qemu` is the bus of an emulated board that hears a simulated robot. What it brings goes to the file with the times at which it came, until Ctrl-C
 /// or --seconds. --explain tells of such a file what the device would make of it: ids and order of the motors, cycle rate,
 /// turn-around times, seeds of the checksums, errors, and which share of the replies become samples. Times are as good as
 /// the adapter's: set the latency timer of a USB adapter to 1 ms.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
-  proprio capture --explain FR.cap")]
+  proprio capture --explain FR.cap
+  proprio capture qemu -o sim.cap --seconds 5 && proprio capture --explain sim.cap")]
 pub(crate) struct Capture {
     /// Serial port of the adapter
-    #[arg(value_name = "PORT", required_unless_present = "explain")]
+    #[arg(value_name = "PORT|qemu", required_unless_present = "explain")]
     port: Option<String>,
     /// Where the capture goes
     #[arg(short, long, value_name = "FILE", required_unless_present = "explain")]
@@ -61,12 +67,19 @@ struct Recorded {
     seconds: f64,
     bytes: u64,
     records: u64,
+    /// What an emulated board counted on the same bus: good commands and replies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    board: Option<[u32; 2]>,
 }
+
+/// Silence after a capture of an emulated board, in which it tells its last counts, µs.
+const SILENCE_US: u64 = 200_000;
 
 impl Capture {
     pub(crate) fn run(self) -> Result<String, Error> {
         match (&self.explain, &self.port, &self.output) {
             (Some(path), ..) => self.explain(path),
+            (None, Some(port), Some(output)) if port == "qemu" => self.record_emulated(output),
             (None, Some(port), Some(output)) => self.record(port, output),
             // Clap has seen to it.
             _ => Ok(String::new()),
@@ -110,10 +123,70 @@ impl Capture {
             seconds: time_us as f64 * 1e-6,
             bytes,
             records,
+            board: None,
         };
         if bytes == 0 {
             eprintln!("warning: nothing came: check the wiring, and that the robot is on");
         }
+        Ok(match self.json {
+            true => json(&recorded),
+            false => recorded.to_string(),
+        })
+    }
+
+    /// Records what an emulated board hears on a bus of a simulated robot, on the robot's own clock.
+    fn record_emulated(&self, output: &Path) -> Result<String, Error> {
+        eprintln!("Building the firmware; the first time takes some minutes.");
+        let mut device = Qemu::boot(&image::build(image::Scalar::F64)?)?;
+        let leg = Leg::FR;
+        let robot = Robot::new(&[leg], typical(&[leg]), 1);
+        let written = |source| WriteError {
+            path: output.to_owned(),
+            source,
+        };
+        let mut capture =
+            CaptureWriter::new(AtomicFile::create(output)?, self.baud).map_err(written)?;
+        finish_on_interrupt();
+        let mut progress = Progress::new("Recording");
+        let mut captured = Captured::default();
+        let mut board = [0; 2];
+        let mut hear = |message| {
+            if let DeviceMessage::Counters(counters) = message {
+                let leg = counters.legs[leg.index()];
+                board = [leg.commands, leg.replies];
+            }
+        };
+        for step in robot.steps() {
+            let step = step?;
+            let limit_us = self.seconds.map(|seconds| (seconds * 1e6) as u64);
+            if asked_to_finish() || limit_us.is_some_and(|limit_us| step.time_us > limit_us) {
+                break;
+            }
+            progress.set(step.time_us, limit_us.unwrap_or(u64::MAX));
+            let bytes = &step.buses[leg.index()];
+            capture.record(step.time_us, bytes).map_err(written)?;
+            captured.bytes += bytes.len() as u64;
+            captured.records += 1;
+            captured.time_us = step.time_us;
+            device.play(&step, &mut hear)?;
+        }
+        for n in 1..=SILENCE_US / 2_000 {
+            let silent = BusStep {
+                time_us: captured.time_us + n * 2_000,
+                ..BusStep::default()
+            };
+            device.play(&silent, &mut hear)?;
+        }
+        device.settle(&mut hear)?;
+        drop(progress);
+        capture.finish().map_err(written)?.commit()?;
+        let recorded = Recorded {
+            output: output.to_owned(),
+            seconds: captured.time_us as f64 * 1e-6,
+            bytes: captured.bytes,
+            records: captured.records,
+            board: Some(board),
+        };
         Ok(match self.json {
             true => json(&recorded),
             false => recorded.to_string(),
@@ -140,6 +213,12 @@ impl fmt::Display for Recorded {
             "{output} has {bytes} bytes of {seconds:.1} s in {} pieces",
             self.records
         )?;
+        if let Some([commands, replies]) = self.board {
+            writeln!(
+                f,
+                "The emulated board heard {commands} commands and {replies} replies of them"
+            )?;
+        }
         writeln!(f, "What they say: proprio capture --explain {output}")
     }
 }

@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::compare::{ValuesFrom, compare};
-use proprio::recording::Recording;
+use proprio::compare::{Comparison, ValuesFrom, compare, compare_with};
+use proprio::model::{Model, UnknownName};
+use proprio::recording::{Recording, gate_words};
 use proprio::report::pages;
 
+use super::add::parse;
 use super::{Error, json, unreadable};
-use crate::progress::Progress;
+use crate::progress::{Progress, Underway};
 
 /// Compare model and measurement: how well, where and when it fails
 ///
@@ -20,6 +22,7 @@ use crate::progress::Progress;
   proprio compare chirp.csv
   proprio compare chirp.csv --model go2.toml
   proprio compare chirp.csv --model go2.toml --html report.html
+  proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
@@ -34,6 +37,25 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
+    /// Fit the model with these as well, under the weights of the model as it is
+    #[arg(
+        long,
+        value_name = "EFFECT[:JOINT]",
+        value_delimiter = ',',
+        conflicts_with = "given"
+    )]
+    with: Vec<String>,
+    /// Fit the model without these, each at one joint or wherever the model has it, under the weights of the model as it is
+    #[arg(
+        long,
+        value_name = "EFFECT[:JOINT]",
+        value_delimiter = ',',
+        conflicts_with = "given"
+    )]
+    without: Vec<String>,
+    /// Tell each joint's error, where and when the model fails
+    #[arg(short, long)]
+    verbose: bool,
     /// Tell every place and moment where the model fails, not the worst ones only
     #[arg(long)]
     all: bool,
@@ -57,19 +79,64 @@ impl Compare {
             (false, true) => ValuesFrom::Given,
             (false, false) => ValuesFrom::Auto,
         };
-        let comparison = compare(&recording, &model, values)?;
+        let changed = self.changed(&model)?;
+        let underway = Underway::new("Comparing");
+        let comparison = match &changed {
+            Some(changed) => compare_with(&recording, &model, changed)?,
+            None => compare(&recording, &model, values)?,
+        };
+        drop(underway);
         for warning in &comparison.warnings {
             eprintln!("warning: {warning}");
         }
         if let Some(path) = &self.html {
-            pages::comparison(&comparison)
+            let shown = changed.as_ref().unwrap_or(&model);
+            pages::comparison(&comparison, &recording, shown, self.model.as_deref())
                 .map_err(unreadable)?
                 .write(path)?;
         }
         Ok(if self.json {
             json(&comparison)
         } else {
-            comparison.text(self.all)
+            self.text(&comparison)
         })
+    }
+
+    /// The first screen, or all of it.
+    fn text(&self, comparison: &Comparison) -> String {
+        if self.all || self.verbose {
+            return comparison.text(self.all);
+        }
+        let data = gate_words(&comparison.data);
+        let summary = comparison.summary(self.model.as_deref());
+        format!(
+            "{data}{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots, tick boxes)\n"
+        )
+    }
+
+    /// The model with what --with names and without what --without names; none if nothing is named.
+    fn changed(&self, model: &Model) -> Result<Option<Model>, UnknownName> {
+        if self.with.is_empty() && self.without.is_empty() {
+            return Ok(None);
+        }
+        let mut changed = model.clone();
+        for text in &self.without {
+            let (effect, joints) = parse(text, model.robot())?;
+            let own = model.effects().iter().filter(|e| e.effect == effect);
+            let places: Vec<usize> = match text.contains(':') {
+                true => joints,
+                false => own.map(|e| e.joint).collect(),
+            };
+            for joint in places {
+                changed.remove_effect(effect, joint);
+            }
+        }
+        let mut more = Vec::new();
+        for text in &self.with {
+            let (effect, joints) = parse(text, model.robot())?;
+            more.extend(joints.into_iter().map(|joint| (effect, joint)));
+        }
+        changed.add_last(&more);
+        Ok(Some(changed))
     }
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use proprio::compare::ValuesFrom;
 use proprio::compare::{Comparison, compare};
 use proprio::diagnose::Verdict;
-use proprio::diagnose::{Diagnosis, diagnose};
+use proprio::diagnose::diagnose;
 use proprio::model::Model;
 use proprio::output::{self, WriteError};
 use proprio::parameter::Parameter;
@@ -15,6 +15,7 @@ use proprio::recording::Recording;
 use proprio::report::pages;
 use proprio::simulator::hidden::typical;
 use proprio::simulator::{HiddenEffect, Hide, Simulation};
+use proprio::summary::Summary;
 use proprio::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
@@ -128,7 +129,7 @@ struct Report {
 struct Tour {
     seed: u64,
     before: Comparison,
-    diagnosis: Diagnosis,
+    summary: Summary,
     after: Comparison,
 }
 
@@ -178,9 +179,17 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
     let mut complete = model.clone();
     diagnose_command::apply(&diagnosis, &mut complete);
     let page = compare(&recording, &complete, ValuesFrom::Fitted)?;
-    pages::diagnosis(&diagnosis, &page)
-        .map_err(unreadable)?
-        .write(&files.report)?;
+    let report = pages::DiagnosisPage {
+        diagnosis: &diagnosis,
+        after: &page,
+        recording: &recording,
+        given: &model,
+        complete: &complete,
+        model: Some(&files.model),
+        written: false,
+    };
+    report.page().map_err(unreadable)?.write(&files.report)?;
+    let summary = diagnosis.summary(model.robot(), Some(&files.model));
 
     let best = diagnosis.candidates.first();
     let best = best.filter(|_| diagnosis.verdict == Verdict::Missing);
@@ -214,7 +223,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
         tour: Tour {
             seed,
             before,
-            diagnosis,
+            summary,
             after,
         },
     })
@@ -236,7 +245,7 @@ impl fmt::Display for Report {
         let Tour {
             seed,
             before,
-            diagnosis,
+            summary,
             after,
         } = &self.tour;
         let hide = format!("{}={}", self.hidden.name, self.hidden.value);
@@ -254,15 +263,15 @@ impl fmt::Display for Report {
         write_comparison(f, before)?;
         writeln!(
             f,
-            "\n3. What is missing?\n\n$ proprio diagnose {log} -m {model} --html {}\n\n{diagnosis}",
+            "\n3. What is missing?\n\n$ proprio diagnose {log} -m {model} --html {}\n\n{summary}",
             self.files.report.display()
         )?;
         let Some(found) = &self.found else {
-            return writeln!(f, "The hidden effect, {hide}, was not found.");
+            return writeln!(f, "\nThe hidden effect, {hide}, was not found.");
         };
         writeln!(
             f,
-            "4. Add it and look again.\n\n$ proprio add {found} -m {model}\n$ proprio compare {log} -m {model}\n"
+            "\n4. Add it and look again.\n\n$ proprio add {found} -m {model}\n$ proprio compare {log} -m {model}\n"
         )?;
         write_comparison(f, after)?;
         self.write_end(f)

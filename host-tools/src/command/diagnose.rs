@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use proprio::advise::closing;
 use proprio::compare::ValuesFrom;
 use proprio::compare::compare;
 use proprio::diagnose::{Diagnosis, diagnose};
@@ -39,6 +40,9 @@ pub(crate) struct Diagnose {
     /// Show every step to a model that lacks nothing and, with --model, add its effects to the model file
     #[arg(long)]
     apply: bool,
+    /// Tell every candidate, not the most important ones only
+    #[arg(short, long)]
+    verbose: bool,
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
@@ -68,22 +72,44 @@ impl Diagnose {
         apply(&diagnosis, &mut model);
         if let Some(path) = &self.html {
             let after = compare(&recording, &model, ValuesFrom::Fitted)?;
-            pages::diagnosis(&diagnosis, &after)
-                .map_err(unreadable)?
-                .write(path)?;
+            let page = pages::DiagnosisPage {
+                diagnosis: &diagnosis,
+                after: &after,
+                recording: &recording,
+                given: &given,
+                complete: &model,
+                model: self.model.as_deref(),
+                written: self.apply,
+            };
+            page.page().map_err(unreadable)?.write(path)?;
         }
         if let (true, Some(path)) = (self.apply, &self.model)
             && (model != given || !path.exists())
         {
             model.save(path)?;
         }
+        let closing = if self.json {
+            String::new()
+        } else {
+            closing(&model, self.model.as_deref(), &self.logs)
+        };
         Ok(match (self.json, self.apply) {
             (true, _) => json(&Report {
                 data: &recording.gates,
                 diagnosis: &diagnosis,
             }),
-            (false, true) => gate_words(&recording.gates) + &diagnosis.ladder(),
-            (false, false) => gate_words(&recording.gates) + &diagnosis.to_string(),
+            (false, true) => gate_words(&recording.gates) + &diagnosis.ladder() + &closing,
+            (false, false) if self.verbose => {
+                gate_words(&recording.gates) + &diagnosis.to_string() + &closing
+            }
+            (false, false) => {
+                let summary = diagnosis.summary(given.robot(), self.model.as_deref());
+                let more = "More: --verbose (every candidate), --apply (every step), --html report.html (plots, tick boxes)";
+                format!(
+                    "{}{summary}\n{closing}{more}\n",
+                    gate_words(&recording.gates)
+                )
+            }
         })
     }
 }

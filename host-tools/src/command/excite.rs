@@ -1,17 +1,21 @@
 //! `proprio excite`: the motion that tells.
 
+mod arguments;
+mod report;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
-use clap::{Args, ValueEnum};
+use arguments::{Cost, LimitArguments, Separation, parse_pose, parse_separation};
+use clap::Args;
 use proprio::excite::output::{Coefficients, Gains, write_csv};
-use proprio::excite::{self, Goal, LimbDesign, Margins, Settings, Supervisor, earlier};
+use proprio::excite::shapes::Shapes;
+use proprio::excite::{self, Goal, LimbDesign, Settings, Supervisor, earlier};
 use proprio::model::{Limb, Model, UnknownName};
 use proprio::output::{self, AtomicFile, WriteError};
-use proprio_core::effect::EffectKind;
-use serde::Serialize;
+use report::Report;
 
 use super::{Error, json, model_or_default};
 use crate::progress::Progress;
@@ -70,6 +74,9 @@ pub(crate) struct Excite {
     pose: Vec<(String, f64)>,
     #[command(flatten)]
     limits: LimitArguments,
+    /// A file of shapes to stay clear of: capsules of the robot and around it, planes
+    #[arg(long, value_name = "SHAPES")]
+    shapes: Option<PathBuf>,
     /// Feedback gains written with the motion, N m/rad
     #[arg(long, value_name = "KP", default_value_t = 40.0)]
     kp: f64,
@@ -87,74 +94,6 @@ pub(crate) struct Excite {
     json: bool,
 }
 
-/// What is kept back from the robot's limits.
-#[derive(Debug, Args)]
-struct LimitArguments {
-    /// Distance from the stops, rad
-    #[arg(long, value_name = "RAD", default_value_t = Margins::default().position)]
-    position_margin: f64,
-    /// Share of the greatest speed
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().velocity)]
-    velocity_share: f64,
-    /// Greatest acceleration, rad/s²
-    #[arg(long, value_name = "RAD/S2", default_value_t = Margins::default().acceleration)]
-    acceleration: f64,
-    /// Share of the greatest torque
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().torque)]
-    torque_share: f64,
-    /// Share of the greatest power, a quarter of torque times speed
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().power)]
-    power_share: f64,
-    /// By how much each parameter may be off while the torque limits still hold, as a share
-    #[arg(long, value_name = "SHARE", default_value_t = Margins::default().uncertainty)]
-    uncertainty: f64,
-    /// Distance of shapes, m
-    #[arg(long, value_name = "M", default_value_t = Margins::default().distance)]
-    distance: f64,
-    /// Height of the base above a floor that feet and knees must stay clear of, m
-    #[arg(long, value_name = "M")]
-    ground: Option<f64>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Cost {
-    /// Condition number of the identifiable inertias: every combination about equally well
-    Condition,
-    /// What is told of inertias, friction, rotors and offsets beyond what is known (D-optimal)
-    Determinant,
-}
-
-#[derive(Debug, Clone)]
-struct Separation {
-    effects: [EffectKind; 2],
-    joint: Option<String>,
-}
-
-/// What `excite` reports.
-#[derive(Debug, Serialize)]
-struct Report {
-    motion: PathBuf,
-    coefficients: PathBuf,
-    condition_number: f64,
-    condition_number_si: f64,
-    rank: usize,
-    log_det: f64,
-    violations: usize,
-    seconds: f64,
-    duration: f64,
-    seed: u64,
-    interrupted: bool,
-    limbs: Vec<LimbReport>,
-}
-
-#[derive(Debug, Serialize)]
-struct LimbReport {
-    limb: String,
-    #[serde(flatten)]
-    measures: excite::Measures,
-    violations: Vec<String>,
-}
-
 impl Excite {
     pub(crate) fn run(self) -> Result<String, Error> {
         let begun = Instant::now();
@@ -167,6 +106,18 @@ impl Excite {
             .coefficients
             .clone()
             .unwrap_or_else(|| self.output.with_extension("json"));
+        let report = Report::new(
+            &self,
+            &model,
+            &designs,
+            coefficients.clone(),
+            begun.elapsed().as_secs_f64(),
+        );
+        // What is not within the limits is not written: it must not be played.
+        if report.violations > 0 {
+            let first = report.limbs.iter().flat_map(|limb| &limb.violations).next();
+            return Err(Error::NotWithinLimits(first.cloned().unwrap_or_default()));
+        }
         let gains = Gains {
             p: self.kp,
             d: self.kd,
@@ -178,16 +129,6 @@ impl Excite {
         )?;
         if let Some(page) = &self.html {
             proprio::report::pages::excite::motion(&model, &designs).write(page)?;
-        }
-        let report = self.report(
-            &model,
-            &designs,
-            coefficients,
-            begun.elapsed().as_secs_f64(),
-        );
-        if report.violations > 0 {
-            let first = report.limbs.iter().flat_map(|limb| &limb.violations).next();
-            return Err(Error::NotWithinLimits(first.cloned().unwrap_or_default()));
         }
         Ok(if self.json {
             json(&report)
@@ -205,6 +146,7 @@ impl Excite {
             (None, false, _) => Goal::Variance(self.parameters.clone()),
             // What is known already says nothing of a condition number.
             (None, true, Cost::Condition) if self.from.is_empty() => Goal::Condition,
+            (None, true, Cost::ConditionSi) if self.from.is_empty() => Goal::ConditionSi,
             (None, true, _) => Goal::Determinant,
         };
         let earlier = if self.from.is_empty() {
@@ -215,7 +157,6 @@ impl Excite {
                 progress.set(done, total)
             })?
         };
-        let limits = &self.limits;
         Ok(Settings {
             earlier,
             goal,
@@ -223,58 +164,12 @@ impl Excite {
             period: self.period.unwrap_or_else(|| usual_period(self.duration)),
             harmonics: self.harmonics,
             pose: self.pose.clone(),
-            margins: Margins {
-                position: limits.position_margin,
-                velocity: limits.velocity_share,
-                acceleration: limits.acceleration,
-                torque: limits.torque_share,
-                power: limits.power_share,
-                uncertainty: limits.uncertainty,
-                distance: limits.distance,
-                ground: limits.ground,
-            },
+            margins: self.limits.margins(),
+            shapes: self.shapes.as_deref().map(Shapes::read).transpose()?,
             seed: self.seed,
             starts: self.starts,
             ..Settings::default()
         })
-    }
-
-    fn report(
-        &self,
-        model: &Model,
-        designs: &[LimbDesign],
-        coefficients: PathBuf,
-        seconds: f64,
-    ) -> Report {
-        let most = |of: fn(&excite::Measures) -> f64| {
-            designs
-                .iter()
-                .map(|design| of(&design.measures))
-                .fold(f64::NEG_INFINITY, f64::max)
-        };
-        let limbs = designs.iter().map(|design| LimbReport {
-            limb: design.limb.clone(),
-            measures: design.measures,
-            violations: design
-                .violations
-                .iter()
-                .map(|v| told(model, design, v))
-                .collect(),
-        });
-        Report {
-            motion: self.output.clone(),
-            coefficients,
-            condition_number: most(|m| m.condition_number),
-            condition_number_si: most(|m| m.condition_number_si),
-            rank: designs.iter().map(|design| design.measures.rank).sum(),
-            log_det: designs.iter().map(|design| design.measures.log_det).sum(),
-            violations: designs.iter().map(|design| design.violations.len()).sum(),
-            seconds,
-            duration: self.duration,
-            seed: self.seed,
-            interrupted: output::asked_to_finish(),
-            limbs: limbs.collect(),
-        }
     }
 }
 
@@ -282,18 +177,6 @@ impl Excite {
 fn usual_period(duration: f64) -> f64 {
     let usual = Settings::default().period;
     duration / (duration / usual).round().max(3.0)
-}
-
-fn told(model: &Model, design: &LimbDesign, v: &excite::Violation) -> String {
-    let joint = v.joint.map_or(String::new(), |j| {
-        format!(" of {}", model.joint_name(design.joints[j]))
-    });
-    format!(
-        "{}{joint} at {:.3} s, by {:.2} %",
-        v.what,
-        v.t,
-        100.0 * v.beyond
-    )
 }
 
 /// The limbs that are asked for.
@@ -354,74 +237,6 @@ impl Supervisor for Shown {
         if let Some(best) = best {
             bar.say(format!("Searching, best cost {best:.3}"));
         }
-    }
-}
-
-fn parse_separation(text: &str) -> Result<Separation, String> {
-    let (effects, joint) = match text.split_once(':') {
-        Some((effects, joint)) => (effects, Some(joint.to_owned())),
-        None => (text, None),
-    };
-    let (a, b) = effects
-        .split_once(',')
-        .ok_or("expected A,B[:JOINT], such as stribeck,viscous:FR_hip")?;
-    let effect = |name: &str| {
-        let names = EffectKind::ALL.iter().map(|kind| kind.name());
-        EffectKind::from_name(name).ok_or_else(|| {
-            let unknown = UnknownName::new("effect", name, names);
-            match unknown.nearest() {
-                Some(nearest) => format!("no effect `{name}`; did you mean `{nearest}`?"),
-                None => unknown.to_string(),
-            }
-        })
-    };
-    let effects = [effect(a.trim())?, effect(b.trim())?];
-    if effects[0] == effects[1] {
-        return Err("the two effects are the same".to_owned());
-    }
-    Ok(Separation { effects, joint })
-}
-
-fn parse_pose(text: &str) -> Result<(String, f64), String> {
-    let (joint, value) = text.split_once('=').ok_or("expected JOINT=RAD")?;
-    let value = value
-        .parse()
-        .map_err(|_| format!("`{value}` is not a number"))?;
-    Ok((joint.to_owned(), value))
-}
-
-impl std::fmt::Display for Report {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        writeln!(f, "leg        condition number     in SI   rank   log det")?;
-        for limb in &self.limbs {
-            let m = &limb.measures;
-            writeln!(
-                f,
-                "{:<10} {:>16.2} {:>9.2} {:>6} {:>9.1}",
-                limb.limb, m.condition_number, m.condition_number_si, m.rank, m.log_det
-            )?;
-        }
-        writeln!(
-            f,
-            "\nCondition number of the identifiable inertias, masses, first moments and inertias each scaled by the prior; in SI, \
-             columns are per kg, kg m and kg m^2."
-        )?;
-        writeln!(
-            f,
-            "Within all limits at every instant, for parameters off by the stated uncertainty."
-        )?;
-        if self.interrupted {
-            writeln!(f, "Interrupted: the best motion until then.")?;
-        }
-        writeln!(
-            f,
-            "{}: {} s at 500 Hz, seed {}, found in {:.1} s\n{}: its coefficients",
-            self.motion.display(),
-            self.duration,
-            self.seed,
-            self.seconds,
-            self.coefficients.display()
-        )
     }
 }
 

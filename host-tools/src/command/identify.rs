@@ -1,8 +1,11 @@
 //! `proprio identify`: from logs to parameters.
 
+mod factors;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use proprio::advise::closing;
 use proprio::compare::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
 use proprio::identify::{
@@ -25,12 +28,16 @@ use crate::progress::Progress;
   proprio identify chirp.csv
   proprio identify chirp.csv --physical -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
   proprio identify --free-base walk.csv --physical -o go2.toml
+  proprio identify --factor board.bin chirp.bin
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
   proprio add coulomb -m arm.toml --urdf arm.urdf && proprio identify arm.csv -m arm.toml")]
 pub(crate) struct Identify {
     /// Logs: CSV, plain or gzip-compressed
-    #[arg(value_name = "LOG", required = true)]
+    #[arg(value_name = "LOG", required_unless_present = "factor")]
     logs: Vec<PathBuf>,
+    /// Instead of logs: factors that `replay --factors` or `monitor` read from devices, merged
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["logs", "output", "bus", "physical", "free_base", "html", "model"])]
+    factor: Vec<PathBuf>,
     /// Also write a model file that `export` takes (needs --physical); or, if the name ends in .json, what --json prints
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -96,6 +103,9 @@ impl From<Equation> for Method {
 
 impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if !self.factor.is_empty() {
+            return factors::run(&self.factor, self.json);
+        }
         if self.free_base {
             return self.run_free_base();
         }
@@ -139,11 +149,17 @@ impl Identify {
             let page = pages::fit(&fitted, &comparison).map_err(unreadable)?;
             page.write(path)?;
         }
-        Ok(match (self.json, self.base) {
-            (true, _) => json(&fitted),
-            (false, true) => format!("{fitted}{}", fitted.identifiability()),
-            (false, false) => fitted.to_string(),
-        })
+        if self.json {
+            return Ok(json(&fitted));
+        }
+        let told = match self.base {
+            true => fitted.identifiability(),
+            false => String::new(),
+        };
+        Ok(format!(
+            "{fitted}{told}{}",
+            closing(&model, Some(path.as_path()), &self.logs)
+        ))
     }
 
     /// A Go2's plain effects, by the estimator of the device.

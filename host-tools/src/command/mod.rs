@@ -10,10 +10,13 @@ mod diagnose;
 mod effects;
 mod excite;
 mod export;
+mod flash;
 mod identify;
 mod import;
 mod man;
+mod monitor;
 mod overwrite;
+mod ports;
 mod remove;
 mod replay;
 mod show;
@@ -29,10 +32,13 @@ use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
+use proprio::excite::shapes::ShapesError;
+use proprio::factors::FactorsError;
 use proprio::identify::{FreeBaseError, IdentificationError, NotAModel, NotReproduced};
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{Model, ModelError, RobotError, UnknownName};
+use proprio::monitor::{FeedError, JournalError};
 use proprio::output::WriteError;
 use proprio::recording::RecordingError;
 use proprio::report::pages::Unreadable;
@@ -71,9 +77,12 @@ enum Command {
     Effects(effects::Effects),
     Excite(excite::Excite),
     Export(export::Export),
+    Flash(flash::Flash),
     Identify(identify::Identify),
     Import(import::Import),
     Man(man::Manual),
+    Monitor(monitor::Monitor),
+    Ports(ports::Ports),
     Remove(remove::Remove),
     Replay(replay::Replay),
     Show(show::Show),
@@ -116,9 +125,12 @@ impl Command {
             Self::Effects(command) => command.run(),
             Self::Excite(command) => command.run(),
             Self::Export(command) => command.run(),
+            Self::Flash(command) => command.run(),
             Self::Identify(command) => command.run(),
             Self::Import(command) => command.run(),
             Self::Man(command) => command.run(),
+            Self::Monitor(command) => command.run(),
+            Self::Ports(command) => command.run(),
             Self::Remove(command) => command.run(),
             Self::Replay(command) => command.run(),
             Self::Show(command) => command.run(),
@@ -145,6 +157,14 @@ pub(crate) enum Error {
     Device(#[from] DeviceError),
     #[error(transparent)]
     Capture(#[from] CaptureError),
+    #[error(transparent)]
+    Factors(#[from] FactorsError),
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    #[error(transparent)]
+    Feed(#[from] FeedError),
+    #[error("the terminal: {0}")]
+    Terminal(std::io::Error),
     #[error(
         "the device told no estimate of leg {leg}: of {played} samples played {samples} arrived, {windows} windows closed"
     )]
@@ -182,6 +202,8 @@ pub(crate) enum Error {
     Validate(#[from] ValidateError),
     #[error(transparent)]
     Excite(#[from] ExciteError),
+    #[error(transparent)]
+    Shapes(#[from] ShapesError),
     /// The best motion is not proved to be within the limits.
     #[error("no motion could be proved to be within the limits: {0}")]
     NotWithinLimits(String),

@@ -16,12 +16,19 @@ use proprio::model::Model;
 use super::Error;
 
 /// Arguments that name a file to write.
-const WRITTEN: [&str; 4] = ["output", "html", "truth", "coefficients"];
+const WRITTEN: [&str; 6] = [
+    "output",
+    "html",
+    "truth",
+    "coefficients",
+    "factors",
+    "record",
+];
 /// Arguments that name a file which may be written again on purpose.
 const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];
 /// Arguments that name logs, motions and models that are read.
-const LOGS: [&str; 7] = [
-    "logs", "log", "from", "motion", "follow", "models", "explain",
+const LOGS: [&str; 10] = [
+    "logs", "log", "from", "motion", "follow", "models", "explain", "factor", "image", "shapes",
 ];
 
 /// What stands where a file is to go.

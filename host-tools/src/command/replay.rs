@@ -4,17 +4,19 @@ mod effects;
 mod report;
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
+use proprio::device::pull::pull;
 use proprio::device::replay::{self, ReplayError, bus_step};
 use proprio::device::serial::SerialDevice;
-use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, image};
 use proprio::log::{LogReader, Selection, leg_named};
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::DeviceMessage;
+use proprio_core::wire::{self, DeviceMessage, HostMessage};
 
-use effects::Wish;
+use effects::{Answer, Wish};
 use report::{Report, Told};
 
 use super::{Error, json};
@@ -28,6 +30,7 @@ use crate::progress::Progress;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio replay chirp.csv --to qemu
+  proprio replay chirp.csv --to desktop --factors a.bin && proprio identify --factor a.bin b.bin
   proprio replay chirp.csv --to desktop --add quadratic_drag:FR_calf --drop bias
   proprio replay chirp.csv --to /dev/ttyACM0 --leg FR=/dev/ttyUSB0")]
 pub(crate) struct Replay {
@@ -50,6 +53,9 @@ pub(crate) struct Replay {
     /// Have it estimate this effect no more
     #[arg(long = "drop", value_name = "EFFECT[:JOINT]")]
     drop: Vec<String>,
+    /// Also write the device's factors: what `identify --factor` merges with those of other logs and devices
+    #[arg(long, value_name = "FILE")]
+    factors: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -78,23 +84,44 @@ impl Replay {
             }
         }
         let mut device = self.device(&legs)?;
+        let mut requests = Requests::new();
         for wish in &wishes {
-            let message = wish.message(device.hello())?;
+            let request = requests.ask(wish.action(device.hello())?, Instant::now());
+            let message = HostMessage::Request(request);
             device.command(&message).map_err(ReplayError::from)?;
         }
         let mut steps = Steps::new(LogReader::open(&self.log, Selection::Motion)?, &legs);
         let mut told = Told::default();
         replay(&mut steps, &mut *device, &mut |message| told.hear(message))?;
-        if told.changes.len() < wishes.len() {
-            let (answers, wishes) = (told.changes.len(), wishes.len());
+        if let Some(path) = &self.factors {
+            let last_us = steps.last_us.unwrap_or_default() + replay::SILENCE_US;
+            let mut hear = |message| told.hear(message);
+            let factors = pull(&mut *device, &legs, last_us, &mut hear);
+            factors.map_err(ReplayError::from)?.write(path)?;
+        }
+        let answered = |answer: &wire::Answer| Some((requests.answered(answer)?, answer.outcome));
+        let answers: Vec<_> = told.answers.iter().filter_map(answered).collect();
+        if !requests.is_empty() {
+            let (answers, wishes) = (answers.len(), wishes.len());
             return Err(Error::Unanswered { answers, wishes });
         }
+        let changes = answers
+            .iter()
+            .filter_map(|(action, outcome)| Answer::new(action, *outcome, device.hello()))
+            .collect();
 
         let warnings = warnings
             .iter()
             .map(|w| format!("{}: {w}", self.log.display()))
             .collect();
-        let report = Report::new(device.hello(), told, &legs, &steps.played, warnings)?;
+        let report = Report::new(
+            device.hello(),
+            told,
+            &legs,
+            &steps.played,
+            changes,
+            warnings,
+        )?;
         report
             .warnings
             .iter()

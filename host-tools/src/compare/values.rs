@@ -34,7 +34,7 @@ pub(super) fn of(
     foot: Option<&LeftOut>,
 ) -> Vec<EffectValue> {
     let mut values = Vec::new();
-    let deviations = fit.map(Deviations::of);
+    let deviations = fit.map(LimbFit::deviations);
     for (place, e) in places(data.model, data.limb) {
         let joint = data.model.joint_name(e.joint);
         for (n, parameter) in place.0.description().parameters.iter().enumerate() {

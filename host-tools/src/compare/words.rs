@@ -24,8 +24,8 @@ impl Comparison {
     pub fn headline(&self) -> String {
         let mut text = match self.yardsticks.before_rms {
             Some(before) => format!(
-                "{} added: rms {before:.4} → {:.4} N m ({:+.0} %)",
-                grouped(&self.added),
+                "{}: rms {before:.4} → {:.4} N m ({:+.0} %)",
+                self.changed(),
                 self.rms,
                 100.0 * (self.rms / before - 1.0)
             ),
@@ -51,6 +51,16 @@ impl Comparison {
             );
         }
         text
+    }
+
+    /// What was added and left out.
+    fn changed(&self) -> String {
+        let part = |places: &[String], word: &str| {
+            (!places.is_empty()).then(|| format!("{} {word}", grouped(places)))
+        };
+        let parts = [part(&self.added, "added"), part(&self.left_out, "left out")];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        parts.join(", ")
     }
 
     /// What was left out, foot by foot, and what that means for the rest.
@@ -183,7 +193,7 @@ impl Comparison {
 }
 
 /// Places by effect: `spring:FR_thigh`, but `viscous (12 joints)`.
-fn grouped(places: &[String]) -> String {
+pub(super) fn grouped(places: &[String]) -> String {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for place in places {
         let (effect, joint) = place.split_once(':').unwrap_or((place, ""));
@@ -199,6 +209,27 @@ fn grouped(places: &[String]) -> String {
             more => format!("{effect} ({} joints)", more.len()),
         });
     words.collect::<Vec<_>>().join(", ")
+}
+
+/// Effects, a few of them: `spring:FR_thigh`, `viscous, coulomb, armature and 2 more effects`.
+pub(super) fn named(places: &[String]) -> String {
+    const NAMED: usize = 4;
+    if places.len() <= NAMED {
+        return grouped(places);
+    }
+    let mut effects: Vec<&str> = Vec::new();
+    for place in places {
+        let effect = place.split(':').next().unwrap_or(place);
+        if !effects.contains(&effect) {
+            effects.push(effect);
+        }
+    }
+    let first = effects.iter().take(NAMED).copied().collect::<Vec<_>>();
+    match effects.len().saturating_sub(NAMED) {
+        0 => first.join(", "),
+        1 => format!("{} and one more effect", first.join(", ")),
+        n => format!("{} and {n} more effects", first.join(", ")),
+    }
 }
 
 /// What is not told.

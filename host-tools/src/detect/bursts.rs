@@ -18,35 +18,35 @@ const NARROW: f64 = 0.35;
 const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// Residuals far larger than the usual ones.
-pub(crate) struct Bursts {
+struct Bursts {
     /// Share of the residuals' sum of squares above noise with the same median size.
-    pub(crate) share: f64,
+    share: f64,
     /// Which residuals belong to bursts.
-    pub(crate) large: Vec<usize>,
+    large: Vec<usize>,
     /// Of the sum of squares, the share that these carry.
     carried: f64,
 }
 
 impl Bursts {
-    /// The bursts of residuals; `None` if there is nothing to judge.
-    pub(crate) fn of(residuals: &[f64]) -> Option<Self> {
-        let usual = median(residuals.iter().map(|r| r.abs()).collect())? / NORMAL_MEDIAN;
-        let squares: f64 = residuals.iter().map(|r| r * r).sum();
-        let large: Vec<usize> = (0..residuals.len())
-            .filter(|&w| residuals[w].abs() > LARGE * usual)
-            .collect();
-        let carried: f64 = large.iter().map(|&w| residuals[w].powi(2)).sum();
+    /// The bursts of residuals, each with its window; `None` if there is nothing to judge.
+    fn of(residuals: &[(usize, f64)]) -> Option<Self> {
+        let usual = median(residuals.iter().map(|(_, r)| r.abs()).collect())? / NORMAL_MEDIAN;
+        let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
+        let large = residuals.iter().filter(|(_, r)| r.abs() > LARGE * usual);
+        let carried: f64 = large.clone().map(|(_, r)| r * r).sum();
         (squares > 0.0).then(|| Self {
             share: 1.0 - usual * usual * residuals.len() as f64 / squares,
             carried: carried / squares,
-            large,
+            large: large.map(|(w, _)| *w).collect(),
         })
     }
 }
 
 /// What is said of a joint whose error comes in bursts; `None` for one without.
 pub(crate) fn bursts(series: &JointSeries) -> Option<String> {
-    let bursts = Bursts::of(&series.residual)?;
+    // Over a lost message means are rough.
+    let whole = (series.residual.iter().copied().enumerate()).filter(|(w, _)| series.whole[*w]);
+    let bursts = Bursts::of(&whole.collect::<Vec<_>>())?;
     if bursts.share < LEAST_SHARE || bursts.large.len() < LEAST_WINDOWS {
         return None;
     }
@@ -110,6 +110,7 @@ mod tests {
             series.t.push(t);
             series.q.push(q);
             series.dq.push(dq);
+            series.whole.push(true);
             series.residual.push(0.03 * noise + catches(q, dq));
         }
         series

@@ -25,8 +25,9 @@ use crate::equation::dot::dot;
 use crate::equation::foot::Foot;
 use crate::equation::rows::Rows;
 use crate::equation::values::Values;
-use crate::estimate::blocks::{BlockFactors, HeapFactor};
-use crate::estimate::fit::{LimbFit, fold};
+use crate::estimate::factor::HeapFactor;
+use crate::estimate::fit::LimbFit;
+use crate::estimate::folding::Folding;
 use crate::estimate::triangle::Triangle;
 use crate::select::screen::{cad_prior, possible};
 pub(crate) use report::{LeftOut, leave_out_contact};
@@ -176,7 +177,7 @@ impl<'a> Search<'a> {
         };
         let columns = data.columns(&fit.values, &fit.places, &candidates);
         Some(Self {
-            rows: Rows::of(&data.motion, &data.body, &fit.values, &columns, &|_| true),
+            rows: data.rows(&fit.values, &columns),
             columns,
             described: foot.described,
             up: Vector3::z(),
@@ -298,24 +299,19 @@ impl<'a> Search<'a> {
         let swing = |w: usize| self.phases[w] == Phase::Swing;
         let theta = self.columns.theta(&self.fit.values);
         let correlation = &self.fit.correlation;
-        let blocks = fold(
+        let folding = Folding {
             data,
-            &self.columns,
-            &self.rows,
-            &theta,
+            columns: &self.columns,
+            rows: &self.rows,
+            theta: &theta,
             correlation,
-            &self.noise,
-            &swing,
-        );
-        let mut folds = BlockFactors::none(&self.columns, data.blocks.folds);
-        for (b, block) in blocks.blocks.iter().enumerate() {
-            folds.merge(data.blocks.fold(b), block);
-        }
-        let all: Vec<usize> = (0..self.columns.entries.len()).collect();
+            noise: &self.noise,
+        };
+        let folds = folding.folds(&swing);
+        let all = self.columns.entries.len();
         let prior = cad_prior(data);
         let solve = |train: &Vec<HeapFactor>| {
-            Triangle::new(&self.columns, &prior, train, &self.noise, &all, &[])
-                .solve(all.len(), &[])
+            Triangle::new(&self.columns, &prior, train, &self.noise, all).solve(&[])
         };
         let (trains, _) = folds.without_each(&self.columns);
         trains.iter().map(solve).collect()

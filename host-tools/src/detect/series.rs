@@ -3,6 +3,9 @@
 use super::residual::Series;
 use crate::estimate::limb_data::LimbData;
 
+/// A message was lost between samples that lie so many mean periods apart.
+const WHOLE: f64 = 1.6;
+
 /// One joint's windows, in the order of time; SI, joint side.
 #[derive(Debug, Clone, Default)]
 pub struct JointSeries {
@@ -22,6 +25,8 @@ pub struct JointSeries {
     pub residual: Vec<f64>,
     /// Motor temperature, °C; empty where not recorded.
     pub temperature: Vec<f64>,
+    /// Whether no message of the window was lost: over a longer time between two samples a mean is rough.
+    pub whole: Vec<bool>,
 }
 
 impl JointSeries {
@@ -68,6 +73,10 @@ impl JointSeries {
     /// joint, N m.
     pub(crate) fn of(data: &LimbData, predicted: &[f64]) -> Vec<Self> {
         let n = data.joints();
+        let longest = WHOLE * data.recording.period();
+        let is_whole = |[first, last]: [usize; 2]| {
+            (first + 1..=last).all(|k| data.motion.time[k] - data.motion.time[k - 1] <= longest)
+        };
         let warm = data.motion.temperature.iter().all(|t| t.is_finite());
         let series = |(j, joint): (usize, String)| {
             let mut series = Self {
@@ -84,6 +93,7 @@ impl JointSeries {
                 series.tau.push(torque);
                 series.predicted.push(expected);
                 series.residual.push(torque - expected);
+                series.whole.push(is_whole(window.samples));
                 if warm {
                     let temperature = data
                         .motion

@@ -67,6 +67,10 @@ impl<T: Real> Device for Desktop<T> {
         Ok(())
     }
 
+    fn losses(&self) -> (u32, u32) {
+        (0, 0)
+    }
+
     fn settle(&mut self, _: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
         Ok(())
     }

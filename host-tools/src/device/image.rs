@@ -30,12 +30,24 @@ impl Scalar {
 /// # Errors
 /// [`DeviceError::NoSources`], [`DeviceError::Build`].
 pub fn build(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    build_for("mps2_an500", scalar)
+}
+
+/// The same for the NUCLEO-H743ZI2, which computes in double precision.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_nucleo() -> Result<PathBuf, DeviceError> {
+    build_for("nucleo_h743zi2", Scalar::F64)
+}
+
+fn build_for(board: &str, scalar: Scalar) -> Result<PathBuf, DeviceError> {
     let script = workspace()
         .ok_or(DeviceError::NoSources)?
         .join("firmware/build");
     let output = Command::new("sh")
         .arg(&script)
-        .arg(scalar.name())
+        .args([scalar.name(), board])
         // Set by `cargo run` and `cargo test`; the firmware's cargo and rustc are not those of this program.
         .env_remove("CARGO")
         .env_remove("RUSTC")

@@ -7,12 +7,20 @@
 mod desktop;
 pub mod image;
 mod link;
+pub mod names;
+pub mod ports;
+pub mod programmer;
+pub mod pull;
 pub mod qemu;
 pub mod replay;
+mod requests;
 pub mod serial;
 
 pub use desktop::Desktop;
 pub use qemu::Qemu;
+pub use requests::Requests;
+
+use std::path::PathBuf;
 
 use proprio_core::go2::LEGS;
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage, WireError};
@@ -47,6 +55,9 @@ pub trait Device {
         told: &mut dyn FnMut(DeviceMessage),
     ) -> Result<(), DeviceError>;
 
+    /// Frames from the device that were damaged, and that never came.
+    fn losses(&self) -> (u32, u32);
+
     /// Waits until all steps are done.
     ///
     /// # Errors
@@ -63,6 +74,23 @@ pub enum DeviceError {
     /// The firmware did not build; the compiler has said why.
     #[error("the firmware did not build: {0}")]
     Build(String),
+    /// The image to be flashed cannot be read.
+    #[error("{}: {source}", .image.display())]
+    Image {
+        /// Its path.
+        image: PathBuf,
+        /// What the operating system says.
+        source: std::io::Error,
+    },
+    /// The image to be flashed is none of a Cortex-M.
+    #[error("{}: no program for an Arm core", .0.display())]
+    NotAnImage(PathBuf),
+    /// No program that flashes boards is installed.
+    #[error("none of {} is installed", programmer::names())]
+    NoProgrammer,
+    /// The program that flashes boards failed; it has said why.
+    #[error("{0} failed: {1}")]
+    Programmer(&'static str, String),
     /// The emulator is not installed.
     #[error("qemu-system-arm is not installed: on Debian, apt-get install qemu-system-arm")]
     NoEmulator,
@@ -83,6 +111,9 @@ pub enum DeviceError {
         /// What the operating system says.
         source: serialport::Error,
     },
+    /// The device has no factors to read, or of a shape that this program does not know.
+    #[error("the device's factors are none that this program knows")]
+    NoFactor,
     /// A link failed.
     #[error("the link to the device: {0}")]
     Link(#[from] std::io::Error),

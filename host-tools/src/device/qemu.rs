@@ -124,11 +124,6 @@ impl Qemu {
         })
     }
 
-    /// Frames from the device that were damaged, and that never came.
-    pub fn losses(&self) -> (u32, u32) {
-        self.link.losses()
-    }
-
     /// Receives until at most `allowed` steps are under way.
     fn wait(
         &mut self,
@@ -180,6 +175,10 @@ impl Device for Qemu {
         }
         self.in_flight += 1;
         Ok(())
+    }
+
+    fn losses(&self) -> (u32, u32) {
+        self.link.losses()
     }
 
     fn settle(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {

@@ -16,6 +16,9 @@ const SILENT_STEPS: u64 = 600;
 /// Time between silent steps, µs.
 const SILENT_STEP_US: u64 = 2_000;
 
+/// Length of that silence, µs.
+pub const SILENCE_US: u64 = SILENT_STEPS * SILENT_STEP_US;
+
 /// Why a replay ended.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {

@@ -98,6 +98,10 @@ impl Device for SerialDevice {
         Ok(())
     }
 
+    fn losses(&self) -> (u32, u32) {
+        self.link.losses()
+    }
+
     fn settle(&mut self, told: &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError> {
         let until = Instant::now() + Duration::from_millis(200);
         while Instant::now() < until {

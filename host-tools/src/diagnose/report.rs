@@ -13,14 +13,12 @@ use crate::detect::residual;
 use crate::detect::series::JointSeries;
 use crate::equation::velocity::VelocityGain;
 use crate::select::candidate::Member;
-use crate::select::criteria::RESOLUTION;
+use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::select::ranking::Judged;
 
 /// A joint with fewer windows in motion cannot be judged.
 const LEAST_WINDOWS: usize = 100;
-/// Share of a joint's error above the noise floor that is taken for a missing effect if tests find structure in it, %.
-const MOST_ABOVE_NOISE: f64 = 20.0;
 
 /// What was found, in values and words.
 pub(super) fn report(d: &Diagnosed) -> Diagnosis {
@@ -219,26 +217,20 @@ impl Diagnosed<'_> {
     fn outside(&self) -> Vec<String> {
         let (mut series, mut drifting) = (Vec::new(), Vec::new());
         for (limb, fit) in self.found.end.fits.iter().enumerate() {
-            let Some(values) = fit.held_out() else {
+            let Some(predicted) = fit.predicted_held_out() else {
                 continue;
             };
-            series.extend(JointSeries::of(
-                fit.data,
-                &fit.data.predicted_by_fold(&values),
-            ));
+            series.extend(JointSeries::of(fit.data, &predicted));
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.drifts[limb].iter().map(told));
         }
         let views: Vec<_> = series.iter().map(JointSeries::view).collect();
-        let left = residual::criticise(&views).into_iter().filter(|joint| {
-            joint.structure_remains()
-                && joint
-                    .above_noise_percent
-                    .is_some_and(|share| share > MOST_ABOVE_NOISE)
-        });
+        let left = residual::criticise(&views)
+            .into_iter()
+            .filter(|joint| joint.structure() > STRUCTURE);
         let structures = left.map(|joint| {
-            let share = joint.above_noise_percent.unwrap_or(0.0);
+            let share = 100.0 * joint.structure();
             let place = joint
                 .patterns
                 .first()

@@ -199,12 +199,7 @@ fn median(mut x: Vec<f64>) -> f64 {
 fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<Density>, f64) {
     let mut sums = vec![Density::default(); frequencies.len()];
     let mut weight = 0.0;
-    // Where gaps leave no stretch that long, frequencies are told less apart.
-    let longest = stretches
-        .iter()
-        .map(|s| s.t[s.t.len() - 1] - s.t[0])
-        .fold(0.0, f64::max);
-    let per = ((LENGTH.min(longest) / period) as usize)
+    let per = ((LENGTH.min(usual_length(stretches)) / period) as usize)
         .saturating_sub(4)
         .max(LEAST_SAMPLES);
     for s in stretches.iter().filter(|s| s.t.len() > 4) {
@@ -219,6 +214,22 @@ fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<De
         }
     }
     (sums, weight)
+}
+
+/// The length that half of the time's stretches have at least, s: where gaps leave none as long as [`LENGTH`], frequencies are told
+/// less apart, but by what the joint did most of the time.
+fn usual_length(stretches: &[Stretch]) -> f64 {
+    let mut lengths: Vec<f64> = (stretches.iter())
+        .filter_map(|s| Some(s.t.last()? - s.t.first()?))
+        .collect();
+    lengths.sort_unstable_by(|a, b| b.total_cmp(a));
+    let half = 0.5 * lengths.iter().sum::<f64>();
+    let mut sum = 0.0;
+    let usual = lengths.into_iter().find(|length| {
+        sum += length;
+        sum >= half
+    });
+    usual.unwrap_or(0.0)
 }
 
 /// A channel at even times by cubics through its samples: of uneven samples taken as even, a strong motion would leave noise at all

@@ -58,7 +58,7 @@ pub(crate) struct Columns {
     pub(crate) subtree_end: Vec<usize>,
     /// θ: the inertial parameters of all bodies, then the effects'.
     pub(crate) entries: Vec<Entry>,
-    /// The columns of each joint's rows; the inertial ones last.
+    /// The columns of each joint's rows, in the order of the entries.
     pub(crate) of_joint: Vec<Vec<Column>>,
     /// Where each entry stands in each joint's rows.
     places: Vec<Vec<Option<usize>>>,
@@ -90,10 +90,7 @@ impl Columns {
         let (mut of_joint, mut places) = (Vec::new(), Vec::new());
         for joint in 0..joints {
             let mut columns: Vec<Column> = Vec::new();
-            let (first, last): (Vec<&Entry>, Vec<&Entry>) = entries
-                .iter()
-                .partition(|e| !matches!(e.column, Column::Inertial(..)));
-            for entry in first.into_iter().chain(last) {
+            for entry in &entries {
                 if felt(joint, &entry.column) && !columns.contains(&entry.column) {
                     columns.push(entry.column);
                 }

@@ -10,9 +10,9 @@
 pub(crate) mod body;
 mod channels;
 pub(crate) mod column;
-pub(crate) mod dot;
 pub(crate) mod folds;
 pub(crate) mod foot;
+pub(crate) mod integrals;
 pub(crate) mod motion;
 mod play;
 mod presliding;
@@ -22,3 +22,5 @@ mod speed;
 mod trajectory;
 pub(crate) mod values;
 pub(crate) mod velocity;
+
+pub(crate) use proprio_solve::dot;

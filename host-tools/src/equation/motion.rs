@@ -11,7 +11,6 @@ use proprio_core::effect::{EffectKind, Form, JointState};
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
-use super::play::play;
 use super::presliding::presliding;
 use super::trajectory::{Stretch, Trajectory};
 use super::values::Values;
@@ -197,8 +196,21 @@ impl Motion {
         columns: &Columns,
         delay: f64,
     ) -> States {
+        let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        self.states_for(&made, body, values, columns, delay)
+    }
+
+    /// The same of which only the columns `made` are asked.
+    pub(crate) fn states_for(
+        &self,
+        made: &[&Column],
+        body: &LimbBody,
+        values: &Values,
+        columns: &Columns,
+        delay: f64,
+    ) -> States {
         let all = vec![true; self.time.len()];
-        self.states_under(None, body, values, columns, (delay, &all))
+        self.states_under(None, body, values, (columns, made), (delay, &all))
     }
 
     /// The same where the gears' load is known, of the samples that are `asked` for: the others' loads are zero.
@@ -207,11 +219,14 @@ impl Motion {
         load: Option<&Load>,
         body: &LimbBody,
         values: &Values,
-        columns: &Columns,
+        (columns, made): (&Columns, &[&Column]),
         (delay, asked): (f64, &[bool]),
     ) -> States {
         let n = self.joints;
-        let needs = Needs::of(values, columns);
+        let needs = Needs::of(values, made);
+        // A drive's torque is made of all effects that the model has.
+        let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        let seen = if needs.torque { &all } else { made };
         let late: Vec<Trajectory>;
         let joints = if delay == 0.0 {
             &self.joint
@@ -224,14 +239,14 @@ impl Motion {
         let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * self.time.len()];
         for (j, joint) in joints.iter().enumerate() {
             let offset = values.get((EffectKind::EncoderOffset, j), 0);
-            for (k, &[q, dq, ..]) in joint.state.iter().enumerate() {
+            for (k, &[q, dq, ..]) in joint.state.iter().enumerate().filter(|(k, _)| asked[*k]) {
                 let state = &mut states[k * n + j];
                 (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
                 (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
                 (state.load, state.load_rate, state.play) = (0.0, 0.0, [0.0; 2]);
                 state.temperature = self.temperature[k * n + j];
             }
-            if let Some(displacement) = displacement(&columns.of_joint[j]) {
+            if let Some(displacement) = displacement(seen, j) {
                 let impulse = self.presliding(joint, displacement);
                 for (k, impulse) in impulse.into_iter().enumerate() {
                     states[k * n + j].presliding = impulse;
@@ -240,10 +255,10 @@ impl Motion {
         }
         if needs.load {
             match load {
-                Some(load) => self.fill_load(load, values, needs.play, &mut states),
+                Some(load) => self.fill_load(load, values, &needs.play, &mut states),
                 None => {
                     let load = self.load_of(body, joints, values, asked);
-                    self.fill_load(&load, values, needs.play, &mut states);
+                    self.fill_load(&load, values, &needs.play, &mut states);
                 }
             }
         }
@@ -292,12 +307,15 @@ impl Motion {
             rigid.inverse_dynamics(&base, [q, dq, ddq], &mut torque[k * n..(k + 1) * n]);
         }
         let mut line = vec![[0.0; 2]; torque.len()];
-        for j in 0..n {
-            for stretch in &self.stretches {
-                let t = &self.time[stretch.clone()];
-                let own: Vec<f64> = stretch.clone().map(|k| torque[k * n + j]).collect();
-                for (i, k) in stretch.clone().enumerate().filter(|(_, k)| asked[*k]) {
-                    line[k * n + j] = local_line(t, &own, i, around(t, i));
+        for stretch in &self.stretches {
+            let t = &self.time[stretch.clone()];
+            let own: Vec<Vec<f64>> = (0..n)
+                .map(|j| stretch.clone().map(|k| torque[k * n + j]).collect())
+                .collect();
+            for (i, k) in stretch.clone().enumerate().filter(|(_, k)| asked[*k]) {
+                let half = around(t, i);
+                for j in 0..n {
+                    line[k * n + j] = local_line(t, &own[j], i, half);
                 }
             }
         }
@@ -310,28 +328,25 @@ impl Motion {
         }
     }
 
-    /// Each joint's load and, `with_play`, how its link moves under it within its gap.
+    /// Each joint's load and, of joints that have `play`, how their links move under it within the gap.
     fn fill_load(
         &self,
         load: &Load,
         values: &Values,
-        with_play: bool,
+        play: &[usize],
         states: &mut [JointState<f64>],
     ) {
         let n = self.joints;
         for (state, line) in states.iter_mut().zip(&load.line) {
             [state.load, state.load_rate] = *line;
         }
-        if !with_play {
-            return;
-        }
-        for j in 0..n {
+        for &j in play {
             let gap = values.get((EffectKind::Backlash, j), 0);
             let gap = if gap > 0.0 { gap } else { TYPICAL_PLAY };
             for stretch in &self.stretches {
                 let t = &self.time[stretch.clone()];
                 let own: Vec<f64> = stretch.clone().map(|k| load.torque[k * n + j]).collect();
-                let moved = play(t, &own, load.inertia[j], gap);
+                let moved = super::play::play(t, &own, load.inertia[j], gap);
                 for (k, moved) in stretch.clone().zip(moved) {
                     states[k * n + j].play = moved;
                 }
@@ -408,37 +423,48 @@ impl Motion {
 /// Which of what effects see costs a pass of its own.
 struct Needs {
     load: bool,
-    play: bool,
+    /// Of which joints.
+    play: Vec<usize>,
     torque: bool,
 }
 
 impl Needs {
-    fn of(values: &Values, columns: &Columns) -> Self {
-        let asked = columns.entries.iter().filter_map(|e| e.effect);
-        let effects: Vec<EffectKind> = asked.chain(values.places().map(|p| p.0)).collect();
-        let any = |which: &[EffectKind]| effects.iter().any(|e| which.contains(e));
-        let torque = any(&[EffectKind::Delay, EffectKind::Saturation]);
-        let load = [
-            EffectKind::Elasticity,
-            EffectKind::Backlash,
-            EffectKind::LoadFriction,
-        ];
+    /// What the columns `made` and the links' motion ask for.
+    fn of(values: &Values, made: &[&Column]) -> Self {
+        let has = |effect: EffectKind| values.places().any(|place| place.0 == effect);
+        let own = |effects: &[EffectKind]| {
+            (made.iter()).any(|column| match column {
+                Column::Own { effect, .. } | Column::Motion { effect, .. } => {
+                    effects.contains(effect)
+                }
+                _ => false,
+            })
+        };
+        let has_play = |j: &usize| {
+            let (effect, joint) = (EffectKind::Backlash, *j);
+            values.has((effect, joint)) || made.contains(&&Column::Motion { joint, effect })
+        };
+        let play: Vec<usize> = (0..values.bodies.len()).filter(has_play).collect();
+        let late = [EffectKind::Delay, EffectKind::Saturation];
+        let torque = made.contains(&&Column::Lateness) || own(&late);
+        let load = [EffectKind::Elasticity, EffectKind::LoadFriction];
         Self {
-            load: torque || any(&load),
-            play: any(&[EffectKind::Backlash]),
+            load: torque || !play.is_empty() || has(EffectKind::Elasticity) || own(&load),
+            play,
             torque,
         }
     }
 }
 
 /// The displacement of a joint's presliding friction, rad, if it has a column.
-fn displacement(columns: &[Column]) -> Option<f64> {
-    columns.iter().find_map(|column| match *column {
+fn displacement(columns: &[&Column], at: usize) -> Option<f64> {
+    columns.iter().find_map(|column| match **column {
         Column::Own {
+            joint,
             effect: EffectKind::Presliding,
             shape,
             ..
-        } => Some(shape),
+        } if joint == at => Some(shape),
         _ => None,
     })
 }

@@ -15,8 +15,7 @@ use crate::recording::MAX_JOINTS;
 ///
 /// Matrices are row-major, n × 10 n: joint by joint, the ten parameters of each body.
 pub(crate) trait RigidBody: Send + Sync {
-    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter. And how they
-    /// change with the motion, at the current inertias.
+    /// W_m and W_g − W_c at a position (rad) and velocity (rad/s); N m s and N m per unit of each parameter.
     fn regressors(
         &self,
         base: &Transform<f64>,
@@ -24,8 +23,10 @@ pub(crate) trait RigidBody: Send + Sync {
         dq: &[f64],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
-        slopes: Option<&mut Slopes>,
     );
+
+    /// How momentum and rate change with the motion, at the current inertias.
+    fn slopes(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], slopes: &mut Slopes);
 
     /// H q̇ (N m s) and g − Cᵀ q̇ (N m) at a position and velocity, at the current inertias.
     fn momentum_and_rate(
@@ -133,16 +134,17 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         dq: &[f64],
         momentum: Option<&mut [f64]>,
         rate: &mut [f64],
-        slopes: Option<&mut Slopes>,
     ) {
         let k = self.kinematics(base, q, dq);
         copy(rate, &self.0.momentum_rate_regressor::<P>(&k));
         if let Some(momentum) = momentum {
             copy(momentum, &self.0.momentum_regressor::<P>(&k));
         }
-        if let Some(slopes) = slopes {
-            slopes.set(&self.0.momentum_derivatives(&k));
-        }
+    }
+
+    fn slopes(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], slopes: &mut Slopes) {
+        let k = self.kinematics(base, q, dq);
+        slopes.set(&self.0.momentum_derivatives(&k));
     }
 
     fn momentum_and_rate(

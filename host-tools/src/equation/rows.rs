@@ -14,13 +14,18 @@ use nalgebra::{Rotation3, Vector3};
 use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
+use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::dot::dot;
+use super::integrals::{Integrals, Key, Where};
 use super::motion::{Motion, States, Window};
 use super::rigid_body::{RigidBody, Slopes};
 use super::values::Values;
+
+/// Windows whose rows are made one after the other; parts are made side by side.
+const PART: usize = 128;
 
 /// Columns of a load: its mass, its first moment, and the same inertia about all axes.
 const LOAD_COLUMNS: usize = 5;
@@ -34,13 +39,14 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// The rows of `columns` at a model's values, of those windows that are `chosen`; zeros for the others.
+    /// The rows of `columns` at a model's values, of those windows that are `chosen`; what is `known` already is not made again.
     pub(crate) fn of(
         motion: &Motion,
         body: &LimbBody,
+        known: &Integrals,
         values: &Values,
         columns: &Columns,
-        chosen: &dyn Fn(usize) -> bool,
+        chosen: &(dyn Fn(usize) -> bool + Sync),
     ) -> Self {
         let mut starts = vec![0];
         for columns in &columns.of_joint {
@@ -57,8 +63,18 @@ impl Rows {
             if !done.contains(&delay) {
                 done.push(delay);
                 let joints = (0..motion.joints).filter(|&j| delays[j] == delay);
-                let pass = Pass::new(motion, body, values, columns, delay, joints.collect());
-                pass.run(&mut rows, chosen);
+                let at = Where::of(values, motion.joints, delay);
+                let own = rows.fill_known(known, &at, joints.collect(), values, columns);
+                if own.iter().any(|own| !own.is_empty()) {
+                    let is_kept =
+                        |j: usize, c: usize| Key::of(&columns.of_joint[j][c], j, values).is_some();
+                    let keeps =
+                        (own.iter().enumerate()).any(|(j, own)| own.iter().any(|&c| is_kept(j, c)));
+                    let pass = Pass::new(motion, body, values, columns, delay, own);
+                    // What is kept is kept for all windows.
+                    pass.run(&mut rows, &|w| keeps || chosen(w));
+                    rows.keep(known, &at, &pass.own, values, columns);
+                }
             }
         }
         let numbers = columns.numbers(values);
@@ -68,6 +84,55 @@ impl Rows {
             }
         }
         rows
+    }
+
+    /// Fills in what is known of the joints' columns, and returns of each joint the others.
+    fn fill_known(
+        &mut self,
+        known: &Integrals,
+        at: &Where,
+        joints: Vec<usize>,
+        values: &Values,
+        columns: &Columns,
+    ) -> Vec<Vec<usize>> {
+        let width = self.starts[columns.joints()];
+        let mut own = vec![Vec::new(); columns.joints()];
+        for j in joints {
+            let keys: Vec<Option<Key>> = (columns.of_joint[j].iter())
+                .map(|column| Key::of(column, j, values))
+                .collect();
+            for (c, integral) in known.get(at, &keys).into_iter().enumerate() {
+                let Some(integral) = integral else {
+                    own[j].push(c);
+                    continue;
+                };
+                let places = self.numbers[self.starts[j] + c..].iter_mut().step_by(width);
+                places.zip(&*integral).for_each(|(to, from)| *to = *from);
+            }
+        }
+        own
+    }
+
+    /// Keeps those of the columns that the motion alone makes.
+    fn keep(
+        &self,
+        known: &Integrals,
+        at: &Where,
+        own: &[Vec<usize>],
+        values: &Values,
+        columns: &Columns,
+    ) {
+        let width = self.starts[columns.joints()];
+        let column = |j: usize, c: usize| {
+            let key = Key::of(&columns.of_joint[j][c], j, values)?;
+            let numbers = self.numbers[self.starts[j] + c..].iter().step_by(width);
+            Some((key, numbers.copied().collect()))
+        };
+        let all = own.iter().enumerate();
+        known.put(
+            at,
+            all.flat_map(|(j, own)| own.iter().filter_map(move |&c| column(j, c))),
+        );
     }
 
     /// Puts a row of true torques to the scale of the reported one, and writes the column of that scale: the derivative of
@@ -118,9 +183,11 @@ struct Pass<'a> {
     rigid: Box<dyn RigidBody>,
     base: Transform<f64>,
     states: States,
-    joints: Vec<usize>,
+    /// Of each joint the columns that are made.
+    own: Vec<Vec<usize>>,
     /// Inertial parameters per unit of each of a load's columns, body by body.
     loads: Vec<[[f64; INERTIAL]; LOAD_COLUMNS]>,
+    with_regressors: bool,
     with_slopes: bool,
 }
 
@@ -139,9 +206,12 @@ impl<'a> Pass<'a> {
         values: &Values,
         columns: &'a Columns,
         delay: f64,
-        joints: Vec<usize>,
+        own: Vec<Vec<usize>>,
     ) -> Self {
-        let needs = |c: &Column| matches!(c, Column::Motion { .. } | Column::Gravity(_));
+        let made: Vec<&Column> = (own.iter().zip(&columns.of_joint))
+            .flat_map(|(own, columns)| own.iter().map(|&c| &columns[c]))
+            .collect();
+        let any = |is: fn(&&Column) -> bool| made.iter().copied().any(|c| is(&c));
         let at = |b: usize| values.load_at(b, &body.coms[b]);
         let of = |b: usize| std::array::from_fn(|n| load(&at(b), n));
         Self {
@@ -149,17 +219,34 @@ impl<'a> Pass<'a> {
             columns,
             rigid: body.loaded(values),
             base: body.base(values),
-            states: motion.states(body, values, columns, delay),
-            joints,
             loads: (0..motion.joints).map(of).collect(),
-            with_slopes: columns.of_joint.iter().flatten().any(needs),
+            with_regressors: any(|c| matches!(c, Column::Inertial(..) | Column::Load { .. })),
+            with_slopes: any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_))),
+            states: motion.states_for(&made, body, values, columns, delay),
+            own,
         }
     }
 
     /// Writes the joints' rows of all chosen windows.
-    fn run(&self, rows: &mut Rows, chosen: &dyn Fn(usize) -> bool) {
+    fn run(&self, rows: &mut Rows, chosen: &(dyn Fn(usize) -> bool + Sync)) {
+        let (starts, width) = (&rows.starts, rows.starts[self.motion.joints]);
+        let parts = rows.numbers.par_chunks_mut(width * PART);
+        let of = |(n, numbers): (usize, &mut [f64])| {
+            self.run_part(PART * n, numbers, starts, chosen);
+        };
+        parts.enumerate().for_each(of);
+    }
+
+    /// The same of the windows from `begin` on whose `numbers` these are.
+    fn run_part(
+        &self,
+        begin: usize,
+        numbers: &mut [f64],
+        starts: &[usize],
+        chosen: &dyn Fn(usize) -> bool,
+    ) {
         let n = self.motion.joints;
-        let zero = vec![0.0; rows.starts[n]];
+        let zero = vec![0.0; starts[n]];
         let mut now = Instant {
             boundary: zero.clone(),
             rate: zero.clone(),
@@ -171,34 +258,28 @@ impl<'a> Pass<'a> {
             slopes: Slopes::of(n),
         };
         let mut last_sample = None;
-        for (w, window) in self
-            .motion
-            .windows
-            .iter()
-            .enumerate()
-            .filter(|(w, _)| chosen(*w))
-        {
+        let windows = self.motion.windows[begin..].iter();
+        let parts = windows.zip(numbers.chunks_exact_mut(starts[n]));
+        for (_, (window, row)) in parts.enumerate().filter(|(w, _)| chosen(begin + w)) {
             let [first, last] = window.samples;
             // A window that begins where the last one ended need not look at that sample again.
             if last_sample != Some(first) {
-                self.measure(first, true, &rows.starts, &mut workspace, &mut now);
+                self.measure(first, true, starts, &mut workspace, &mut now);
             }
             start.copy_from_slice(&now.boundary);
             sum.fill(0.0);
             for k in first + 1..=last {
                 std::mem::swap(&mut before, &mut now);
-                self.measure(k, k == last, &rows.starts, &mut workspace, &mut now);
+                self.measure(k, k == last, starts, &mut workspace, &mut now);
                 let half = 0.5 * (self.motion.time[k] - self.motion.time[k - 1]);
                 for (sum, (a, b)) in sum.iter_mut().zip(before.rate.iter().zip(&now.rate)) {
                     *sum += half * (a + b);
                 }
             }
             last_sample = Some(last);
-            for &j in &self.joints {
-                let range = rows.starts[j]..rows.starts[j + 1];
-                let row = rows.row_mut(w, j);
-                for (x, c) in row.iter_mut().zip(range) {
-                    *x = (now.boundary[c] - start[c] + sum[c]) / window.length;
+            for (own, first) in self.own.iter().zip(starts) {
+                for c in own.iter().map(|c| first + c) {
+                    row[c] = (now.boundary[c] - start[c] + sum[c]) / window.length;
                 }
             }
         }
@@ -220,16 +301,16 @@ impl<'a> Pass<'a> {
             rate,
             slopes,
         } = workspace;
-        self.rigid.regressors(
-            &self.base,
-            &self.states.q[at.clone()],
-            &self.states.dq[at.clone()],
-            edge.then_some(&mut momentum[..]),
-            rate,
-            self.with_slopes.then_some(slopes),
-        );
+        let [q, dq] = [&self.states.q[at.clone()], &self.states.dq[at.clone()]];
+        if self.with_regressors {
+            let momentum = edge.then_some(&mut momentum[..]);
+            self.rigid.regressors(&self.base, q, dq, momentum, rate);
+        }
+        if self.with_slopes {
+            self.rigid.slopes(&self.base, q, dq, slopes);
+        }
         let states = &self.states.states[at];
-        for &j in &self.joints {
+        for j in (0..n).filter(|&j| !self.own[j].is_empty()) {
             let row = starts[j]..starts[j + 1];
             let (boundaries, rates) = (&mut out.boundary[row.clone()], &mut out.rate[row]);
             self.measure_joint(j, states, workspace, boundaries, rates);
@@ -253,8 +334,8 @@ impl<'a> Pass<'a> {
         let slopes = &workspace.slopes;
         // An effect's columns stand side by side and come from one evaluation.
         let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
-        for (c, column) in self.columns.of_joint[j].iter().enumerate() {
-            (boundaries[c], rates[c]) = match *column {
+        for &c in &self.own[j] {
+            (boundaries[c], rates[c]) = match self.columns.of_joint[j][c] {
                 Column::Inertial(b, parameter) => {
                     let at = b * INERTIAL + parameter;
                     (momentum[at], rate[at])

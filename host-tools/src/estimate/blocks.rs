@@ -1,56 +1,27 @@
 //! One factor per block of time and joint: from here on the data are not needed (design.md §3).
 
-use proprio_core::factor::{Factor, packed_len};
-
+use super::factor::HeapFactor;
 use crate::equation::column::Columns;
-
-/// A factor whose numbers lie on the heap.
-pub(crate) type HeapFactor = Factor<f64, Vec<f64>>;
 
 /// Of each block of time, or of each fold, a factor of whitened rows per joint.
 pub(crate) struct BlockFactors {
     pub(crate) blocks: Vec<Vec<HeapFactor>>,
 }
 
-/// An empty factor.
-pub(crate) fn empty(columns: usize) -> HeapFactor {
-    Factor::in_storage(columns, vec![0.0; packed_len(columns)])
-        .expect("the storage has the length asked for")
-}
-
 /// Empty factors of all joints.
 fn nothing(columns: &Columns) -> Vec<HeapFactor> {
-    columns.of_joint.iter().map(|c| empty(c.len())).collect()
+    let of = |own: &Vec<_>| HeapFactor::new(own.len());
+    columns.of_joint.iter().map(of).collect()
 }
 
 /// Folds factors of the same columns into others.
 fn merge(sums: &mut [HeapFactor], factors: &[HeapFactor]) {
     for (sum, factor) in sums.iter_mut().zip(factors) {
-        let mut scratch = vec![0.0; factor.columns() + 1];
-        // Same columns and finite numbers: cannot fail.
-        let _ = sum.merge(factor, |c| c, 1.0, &mut scratch);
+        sum.merge(factor);
     }
 }
 
 impl BlockFactors {
-    /// `count` blocks without data.
-    pub(crate) fn none(columns: &Columns, count: usize) -> Self {
-        Self {
-            blocks: (0..count).map(|_| nothing(columns)).collect(),
-        }
-    }
-
-    /// Folds a row, the right-hand side last, into a joint's factor of a block; the row is used up.
-    pub(crate) fn fold(&mut self, block: usize, joint: usize, row: &mut [f64]) {
-        // A recording's numbers are finite; a row that overflows is left out.
-        let _ = self.blocks[block][joint].update(row);
-    }
-
-    /// Merges factors of the same columns into a block.
-    pub(crate) fn merge(&mut self, block: usize, factors: &[HeapFactor]) {
-        merge(&mut self.blocks[block], factors);
-    }
-
     /// Of each block, the sum of all others; and the sum of all.
     pub(crate) fn without_each(
         &self,
@@ -92,9 +63,9 @@ mod tests {
         let rows: Vec<Vec<f64>> = (0..100).map(|_| row()).collect();
         let theta = row();
         let fold = |chosen: &dyn Fn(usize) -> bool| {
-            let mut factor = empty(width);
+            let mut factor = HeapFactor::new(width);
             for k in (0..rows.len()).filter(|&k| chosen(k % 5)) {
-                factor.update(&mut rows[k].clone()).unwrap();
+                factor.fold(&mut rows[k].clone());
             }
             factor
         };

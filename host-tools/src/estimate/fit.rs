@@ -4,27 +4,28 @@
 //! bounded least-squares problem of the rows is solved ([`super::bounded`]), rows are made again at the solution, until no parameter
 //! moves by much against its error. Shapes, in which the torque is far from linear, are scanned on the residual between passes.
 //!
-//! Rows are weighed as their noise is: neighbours whitened for the edge that they share ([`super::whitening`]), and those in which
-//! a joint turns round by what is not known of its friction meanwhile. Evenly likely between the two limits for the share of a
-//! window that a held joint may rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands
-//! alone, and the chain of correlated rows starts anew after it.
+//! Rows are weighed as their noise is ([`super::folding`]).
 
-use nalgebra::DVector;
+use std::sync::{Arc, OnceLock};
+
 use proprio_core::effect::EffectKind;
 use proprio_core::inertia::INERTIAL;
+use proprio_solve::group::noises;
+use proprio_solve::nested::NOISE_ROUNDS;
 
-use super::blocks::BlockFactors;
 use super::bounded::{Bounded, Problem, Solution};
+use super::deviation::Deviations;
+use super::folding::{Folding, Weights};
 use super::groups::{Group, Groups, stacked};
 use super::limb_data::LimbData;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes;
-use super::whitening::{Whitening, neighbour_correlation};
-use crate::equation::column::{Column, Columns};
+use super::whitening::neighbour_correlation;
+use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::{MOST_REST, is_derivative};
-use crate::equation::rows::{Rows, jump};
+use crate::equation::motion::is_derivative;
+use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
 /// Most times that rows are made again.
@@ -40,8 +41,6 @@ pub(crate) const SAME_CORRELATION: f64 = 0.03;
 const FARTHEST: f64 = 23.2;
 /// Times that bodies are held nearer.
 const HOLD_ROUNDS: usize = 5;
-/// Times that the joints' noise is found again from the fit that it gives.
-const NOISE_ROUNDS: usize = 3;
 
 /// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on six simulated logs with gaps
 /// of 2 to 15 mrad the gaps found were 9 to 25 % off, 17 % rms; hips with 20 mrad, 52 and 68 %, which this does not cover.
@@ -63,6 +62,8 @@ pub(crate) struct How {
     pub(crate) hold_bodies: bool,
     /// Most times that rows are made again, if fewer than usual: near a known fit two are enough.
     pub(crate) passes: Option<usize>,
+    /// How rows are weighed, if not as the fit itself has it: models are compared under the same weights.
+    pub(crate) weights: Option<Arc<Weights>>,
 }
 
 /// A limb fitted to a recording.
@@ -83,11 +84,14 @@ pub(crate) struct LimbFit<'a> {
     pub(crate) noise: Vec<f64>,
     /// Of each joint, the correlation of the noise of neighbouring windows.
     pub(crate) correlation: Vec<f64>,
+    /// How its rows were weighed.
+    pub(crate) weights: Arc<Weights>,
     pub(crate) problem: Problem,
     pub(crate) solution: Solution,
     /// How many times nearer to the CAD each body is held than its uncertainty says.
     pub(crate) tightness: Vec<f64>,
-    method: Method,
+    pub(super) method: Method,
+    pub(super) deviations: OnceLock<Deviations>,
 }
 
 impl<'a> LimbFit<'a> {
@@ -99,7 +103,11 @@ impl<'a> LimbFit<'a> {
         let fitted: Vec<Place> = (places.iter().copied())
             .filter(|p| !how.held.contains(p))
             .collect();
-        let mut correlation = vec![0.0; data.joints()];
+        let given = how
+            .weights
+            .as_ref()
+            .map(|weights| weights.correlation.clone());
+        let mut correlation = given.unwrap_or_else(|| vec![0.0; data.joints()]);
         let mut noise = typical_noise(data);
         let mut rows: Option<(Columns, Rows)> = None;
         let passes = how.passes.unwrap_or(MOST_PASSES);
@@ -107,10 +115,8 @@ impl<'a> LimbFit<'a> {
             let columns = data.columns(&values, &fitted, &[]);
             // Rows of a linear model do not depend on its values.
             let made = match rows.take() {
-                Some((known, made)) if known == columns && !depends_on_values(&columns) => made,
-                _ => Rows::of(&data.motion, &data.body, &values, &columns, &|w| {
-                    !data.left_out[w]
-                }),
+                Some((known, made)) if known == columns && !depend_on_values(&columns) => made,
+                _ => data.rows(&values, &columns),
             };
             let fit = Self::at(
                 data,
@@ -121,10 +127,9 @@ impl<'a> LimbFit<'a> {
                 how,
             )?;
             let next = fit.noise_kind(&made);
-            let same = next
-                .iter()
-                .zip(&correlation)
-                .all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
+            let mut pairs = next.iter().zip(&correlation);
+            let same =
+                how.weights.is_some() || pairs.all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
             let searched =
                 |place: &Place| how.shapes.as_ref().is_none_or(|own| own.contains(place));
             let scanned = (pass <= SHAPE_PASSES.min(passes - 1))
@@ -154,17 +159,19 @@ impl<'a> LimbFit<'a> {
         [correlation, noise]: [&[f64]; 2],
         how: &How,
     ) -> Option<Self> {
-        let factors = fold(
-            data,
-            &columns,
-            rows,
-            &columns.theta(&at),
-            correlation,
-            noise,
-            &|_| true,
-        );
-        let groups = Groups::of_factors(&columns, &factors);
-        Self::solved(data, places, at, columns, groups, correlation, how)
+        let weights = how.weights.clone().unwrap_or_else(|| {
+            let folding = Folding {
+                data,
+                columns: &columns,
+                rows,
+                theta: &columns.theta(&at),
+                correlation,
+                noise,
+            };
+            Arc::new(folding.weights())
+        });
+        let groups = Groups::of_factors(&columns, weights.blocks(data, &columns, rows));
+        Self::solved(data, places, at, columns, groups, &weights, how)
     }
 
     fn solved(
@@ -173,11 +180,11 @@ impl<'a> LimbFit<'a> {
         at: Values,
         columns: Columns,
         groups: Groups,
-        correlation: &[f64],
+        weights: &Arc<Weights>,
         how: &How,
     ) -> Option<Self> {
         let all = groups.sum(|_| true);
-        let sizes: Vec<f64> = all.iter().map(size).collect();
+        let sizes: Vec<f64> = all.iter().map(Group::size).collect();
         let mut problem = Problem {
             bodies: (data.limb.bodies.clone())
                 .map(|b| {
@@ -196,7 +203,7 @@ impl<'a> LimbFit<'a> {
         for _ in 0..NOISE_ROUNDS {
             noise = noises(&all, &solution.theta, &sizes);
             problem.data = stacked(&all, &noise);
-            solution = problem.solve()?;
+            solution = problem.solve_from(&solution.theta)?;
         }
         let mut tightness = vec![1.0; problem.bodies.len()];
         if how.hold_bodies {
@@ -204,10 +211,10 @@ impl<'a> LimbFit<'a> {
                 if !hold(&mut problem, &solution, &mut tightness) {
                     break;
                 }
-                solution = problem.solve()?;
+                solution = problem.solve_from(&solution.theta)?;
                 noise = noises(&all, &solution.theta, &sizes);
                 problem.data = stacked(&all, &noise);
-                solution = problem.solve()?;
+                solution = problem.solve_from(&solution.theta)?;
             }
         }
         Some(Self {
@@ -220,10 +227,12 @@ impl<'a> LimbFit<'a> {
             groups,
             all,
             noise,
-            correlation: correlation.to_vec(),
+            correlation: weights.correlation.clone(),
+            weights: weights.clone(),
             problem,
             solution,
             method: how.method,
+            deviations: OnceLock::new(),
         })
     }
 
@@ -244,7 +253,7 @@ impl<'a> LimbFit<'a> {
             self.values,
             self.columns,
             groups,
-            &self.correlation,
+            &self.weights,
             &how,
         )
     }
@@ -269,13 +278,18 @@ impl<'a> LimbFit<'a> {
 
     /// Whether nothing that columns depend on has moved by much since they were made.
     fn is_steady(&self) -> bool {
-        if !depends_on_values(&self.columns) {
+        if !depend_on_values(&self.columns) {
             return true;
         }
         let std = self.solution.std();
         let before = self.columns.theta(&self.at);
         let moved = |k: usize| (self.solution.theta[k] - before[k]).abs() > STEADY * std[k];
         !(0..before.len()).any(moved)
+    }
+
+    /// How surely the parameters are known.
+    pub(crate) fn deviations(&self) -> &Deviations {
+        self.deviations.get_or_init(|| Deviations::of(self))
     }
 
     /// Whether entry k's value is that of a derivative.
@@ -325,119 +339,6 @@ impl<'a> LimbFit<'a> {
             Some(n) => self.problem.others[n].mean,
         }
     }
-
-    /// Models fitted to the data of all folds but one, in the order of the folds.
-    pub(crate) fn held_out(&self) -> Option<Vec<Values>> {
-        let without = |fold: usize| {
-            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
-            let problem = Problem {
-                data: stacked(&train, &self.noise),
-                ..self.problem.clone()
-            };
-            let theta = problem.solve()?.theta;
-            Some(self.data.moved(&self.at, &self.columns, theta.as_slice()))
-        };
-        (0..self.data.blocks.folds).map(without).collect()
-    }
-
-    /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round
-    /// at a moment that is known to a sample and no better, dry friction F makes 2 F T / (√12 L); and the trapezoidal rule is wrong by
-    /// T²/12 of the torque's slopes at the window's ends, one less the other, over L (Euler and Maclaurin).
-    pub(crate) fn left_by_sampling(&self) -> Vec<f64> {
-        let (data, n, period) = (self.data, self.data.joints(), self.data.recording.period());
-        let own = self.columns.combined(self.solution.theta.as_slice());
-        let mut squares = vec![0.0; n];
-        for (w, window) in data.motion.windows.iter().enumerate() {
-            let [first, last] = window.samples;
-            for j in (0..n).filter(|&j| data.counts(w, j)) {
-                let rise =
-                    |k: usize| data.recording.tau[(k + 1) * n + j] - data.recording.tau[k * n + j];
-                let jump = jump(&self.columns.of_joint[j], &own[j], &data.motion, window, j);
-                let turn = 2.0 * jump.unwrap_or(0.0) / 12f64.sqrt();
-                let curve = (rise(last - 1) - rise(first)) / 12.0;
-                squares[j] += (turn * turn + curve * curve) * (period / window.length).powi(2);
-            }
-        }
-        squares
-    }
-
-    /// Sums of squares of what the estimate predicts, by the predictor; each group's by another equation.
-    pub(crate) fn squares(&self) -> Vec<f64> {
-        match self.method {
-            Method::Momentum => {
-                let predicted = self.data.predicted(&self.values, &|_| true);
-                self.data.squares(&predicted).by_joint()
-            }
-            _ => self.group_squares(&self.solution.theta, |_| true),
-        }
-    }
-
-    /// The same of time that the fit has not seen; `None` where nothing can be held out.
-    pub(crate) fn held_out_squares(&self) -> Option<Vec<f64>> {
-        if self.data.blocks.folds < 2 {
-            return None;
-        }
-        if self.method == Method::Momentum {
-            let predicted = self.data.predicted_by_fold(&self.held_out()?);
-            return Some(self.data.squares(&predicted).by_joint());
-        }
-        let mut squares = vec![0.0; self.all.len()];
-        for fold in 0..self.data.blocks.folds {
-            let train = self.groups.sum(|b| self.data.blocks.fold(b) != fold);
-            let problem = Problem {
-                data: stacked(&train, &self.noise),
-                ..self.problem.clone()
-            };
-            let theta = problem.solve()?.theta;
-            let own = self.group_squares(&theta, |b| self.data.blocks.fold(b) == fold);
-            squares
-                .iter_mut()
-                .zip(own)
-                .for_each(|(sum, own)| *sum += own);
-        }
-        Some(squares)
-    }
-
-    /// Sums of squares under θ, group by group.
-    pub(crate) fn group_squares(
-        &self,
-        theta: &DVector<f64>,
-        chosen: impl Fn(usize) -> bool,
-    ) -> Vec<f64> {
-        let rows = self.groups.sum(chosen);
-        rows.iter().map(|rows| rows.sum_of_squares(theta)).collect()
-    }
-
-    /// Sums of squares of the CAD's rigid body without any effect.
-    pub(crate) fn cad_squares(&self) -> Vec<f64> {
-        if self.method == Method::Momentum {
-            let cad = Values::cad(self.data.model, self.data.limb);
-            return self
-                .data
-                .squares(&self.data.predicted(&cad, &|_| true))
-                .by_joint();
-        }
-        let mut cad = self.problem.start();
-        cad.rows_mut(
-            INERTIAL * self.problem.bodies.len(),
-            self.problem.others.len(),
-        )
-        .fill(0.0);
-        self.group_squares(&cad, |_| true)
-    }
-
-    /// Half the gradient of each block's sum of squares, in units of the noise.
-    pub(crate) fn scores(&self) -> Vec<DVector<f64>> {
-        let n = self.solution.theta.len();
-        let of = |block: &Vec<Group>| {
-            let data = stacked(block, &self.noise);
-            let r = data.columns(0, n);
-            r.tr_mul(&(r * &self.solution.theta - data.column(n)))
-        };
-        let told =
-            (self.groups.blocks.iter()).filter(|block| block.iter().any(|rows| rows.count > 0.0));
-        told.map(of).collect()
-    }
 }
 
 /// Holds those bodies nearer that are farther from the CAD than bodies are. Whether there is one.
@@ -485,69 +386,15 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
 }
 
 /// Whether columns are other ones at other values.
-fn depends_on_values(columns: &Columns) -> bool {
-    let depends = |effect: EffectKind| {
-        is_derivative(effect)
-            || [
-                EffectKind::LoadFriction,
-                EffectKind::Saturation,
-                EffectKind::Payload,
-            ]
-            .contains(&effect)
-    };
-    columns.entries.iter().filter_map(|e| e.effect).any(depends)
+pub(super) fn depend_on_values(columns: &Columns) -> bool {
+    let mut effects = columns.entries.iter().filter_map(|e| e.effect);
+    effects.any(depends_on_values)
 }
 
-/// The windows as factors of weighed rows, block by block of time. `theta` tells the friction that jumps where a joint turns.
-pub(crate) fn fold(
-    data: &LimbData,
-    columns: &Columns,
-    rows: &Rows,
-    theta: &[f64],
-    correlation: &[f64],
-    noise: &[f64],
-    chosen: &dyn Fn(usize) -> bool,
-) -> BlockFactors {
-    let own = columns.combined(theta);
-    let mut factors = BlockFactors::none(columns, data.blocks.count());
-    for j in 0..data.joints() {
-        let mut chain = Whitening::new(correlation[j]);
-        let mut buffer = Vec::new();
-        for (w, window) in data.motion.windows.iter().enumerate() {
-            if !data.counts(w, j) || !chosen(w) {
-                continue;
-            }
-            buffer.clear();
-            buffer.extend_from_slice(rows.row(w, j));
-            buffer.push(data.torque[w * data.joints() + j]);
-            let jump = jump(&columns.of_joint[j], &own[j], &data.motion, window, j).unwrap_or(0.0);
-            let doubt = (jump * MOST_REST / 3f64.sqrt()).max(excess(
-                &columns.of_joint[j],
-                &own[j],
-                &buffer,
-            ));
-            if doubt > 0.0 {
-                chain.alone(doubt / noise[j], &mut buffer);
-            } else {
-                chain.whiten(window.samples, &mut buffer);
-            }
-            factors.fold(window.block, j, &mut buffer);
-        }
-    }
-    factors
-}
-
-/// What a drive at its limit is told to give beyond it, N m: on average known, in one window anything (an exponential variable's deviation
-/// is its mean).
-fn excess(columns: &[Column], numbers: &[f64], row: &[f64]) -> f64 {
-    let of = |((column, value), x): ((&Column, &f64), &f64)| match column {
-        Column::Own {
-            effect: EffectKind::Saturation,
-            ..
-        } => (value * x).abs(),
-        _ => 0.0,
-    };
-    columns.iter().zip(numbers).zip(row).map(of).sum()
+/// Whether an effect's columns are other ones at other values.
+pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
+    use EffectKind::{LoadFriction, Payload, Saturation};
+    is_derivative(effect) || [LoadFriction, Saturation, Payload].contains(&effect)
 }
 
 /// Noise of each joint's windows before there is a fit, N m: a twentieth of its torque, as well as models of drives do. It is for
@@ -563,28 +410,12 @@ fn typical_noise(data: &LimbData) -> Vec<f64> {
     rms.map(|rms| (SHARE * rms).max(1e-9)).collect()
 }
 
-fn size(rows: &Group) -> f64 {
-    let columns = rows.triangle.ncols() - 1;
-    let square = rows.sum_of_squares(&DVector::zeros(columns));
-    (square / rows.count.max(1.0)).sqrt().max(1e-9)
-}
-
-/// Root mean square of each group's residuals under θ.
-fn noises(groups: &[Group], theta: &DVector<f64>, sizes: &[f64]) -> Vec<f64> {
-    let fitted = theta.len() as f64 / groups.len() as f64;
-    let of = |(rows, size): (&Group, &f64)| {
-        let square = rows.sum_of_squares(theta) / (rows.count - fitted).max(1.0);
-        square.sqrt().max(1e-3 * size)
-    };
-    groups.iter().zip(sizes).map(of).collect()
-}
-
 fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
     effect == EffectKind::Backlash && at.get((effect, joint), 0) > 0.0
 }
 
 /// Prior and bounds of the effects' entries.
-fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> {
+pub(crate) fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> {
     let of = |entry: &crate::equation::column::Entry| {
         let effect = entry.effect?;
         let parameter = &effect.description().parameters[entry.parameter];

@@ -5,7 +5,9 @@
 //! joints: the link that a play lets go moves those after it and lacks in those before.
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
+use super::directions::Span;
 use super::shapes::{Scan, refined};
 use crate::equation::dot::dot;
 
@@ -21,7 +23,7 @@ const LEAST_FALL: f64 = 0.01;
 struct Told {
     joint: usize,
     windows: Vec<usize>,
-    basis: Vec<Vec<f64>>,
+    basis: Span,
 }
 
 impl Scan<'_> {
@@ -56,7 +58,7 @@ impl Scan<'_> {
         // One that was found before may lie between two of them.
         grid.extend(Some(self.at.get(place, 0)).filter(|known| *known > 0.5 * SMALLEST));
         grid.sort_unstable_by(f64::total_cmp);
-        let falls: Vec<f64> = grid.iter().map(|&gap| fall(gap)).collect();
+        let falls: Vec<f64> = grid.par_iter().map(|&gap| fall(gap)).collect();
         let without = fall(0.0);
         if falls
             .iter()

@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form};
+use rayon::prelude::*;
 
+use super::directions::Directions;
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
 use crate::equation::folds::Blocks;
+use crate::equation::integrals::Integrals;
 use crate::equation::motion::{Load, Motion, is_derivative};
+use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
@@ -32,6 +36,10 @@ pub(crate) struct LimbData<'a> {
     /// Reported over true velocity of each joint, as the motion was made with.
     pub(crate) velocity_gain: Vec<f64>,
     subtree_end: Vec<usize>,
+    /// What of rows the motion alone makes.
+    integrals: Arc<Integrals>,
+    /// What of scans the motion and the windows that count make.
+    pub(super) directions: Arc<Directions>,
 }
 
 impl<'a> LimbData<'a> {
@@ -84,6 +92,8 @@ impl<'a> LimbData<'a> {
             motion,
             torque: Arc::new(torque),
             velocity_gain,
+            integrals: Arc::default(),
+            directions: Arc::default(),
         })
     }
 
@@ -94,6 +104,7 @@ impl<'a> LimbData<'a> {
             let next = ranges.partition_point(|range| range[1] <= first);
             *out = ranges.get(next).is_some_and(|range| range[0] < last);
         }
+        self.directions = Arc::default();
         self
     }
 
@@ -101,6 +112,7 @@ impl<'a> LimbData<'a> {
     pub(crate) fn leaving_out(mut self, left_out: &[bool]) -> Self {
         if left_out.len() == self.left_out.len() {
             self.left_out.copy_from_slice(left_out);
+            self.directions = Arc::default();
         }
         self
     }
@@ -111,6 +123,7 @@ impl<'a> LimbData<'a> {
         for w in 0..data.left_out.len() {
             data.left_out[w] |= self.fold(w) == fold;
         }
+        data.directions = Arc::default();
         data
     }
 
@@ -152,15 +165,25 @@ impl<'a> LimbData<'a> {
         predict_under(load, body, motion, values, &self.subtree_end, &chosen)
     }
 
+    /// The rows of columns at a model's values, of all windows that are not left out.
+    pub(crate) fn rows(&self, values: &Values, columns: &Columns) -> Rows {
+        let chosen = |w: usize| !self.left_out[w];
+        let (body, motion) = (&self.body, &self.motion);
+        Rows::of(motion, body, &self.integrals, values, columns, &chosen)
+    }
+
     /// What models predict, each of the windows of its own fold, N m.
     pub(crate) fn predicted_by_fold(&self, values: &[Values]) -> Vec<f64> {
+        let of =
+            |(fold, values): (usize, &Values)| self.predicted(values, &|w| self.fold(w) == fold);
+        let parts: Vec<Vec<f64>> = values.par_iter().enumerate().map(of).collect();
         let mut torque = vec![0.0; self.torque.len()];
-        for (fold, values) in values.iter().enumerate() {
-            let of = |w: usize| self.fold(w) == fold;
-            for (to, from) in torque.iter_mut().zip(self.predicted(values, &of)) {
-                // Windows of other folds are zero.
-                *to += from;
-            }
+        for part in parts {
+            // Windows of other folds are zero.
+            torque
+                .iter_mut()
+                .zip(part)
+                .for_each(|(to, from)| *to += from);
         }
         torque
     }
@@ -353,3 +376,6 @@ impl Squares {
             .sum()
     }
 }
+
+#[cfg(test)]
+mod tests;

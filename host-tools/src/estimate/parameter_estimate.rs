@@ -171,10 +171,10 @@ fn seen_from(prior: &LegPrior<f64>, fit: &Fit) -> LegPrior<f64> {
 pub fn of_device(
     leg: Leg,
     effects: &[(JointId, EffectKind)],
-    values: &[f32],
-    std: &[f32],
+    values: &[f64],
+    std: &[f64],
 ) -> Result<Vec<ParameterEstimate>, FactorError> {
-    let number = |from: &[f32], k: usize| from.get(k).map_or(f64::NAN, |&v| f64::from(v));
+    let number = |from: &[f64], k: usize| from.get(k).copied().unwrap_or(f64::NAN);
     let prior = solve(&LegPrior::of(leg), &LegFactors::default(), Constraint::Free)?;
     let inertial = parameter::names_of_leg(leg)
         .into_iter()

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
 
-use super::deviation::Deviations;
 use super::fit::{How, LimbFit};
 use super::limb_data::LimbData;
 use crate::equation::motion::is_shared;
@@ -168,7 +167,7 @@ fn combined(fits: &[LimbFit], (effect, joint): Place) -> Vec<Shared> {
             else {
                 continue;
             };
-            let [independent, blocks] = Deviations::of(fit).of_parameter(entry);
+            let [independent, blocks] = fit.deviations().of_parameter(entry);
             let weight = independent.max(blocks).powi(-2);
             weights += weight;
             sum += weight * fit.value(entry);

@@ -6,9 +6,12 @@
 //! prediction. No shape sees the torque that it explains but as the right-hand side.
 
 use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
+use super::directions::{Key, Span};
 use super::fit::LimbFit;
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
@@ -60,18 +63,16 @@ pub(crate) fn better(
     if places.is_empty() {
         return None;
     }
+    let own = fit.columns.combined(fit.solution.theta.as_slice());
     let scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
-        fit.data.torque[w * fit.data.joints() + j]
-            - dot(
-                &fit.columns.combined(fit.solution.theta.as_slice())[j],
-                rows.row(w, j),
-            )
+        fit.data.torque[w * fit.data.joints() + j] - dot(&own[j], rows.row(w, j))
     });
+    let best: Vec<Option<f64>> = (places.par_iter())
+        .map(|&place| scan.best(place, &|_| true))
+        .collect();
     let (mut values, mut moved) = (fit.values.clone(), false);
-    for place in places {
-        let Some(best) = scan.best(place, &|_| true) else {
-            continue;
-        };
+    for (place, best) in places.into_iter().zip(best) {
+        let Some(best) = best else { continue };
         let n = shape_parameter(place.0);
         let before = fit.at.get(place, n);
         if (best - before).abs() > SAME * before.abs() {
@@ -108,7 +109,9 @@ pub(crate) struct Scan<'a> {
     pub(super) values: &'a Values,
     /// Where the columns were made: what a play's column says of the gap there is true near it only.
     pub(super) at: &'a Values,
-    states: States,
+    columns: &'a Columns,
+    /// What effects see under the model, if a scan asks.
+    states: OnceLock<States>,
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
@@ -117,7 +120,7 @@ pub(crate) struct Scan<'a> {
 impl<'a> Scan<'a> {
     pub(crate) fn new(
         data: &'a LimbData<'a>,
-        columns: &Columns,
+        columns: &'a Columns,
         [values, at]: [&'a Values; 2],
         residual: &dyn Fn(usize, usize) -> f64,
     ) -> Self {
@@ -135,13 +138,20 @@ impl<'a> Scan<'a> {
             .map(|(j, windows)| windows.iter().map(|&w| residual(w, j)).collect())
             .collect();
         Self {
-            states: data.motion.states(&data.body, values, columns, 0.0),
+            columns,
+            states: OnceLock::new(),
             data,
             values,
             at,
             windows,
             residuals,
         }
+    }
+
+    fn states(&self) -> &States {
+        let (data, columns) = (self.data, self.columns);
+        let made = || data.motion.states(&data.body, self.values, columns, 0.0);
+        self.states.get_or_init(made)
     }
 
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
@@ -151,7 +161,6 @@ impl<'a> Scan<'a> {
             return self.best_gap(joint, chosen);
         }
         let (windows, mut residual) = self.told(joint, chosen)?;
-        let basis = self.basis(&windows, joint);
         if self.values.has(place) {
             // What the effect explains with its present shape is for the new shape to explain.
             let columns = self.columns(&windows, place, self.values.shape(place));
@@ -163,14 +172,21 @@ impl<'a> Scan<'a> {
                     .for_each(|(r, x)| *r += value * x);
             }
         }
-        let fall = |shape: f64| explained(self.columns(&windows, place, shape), &basis, &residual);
+        let span = |shape: f64| self.span(&windows, place, shape);
+        let fall = |shape: f64| explained(&span(shape), &residual);
         let grid = self.grid(place);
-        let falls: Vec<f64> = match effect {
-            EffectKind::Cogging => (self.harmonics(&windows, joint).into_iter())
-                .map(|columns| explained(columns, &basis, &residual))
-                .collect(),
-            _ => grid.iter().map(|&shape| fall(shape)).collect(),
-        };
+        if effect == EffectKind::Cogging
+            && grid
+                .iter()
+                .any(|shape| self.known(&windows, place, *shape).is_none())
+        {
+            let basis = self.basis(&windows, joint);
+            let harmonics = self.harmonics(&windows, joint);
+            for (shape, columns) in grid.iter().zip(harmonics) {
+                self.keep(&windows, place, *shape, beside(columns, &basis));
+            }
+        }
+        let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
         let parameter = &effect.description().parameters[shape_parameter(effect)];
         // No finer than a grid that begins at what the samples resolve.
         let lower = match effect {
@@ -192,14 +208,59 @@ impl<'a> Scan<'a> {
     }
 
     /// Directions that friction, a rotor and a constant torque of a joint explain.
-    pub(super) fn basis(&self, windows: &[usize], joint: usize) -> Vec<Vec<f64>> {
+    pub(super) fn basis(&self, windows: &[usize], joint: usize) -> Span {
+        let key = self.key(windows, joint, None);
+        if let Some(known) = key.and_then(|key| self.data.directions.get(&key)) {
+            return known;
+        }
         let mut basis: Vec<Vec<f64>> = Vec::new();
         for effect in BASIS {
             for column in self.columns(windows, (effect, joint), 1.0) {
                 basis.extend(orthonormal(column, &basis));
             }
         }
-        basis
+        match key {
+            Some(key) => self.data.directions.put(key, basis),
+            None => Arc::new(basis),
+        }
+    }
+
+    /// Directions that an effect of some shape adds to these.
+    fn span(&self, windows: &[usize], place: Place, shape: f64) -> Span {
+        self.known(windows, place, shape).unwrap_or_else(|| {
+            let columns = self.columns(windows, place, shape);
+            let span = beside(columns, &self.basis(windows, place.1));
+            self.keep(windows, place, shape, span)
+        })
+    }
+
+    fn known(&self, windows: &[usize], place: Place, shape: f64) -> Option<Span> {
+        let key = self.key(windows, place.1, Some((place.0, shape.to_bits())))?;
+        self.data.directions.get(&key)
+    }
+
+    fn keep(&self, windows: &[usize], place: Place, shape: f64, span: Vec<Vec<f64>>) -> Span {
+        match self.key(windows, place.1, Some((place.0, shape.to_bits()))) {
+            Some(key) => self.data.directions.put(key, span),
+            None => Arc::new(span),
+        }
+    }
+
+    /// What directions are kept under; `None` if they depend on more than the motion, or are of some windows only.
+    fn key(
+        &self,
+        windows: &[usize],
+        joint: usize,
+        effect: Option<(EffectKind, u64)>,
+    ) -> Option<Key> {
+        let is_kept = effect.is_none_or(|(effect, _)| effect != EffectKind::Saturation)
+            && windows.len() == self.windows[joint].len();
+        let offset = self.values.get((EffectKind::EncoderOffset, joint), 0);
+        is_kept.then_some(Key {
+            joint,
+            effect,
+            offset: (offset + 0.0).to_bits(),
+        })
     }
 
     /// The shapes to try, within what is physical.
@@ -218,7 +279,7 @@ impl<'a> Scan<'a> {
                 .collect(),
             EffectKind::Saturation => {
                 let n = self.data.joints();
-                let torques = self.states.states.iter().skip(joint).step_by(n);
+                let torques = self.states().states.iter().skip(joint).step_by(n);
                 let most = torques.fold(0.0f64, |most, state| most.max(state.tau.abs()));
                 (LIMITS / 4..LIMITS)
                     .map(|k| most * k as f64 / LIMITS as f64)
@@ -276,7 +337,7 @@ impl<'a> Scan<'a> {
         for &w in windows {
             let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let term = |k: usize| effect.terms(&self.states.states[k * n + joint], shape);
+            let term = |k: usize| effect.terms(&self.states().states[k * n + joint], shape);
             let (start, end) = (term(first), term(last));
             let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
             for k in first..=last {
@@ -309,7 +370,7 @@ impl<'a> Scan<'a> {
             let [first, last] = window.samples;
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
-                let state = &self.states.states[k * n + joint];
+                let state = &self.states().states[k * n + joint];
                 let [sin, cos] = EffectKind::Cogging.terms(state, gear).map(|term| term.rate);
                 let weight = self.weight(first..last, k);
                 let (mut s, mut c) = (weight * sin, weight * cos);
@@ -360,18 +421,18 @@ pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) ->
     shape
 }
 
-/// How much the residual's sum of squares falls with columns beside a basis.
-fn explained(columns: Vec<Vec<f64>>, basis: &[Vec<f64>], residual: &[f64]) -> f64 {
+/// How much the residual's sum of squares falls with what a span explains.
+fn explained(span: &[Vec<f64>], residual: &[f64]) -> f64 {
+    span.iter().map(|x| dot(x, residual).powi(2)).sum()
+}
+
+/// What columns add to the span of a basis: orthonormal directions.
+fn beside(columns: Vec<Vec<f64>>, basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut own: Vec<Vec<f64>> = Vec::new();
-    let mut fall = 0.0;
     for column in columns {
-        let rest = orthonormal(column, basis).and_then(|column| orthonormal(column, &own));
-        if let Some(direction) = rest {
-            fall += dot(&direction, residual).powi(2);
-            own.push(direction);
-        }
+        own.extend(orthonormal(column, basis).and_then(|column| orthonormal(column, &own)));
     }
-    fall
+    own
 }
 
 /// What of `x` is not in the span of `basis`, to unit length; `None` if nothing is.

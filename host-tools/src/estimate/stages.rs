@@ -7,6 +7,8 @@
 //! Against one fit of everything, which is the default, what the CAD gets wrong goes into the friction of the first step and
 //! stays there: the stages are for comparison with studies that work so.
 
+use std::sync::OnceLock;
+
 use nalgebra::DMatrix;
 use proprio_core::effect::EffectKind;
 use proprio_core::inertia::INERTIAL;
@@ -90,6 +92,7 @@ impl LimbFit<'_> {
         self.solution.held = first.held.clone();
         // Errors are those of all parameters together, friction's share included.
         self.solution.factor = self.problem.expanded(&self.solution.theta)?.0;
+        self.deviations = OnceLock::new();
         Some([first, free, consistent])
     }
 

@@ -1,11 +1,13 @@
 //! A limb's weighted least-squares problem as one triangle, the parameters under test last.
 //!
-//! Rows of the joints' factors, each divided by its joint's noise, are folded onto the prior's triangle by Householder
-//! reflections (Golub & Van Loan §5.2), column by column: the order of the columns decides which nested models can be read
-//! off. With the active columns first, a model without the rest is the leading triangle, and a model with a few of the
+//! Rows of the joints' factors, each divided by its joint's noise, and those of the prior are folded into one triangle: the order of the
+//! columns decides which nested models can be read off. With the active columns first, a model without the rest is the leading triangle, and a model with a few of the
 //! rest needs only a small problem in the trailing rows.
 
-use super::blocks::HeapFactor;
+use proprio_core::inertia::INERTIAL;
+
+use super::factor::HeapFactor;
+use super::groups::weighed;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
 
@@ -19,12 +21,11 @@ pub(crate) struct Prior {
 
 /// R and z of a limb, unit noise.
 pub(crate) struct Triangle {
-    /// Which entries of θ the columns are.
-    order: Vec<usize>,
-    /// How many of them are active.
+    factor: HeapFactor,
+    /// How many entries are active.
     active: usize,
-    /// Column-major, n rows, n + 1 columns.
-    r: Vec<f64>,
+    /// Of each entry under test, and of the right-hand side, its column of R from the first row on that is not the active ones'.
+    trailing: Vec<Vec<f64>>,
 }
 
 /// An effect under test, with a solution that has it.
@@ -38,111 +39,49 @@ pub(crate) struct Trial {
 }
 
 impl Triangle {
-    /// The problem of `data` with these noises (N m), entries `active` first and then `rest`. The inertial entries are
-    /// active and come first of all.
+    /// The problem of `data` with these noises (N m), the first `active` entries of θ active and the others under test. The inertial
+    /// entries come first of all.
     pub(crate) fn new(
         columns: &Columns,
         prior: &Prior,
         data: &[HeapFactor],
         noise: &[f64],
-        active: &[usize],
-        rest: &[usize],
+        active: usize,
     ) -> Self {
-        let order: Vec<usize> = active.iter().chain(rest).copied().collect();
-        let n = order.len();
-        let m: usize = data.iter().map(HeapFactor::columns).sum();
-        // Column-major: reflections go column by column.
-        let mut rows = vec![0.0; m * (n + 1)];
-        let mut first = 0;
-        for (joint, factor) in data.iter().enumerate() {
-            let weight = 1.0 / noise[joint];
-            let places = order.iter().map(|&entry| columns.place(joint, entry));
-            for (c, place) in places.chain([Some(factor.columns())]).enumerate() {
-                let Some(place) = place else { continue };
-                let column = &mut rows[c * m + first..][..factor.columns().min(place + 1)];
-                for (k, x) in column.iter_mut().enumerate() {
-                    *x = factor.row(k)[place - k] * weight;
-                }
-            }
-            first += factor.columns();
-        }
-        let mut triangle = Self {
-            order,
-            active: active.len(),
-            r: vec![0.0; n * (n + 1)],
+        let n = columns.entries.len();
+        let joints = data.iter().zip(noise).enumerate();
+        let rows = joints.flat_map(|(joint, (factor, noise))| {
+            let places: Vec<Option<usize>> = (0..n).map(|e| columns.place(joint, e)).collect();
+            weighed(factor, &places, 1.0 / noise)
+        });
+        let mut factor = HeapFactor::new(n);
+        factor.fold_sorted(rows.chain(prior_rows(columns, prior)).collect());
+        let column = |c: usize| -> Vec<f64> {
+            let rows = active..n.min(c + 1);
+            let mut own: Vec<f64> = rows.map(|k| factor.row(k)[c - k]).collect();
+            own.resize(n - active, 0.0);
+            own
         };
-        triangle.set_prior(columns, prior);
-        triangle.fold(&mut rows, m);
-        triangle
-    }
-
-    fn set_prior(&mut self, columns: &Columns, prior: &Prior) {
-        let n = self.order.len();
-        let mut width = 0;
-        for (body, tightness) in prior.bodies.iter().zip(&prior.tightness) {
-            for (row, numbers) in body.iter().enumerate() {
-                for (column, number) in numbers[..10].iter().enumerate().skip(row) {
-                    self.r[width + row + (width + column) * n] = number * tightness;
-                }
-                self.r[width + row + n * n] = numbers[10] * tightness;
-            }
-            width += 10;
-        }
-        for k in width..n {
-            let entry = &columns.entries[self.order[k]];
-            self.r[k + k * n] = 1.0 / entry.std;
-            self.r[k + n * n] = entry.mean / entry.std;
-        }
-    }
-
-    /// Reflects `m` rows, column-major, into the triangle; they are used up.
-    fn fold(&mut self, rows: &mut [f64], m: usize) {
-        let n = self.order.len();
-        for k in 0..n {
-            let (head, tail) = rows.split_at_mut((k + 1) * m);
-            let v = &head[k * m..];
-            let below = dot(v, v);
-            if below == 0.0 {
-                continue;
-            }
-            let diagonal = self.r[k + k * n];
-            let length = (diagonal * diagonal + below).sqrt();
-            let pivot = if diagonal > 0.0 { -length } else { length };
-            let v0 = diagonal - pivot;
-            let scale = 2.0 / (v0 * v0 + below);
-            self.r[k + k * n] = pivot;
-            for (c, column) in tail.chunks_exact_mut(m).enumerate() {
-                let at = k + (k + 1 + c) * n;
-                let share = scale * (v0 * self.r[at] + dot(v, column));
-                self.r[at] -= share * v0;
-                column.iter_mut().zip(v).for_each(|(x, v)| *x -= share * v);
-            }
+        Self {
+            trailing: (active..=n).map(column).collect(),
+            factor,
+            active,
         }
     }
 
     /// θ of the active model as a whole vector of all entries, zero where not active, and with `trial` the values of the
     /// entries under test.
-    pub(crate) fn solve(&self, entries: usize, trial: &[(usize, f64)]) -> Vec<f64> {
-        let n = self.order.len();
-        let mut right: Vec<f64> = self.r[n * n..n * n + self.active].to_vec();
-        let mut theta = vec![0.0; entries];
-        for &(entry, value) in trial {
-            let Some(column) = self.order.iter().position(|&e| e == entry) else {
-                continue;
-            };
-            let numbers = &self.r[column * n..column * n + self.active];
-            right
-                .iter_mut()
-                .zip(numbers)
-                .for_each(|(z, r)| *z -= r * value);
+    pub(crate) fn solve(&self, trial: &[(usize, f64)]) -> Vec<f64> {
+        let (n, a) = (self.factor.columns(), self.active);
+        let mut theta = vec![0.0; n];
+        for &(entry, value) in trial.iter().filter(|(entry, _)| *entry >= a) {
             theta[entry] = value;
         }
-        for k in (0..self.active).rev() {
-            let value = right[k] / self.r[k + k * n];
-            for (row, z) in right.iter_mut().enumerate().take(k) {
-                *z -= self.r[row + k * n] * value;
-            }
-            theta[self.order[k]] = value;
+        for k in (0..a).rev() {
+            let row = self.factor.row(k);
+            let known = trial.iter().filter(|(entry, _)| *entry >= a);
+            let right = row[n - k] - known.map(|(entry, x)| row[entry - k] * x).sum::<f64>();
+            theta[k] = (right - dot(&row[1..a - k], &theta[k + 1..a])) / row[0];
         }
         theta
     }
@@ -150,14 +89,15 @@ impl Triangle {
     /// Standard deviations of the active entries, in their order.
     #[cfg(test)]
     pub(crate) fn std(&self) -> Vec<f64> {
-        let (n, a) = (self.order.len(), self.active);
+        let a = self.active;
         let mut variance = vec![0.0; a];
         let mut column = vec![0.0; a];
         for j in 0..a {
             for k in (0..=j).rev() {
                 let right = if k == j { 1.0 } else { 0.0 };
-                let sum: f64 = (k + 1..=j).map(|c| self.r[k + c * n] * column[c]).sum();
-                column[k] = (right - sum) / self.r[k + k * n];
+                let row = self.factor.row(k);
+                let sum: f64 = (k + 1..=j).map(|c| row[c - k] * column[c]).sum();
+                column[k] = (right - sum) / row[0];
                 variance[k] += column[k] * column[k];
             }
         }
@@ -166,19 +106,16 @@ impl Triangle {
 
     /// The solution with a group of entries under test beside the active ones; `None` if nothing determines them.
     pub(crate) fn trial(&self, group: &[usize]) -> Option<Trial> {
-        let (n, a) = (self.order.len(), self.active);
-        let trailing = |column: usize| self.r[column * n + a..(column + 1) * n].to_vec();
-        let columns: Option<Vec<usize>> = group
-            .iter()
-            .map(|e| self.order.iter().position(|o| o == e))
+        let columns: Option<Vec<&Vec<f64>>> = (group.iter())
+            .map(|entry| self.trailing.get(entry.checked_sub(self.active)?))
             .collect();
-        let mut z = trailing(n);
+        let mut z = self.trailing.last()?.clone();
         let g = group.len();
         // Gram-Schmidt with the columns' coefficients kept: a small upper triangle.
         let (mut basis, mut upper, mut right): (Vec<Vec<f64>>, Vec<Vec<f64>>, Vec<f64>) =
             Default::default();
         for column in columns? {
-            let mut x = trailing(column);
+            let mut x = column.clone();
             let size = norm(&x);
             let mut coefficients = vec![0.0; g];
             for (k, b) in basis.iter().enumerate() {
@@ -210,6 +147,34 @@ impl Triangle {
             fall: right.iter().map(|x| x * x).sum(),
         })
     }
+}
+
+/// What is known before any data, as rows over θ and the right-hand side, each with its first entry.
+fn prior_rows(columns: &Columns, prior: &Prior) -> Vec<(usize, Vec<f64>)> {
+    let n = columns.entries.len();
+    let mut all = Vec::new();
+    let bodies = prior.bodies.iter().zip(&prior.tightness);
+    for (first, (body, tightness)) in (0..).step_by(INERTIAL).zip(bodies) {
+        for (k, numbers) in body.iter().enumerate() {
+            let mut row = vec![0.0; n + 1];
+            for (to, x) in row[first + k..first + INERTIAL]
+                .iter_mut()
+                .zip(&numbers[k..])
+            {
+                *to = x * tightness;
+            }
+            row[n] = numbers[INERTIAL] * tightness;
+            all.push((first + k, row));
+        }
+    }
+    for k in INERTIAL * prior.bodies.len()..n {
+        let entry = &columns.entries[k];
+        let mut row = vec![0.0; n + 1];
+        row[k] = 1.0 / entry.std;
+        row[n] = entry.mean / entry.std;
+        all.push((k, row));
+    }
+    all
 }
 
 /// Row norms of the inverse of an upper triangle given by columns.

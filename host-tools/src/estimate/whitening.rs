@@ -85,26 +85,63 @@ pub(crate) fn neighbour_correlation(windows: &[([usize; 2], f64)]) -> f64 {
     if windows.len() < LEAST_WINDOWS {
         return 0.0;
     }
+    let follows = |pair: &[([usize; 2], f64)]| pair[0].0[1] == pair[1].0[0];
+    let begins = std::iter::once(true).chain(windows.windows(2).map(|pair| !follows(pair)));
+    let residuals: Vec<(bool, f64)> = begins.zip(windows.iter().map(|(_, x)| *x)).collect();
     let candidates = (0..=STEPS).map(|k| {
         let theta = STRONGEST * f64::from(k) / f64::from(STEPS);
         -theta / (1.0 + theta * theta)
     });
-    let judged = candidates.map(|rho| (rho, unlikelihood(windows, rho)));
+    let judged = candidates.map(|rho| (rho, unlikelihood(&residuals, rho)));
     let best = judged.min_by(|a, b| a.1.total_cmp(&b.1));
     best.map_or(0.0, |(rho, _)| rho)
 }
 
-/// −2/n times the logarithm of the likelihood of Gaussian residuals, the variance at its best, but for a constant.
-fn unlikelihood(windows: &[([usize; 2], f64)], correlation: f64) -> f64 {
-    let mut whitening = Whitening::new(correlation);
-    let (mut squares, mut determinant) = (0.0, 0.0);
-    for (samples, residual) in windows {
-        let mut row = [*residual];
-        whitening.whiten(*samples, &mut row);
-        squares += row[0] * row[0];
-        determinant += whitening.ratio.ln();
+/// One link of a chain of correlated residuals, however many there are: ρ/r of the one before, 1/r and ln r.
+#[derive(Clone, Copy)]
+struct Link {
+    share: f64,
+    precision: f64,
+    logarithm: f64,
+}
+
+/// The links of a chain up to where they do not change any more.
+fn links(correlation: f64, most: usize) -> Vec<Link> {
+    let (mut links, mut ratio, mut share): (Vec<Link>, f64, f64) = (Vec::new(), 1.0, 0.0);
+    while links.len() < most {
+        links.push(Link {
+            share,
+            precision: ratio.recip(),
+            logarithm: ratio.ln(),
+        });
+        let before = ratio;
+        share = correlation / ratio;
+        ratio = 1.0 - correlation * share;
+        if ratio == before {
+            break;
+        }
     }
-    let n = windows.len() as f64;
+    links
+}
+
+/// −2/n times the logarithm of the likelihood of Gaussian residuals, the variance at its best, but for a constant; each residual with
+/// whether a chain begins with it. The whitened residuals are those of [`Whitening`].
+fn unlikelihood(residuals: &[(bool, f64)], correlation: f64) -> f64 {
+    let links = links(correlation, residuals.len());
+    let (mut squares, mut determinant) = (0.0, 0.0);
+    let (mut at, mut before) = (0, 0.0);
+    for &(begins, residual) in residuals {
+        at = if begins {
+            0
+        } else {
+            (at + 1).min(links.len() - 1)
+        };
+        let link = links[at];
+        before = residual - link.share * before;
+        squares += before * before * link.precision;
+        determinant += link.logarithm;
+    }
+    let n = residuals.len() as f64;
     (squares / n).ln() + determinant / n
 }
 

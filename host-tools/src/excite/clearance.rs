@@ -52,6 +52,25 @@ pub(super) struct Distance {
 }
 
 impl Clearance {
+    /// These shapes and `others`: what moves of either stays clear of what stands still, and of the planes, of `others`.
+    pub(super) fn and(mut self, others: Self) -> Self {
+        let first = self.capsules.len();
+        let own: Vec<usize> = (0..first)
+            .filter(|&c| self.capsules[c].body.is_some())
+            .collect();
+        let still = (0..others.capsules.len()).filter(|&c| others.capsules[c].body.is_none());
+        let across = still.flat_map(|c| own.iter().map(move |&m| [first + c, m]));
+        let pairs = others.pairs.iter().map(|pair| pair.map(|c| first + c));
+        self.pairs.extend(pairs.chain(across));
+        for (plane, moving) in others.planes {
+            let moving = moving.into_iter().map(|c| first + c);
+            self.planes
+                .push((plane, own.iter().copied().chain(moving).collect()));
+        }
+        self.capsules.extend(others.capsules);
+        self
+    }
+
     /// How many distances there are.
     pub(super) fn count(&self) -> usize {
         let of_planes: usize = self

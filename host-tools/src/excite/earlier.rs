@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::DMatrix;
+use proprio_core::inertia::INERTIAL;
 
 use super::ExciteError;
 use super::limb::{self, LogSample};
@@ -35,14 +36,17 @@ struct Folded<'a> {
     rows: Vec<f64>,
     columns: usize,
     triangle: Option<DMatrix<f64>>,
-    windows: usize,
+    /// Rows of the inertial columns alone, not weighted, and their triangle.
+    inertial_rows: Vec<f64>,
+    inertial: Option<DMatrix<f64>>,
 }
 
 impl Folded<'_> {
     fn gather(&mut self, joint: usize, row: &[f64]) {
         let weight = self.weights[joint];
         self.rows.extend(row.iter().map(|x| weight * x));
-        self.windows += 1;
+        self.inertial_rows
+            .extend_from_slice(&row[..INERTIAL * self.body.joints()]);
         if self.rows.len() >= GATHERED * self.columns {
             self.fold();
         }
@@ -52,11 +56,17 @@ impl Folded<'_> {
         if self.rows.is_empty() {
             return;
         }
-        let rows =
-            DMatrix::from_row_slice(self.rows.len() / self.columns, self.columns, &self.rows);
-        self.triangle = Some(super::cost::triangle(&rows, self.triangle.as_ref()));
-        self.rows.clear();
+        fold_in(&mut self.triangle, &mut self.rows, self.columns);
+        let columns = INERTIAL * self.body.joints();
+        fold_in(&mut self.inertial, &mut self.inertial_rows, columns);
     }
+}
+
+/// Folds gathered rows into a triangle.
+fn fold_in(triangle: &mut Option<DMatrix<f64>>, rows: &mut Vec<f64>, columns: usize) {
+    let gathered = DMatrix::from_row_slice(rows.len() / columns, columns, rows);
+    *triangle = Some(super::cost::triangle(&gathered, triangle.as_ref()));
+    rows.clear();
 }
 
 /// What `logs` know of each of `limbs` that any of them records.
@@ -80,7 +90,8 @@ pub fn read(
             rows: Vec::with_capacity((GATHERED + 8) * columns),
             columns,
             triangle: None,
-            windows: 0,
+            inertial_rows: Vec::new(),
+            inertial: None,
             body,
         });
     }
@@ -111,6 +122,7 @@ pub fn read(
             Some(Earlier {
                 limb: of.limb.name.clone(),
                 triangle: of.triangle?,
+                inertial: of.inertial?,
             })
         })
         .collect();

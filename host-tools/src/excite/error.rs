@@ -48,6 +48,14 @@ pub enum ExciteError {
     /// More joints than a design takes.
     #[error("limb {0} has {1} joints; at most {max} can be designed for", max = super::limb::MAX_JOINTS)]
     TooLarge(String, usize),
+    /// A shape that cannot be.
+    #[error("shape {name}: {problem}")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        problem: &'static str,
+    },
     /// No such joint, limb or parameter.
     #[error(transparent)]
     Unknown(#[from] UnknownName),

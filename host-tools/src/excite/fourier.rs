@@ -136,9 +136,9 @@ impl Motion {
 pub enum Ends {
     /// At rest in a given pose, without a jump of the acceleration.
     Rest,
-    /// Any position, velocity and acceleration: start, drift and constant are unknowns too. For comparison with designs that
-    /// leave getting there to the user.
-    Free,
+    /// At rest in a given pose at the start alone, with any acceleration: for comparison with designs that leave coming to rest
+    /// to the user (2 waves + 1 unknowns per joint, as RAPTOR has).
+    RestAtStart,
 }
 
 /// The space of the motions: each joint's series is its pose plus the sum of x_k times mode k times the joint's scale.
@@ -173,26 +173,18 @@ impl Basis {
                     modes.push(mode);
                 }
             }
-            Ends::Free => {
-                let mut start = Series::rest(1.0, harmonics);
-                modes.push(start.clone());
-                start.start = 0.0;
-                modes.push(Series {
-                    drift: 0.3,
-                    ..start.clone()
-                });
+            Ends::RestAtStart => {
+                let rest = Series::rest(0.0, harmonics);
                 modes.push(Series {
                     constant: 0.1,
-                    ..start
+                    ..rest.clone()
                 });
                 for j in 0..harmonics {
-                    let mut mode = Series::rest(0.0, harmonics);
+                    let mut mode = rest.clone();
                     mode.cosines[j] = speed(j);
                     modes.push(mode);
-                    // The speed's mean is left to `drift`.
-                    let mut mode = Series::rest(0.0, harmonics);
+                    let mut mode = rest.clone();
                     mode.sines[j] = speed(j);
-                    mode.drift = -1.0;
                     modes.push(mode);
                 }
             }

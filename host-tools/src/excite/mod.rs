@@ -26,9 +26,11 @@ mod optimise;
 pub mod output;
 mod problem;
 mod proof;
+mod random;
 mod search;
 mod settings;
 mod setup;
+pub mod shapes;
 mod space;
 #[cfg(test)]
 mod tests;
@@ -45,6 +47,7 @@ use limb::Instant;
 pub use problem::JointLimits;
 use problem::Problem;
 pub use proof::Violation;
+pub use random::RandomMotions;
 pub use search::{Progress, Supervisor};
 pub use settings::{Earlier, Goal, Margins, Settings};
 use setup::Setup;
@@ -230,6 +233,7 @@ fn no_motion(problem: &Problem, limb: &model::Limb, settings: &Settings) -> Exci
 }
 
 /// The scales in which [`Measures`] are told.
+#[derive(Debug)]
 pub(crate) struct Measured {
     kind: space::Space,
     si: space::Space,
@@ -239,11 +243,7 @@ pub(crate) struct Measured {
 impl Measured {
     /// The measures of the motion of unknowns `x` of `problem`.
     fn of(&self, problem: &Problem, x: &[f64]) -> Measures {
-        let condition = |space: &space::Space| {
-            let rows = problem.inertial_rows(x, &space.scale);
-            let values = spectrum(&triangle(&rows, None)).map(|(values, _)| values);
-            values.map_or(f64::INFINITY, |values| values.max() / values.min())
-        };
+        let condition = |space| condition_number(space, problem, x);
         let all = self.whole.evaluate(x, 1.0);
         let told = self.whole.cost(&all, &Cost::Determinant);
         Measures {
@@ -253,4 +253,11 @@ impl Measured {
             log_det: told.map_or(f64::NEG_INFINITY, |value| -2.0 * value.cost),
         }
     }
+}
+
+/// σ₁ / σ_r of the inertial columns of the motion of unknowns `x` of `problem`, in the scale of `space`.
+fn condition_number(space: &space::Space, problem: &Problem, x: &[f64]) -> f64 {
+    let rows = problem.inertial_rows(x, &space.scale);
+    let values = spectrum(&triangle(&rows, None)).map(|(values, _)| values);
+    values.map_or(f64::INFINITY, |values| values.max() / values.min())
 }

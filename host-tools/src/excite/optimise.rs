@@ -10,6 +10,8 @@ use argmin::core::{CostFunction, Error, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
+use nalgebra::DMatrix;
+
 use super::cost::Cost;
 use super::problem::Problem;
 
@@ -96,7 +98,8 @@ impl Lagrangian<'_> {
             return Err(Stopped.into());
         }
         let of = self.problem.evaluate(x, self.share);
-        let Some(value) = self.problem.cost(&of, &self.smooth) else {
+        let triangle = self.problem.triangle(&of);
+        let Some(value) = self.smooth.of(&triangle) else {
             return Ok((f64::INFINITY, vec![0.0; x.len()]));
         };
         let (mut sum, mut pushes) = (value.cost, Vec::with_capacity(of.constraints.len()));
@@ -107,7 +110,7 @@ impl Lagrangian<'_> {
             pushes.push(push);
             worst = worst.max(*c);
         }
-        self.remember(x, &of, worst);
+        self.remember(x, &triangle, worst);
         let slopes = self.problem.slopes(&of, &value.slope, &pushes, self.share);
         let mut shared = self.shared.borrow_mut();
         shared.evaluations += 1;
@@ -116,12 +119,12 @@ impl Lagrangian<'_> {
     }
 
     /// Keeps a motion that is within the limits and better than any before.
-    fn remember(&self, x: &[f64], of: &super::problem::Evaluation, worst: f64) {
+    fn remember(&self, x: &[f64], triangle: &DMatrix<f64>, worst: f64) {
         // What is drawn in is given back by nine tenths: the last tenth is for what lies between the samples.
         if worst > 0.9 * (1.0 - self.share) {
             return;
         }
-        let Some(value) = self.problem.cost(of, self.goal) else {
+        let Some(value) = self.goal.of(triangle) else {
             return;
         };
         let mut shared = self.shared.borrow_mut();

@@ -18,10 +18,14 @@ use super::problem::Problem;
 use super::proof::{self, Violation};
 
 /// What share of the limits a search first keeps to: the rest is for what lies between the samples.
-const SHARE: f64 = 0.975;
+pub(super) const SHARE: f64 = 0.975;
 /// By how much the share is drawn in where a proof finds a limit exceeded, and how often.
 const DRAWN_IN: f64 = 0.02;
 const TRIES: usize = 5;
+/// Steps by which a motion is made a little smaller first, how often, and the cost that this may take.
+const NUDGE: f64 = 0.996;
+const NUDGED: usize = 8;
+const NUDGE_COST: f64 = 0.03;
 /// Steps by which a motion is made smaller at last, and how often.
 const SMALLER: f64 = 0.97;
 const SHRUNK: usize = 60;
@@ -183,8 +187,9 @@ pub(super) fn search(
     proved(problem, goal, point, repeats, &search, history)
 }
 
-/// The motion with its proof; where that fails, the next best within limits drawn in further, and at last the same motion
-/// made smaller: towards rest in a pose that is within the limits, every motion is.
+/// The motion with its proof; where that fails, the same motion a little smaller if that costs little, else the next best
+/// within limits drawn in further, and at last the same motion much smaller: towards rest in a pose that is within the limits,
+/// every motion is.
 fn proved(
     problem: &Problem,
     goal: &Cost,
@@ -205,6 +210,13 @@ fn proved(
                 history,
             });
         }
+        if tries == 0
+            && let Some(nudged) = nudged(problem, goal, &point)
+        {
+            point = nudged;
+            tries += 1;
+            continue;
+        }
         tries += 1;
         let share = SHARE - DRAWN_IN * tries as f64;
         let again = if tries <= TRIES && !watch.stop() {
@@ -212,7 +224,7 @@ fn proved(
         } else {
             None
         };
-        point = again.or_else(|| smaller(problem, goal, &point))?;
+        point = again.or_else(|| smaller(problem, goal, &point, SMALLER))?;
     }
 }
 
@@ -235,9 +247,24 @@ fn calmed(problem: &Problem, goal: &Cost, x: &[f64]) -> Option<Point> {
     None
 }
 
-/// The same motion, a little smaller.
-fn smaller(problem: &Problem, goal: &Cost, point: &Point) -> Option<Point> {
-    let x: Vec<f64> = point.x.iter().map(|x| x * SMALLER).collect();
+/// The same motion, so little smaller that it costs little and yet is proved; none if there is none.
+fn nudged(problem: &Problem, goal: &Cost, point: &Point) -> Option<Point> {
+    let mut next = point.clone();
+    for _ in 0..NUDGED {
+        next = smaller(problem, goal, &next, NUDGE)?;
+        if next.cost > point.cost + NUDGE_COST {
+            return None;
+        }
+        if proof::violations(problem, &problem.motion(&next.x, 1)).is_empty() {
+            return Some(next);
+        }
+    }
+    None
+}
+
+/// The same motion, smaller by a factor.
+fn smaller(problem: &Problem, goal: &Cost, point: &Point, by: f64) -> Option<Point> {
+    let x: Vec<f64> = point.x.iter().map(|x| x * by).collect();
     let of = problem.evaluate(&x, 1.0);
     let cost = problem.cost(&of, goal)?.cost;
     let worst = of

@@ -2,12 +2,15 @@
 
 use super::ExciteError;
 use super::fourier::Ends;
+use super::shapes::Shapes;
 
 /// What a motion is to be good for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Goal {
     /// The condition number of the identifiable inertial columns.
     Condition,
+    /// The same of columns per kg, kg m and kg m²: for comparison with the literature.
+    ConditionSi,
     /// What is told of all parameters beyond the prior: D-optimality.
     Determinant,
     /// The variance of these parameters, by name (`m:FR_calf`, `coulomb:FR_hip`): A-optimality.
@@ -82,6 +85,8 @@ pub struct Settings {
     pub seed: u64,
     /// How many starts per limb.
     pub starts: usize,
+    /// What stands around the robot, or is fixed to it, beyond what a Go2 is known to have.
+    pub shapes: Option<Shapes>,
     /// What earlier logs already know: one triangle per limb, in the order of the limb's inertias and default effects.
     pub earlier: Vec<Earlier>,
 }
@@ -94,6 +99,8 @@ pub struct Earlier {
     pub limb: String,
     /// R.
     pub triangle: nalgebra::DMatrix<f64>,
+    /// The triangle of the inertial columns alone, all joints' rows in N m s: of its scaled part is the condition number.
+    pub inertial: nalgebra::DMatrix<f64>,
 }
 
 impl Default for Settings {
@@ -109,6 +116,7 @@ impl Default for Settings {
             margins: Margins::default(),
             seed: 1,
             starts: 16,
+            shapes: None,
             earlier: Vec::new(),
         }
     }

@@ -73,8 +73,8 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
         bodies,
     );
     let space = Space::new(body.as_ref(), &theta, &[], &kind);
-    let unweighted = earlier.triangle.columns(0, inertial) * &space.scale;
-    let values = spectrum(&triangle(&unweighted, None)).map(|(values, _)| values);
+    let rows = &earlier.inertial * &space.scale;
+    let values = spectrum(&triangle(&rows, None)).map(|(values, _)| values);
     Ok(LimbTold {
         parameters,
         condition_number: values.map_or(f64::INFINITY, |v| v.max() / v.min()),

@@ -2,8 +2,10 @@
 
 use serde::Serialize;
 
-/// Intervals longer than this, s, are gaps that no window bridges.
-const GAP: f64 = crate::log::GAP;
+use crate::log::{GAP_PERIODS, LEAST_RATE, Periods};
+
+/// The longest interval that is told apart, s: one that is no gap at the lowest rate.
+const LONGEST: f64 = GAP_PERIODS / LEAST_RATE;
 
 /// How the log was sampled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -48,6 +50,7 @@ pub(super) struct Sampling {
     last_us: u64,
     used_us: u64,
     intervals: Intervals,
+    periods: Periods,
     repeated: u64,
     late: u64,
     gaps: u64,
@@ -63,6 +66,7 @@ impl Sampling {
             last_us: 0,
             used_us: 0,
             intervals: Intervals::new(),
+            periods: Periods::default(),
             repeated: 0,
             late: 0,
             gaps: 0,
@@ -85,7 +89,7 @@ impl Sampling {
         let interval = (time_us - self.last_us) as f64 * 1e-6;
         self.last_us = time_us;
         self.longest = self.longest.max(interval);
-        if interval > GAP {
+        if self.periods.is_gap(interval) {
             self.gaps += 1;
             self.in_gaps += interval;
         } else {
@@ -97,7 +101,7 @@ impl Sampling {
         }
         let since = (time_us - self.used_us) as f64 * 1e-6;
         self.used_us = time_us;
-        if since > GAP {
+        if self.periods.exceeds(since) {
             Arrival::Anew
         } else {
             Arrival::After(since)
@@ -132,7 +136,7 @@ impl Sampling {
     }
 }
 
-/// A histogram of intervals up to [`GAP`], µs by µs in steps of 10.
+/// A histogram of intervals up to [`LONGEST`], in steps of 10 µs.
 #[derive(Debug, Clone)]
 struct Intervals {
     counts: Vec<u64>,
@@ -144,7 +148,7 @@ const WIDTH: f64 = 1e-5;
 impl Intervals {
     fn new() -> Self {
         Self {
-            counts: vec![0; (GAP / WIDTH) as usize + 1],
+            counts: vec![0; (LONGEST / WIDTH) as usize + 1],
             total: 0,
         }
     }

@@ -15,7 +15,6 @@ use serde::Serialize;
 
 use crate::estimate::Status;
 use crate::estimate::bounded::inverse;
-use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::LimbFit;
 use reduction::{Reduction, pivoted};
 
@@ -114,7 +113,7 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 }
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
-    let deviations = Deviations::of(fit);
+    let deviations = fit.deviations();
     let prior = fit
         .problem
         .without_data()

@@ -31,7 +31,7 @@ pub use model_fit::{
 };
 pub use result::{Identification, JointFit, Samples};
 pub use runs::{Consistency, Run, RunValue};
-pub use to_model::NotAModel;
+pub use to_model::{NotAModel, set_possible};
 
 /// How to identify.
 #[derive(Debug, Clone, Copy, Default)]

@@ -10,7 +10,6 @@ use super::runs::{self, Run};
 use crate::equation::motion::is_shared;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
-use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
@@ -152,7 +151,7 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
         for (n, solution) in stages.iter().enumerate() {
             let squares = fit.group_squares(&solution.theta, |_| true);
             sums[n][0] += squares.iter().sum::<f64>();
-            sums[n][1] += fit.all.iter().map(|rows| rows.count).sum::<f64>();
+            sums[n][1] += fit.all.iter().map(|rows| rows.count()).sum::<f64>();
             for (k, entry) in fit.columns.entries.iter().enumerate() {
                 if entry.effect.is_some() == (n == 0) {
                     parameters[n].push(StageParameter {
@@ -182,7 +181,7 @@ pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
 
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
 pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
-    let deviations = Deviations::of(fit);
+    let deviations = fit.deviations();
     let prior = fit.problem.without_data().solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);

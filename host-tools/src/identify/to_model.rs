@@ -46,6 +46,27 @@ impl Identification {
     }
 }
 
+/// Sets each body and each effect of the Go2's `model` to what was identified of it, where that can be; says what cannot.
+pub fn set_possible(parameters: &[ParameterEstimate], model: &mut Model) -> Vec<NotAModel> {
+    let joints = model.robot().bodies().iter();
+    let joints: Vec<String> = joints.map(|body| body.name.clone()).collect();
+    let mut impossible = Vec::new();
+    for (joint, of) in joints.into_iter().enumerate() {
+        let own = parameters
+            .iter()
+            .filter(|p| p.name.ends_with(&format!(":{of}")));
+        let (inertial, effects): (Vec<_>, Vec<_>) =
+            own.cloned().partition(ParameterEstimate::is_inertial);
+        for part in effects.chunks(1).chain([&inertial[..]]) {
+            if let Err(fault) = set_joint(part, model, joint, &of) {
+                let of = part.first().map_or(of.clone(), |p| p.name.clone());
+                impossible.push(NotAModel { of, fault });
+            }
+        }
+    }
+    impossible
+}
+
 /// Sets a body, and what its joint has, to what was identified of them.
 pub(super) fn set_joint(
     parameters: &[ParameterEstimate],

@@ -17,10 +17,10 @@ pub const LEAST_RATE: f64 = 50.0;
 /// A longer silence than this, s, is no lost message: two recordings in one file, or a clock that was set.
 pub const LONGEST_GAP: f64 = 600.0;
 
-/// A silence of more sampling periods than this is a gap: with one message lost, or two, integrals over a window are still good.
-pub const GAP_PERIODS: f64 = 5.0;
+/// A silence of so many sampling periods is no gap: a message is lost now and then, at any rate.
+pub const GAP_PERIODS: f64 = 2.5;
 
-/// [`GAP_PERIODS`] of a log at 500 Hz, s; [`proprio_core::window::Settings::max_gap_us`] by default.
+/// Nor is one of this length, s: over it a robot's motion is still followed. [`proprio_core::window::Settings::max_gap_us`] by default.
 pub const GAP: f64 = 0.01;
 
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
@@ -141,7 +141,7 @@ impl Checks {
             first: 0.0,
             previous: 0.0,
             previous_row: 0,
-            periods: Periods::new(),
+            periods: Periods::default(),
             first_slow: None,
             repeated_stamps: 0,
             longest: (0.0, 0),
@@ -244,7 +244,7 @@ impl Checks {
 
     fn warnings(&self) -> Vec<Warning> {
         let (longest, row) = self.longest;
-        let limit = GAP_PERIODS * self.periods.median();
+        let limit = self.periods.gap();
         let count = self.periods.longer_than(limit);
         let gaps = (count > 0).then_some(Warning::Gaps {
             count,
@@ -312,9 +312,9 @@ impl LimitCheck {
     }
 }
 
-/// The median sampling period from a histogram of fixed size.
+/// The sampling periods of a log so far, as a histogram of fixed size: which silences are gaps at its rate.
 #[derive(Debug, Clone)]
-struct Periods {
+pub struct Periods {
     /// Bins of 1 % width in ratio, from 10 µs to over a quarter of an hour.
     counts: Vec<u64>,
     total: u64,
@@ -324,12 +324,30 @@ const SHORTEST: f64 = 1e-5;
 const RATIO: f64 = 1.01;
 const BINS: usize = 1850;
 
-impl Periods {
-    fn new() -> Self {
+impl Default for Periods {
+    fn default() -> Self {
         Self {
             counts: vec![0; BINS],
             total: 0,
         }
+    }
+}
+
+impl Periods {
+    /// Takes the time between two samples, s, and says whether it is a gap.
+    pub fn is_gap(&mut self, period: f64) -> bool {
+        self.add(period);
+        self.exceeds(period)
+    }
+
+    /// Whether a time, s, is longer than samples of this log may lie apart.
+    pub fn exceeds(&self, time: f64) -> bool {
+        time > GAP && time > self.gap()
+    }
+
+    /// What is longer is a gap, s.
+    fn gap(&self) -> f64 {
+        GAP.max(GAP_PERIODS * self.median())
     }
 
     fn add(&mut self, period: f64) {

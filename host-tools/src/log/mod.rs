@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{LEGS, Leg};
 
-pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Warning};
+pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods, Warning};
 pub use columns::{Channel, Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
 pub use joint::{JointId, UnknownName, leg_named};

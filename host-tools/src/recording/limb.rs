@@ -1,7 +1,6 @@
 //! What was recorded of one limb.
 
-/// Two samples further apart than this are not bridged, µs.
-const MAX_GAP_US: u64 = 10_000;
+use crate::log::Periods;
 
 /// What was recorded of one limb: samples of all its joints, repeats left out, logs one after the other.
 #[derive(Debug, Clone, Default)]
@@ -26,6 +25,8 @@ pub struct LimbRecording {
     pub foot: Vec<f64>,
     /// Samples that repeat the one before, left out.
     pub repeated: u64,
+    /// Times between the samples of the log that is being read.
+    pub(super) periods: Periods,
 }
 
 impl LimbRecording {
@@ -77,7 +78,10 @@ impl LimbRecording {
                 self.repeated += 1;
                 return;
             }
-            if new_log || time_us - last > MAX_GAP_US {
+            if new_log {
+                self.periods = Periods::default();
+            }
+            if new_log || self.periods.is_gap(1e-6 * (time_us - last) as f64) {
                 self.starts.push(self.time_us.len());
             }
         } else {

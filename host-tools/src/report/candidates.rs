@@ -53,6 +53,7 @@ pub fn section(candidates: &[Candidate]) -> Section {
         figures,
         table: (!candidates.is_empty()).then(|| table(candidates)),
         columns: 1,
+        ..Section::default()
     }
 }
 

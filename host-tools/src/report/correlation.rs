@@ -56,6 +56,7 @@ pub fn section(correlations: &[Correlation], model: &str) -> Section {
         figures: correlations.iter().map(figure).collect(),
         table: None,
         columns: 4,
+        ..Section::default()
     }
 }
 

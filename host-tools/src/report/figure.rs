@@ -64,11 +64,53 @@ impl Figure {
         let _ = writeln!(
             to,
             "<figure><figcaption>{title}</figcaption>\
-             <div class=\"plot\" role=\"img\" aria-label=\"{title}\" style=\"height:{}px\"{group}></div>\
+             <div class=\"plot\" role=\"img\" aria-label=\"{}\" style=\"height:{}px\"{group}></div>\
              <script type=\"application/json\">{}</script></figure>",
+            escape::html(&self.description()),
             self.height,
             escape::json(&json),
         );
+    }
+}
+
+impl Figure {
+    /// What a reader who does not see it is told: what is drawn, against what, and between which values.
+    fn description(&self) -> String {
+        let json =
+            |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap_or_default();
+        let layout = json(self.layout.to_json());
+        let axis = |name: &str| {
+            layout[name]["title"]["text"]
+                .as_str()
+                .unwrap_or_default()
+                .to_owned()
+        };
+        let (x, y) = (axis("xaxis"), axis("yaxis"));
+        let mut text = self.title.clone();
+        match (x.is_empty(), y.is_empty()) {
+            (false, false) => text += &format!(": {y} against {x}"),
+            (false, true) => text += &format!(": {x}"),
+            _ => (),
+        }
+        for trace in &self.traces {
+            let trace = json(trace.to_json());
+            let values = if trace["orientation"] == "h" {
+                &trace["x"]
+            } else {
+                &trace["y"]
+            };
+            let numbers = values
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(serde_json::Value::as_f64);
+            let (least, most) =
+                numbers.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+            if let (Some(name), true) = (trace["name"].as_str(), least <= most) {
+                text += &format!("; {name} from {least} to {most}");
+            }
+        }
+        text
     }
 }
 

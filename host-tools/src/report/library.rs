@@ -22,8 +22,16 @@ fn source() -> &'static str {
 /// # Errors
 /// None that memory can give.
 pub(super) fn packed() -> io::Result<String> {
+    pack(source().as_bytes())
+}
+
+/// Bytes as they travel in the page: their gzip stream in base64.
+///
+/// # Errors
+/// None that memory can give.
+pub(super) fn pack(bytes: &[u8]) -> io::Result<String> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(source().as_bytes())?;
+    encoder.write_all(bytes)?;
     Ok(STANDARD.encode(encoder.finish()?))
 }
 

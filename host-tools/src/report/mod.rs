@@ -31,6 +31,7 @@
 //! ```
 
 pub mod candidates;
+mod choices;
 pub mod correlation;
 mod data_table;
 pub mod escape;
@@ -41,10 +42,12 @@ mod page;
 pub mod pages;
 pub mod parameters;
 pub mod residual;
+mod robot;
 mod section;
+pub mod stick;
 mod thin;
 pub mod torque;
 pub mod waterfall;
 
-pub use page::{Header, LogFile, Page};
+pub use page::{Drawing, Header, LogFile, Page};
 pub use section::Section;

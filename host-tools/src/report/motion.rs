@@ -1,6 +1,4 @@
-//! A designed motion: what each joint does, a moving figure of the limbs, how the search went.
-
-use std::fmt::Write;
+//! A designed motion: what each joint does and how the search went; and the feedback that models leave.
 
 use plotly::Scatter;
 use plotly::common::Mode;
@@ -33,6 +31,8 @@ pub enum Quantity {
     Position,
     /// rad/s.
     Velocity,
+    /// rad/s².
+    Acceleration,
     /// N m.
     Torque,
 }
@@ -47,6 +47,12 @@ impl Quantity {
                 "Each joint's reference. It begins and ends at rest in one pose.",
             ),
             Self::Velocity => ("velocity", "Velocity", "dq (rad/s)", "Its rate."),
+            Self::Acceleration => (
+                "acceleration",
+                "Acceleration",
+                "ddq (rad/s²)",
+                "The rate of the velocity: a series of waves, integrated twice to the position.",
+            ),
             Self::Torque => (
                 "torque",
                 "Feed-forward torque",
@@ -103,95 +109,9 @@ pub fn section(quantity: Quantity, curves: &[JointCurve]) -> Section {
         figures: curves.iter().map(figure).collect(),
         table: None,
         columns: 3,
+        ..Section::default()
     }
 }
-
-/// A limb's joints and foot as points of the base's frame, m, frame by frame.
-#[derive(Debug, Clone)]
-pub struct Skeleton {
-    /// The limb's name.
-    pub limb: String,
-    /// `frames[k][n]`: point n at frame k.
-    pub frames: Vec<Vec<[f64; 3]>>,
-}
-
-/// Frames a second of the moving figure.
-pub const FRAMES: f64 = 30.0;
-
-/// The limbs as they move, from the side and from the front.
-pub fn figure_of(skeletons: &[Skeleton]) -> Section {
-    let points = || skeletons.iter().flat_map(|s| s.frames.iter().flatten());
-    let span = |n: usize| {
-        let (low, high) = points().fold((0.0f64, 0.0f64), |(low, high), p| {
-            (low.min(p[n]), high.max(p[n]))
-        });
-        (low - 0.05, high + 0.05)
-    };
-    let spans = [span(0), span(1), span(2)];
-    let mut text = "The limbs as the motion moves them, from the side and from the front, over one period in true time; the cross is the base. ".to_owned();
-    let _ = write!(
-        text,
-        "<button type=\"button\" id=\"play\">Pause</button><br>"
-    );
-    for (name, across) in [("side", 0), ("front", 1)] {
-        let ((left, right), (low, high)) = (spans[across], spans[2]);
-        let _ = write!(
-            text,
-            "<svg class=\"stick\" data-across=\"{across}\" role=\"img\" aria-label=\"the limbs from the {name}\" \
-             viewBox=\"{left:.3} {:.3} {:.3} {:.3}\" style=\"width:min(48%,26rem);height:22rem\">\
-             <path d=\"M-.03 0H.03M0-.03V.03\" stroke=\"currentColor\" stroke-width=\".006\"/>",
-            -high,
-            right - left,
-            high - low,
-        );
-        for skeleton in skeletons {
-            let _ = write!(
-                text,
-                "<polyline fill=\"none\" stroke=\"var(--model-1)\" stroke-width=\".012\" stroke-linejoin=\"round\" \
-                 stroke-linecap=\"round\"><title>{}</title></polyline>",
-                escape::html(&skeleton.limb)
-            );
-        }
-        text.push_str("</svg>");
-    }
-    let frames: Vec<String> = skeletons.iter().map(frames_of).collect();
-    let _ = write!(
-        text,
-        "<script>{}</script>",
-        SCRIPT.replace("@frames", &format!("[{}]", frames.join(",")))
-    );
-    Section {
-        id: "figure",
-        title: "The motion",
-        text,
-        legend: Vec::new(),
-        figures: Vec::new(),
-        table: None,
-        columns: 1,
-    }
-}
-
-/// Numbers alone, in millimetres' digits: nothing from outside gets into the script.
-fn frames_of(skeleton: &Skeleton) -> String {
-    let point = |p: &[f64; 3]| format!("[{:.3},{:.3},{:.3}]", p[0], p[1], p[2]);
-    let frame = |points: &Vec<[f64; 3]>| {
-        let points: Vec<String> = points.iter().map(point).collect();
-        format!("[{}]", points.join(","))
-    };
-    let frames: Vec<String> = skeleton.frames.iter().map(frame).collect();
-    format!("[{}]", frames.join(","))
-}
-
-/// Draws the frame of the moment into every figure; stands still where the reader asks for little motion.
-const SCRIPT: &str = "(()=>{const limbs=@frames,rate=30;const button=document.getElementById('play');\
-let moving=!matchMedia('(prefers-reduced-motion: reduce)').matches,begun=performance.now(),stood=0;\
-const draw=(k)=>{for(const svg of document.querySelectorAll('svg.stick')){const across=+svg.dataset.across;\
-svg.querySelectorAll('polyline').forEach((line,n)=>{const points=limbs[n][k%limbs[n].length];\
-line.setAttribute('points',points.map((p)=>`${p[across]},${-p[2]}`).join(' '));});}};\
-const step=(now)=>{if(!moving)return;draw(Math.floor((now-begun)/1000*rate));requestAnimationFrame(step);};\
-const label=()=>{button.textContent=moving?'Pause':'Play';};\
-button.onclick=()=>{moving=!moving;label();if(moving){begun=performance.now()-stood;requestAnimationFrame(step);}\
-else{stood=performance.now()-begun;}};draw(0);label();if(moving)requestAnimationFrame(step);})();";
 
 /// The best cost over the time of a limb's search.
 pub fn search(curves: &[(String, Vec<[f64; 2]>)]) -> Section {
@@ -218,6 +138,7 @@ pub fn search(curves: &[(String, Vec<[f64; 2]>)]) -> Section {
         figures: curves.iter().map(figure).collect(),
         table: None,
         columns: 3,
+        ..Section::default()
     }
 }
 
@@ -257,5 +178,6 @@ pub fn feedback(models: &[Feedback]) -> Section {
         figures: (0..joints).map(figure).collect(),
         table: None,
         columns: 3,
+        ..Section::default()
     }
 }

@@ -20,13 +20,26 @@ pub struct Page {
 pub struct Header {
     /// Heading, such as "Model against measurement".
     pub title: String,
-    /// What was found, a paragraph each: plain sentences.
+    /// What matters most, in one line.
+    pub headline: String,
+    /// What was found, a point each: plain sentences. The first three are seen at once.
     pub findings: Vec<String>,
+    /// What to run next, a command a line.
+    pub next: Vec<String>,
+    /// The robot, as the page draws it.
+    pub drawing: Drawing,
     /// The command line that made the page.
     pub command: String,
     /// The logs.
     pub logs: Vec<LogFile>,
 }
+
+/// A drawing of a robot, made by [`pages`](super::pages): the program's own HTML, in which every name is escaped.
+#[derive(Debug, Clone, Default)]
+pub struct Drawing(pub(super) String);
+
+/// Findings that are seen at once.
+const POINTS: usize = 3;
 
 /// A log that a report is about.
 #[derive(Debug, Clone)]
@@ -65,7 +78,7 @@ impl Page {
         let _ = write!(
             page,
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; \
+             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; \
              style-src 'unsafe-inline'; img-src data: blob:\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"generator\" content=\"proprio {}\">\n<title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
@@ -88,7 +101,8 @@ impl Page {
         }
         let _ = write!(
             page,
-            "<script>\n{}</script>\n</body>\n</html>\n",
+            "<script>\n{}</script>\n<script>\n{}</script>\n</body>\n</html>\n",
+            include_str!("choices.js"),
             include_str!("script.js")
         );
         Ok(page)
@@ -111,9 +125,26 @@ impl fmt::Display for Header {
             "<header>\n<button type=\"button\" id=\"theme\" hidden>Dark</button>\n<h1>{}</h1>\n",
             escape::html(&self.title)
         )?;
-        for finding in &self.findings {
-            writeln!(f, "<p class=\"finding\">{}</p>", escape::html(finding))?;
+        f.write_str("<div class=\"first\">\n<div>\n")?;
+        if !self.headline.is_empty() {
+            writeln!(
+                f,
+                "<p class=\"headline\">{}</p>",
+                escape::html(&self.headline)
+            )?;
         }
+        let (first, rest) = self.findings.split_at(self.findings.len().min(POINTS));
+        write_points(f, first)?;
+        for (n, command) in self.next.iter().enumerate() {
+            write!(
+                f,
+                "<div class=\"next\"><code id=\"next-{n}\">{}</code> <button type=\"button\" data-copy=\"next-{n}\">Copy</button></div>",
+                escape::html(command)
+            )?;
+        }
+        writeln!(f, "</div>\n{}</div>", self.drawing.0)?;
+        f.write_str("<details><summary>More findings, command, logs</summary>\n")?;
+        write_points(f, rest)?;
         write!(
             f,
             "<dl>\n<dt>Command</dt><dd><code>{}</code></dd>\n<dt>Version</dt><dd>proprio {}</dd>\n",
@@ -128,8 +159,19 @@ impl fmt::Display for Header {
                 escape::html(&log.sha256)
             )?;
         }
-        writeln!(f, "</dl>\n</header>")
+        writeln!(f, "</dl>\n</details>\n</header>")
     }
+}
+
+fn write_points(f: &mut fmt::Formatter<'_>, points: &[String]) -> fmt::Result {
+    if points.is_empty() {
+        return Ok(());
+    }
+    f.write_str("<ul class=\"findings\">\n")?;
+    for point in points {
+        writeln!(f, "<li>{}</li>", escape::html(point))?;
+    }
+    f.write_str("</ul>\n")
 }
 
 #[cfg(test)]
@@ -144,15 +186,18 @@ mod tests {
                 title: evil.to_owned(),
                 findings: vec![evil.to_owned()],
                 command: evil.to_owned(),
+                headline: evil.to_owned(),
+                next: vec![evil.to_owned()],
                 logs: vec![LogFile {
                     path: evil.to_owned(),
                     sha256: evil.to_owned(),
                 }],
+                ..Header::default()
             },
             sections: Vec::new(),
         };
         let html = page.render().unwrap();
         assert!(!html.contains("<img"));
-        assert_eq!(html.matches(&*escape::html(evil)).count(), 6);
+        assert_eq!(html.matches(&*escape::html(evil)).count(), 8);
     }
 }

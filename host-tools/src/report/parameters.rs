@@ -56,6 +56,7 @@ pub fn section(parameters: &[ParameterRow]) -> Section {
             rows: parameters.iter().map(row).collect(),
         }),
         columns: 1,
+        ..Section::default()
     }
 }
 

@@ -61,6 +61,7 @@ pub fn section(series: &[ResidualSeries], model: &str) -> Section {
         figures: figures.collect(),
         table: None,
         columns: 4,
+        ..Section::default()
     }
 }
 

@@ -112,23 +112,57 @@
 
   /** Unpacks the plotting library and runs it. */
   async function loadLibrary() {
-    const packed = atob(document.getElementById('library').textContent);
-    const bytes = new Uint8Array(packed.length);
-    for (let k = 0; k < packed.length; k++) bytes[k] = packed.charCodeAt(k);
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
     const script = document.createElement('script');
-    script.textContent = await new Response(stream).text();
+    script.textContent = new TextDecoder().decode(await unpack('library'));
     document.head.append(script);
+  }
+
+  /** Whether a plot is not within something folded. */
+  function isOpen(plot) {
+    for (let fold = plot.closest('details'); fold; fold = fold.parentElement.closest('details')) if (!fold.open) return false;
+    return true;
+  }
+
+  /** What is folded is drawn when it is opened; a link to it opens it, and so does paper. */
+  function wireFolds() {
+    for (const fold of document.querySelectorAll('section > details')) {
+      fold.addEventListener('toggle', async () => {
+        if (!fold.open || !window.Plotly) return;
+        for (const plot of fold.querySelectorAll('.plot:not(.js-plotly-plot)')) await draw(plot);
+      });
+    }
+    const open = () => {
+      const fold = location.hash.length > 1 && document.querySelector(`#${CSS.escape(location.hash.slice(1))} > details`);
+      if (fold) fold.open = true;
+    };
+    addEventListener('hashchange', open);
+    open();
+  }
+
+  function wireCopies() {
+    for (const button of document.querySelectorAll('[data-copy]')) {
+      button.addEventListener('click', async () => {
+        const code = document.getElementById(button.dataset.copy);
+        getSelection().selectAllChildren(code);
+        try {
+          await navigator.clipboard.writeText(code.textContent);
+          button.textContent = 'Copied';
+        } catch {
+          button.textContent = 'Selected';
+        }
+      });
+    }
   }
 
   async function start() {
     if (plots.length) {
       await loadLibrary();
-      for (const plot of plots) {
+      for (const plot of plots.filter(isOpen)) {
         await draw(plot);
         // The page answers between two plots.
         await new Promise((next) => setTimeout(next));
       }
+      await startChoices(specs, draw);
     }
     root.dataset.ready = 'yes';
   }
@@ -213,6 +247,9 @@
   wireTheme();
   wirePaper();
   wireLegends();
+  wireFolds();
+  wireCopies();
+  paintRobotAsWritten();
   document.querySelectorAll('.table').forEach(wireTable);
   start().catch((error) => {
     const note = document.createElement('p');

@@ -7,6 +7,7 @@ use super::escape;
 use super::figure::Figure;
 
 /// A part of the page, made by the functions of the modules beside this one.
+#[derive(Default)]
 pub struct Section {
     /// Name in the page's address, unique in a page.
     pub(super) id: &'static str,
@@ -18,6 +19,10 @@ pub struct Section {
     pub(super) table: Option<DataTable>,
     /// How many plots stand side by side where there is room.
     pub(super) columns: usize,
+    /// What stands between words and plots: the program's own HTML.
+    pub(super) html: String,
+    /// Whether only its heading shows until a reader opens it.
+    pub(super) folded: bool,
 }
 
 /// An entry of a legend.
@@ -63,6 +68,14 @@ impl Section {
         self.title
     }
 
+    /// The same with only its heading to be seen until a reader opens it.
+    pub(super) fn folded(self) -> Self {
+        Self {
+            folded: true,
+            ..self
+        }
+    }
+
     pub(super) fn render(&self, to: &mut String) {
         let Self {
             id,
@@ -71,11 +84,17 @@ impl Section {
             columns,
             ..
         } = self;
+        let (open, close) = if self.folded {
+            ("<details><summary><h2>", "</h2></summary>")
+        } else {
+            ("<h2>", "</h2>")
+        };
         let _ = write!(
             to,
-            "<section id=\"{id}\">\n<h2>{title}</h2>\n<p class=\"how\">{text}</p>\n"
+            "<section id=\"{id}\">\n{open}{title}{close}\n<p class=\"how\">{text}</p>\n{}",
+            self.html
         );
-        if self.figures.is_empty() && self.table.is_none() {
+        if self.figures.is_empty() && self.table.is_none() && self.html.is_empty() {
             to.push_str("<p class=\"empty\">There is nothing to show here.</p>\n");
         }
         if !self.figures.is_empty() {
@@ -93,6 +112,9 @@ impl Section {
         }
         if let Some(table) = &self.table {
             table.render(to);
+        }
+        if self.folded {
+            to.push_str("</details>\n");
         }
         to.push_str("</section>\n");
     }

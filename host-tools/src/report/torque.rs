@@ -56,6 +56,7 @@ pub fn section(series: &[TorqueSeries]) -> Section {
             .collect(),
         table: None,
         columns: 3,
+        ..Section::default()
     }
 }
 

@@ -48,6 +48,7 @@ pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
         figures,
         table: (!steps.is_empty()).then(|| table(steps)),
         columns: 1,
+        ..Section::default()
     }
 }
 

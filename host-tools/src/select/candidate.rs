@@ -295,7 +295,7 @@ fn shared(
 }
 
 /// Whether a family stands: without its best member it still is beyond chance, and it takes away more than that one alone,
-/// beyond twice the error of that.
+/// beyond the error of that.
 pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
     let own: Vec<&Candidate> = (singles.iter())
         .filter(|c| {
@@ -315,7 +315,7 @@ pub(crate) fn is_family(candidate: &Candidate, singles: &[Candidate]) -> bool {
         .map(|(all, best)| all - best)
         .collect();
     let (more, error) = criteria::sum_and_error(&more);
-    more > criteria::LEAST_VALUE * error
+    more > error
         && gain > 0.0
         && 2 * helped > own.len()
         && sure.is_some_and(|sure| sure.z() >= criteria::LEAST_Z)

@@ -17,8 +17,8 @@ const WATCHED: [EffectKind; 4] = [
     EffectKind::Viscous,
     EffectKind::Bias,
 ];
-/// χ² of eight degrees of freedom that chance reaches once in 10⁸ times, and a little for what θ itself is wrong by. How long
-/// residuals remember does not count: what changes makes them remember.
+/// χ² of eight degrees of freedom that chance reaches once in 10⁸ times, and a little for what θ itself is wrong by. Of what residuals
+/// remember only their noise's part counts: what changes makes them remember longer.
 const LEAST_FALL: f64 = 60.0;
 /// Smallest share of a joint's held-out sum of squares that a change explains.
 const LEAST_SHARE: f64 = 0.05;
@@ -41,7 +41,7 @@ pub(crate) fn drifts(limb: &Screen) -> Vec<Drift> {
 }
 
 fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
-    let square = limb.fit.noise[joint].powi(2);
+    let square = limb.fit.noise[joint].powi(2) * limb.noise_memory[joint];
     let left: f64 = limb.base.iter().map(|fold| fold[joint]).sum();
     let judged = WATCHED.into_iter().filter_map(|effect| {
         let entry = *limb.columns.of_effect(effect, joint).first()?;

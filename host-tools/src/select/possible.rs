@@ -11,6 +11,9 @@ use crate::equation::values::Place;
 const REACH: f64 = 0.3;
 /// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
 const LEAST_DELAY: f64 = 0.1;
+/// χ² of a mass and its first moment below which a load weighs nothing that is told (99 % of four degrees of freedom): what is only
+/// inertia is a rotor's.
+const LEAST_WEIGHT: f64 = 13.3;
 /// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
 const LIKELY: f64 = 3.0;
 /// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
@@ -84,11 +87,17 @@ pub(super) fn is_resolved(screen: &Screen, delay: f64) -> bool {
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
-/// a mass is none. At most [`REACH`] away.
+/// a mass is none, nor is an inertia without weight. At most [`REACH`] away.
 fn is_load(told: &[Option<(f64, f64)>]) -> bool {
     let [Some((mass, std)), moments @ ..] = told else {
         return true;
     };
+    let weighs: f64 = (told.iter().take(4).flatten())
+        .map(|(value, std)| (value / std).powi(2))
+        .sum();
+    if weighs < LEAST_WEIGHT {
+        return false;
+    }
     let heaviest = mass + 2.0 * std;
     let smallest = moments.iter().take(3).flatten();
     let smallest: f64 = smallest

@@ -11,12 +11,13 @@ use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::criteria::{self, Squared};
-use crate::equation::column::Columns;
+use crate::equation::column::{Columns, Entry};
 use crate::equation::dot::dot;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
-use crate::estimate::blocks::{BlockFactors, HeapFactor};
-use crate::estimate::fit::{LimbFit, SAME_CORRELATION, fold};
+use crate::estimate::factor::HeapFactor;
+use crate::estimate::fit::{LimbFit, SAME_CORRELATION};
+use crate::estimate::folding::Folding;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::{self, Scan};
 use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
@@ -40,6 +41,8 @@ pub(crate) struct Screen<'a> {
     pub(crate) base: Vec<Vec<f64>>,
     /// How many neighbouring windows of each joint say the same thing.
     memory: Vec<f64>,
+    /// The same as far as their noise remembers.
+    pub(crate) noise_memory: Vec<f64>,
     /// Each joint's sum of squared torques, (N m)².
     torque: Vec<f64>,
     /// What the model predicts, as the limb's data have the torque, N m.
@@ -87,25 +90,22 @@ impl<'a> Screen<'a> {
         let data = fit.data;
         let own = fit.clone();
         let fit = &*own;
-        let predicted = data.predicted(&fit.values, &|_| true);
+        let predicted = fit.predicted();
         let at = with_shapes(fit, possible, &predicted);
         let columns = data.columns(&at, &fit.places, possible);
-        let rows = Rows::of(&data.motion, &data.body, &at, &columns, &|w| {
-            !data.left_out[w]
-        });
+        let rows = data.rows(&at, &columns);
         let theta = columns.theta(&fit.values);
         let order = Order::of(fit, &columns);
         let folded = |correlation: &[f64]| {
-            let blocks = fold(
+            let folding = Folding {
                 data,
-                &columns,
-                &rows,
-                &theta,
+                columns: &columns,
+                rows: &rows,
+                theta: &theta,
                 correlation,
-                &fit.noise,
-                &|_| true,
-            );
-            let folds = by_fold(data, &columns, &blocks);
+                noise: &fit.noise,
+            };
+            let folds = folding.folds(&|_| true);
             let (trains, all) = folds.without_each(&columns);
             (folds, trains, all)
         };
@@ -131,16 +131,13 @@ impl<'a> Screen<'a> {
         }
         let triangle = |data: &[HeapFactor]| order.triangle(&columns, data, &fit.noise);
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
-        let entries = columns.entries.len();
-        let theta: Vec<Vec<f64>> = trains
-            .iter()
-            .map(|train| train.solve(entries, &[]))
-            .collect();
+        let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();
         let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| squares(&columns, test, theta);
         Self {
             base: folds.blocks.iter().zip(&theta).map(score).collect(),
             theta,
             memory: left.memory,
+            noise_memory: left.noise_memory,
             torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
             floor: left.floor,
             predicted,
@@ -207,12 +204,11 @@ impl<'a> Screen<'a> {
 
     fn scored(&self, places: &[Place], all: TriangleTrial, values: &[Vec<f64>]) -> Option<Trial> {
         let entries = self.entries(places);
-        let width = self.columns.entries.len();
         let (mut gains, mut falls) = (Vec::new(), Vec::new());
         for ((fold, train), value) in self.trains.iter().enumerate().zip(values) {
             let with: Vec<(usize, f64)> =
                 entries.iter().copied().zip(value.iter().copied()).collect();
-            let after = squares(&self.columns, &self.tests[fold], &train.solve(width, &with));
+            let after = squares(&self.columns, &self.tests[fold], &train.solve(&with));
             let fall = |scaled: bool| -> f64 {
                 let joints = self.base[fold].iter().zip(&after).zip(&self.fit.noise);
                 joints
@@ -420,15 +416,6 @@ fn with_shapes(fit: &LimbFit, possible: &[Place], predicted: &[f64]) -> Values {
     at
 }
 
-/// Blocks of time as folds.
-fn by_fold(data: &LimbData, columns: &Columns, blocks: &BlockFactors) -> BlockFactors {
-    let mut folds = BlockFactors::none(columns, data.blocks.folds);
-    for (b, block) in blocks.blocks.iter().enumerate() {
-        folds.merge(data.blocks.fold(b), block);
-    }
-    folds
-}
-
 /// Each joint's sum of squares under θ, (N m)².
 fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64]) -> Vec<f64> {
     (test.iter().enumerate())
@@ -436,39 +423,32 @@ fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Which columns come first, and what is known of them before data.
+/// How many columns are the model's, which come first, and what is known of all before data.
 struct Order {
     prior: Prior,
-    active: Vec<usize>,
-    rest: Vec<usize>,
+    active: usize,
 }
 
 impl Order {
     fn of(fit: &LimbFit, columns: &Columns) -> Self {
-        let is_active = |k: &usize| {
-            let entry = &columns.entries[*k];
-            entry
-                .effect
-                .is_none_or(|effect| fit.places.contains(&(effect, entry.joint)))
+        let is_active = |entry: &&Entry| {
+            (entry.effect).is_none_or(|effect| fit.places.contains(&(effect, entry.joint)))
         };
-        let (active, rest) = (0..columns.entries.len()).partition(is_active);
         let mut prior = cad_prior(fit.data);
         prior.tightness.clone_from(&fit.tightness);
         Self {
             prior,
-            active,
-            rest,
+            active: columns.entries.iter().take_while(is_active).count(),
         }
     }
 
     fn triangle(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Triangle {
-        Triangle::new(columns, &self.prior, data, noise, &self.active, &self.rest)
+        Triangle::new(columns, &self.prior, data, noise, self.active)
     }
 
     /// θ with all candidates in the model.
     fn everything(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Vec<f64> {
-        let all: Vec<usize> = self.active.iter().chain(&self.rest).copied().collect();
-        Triangle::new(columns, &self.prior, data, noise, &all, &[]).solve(all.len(), &[])
+        Triangle::new(columns, &self.prior, data, noise, columns.entries.len()).solve(&[])
     }
 }
 
@@ -493,12 +473,21 @@ pub(crate) fn cad_prior(data: &LimbData) -> Prior {
     }
 }
 
+/// The length of a limb's windows, s.
+fn window_length(data: &LimbData) -> f64 {
+    let windows = &data.motion.windows;
+    let sum: f64 = windows.iter().map(|window| window.length).sum();
+    sum / windows.len().max(1) as f64
+}
+
 /// Of what kind a limb's noise is, joint by joint, as what all effects together leave tells.
 struct Left {
     /// Of neighbouring windows.
     correlation: Vec<f64>,
     /// Integrated autocorrelation time once that is taken out, windows.
     memory: Vec<f64>,
+    /// The same as far as noise remembers.
+    noise_memory: Vec<f64>,
     /// Root mean square, N m.
     floor: Vec<f64>,
 }
@@ -510,6 +499,7 @@ impl Left {
         let mut left = Self {
             correlation: Vec::new(),
             memory: Vec::new(),
+            noise_memory: Vec::new(),
             floor: Vec::new(),
         };
         let fitted = columns.entries.len() as f64 / data.joints() as f64;
@@ -536,6 +526,12 @@ impl Left {
                 .collect();
             left.correlation.push(correlation);
             left.memory.push(criteria::autocorrelation_time(&whitened));
+            let lags = (criteria::NOISE_MEMORY / window_length(data))
+                .ceil()
+                .max(2.0);
+            let unwhitened: Vec<f64> = residuals.iter().map(|(_, r)| *r).collect();
+            left.noise_memory
+                .push(criteria::noise_memory(&unwhitened, lags as usize));
             left.floor
                 .push((square / (residuals.len() as f64 - fitted).max(1.0)).sqrt());
         }

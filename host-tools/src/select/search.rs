@@ -184,8 +184,13 @@ impl<'a> Search<'a> {
                     &candidates.iter().collect::<Vec<_>>(),
                     &candidates,
                 );
-                let best = best.map(|best| self.best_by_trying(best, &open).0);
-                self.first = judge(&self.screens, &candidates, best);
+                let tried = best.map(|best| self.best_by_trying(best, &open));
+                self.first = judge(&self.screens, &candidates, tried.as_ref().map(|t| t.0));
+                // What a column says of a value is true to first order.
+                if let Some((best, Some(after))) = &tried {
+                    let own = best.members.iter().map(|member| after.parameters(member));
+                    self.first[0].parameters = own.collect();
+                }
             }
             let mut taken = false;
             for _ in 0..MOST_REFUSED {
@@ -413,7 +418,7 @@ impl<'a> Search<'a> {
                 .filter(|c| c.members.len() == 1 && c.is_there())
             {
                 let known = unphysical.iter().any(|j| j.candidate.meets(c));
-                if !known && c.held_out_gain().0 > criteria::SURE_GAIN && !c.is_possible(screens) {
+                if !known && c.held_out_gain().0 > criteria::STRUCTURE && !c.is_possible(screens) {
                     unphysical.push(judged(screens, c));
                 }
             }

@@ -7,7 +7,6 @@ use proprio_core::effect::EffectKind;
 use super::candidate::Member;
 use super::criteria;
 use crate::equation::values::{Place, Values};
-use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
@@ -132,6 +131,33 @@ impl<'a> State<'a> {
         self.fits.iter().all(|fit| fit.data.blocks.by_log)
     }
 
+    /// An effect's parameters and their standard deviations; of a scanned one zero.
+    pub(super) fn parameters(&self, &(limb, (effect, joint)): &Member) -> Vec<(f64, f64)> {
+        let fit = &self.fits[limb];
+        let deviations = fit.deviations();
+        let entries = fit.columns.of_effect(effect, joint);
+        let parameter = |n: usize| {
+            let one = |one: &&Shared| {
+                one.effect == effect && one.parameter == n && joint == crate::model::BASE
+            };
+            if let Some(one) = self.shared.iter().find(one) {
+                return (one.value, one.std);
+            }
+            let own = entries
+                .iter()
+                .find(|e| fit.columns.entries[**e].parameter == n);
+            let Some(&entry) = own else {
+                return (fit.values.get((effect, joint), n), 0.0);
+            };
+            let [independent, blocks] = deviations.of_parameter(entry);
+            let std = independent.max(blocks).hypot(fit.unknown(entry));
+            (fit.value(entry), std)
+        };
+        (0..effect.description().parameters.len())
+            .map(parameter)
+            .collect()
+    }
+
     /// The largest of an effect's parameters in units of its standard deviation.
     pub(super) fn size(&self, &(limb, (effect, joint)): &Member) -> f64 {
         let fit = &self.fits[limb];
@@ -142,7 +168,7 @@ impl<'a> State<'a> {
         {
             return (one.value / one.std).abs();
         }
-        let deviations = Deviations::of(fit);
+        let deviations = fit.deviations();
         let sizes = fit
             .columns
             .of_effect(effect, joint)
@@ -181,10 +207,7 @@ fn how_with(places: &[Place]) -> How {
 
 /// Held-out sums of squares of a limb's fit.
 fn held_out(fit: &LimbFit) -> Option<Squares> {
-    Some(
-        fit.data
-            .squares(&fit.data.predicted_by_fold(&fit.held_out()?)),
-    )
+    Some(fit.data.squares(&fit.predicted_held_out()?))
 }
 
 /// The same with the shape of an effect searched within the folds as well, on what the model `before` it leaves.
@@ -194,7 +217,7 @@ pub(super) fn held_out_with_shape(
     place: Place,
 ) -> Option<Squares> {
     let data = after.data;
-    let predicted = data.predicted(&before.values, &|_| true);
+    let predicted = before.predicted();
     let columns = data.columns(&before.values, &before.places, &[place]);
     let n = data.joints();
     let scan = Scan::new(data, &columns, [&before.values; 2], &|w, j| {

@@ -130,15 +130,20 @@ fn made(arguments: &Arguments) -> Result<PathBuf, String> {
         return Ok(folder);
     }
     let folder = logged::simulated_folder();
-    if arguments.make || !folder.is_dir() {
-        std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-        let cases = simulated::all();
-        for (n, case) in cases.iter().enumerate() {
-            case.write(&folder)?;
-            eprint!("\r{} of {} logs made", n + 1, cases.len());
-        }
-        eprintln!();
+    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut cases = simulated::all();
+    cases.retain(|case| {
+        let name = case.name();
+        let is_asked = (arguments.only.as_ref()).is_none_or(|text| name.contains(text.as_str()));
+        let is_there = folder.join(format!("{name}.json")).exists();
+        is_asked && (arguments.make || !is_there)
+    });
+    if arguments.quick {
+        cases = cases.into_iter().step_by(QUICK).collect();
     }
+    simulated::write(&cases, &folder, |done| {
+        eprint!("\r{done} of {} logs made", cases.len());
+    })?;
     Ok(folder)
 }
 

@@ -33,6 +33,9 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
                 path: name(),
                 sha256: name(),
             }],
+            headline: name(),
+            next: vec![name()],
+            ..Header::default()
         },
         sections: vec![
             waterfall::section(

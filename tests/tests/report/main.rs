@@ -3,6 +3,7 @@
 //! The page and pictures of it are left in `target/report/` for a look. Without Chromium these tests fail, unless
 //! `PROPRIO_SKIP_BROWSER` is set; then they say that they were skipped.
 
+mod choices;
 mod data;
 mod interaction;
 mod look;

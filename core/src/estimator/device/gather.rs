@@ -6,7 +6,7 @@ use super::{
 };
 use crate::Real;
 use crate::estimator::LEG_INERTIAL;
-use crate::factor::{Factor, FactorError, packed_len};
+use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
 use crate::go2::JOINTS_PER_LEG;
 
 /// Turns a leg's folds into its solver's data, in steps of bounded cost.
@@ -20,12 +20,12 @@ pub struct Gather<T> {
 }
 
 impl<T: Real> Gather<T> {
-    /// Nothing to gather.
+    /// Nothing gathered yet: all zeros.
     pub const fn new() -> Self {
         Self {
             work: [T::ZERO; packed_len(columns(0))],
-            active: DEFAULT_ACTIVE,
-            joint: JOINTS_PER_LEG,
+            active: Active::NONE,
+            joint: 0,
             fold: 0,
             row: 0,
         }
@@ -44,6 +44,11 @@ impl<T: Real> Gather<T> {
         &self.active
     }
 
+    /// Whether the solver has all data.
+    pub fn is_done(&self) -> bool {
+        self.joint == JOINTS_PER_LEG
+    }
+
     /// Goes on until `budget` numbers are rotated; true when the solver has all data.
     ///
     /// # Errors
@@ -60,114 +65,109 @@ impl<T: Real> Gather<T> {
             let joint = self.joint;
             let kept = self.active.0[joint].count_ones() as usize + rank(joint);
             if self.fold < FOLDS {
-                cost += self.fold_row(joint, kept, &folds.joint(self.fold, joint))?;
-                self.row += 1;
+                cost += self.fold_rows(joint, kept, &folds.joint(self.fold, joint))?;
                 if self.row > columns(joint) {
                     self.row = 0;
                     self.fold += 1;
                 }
                 continue;
             }
-            // A product of rows costs a quarter of a rotation per number.
-            let expansion = kept * rank(joint) * standard(joint) / 8;
-            if cost > 0 && cost + expansion > budget {
-                break;
+            cost += self.expand_row(joint, kept, base, solver)?;
+            self.row += 1;
+            if self.row > kept {
+                (self.fold, self.row) = (0, 0);
+                self.joint += 1;
+                self.work.fill(T::zero());
             }
-            self.expand(joint, kept, base, solver)?;
-            cost += expansion;
-            self.fold = 0;
-            self.joint += 1;
-            self.work.fill(T::zero());
         }
-        Ok(self.joint == JOINTS_PER_LEG)
+        Ok(self.is_done())
     }
 
-    /// Folds the kept columns of one row; returns the cost.
-    fn fold_row(
+    /// Folds the kept columns of the next rows, a block at most; returns the cost.
+    fn fold_rows(
         &mut self,
         joint: usize,
         kept: usize,
         from: &Factor<T, &[T]>,
     ) -> Result<usize, FactorError> {
-        let (k, rank) = (self.row, rank(joint));
-        let mut row = [T::zero(); columns(0) + 1];
-        let mut start = kept;
-        for (n, x) in from.row(k).iter().enumerate() {
-            let place = match k + n {
-                c if c < FRONT => self.place(joint, c),
-                c if c < FRONT + rank => Some(kept - rank + c - FRONT),
-                c if c < DEVICE_COLUMNS + rank => self.place(joint, c - rank),
-                _ => Some(kept),
-            };
-            if let Some(to) = place.and_then(|place| row.get_mut(place)) {
-                *to = *x;
-                start = start.min(place.unwrap_or(kept));
-            }
-        }
         let storage = self.work.get_mut(..packed_len(kept)).unwrap_or(&mut []);
         let mut work = Factor::in_storage(kept, storage)?;
-        let row = row.get_mut(start..=kept).unwrap_or(&mut []);
-        let len = row.len();
-        if self.fold == 0 && k < kept && self.active.0[joint] == DEFAULT_ACTIVE.0[joint] {
+        if self.fold == 0 && self.row == 0 && self.active.0[joint] == DEFAULT_ACTIVE.0[joint] {
             // The front of the first fold's triangle is this model's already.
-            work.write_row(k, row.iter().copied())?;
-            return Ok(len);
+            for k in 0..kept {
+                let row = from.row(k);
+                let front = row.iter().take(kept - k).chain(row.last());
+                work.write_row(k, front.copied())?;
+            }
+            self.row = kept;
+            return Ok(kept * kept / 2);
         }
-        work.fold_from(start, row)?;
-        Ok(len * (len + 1) / 2)
+        let mut block = [[T::zero(); ROWS]; columns(0) + 1];
+        let (mut start, end) = (kept, (self.row + ROWS).min(columns(joint) + 1));
+        for (slot, k) in (self.row..end).enumerate() {
+            for (n, x) in from.row(k).iter().enumerate() {
+                let Some(place) = place(&self.active, joint, kept, k + n) else {
+                    continue;
+                };
+                if let Some(to) = block.get_mut(place).and_then(|to| to.get_mut(slot)) {
+                    *to = *x;
+                    start = start.min(place);
+                }
+            }
+        }
+        self.row = end;
+        let block = block.get_mut(start..=kept).unwrap_or(&mut []);
+        let len = block.len();
+        work.fold_block(start, block)?;
+        Ok(block_cost(len) + 8 * columns(joint))
     }
 
-    /// Where effect n stands among a joint's active ones.
-    fn place(&self, joint: usize, n: usize) -> Option<usize> {
-        let before = self.active.0[joint] & ((1 << n) - 1);
-        self.active
-            .has(joint, n)
-            .then_some(before.count_ones() as usize)
-    }
-
-    /// Writes R P, the rows over all standard columns, into the solver's data.
-    fn expand(
+    /// Writes the next row of R P, which is over all standard columns, into the solver's data; returns the cost.
+    fn expand_row(
         &self,
         joint: usize,
         kept: usize,
         base: &LegBase<T>,
         solver: &mut DeviceSolver<T>,
-    ) -> Result<(), FactorError> {
-        let base = base.joint(joint).ok_or(FactorError::Length(0))?;
+    ) -> Result<usize, FactorError> {
+        let (k, base) = (self.row, base.joint(joint).ok_or(FactorError::Length(0))?);
         let effects = kept - rank(joint);
         let storage = self.work.get(..packed_len(kept)).unwrap_or(&[]);
         let gathered = Factor::in_storage(kept, storage)?;
-        let all = effects + standard(joint);
-        solver.data_mut().with_joint(joint, |factor| {
-            for k in 0..=kept {
-                let Some((z, r)) = gathered.row(k).split_last() else {
-                    continue;
-                };
-                let (first, r) = match k.checked_sub(effects) {
-                    None => (0, r.get(effects - k..).unwrap_or(&[])),
-                    Some(first) => (first, r),
-                };
-                let mut row = [T::zero(); LEG_INERTIAL];
-                let inertial = row.get_mut(..standard(joint)).unwrap_or(&mut []);
-                base.expand(first, r, inertial);
-                let place = match k.checked_sub(effects) {
-                    None => k,
-                    Some(first) if first < base.rank() => {
-                        effects + base.independent(first).unwrap_or(0)
-                    }
-                    Some(_) => all,
-                };
-                let own = gathered
-                    .row(k)
-                    .get(..effects.saturating_sub(k))
-                    .unwrap_or(&[]);
-                let skipped = place.saturating_sub(effects);
-                let inertial = inertial.get(skipped..).unwrap_or(&[]);
-                let entries = own.iter().chain(inertial).chain([z]);
-                factor.write_row(place, entries.copied())?;
-            }
-            Ok(())
-        })
+        let Some((z, entries)) = gathered.row(k).split_last() else {
+            return Err(FactorError::Length(k));
+        };
+        let (own, entries) = entries.split_at(effects.saturating_sub(k).min(entries.len()));
+        let first = k.saturating_sub(effects);
+        let mut row = [T::zero(); LEG_INERTIAL];
+        let inertial = row.get_mut(..standard(joint)).unwrap_or(&mut []);
+        base.expand(first, entries, inertial);
+        let place = if k < effects {
+            k
+        } else {
+            effects + base.independent(first).unwrap_or(standard(joint))
+        };
+        let inertial = inertial.get(place.saturating_sub(effects)..).unwrap_or(&[]);
+        let row = own.iter().chain(inertial).chain([z]);
+        solver
+            .data_mut()
+            .with_joint(joint, |factor| factor.write_row(place, row.copied()))?;
+        Ok(entries.len() * standard(joint) / 2 + 2 * standard(joint))
+    }
+}
+
+/// Where column c of a joint's fold stands in the triangle of a model with `kept` columns, if the model has it.
+fn place(active: &Active, joint: usize, kept: usize, c: usize) -> Option<usize> {
+    let effect = |n: usize| {
+        let before = active.0[joint] & ((1 << n) - 1);
+        active.has(joint, n).then_some(before.count_ones() as usize)
+    };
+    let rank = rank(joint);
+    match c {
+        c if c < FRONT => effect(c),
+        c if c < FRONT + rank => Some(kept - rank + c - FRONT),
+        c if c < DEVICE_COLUMNS + rank => effect(c - rank),
+        _ => Some(kept),
     }
 }
 

@@ -2,13 +2,14 @@
 
 use std::fmt;
 
+use proprio::device::names::place;
 use proprio::log::JointId;
 use proprio::model::UnknownName;
 use proprio::parameter;
 use proprio::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Changed, Diagnosis, EffectAt, Hello, HostMessage, Outcome};
+use proprio_core::wire::{Action, Diagnosis, EffectAt, Hello, Outcome};
 use serde::Serialize;
 
 use crate::command::Error;
@@ -73,7 +74,7 @@ pub(super) fn wishes(add: bool, text: &str, legs: &[Leg]) -> Result<Vec<Wish>, E
 
 impl Wish {
     /// As the device is asked.
-    pub(super) fn message(&self, hello: &Hello) -> Result<HostMessage, Error> {
+    pub(super) fn action(&self, hello: &Hello) -> Result<Action, Error> {
         let name = self.effect.name();
         let kept = || hello.effects.iter().map(|effect| effect.as_str());
         let Some(effect) = kept().position(|effect| effect == name) else {
@@ -86,28 +87,25 @@ impl Wish {
             effect: effect as u8,
         };
         Ok(match self.add {
-            true => HostMessage::AddEffect(at),
-            false => HostMessage::DropEffect(at),
+            true => Action::AddEffect(at),
+            false => Action::DropEffect(at),
         })
     }
 }
 
-/// Where the device's numbers point; none beyond what the robot and the device have.
-fn place(at: &EffectAt, hello: &Hello) -> Option<(JointId, EffectKind)> {
-    let leg = Leg::ALL.get(usize::from(at.leg))?;
-    let joint = JointId::of(*leg).into_iter().nth(at.joint.into())?;
-    let name = hello.effects.get(usize::from(at.effect))?;
-    Some((joint, EffectKind::from_name(name)?))
-}
-
 impl Answer {
-    pub(super) fn new(changed: &Changed, hello: &Hello) -> Option<Self> {
-        let (joint, effect) = place(&changed.at, hello)?;
+    pub(super) fn new(action: &Action, outcome: Outcome, hello: &Hello) -> Option<Self> {
+        let (change, at) = match action {
+            Action::AddEffect(at) => ("add", at),
+            Action::DropEffect(at) => ("drop", at),
+            Action::Reset => return None,
+        };
+        let (joint, effect) = place(at, hello)?;
         Some(Self {
-            change: if changed.add { "add" } else { "drop" },
+            change,
             effect: effect.name(),
             joint: joint.name(),
-            outcome: match changed.outcome {
+            outcome: match outcome {
                 Outcome::Accepted => "accepted",
                 Outcome::AlreadyActive => "already active",
                 Outcome::NotActive => "not active",
@@ -128,17 +126,6 @@ impl fmt::Display for Answer {
         } = self;
         writeln!(f, "{change} {effect}:{joint}: {outcome}")
     }
-}
-
-/// The effects of a leg's estimate in the order of θ: those that its masks name.
-pub(super) fn of_masks(leg: Leg, masks: &[u32], hello: &Hello) -> Vec<(JointId, EffectKind)> {
-    let joints = JointId::of(leg).into_iter().zip(masks);
-    let effects = joints.flat_map(|(joint, mask)| {
-        let named = hello.effects.iter().enumerate();
-        let active = named.filter(move |(n, _)| mask >> n & 1 == 1);
-        active.filter_map(move |(_, name)| Some((joint, EffectKind::from_name(name)?)))
-    });
-    effects.collect()
 }
 
 /// The last that was told of each effect at each joint, the joints in the robot's order, each joint's best first.

@@ -2,15 +2,14 @@
 
 use std::fmt;
 
-use proprio::estimate::{self, LEGEND, ParameterEstimate, effect_table};
+use proprio::device::names::parameters_of;
+use proprio::estimate::{LEGEND, ParameterEstimate, effect_table};
 use proprio::identify::IdentificationError;
 use proprio::log::{JointId, leg_named};
 use proprio::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::{
-    Changed, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters,
-};
+use proprio_core::wire::{self, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters};
 use serde::Serialize;
 
 use super::Played;
@@ -51,7 +50,7 @@ struct LegReport {
 pub(super) struct Told {
     estimates: [Option<Estimate>; LEGS],
     diagnoses: Vec<Diagnosis>,
-    pub(super) changes: Vec<Changed>,
+    pub(super) answers: Vec<wire::Answer>,
     counters: Counters,
 }
 
@@ -65,8 +64,9 @@ impl Told {
             }
             DeviceMessage::Counters(counters) => self.counters = counters,
             DeviceMessage::Diagnosis(diagnosis) => self.diagnoses.push(diagnosis),
-            DeviceMessage::Changed(changed) => self.changes.push(changed),
-            DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) => {}
+            DeviceMessage::Answer(answer) => self.answers.push(answer),
+            DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) | DeviceMessage::FactorPart(_) => {
+            }
         }
     }
 }
@@ -77,6 +77,7 @@ impl Report {
         told: Told,
         legs: &[Leg],
         played: &[Played; LEGS],
+        changes: Vec<Answer>,
         mut warnings: Vec<String>,
     ) -> Result<Self, Error> {
         let mut parameters = Vec::new();
@@ -98,8 +99,7 @@ impl Report {
                 let arrived = counters.samples;
                 warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
             }
-            let active = effects::of_masks(leg, &estimate.effects, hello);
-            let estimates = estimate::of_device(leg, &active, &estimate.values, &estimate.std);
+            let estimates = parameters_of(estimate, hello);
             parameters
                 .extend(estimates.map_err(|source| IdentificationError::Solve { leg, source })?);
             let (windows, noise) = (estimate.windows, estimate.noise);
@@ -118,11 +118,7 @@ impl Report {
             load_unit: hello.load_unit.to_string(),
             parameters,
             legs: reports,
-            changes: told
-                .changes
-                .iter()
-                .filter_map(|c| Answer::new(c, hello))
-                .collect(),
+            changes,
             diagnoses: effects::found(&told.diagnoses, hello),
             counters: told.counters,
             warnings,

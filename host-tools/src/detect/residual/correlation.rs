@@ -98,7 +98,16 @@ pub struct Independence {
     pub independent: bool,
 }
 
-fn window(t: &[f64], runs: &Runs) -> f64 {
+impl Independence {
+    /// Share of the residual's variance that follows the input, at the lag at which it follows it best.
+    pub fn share(&self) -> f64 {
+        let after = self.correlation.iter().filter(|c| c.lag >= 0.0);
+        after.map(|c| c.value * c.value).fold(0.0, f64::max)
+    }
+}
+
+/// Mean time from one window to the next, s.
+pub(super) fn window(t: &[f64], runs: &Runs) -> f64 {
     let steps = runs.0.iter().filter(|run| run.len() > 1);
     let (sum, count) = steps.fold((0.0, 0), |(sum, count), run| {
         (sum + t[run.end - 1] - t[run.start], count + run.len() - 1)

@@ -12,6 +12,7 @@ mod episode;
 mod explain;
 mod noise;
 mod pattern;
+mod persistence;
 mod scores;
 mod series;
 mod shape;
@@ -30,12 +31,16 @@ pub use episode::Episode;
 pub use explain::Pattern;
 pub use noise::{NoiseFloor, NoiseMethod};
 pub use pattern::{FALSE_DISCOVERY, Where};
+pub use persistence::Persistence;
 pub use scores::Scores;
 pub use series::Series;
 pub use shape::{Shape, Variable};
 
 use series::{Held, Runs};
 use shape::Variables;
+
+/// The noise floor is that of noise without a memory: a first-order one of 20 ms, a window's length, leaves up to 0.45 of its square above it.
+const MEMORY_ABOVE: f64 = 2.0 / 3.0;
 
 /// What a joint's residual says of the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -56,16 +61,31 @@ pub struct Criticism {
     pub episodes: Vec<Episode>,
     /// Whether what is left is white; none for too short a series.
     pub whiteness: Option<Whiteness>,
+    /// What of it lasts longer than noise; none for too short a series.
+    pub persistence: Option<Persistence>,
     /// Whether what is left is independent of what drives the joint.
     pub independence: Vec<Independence>,
 }
 
 impl Criticism {
-    /// Whether tests find that something other than noise is left.
-    pub fn structure_remains(&self) -> bool {
-        !self.patterns.is_empty()
-            || self.whiteness.as_ref().is_some_and(|w| !w.white)
-            || self.independence.iter().any(|i| !i.independent)
+    /// Share of the mean square that is no noise: what patterns explain, what follows what drives the joint, or what
+    /// neighbours still have in common when noise has forgotten, whichever is most; where one of these is real, all that is above the
+    /// noise floor, if that is more than a noise with a memory leaves above it. Zero if tests find nothing.
+    pub fn structure(&self) -> f64 {
+        let patterns: f64 = self.patterns.iter().map(|p| p.share).sum();
+        let following = (self.independence.iter())
+            .filter(|input| !input.independent)
+            .map(Independence::share);
+        let lasting = self.persistence.filter(|p| p.is_real()).map(|p| p.share);
+        let told = following.chain(lasting).fold(patterns, f64::max).min(1.0);
+        let above = self
+            .above_noise_percent
+            .map_or(0.0, |percent| 0.01 * percent);
+        if told > 0.0 && above > MEMORY_ABOVE {
+            above
+        } else {
+            told
+        }
     }
 
     /// Its scores alone: where too little is left of the data to say more.
@@ -79,6 +99,7 @@ impl Criticism {
             patterns: Vec::new(),
             episodes: Vec::new(),
             whiteness: None,
+            persistence: None,
             independence: Vec::new(),
         }
     }
@@ -170,6 +191,7 @@ fn judge(series: &Series, everywhere: Vec<Where>, patterns: Vec<Pattern>) -> Cri
         patterns,
         episodes: episode::worst(series),
         whiteness: correlation::whiteness(series, &runs),
+        persistence: persistence::persistence(series, &runs),
         independence: correlation::independence(series, &runs),
     }
 }

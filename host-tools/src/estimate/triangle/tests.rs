@@ -7,7 +7,6 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::*;
 use crate::equation::column::{Entry, columns_of};
-use crate::estimate::blocks::empty;
 
 /// A limb of one joint with some effects, its rows as a matrix and folded, and a prior.
 struct Problem {
@@ -42,12 +41,8 @@ fn problem(seed: u64) -> Problem {
     let columns = Columns::new(vec![1], entries.collect());
     let width = columns.of_joint[0].len() + 1;
     let rows = DMatrix::from_fn(60, width, |_, _| number());
-    let mut factor = empty(width - 1);
-    for row in rows.row_iter() {
-        factor
-            .update(&mut row.iter().copied().collect::<Vec<_>>())
-            .unwrap();
-    }
+    let mut factor = HeapFactor::new(width - 1);
+    factor.fold(rows.transpose().as_mut_slice());
     let body = (0..10).map(|k| {
         std::array::from_fn(|c| {
             if c >= k {
@@ -70,14 +65,13 @@ fn problem(seed: u64) -> Problem {
 }
 
 impl Problem {
-    fn triangle(&self, active: &[usize], rest: &[usize]) -> Triangle {
+    fn triangle(&self, active: usize) -> Triangle {
         Triangle::new(
             &self.columns,
             &self.prior,
             std::slice::from_ref(&self.factor),
             &[NOISE],
             active,
-            rest,
         )
     }
 
@@ -116,7 +110,7 @@ fn the_solution_is_that_of_dense_least_squares() {
     for seed in 0..20 {
         let problem = problem(seed);
         let active: Vec<usize> = (0..13).collect();
-        let theta = problem.triangle(&active, &[13, 14]).solve(15, &[]);
+        let theta = problem.triangle(13).solve(&[]);
         let (dense, _) = problem.dense(&active);
         for (k, value) in active.iter().zip(dense) {
             assert!(
@@ -133,20 +127,20 @@ fn a_trial_is_the_fit_with_its_entries_in_the_model() {
     for seed in 0..20 {
         let problem = problem(seed);
         let (active, group): (Vec<usize>, Vec<usize>) = ((0..13).collect(), vec![13, 14]);
-        let triangle = problem.triangle(&active, &group);
+        let triangle = problem.triangle(13);
         let trial = triangle.trial(&group).unwrap();
         let pairs: Vec<(usize, f64)> = group
             .iter()
             .copied()
             .zip(trial.value.iter().copied())
             .collect();
-        let theta = triangle.solve(15, &pairs);
+        let theta = triangle.solve(&pairs);
         let all: Vec<usize> = (0..15).collect();
         let (dense, least) = problem.dense(&all);
         for (value, expected) in theta.iter().zip(&dense) {
             assert!((value - expected).abs() < 1e-9, "{value} {expected}");
         }
-        let std = problem.triangle(&all, &[]).std();
+        let std = problem.triangle(15).std();
         assert!((trial.std[0] - std[13]).abs() < 1e-9 && (trial.std[1] - std[14]).abs() < 1e-9);
         // The group's own prior, met by zero, costs (mean / std)² each.
         let (_, without) = problem.dense(&active);

@@ -216,7 +216,7 @@ fn joint_fits(fit: &LimbFit) -> Vec<FittedJoint> {
         false => vec![fit.data.limb.name.clone()],
     };
     let of = |(g, joint): (usize, String)| {
-        let windows = fit.all[g].count;
+        let windows = fit.all[g].count();
         let rms = |square: f64| (square / windows.max(1.0)).sqrt();
         FittedJoint {
             joint,

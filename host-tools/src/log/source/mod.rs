@@ -6,6 +6,7 @@
 #[cfg(any(feature = "mcap", feature = "db3"))]
 mod bag;
 mod chain;
+mod decimal;
 mod input;
 mod kind;
 #[cfg(feature = "parquet")]

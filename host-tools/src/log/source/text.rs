@@ -9,6 +9,7 @@ use std::rc::Rc;
 use csv::ByteRecord;
 use flate2::bufread::MultiGzDecoder;
 
+use super::decimal::decimal;
 use super::input::Input;
 use super::{Empty, Fault, Source, Wanted};
 use crate::log::error::{LogError, Place, Problem, Unit};
@@ -182,6 +183,9 @@ impl Text {
     }
 
     fn number(&self, text: &[u8]) -> Result<f64, ()> {
+        if let Some(value) = decimal(text) {
+            return Ok(value);
+        }
         if let Ok(value) = fast_float2::parse(text) {
             return Ok(value);
         }

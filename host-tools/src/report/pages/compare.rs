@@ -1,48 +1,86 @@
 //! The page of `compare`.
 
-use super::{Unreadable, correlations, header, of_data, residuals, torques};
-use crate::compare::Comparison;
-use crate::compare::EffectValue;
+use std::path::Path;
+
+use super::{Unreadable, correlations, drawing, header, of_data, residuals, torques};
+use crate::compare::{Comparison, EffectValue, choices};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::report::choices::{self as tick_boxes, Told};
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};
 use crate::report::{Page, Section};
 
-/// Patterns told in the header.
-const TOLD: usize = 3;
-
-/// Model against measurement: errors, torque, residual and its correlations, the effects' values.
+/// Model against measurement: what to tick, errors, torque, residual and its correlations, the effects' values. `path` is the model's
+/// file.
 ///
 /// # Errors
 /// If a log cannot be read any more.
-pub fn comparison(comparison: &Comparison) -> Result<Page, Unreadable> {
-    let mut findings = vec![format!("{}.", comparison.headline())];
+pub fn comparison(
+    comparison: &Comparison,
+    recording: &Recording,
+    model: &Model,
+    path: Option<&Path>,
+) -> Result<Page, Unreadable> {
+    let summary = comparison.summary(path);
+    let mut findings = summary.points;
     findings.extend(of_data(&comparison.data));
-    findings.extend(comparison.contact_sentences());
-    let told = comparison.patterns.iter().take(TOLD);
-    findings.extend(told.map(|p| {
-        format!(
-            "{:.0} % of the square error: {}.",
-            p.share_percent, p.sentence
-        )
-    }));
-    Ok(Page {
-        header: header("Model against measurement", findings, &comparison.logs)?,
-        sections: sections(comparison, &ladder(comparison)),
-    })
+    findings.extend(comparison.contact_sentences().into_iter().skip(1));
+    let effects = model.effects().iter();
+    let names = effects.map(|e| format!("{}:{}", e.effect.name(), model.joint_name(e.joint)));
+    let before =
+        names.filter(|name| !comparison.added.is_empty() && !comparison.added.contains(name));
+    let with = crate::summary::typed(&comparison.logs, path);
+    let told = Told {
+        before: before.collect(),
+        compare: format!("proprio compare {with} --fit"),
+        ..told(comparison)
+    };
+    let mut header = header("Model against measurement", findings, &comparison.logs)?;
+    header.headline = summary.headline;
+    header.next = summary.next;
+    header.drawing = drawing(model, &comparison.series);
+    let mut sections = sections(comparison, &ladder(comparison));
+    sections.splice(0..0, try_out(recording, model, &told)?);
+    Ok(Page { header, sections })
+}
+
+/// What the tick boxes are told of a comparison.
+pub(super) fn told(comparison: &Comparison) -> Told {
+    Told {
+        before: Vec::new(),
+        floors: (comparison.joints.iter())
+            .map(|joint| (joint.joint.clone(), joint.yardsticks.noise_floor_rms))
+            .collect(),
+        floor: comparison.yardsticks.noise_floor_rms,
+        first: Vec::new(),
+        compare: String::new(),
+        rms: comparison.rms,
+    }
+}
+
+/// Tick boxes, if the model can be fitted to the recording.
+pub(super) fn try_out(
+    recording: &Recording,
+    model: &Model,
+    told: &Told,
+) -> Result<Option<Section>, Unreadable> {
+    let section = choices(recording, model).map(|choices| tick_boxes::section(&choices, told));
+    section.transpose().map_err(|e| (String::new(), e))
 }
 
 /// The sections of a comparison after those of how the error fell.
 pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section> {
     let name = "model";
     let mut sections = vec![
-        waterfall::section(ladder, comparison.yardsticks.noise_floor_rms),
-        torques(&comparison.series, &comparison.baselines, name),
-        residuals(&comparison.series, name),
-        correlations(&comparison.criticism, name),
+        waterfall::section(ladder, comparison.yardsticks.noise_floor_rms).folded(),
+        torques(&comparison.series, &comparison.baselines, name).folded(),
+        residuals(&comparison.series, name).folded(),
+        correlations(&comparison.criticism, name).folded(),
     ];
     if !comparison.effects.is_empty() {
         let rows: Vec<ParameterRow> = comparison.effects.iter().map(row).collect();
-        sections.push(parameters::section(&rows));
+        sections.push(parameters::section(&rows).folded());
     }
     sections
 }

@@ -1,39 +1,92 @@
 //! The page of `diagnose`.
 
-use super::compare::sections;
-use super::{Unreadable, header, of_data};
+use std::path::Path;
+
+use super::compare::{sections, told, try_out};
+use super::{Unreadable, drawing, header, of_data};
 use crate::compare::Comparison;
-use crate::diagnose::Diagnosis;
+use crate::diagnose::{Diagnosis, NEW_MODEL};
+use crate::model::Model;
+use crate::recording::Recording;
 use crate::report::candidates::{self, Candidate};
+use crate::report::choices::Told;
 use crate::report::waterfall::Step;
 use crate::report::{Page, Section};
+use crate::summary::typed;
 
-/// What is missing, what each effect would gain, and the comparison of the model that has all of them.
-///
-/// # Errors
-/// If a log cannot be read any more.
-pub fn diagnosis(diagnosis: &Diagnosis, after: &Comparison) -> Result<Page, Unreadable> {
-    let mut findings = vec![
-        format!("{}.", diagnosis.reason),
-        format!("Next: {}.", diagnosis.next),
-    ];
-    findings.extend(of_data(&after.data));
-    findings.extend(diagnosis.outside_catalogue.iter().cloned());
-    let start = Step {
-        label: "the model as given".to_owned(),
-        rms: diagnosis.held_out_rms,
-    };
-    let steps = diagnosis.path.iter().map(|step| Step {
-        label: step.to_string(),
-        rms: step.held_out_rms,
-    });
-    let ladder: Vec<Step> = [start].into_iter().chain(steps).collect();
-    let mut all = sections(after, &ladder);
-    all.insert(1, bars(diagnosis));
-    Ok(Page {
-        header: header("What the model lacks", findings, &diagnosis.logs)?,
-        sections: all,
-    })
+/// What the page of a diagnosis is made of.
+pub struct DiagnosisPage<'a> {
+    /// What was found.
+    pub diagnosis: &'a Diagnosis,
+    /// The comparison of the model that has all of it.
+    pub after: &'a Comparison,
+    /// What was diagnosed.
+    pub recording: &'a Recording,
+    /// The model as it was given.
+    pub given: &'a Model,
+    /// The model with what was found.
+    pub complete: &'a Model,
+    /// The model's file, if one was named.
+    pub model: Option<&'a Path>,
+    /// Whether the file has what was found already.
+    pub written: bool,
+}
+
+impl DiagnosisPage<'_> {
+    /// What is missing, tick boxes to try it, what each effect would gain, and the comparison of the model that has all of them.
+    ///
+    /// # Errors
+    /// If a log cannot be read any more.
+    pub fn page(&self) -> Result<Page, Unreadable> {
+        let diagnosis = self.diagnosis;
+        let summary = diagnosis.summary(self.given.robot(), self.model);
+        let mut findings = summary.points;
+        findings.push(format!("{}.", diagnosis.reason));
+        findings.extend(of_data(&self.after.data));
+        findings.extend(diagnosis.outside_catalogue.iter().skip(1).cloned());
+        let start = Step {
+            label: "the model as given".to_owned(),
+            rms: diagnosis.held_out_rms,
+        };
+        let steps = diagnosis.path.iter().map(|step| Step {
+            label: step.to_string(),
+            rms: step.held_out_rms,
+        });
+        let ladder: Vec<Step> = [start].into_iter().chain(steps).collect();
+        let mut all = sections(self.after, &ladder);
+        all.insert(1, bars(diagnosis).folded());
+        let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
+        all.splice(0..0, tick_boxes);
+        let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
+        header.headline = summary.headline;
+        header.next = summary.next;
+        header.drawing = drawing(self.complete, &self.after.series);
+        Ok(Page {
+            header,
+            sections: all,
+        })
+    }
+
+    /// What the tick boxes are told; `next` adds to the model file what was found.
+    fn told(&self, next: &[String]) -> Told {
+        let adds = self.complete != self.given;
+        let model = self.model.or(adds.then_some(Path::new(NEW_MODEL)));
+        let given = self.given.effects().iter();
+        Told {
+            before: given
+                .map(|e| format!("{}:{}", e.effect.name(), self.given.joint_name(e.joint)))
+                .collect(),
+            first: match adds && !self.written {
+                true => next.to_vec(),
+                false => Vec::new(),
+            },
+            compare: format!(
+                "proprio compare {} --fit",
+                typed(&self.diagnosis.logs, model)
+            ),
+            ..told(self.after)
+        }
+    }
 }
 
 fn bars(diagnosis: &Diagnosis) -> Section {

@@ -2,7 +2,8 @@
 
 use crate::excite::LimbDesign;
 use crate::model::{Model, Provenance};
-use crate::report::motion::{self, FRAMES, JointCurve, Quantity, Skeleton};
+use crate::report::motion::{self, JointCurve, Quantity};
+use crate::report::stick::{self, FRAMES, Skeleton};
 use crate::report::{Header, Page};
 
 /// Points of a curve per second.
@@ -42,9 +43,10 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
             ..Header::default()
         },
         sections: vec![
-            motion::figure_of(&skeletons),
+            stick::figure_of(&skeletons),
             motion::section(Quantity::Position, &curves(Quantity::Position)),
             motion::section(Quantity::Velocity, &curves(Quantity::Velocity)),
+            motion::section(Quantity::Acceleration, &curves(Quantity::Acceleration)),
             motion::section(Quantity::Torque, &curves(Quantity::Torque)),
             motion::search(&history.collect::<Vec<_>>()),
         ],
@@ -62,6 +64,10 @@ fn curves(model: &Model, design: &LimbDesign, quantity: Quantity) -> Vec<JointCu
             Quantity::Velocity => (
                 commands.iter().map(|c| c.dq[j]).collect(),
                 [-limit.velocity, limit.velocity],
+            ),
+            Quantity::Acceleration => (
+                commands.iter().map(|c| c.ddq[j]).collect(),
+                [-limit.acceleration, limit.acceleration],
             ),
             Quantity::Torque => (
                 commands.iter().map(|c| c.tau[j]).collect(),

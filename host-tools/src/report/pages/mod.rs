@@ -11,19 +11,33 @@ use std::path::PathBuf;
 
 use super::correlation::Correlation;
 use super::residual::ResidualSeries;
+use super::robot::{self, DrawnJoint};
 use super::torque::TorqueSeries;
-use super::{Header, LogFile, Section, correlation, residual, torque};
+use super::{Drawing, Header, LogFile, Section, correlation, residual, torque};
 use crate::compare::JointSeries;
 use crate::detect::residual::{Correlation as Lagged, Criticism, Input};
-use crate::model::Provenance;
+use crate::model::{Model, Provenance};
 use crate::recording::LogGates;
 
 pub use compare::comparison;
-pub use diagnose::diagnosis;
+pub use diagnose::DiagnosisPage;
 pub use identify::{fit, identification};
 
 /// A log that cannot be read any more: its path, and why.
 pub type Unreadable = (String, io::Error);
+
+/// The robot as it stands on average, in the colours of its joints' errors.
+fn drawing(model: &Model, series: &[JointSeries]) -> Drawing {
+    let joint = |own: &JointSeries| DrawnJoint {
+        name: own.joint.clone(),
+        q: own.q.iter().sum::<f64>() / own.q.len().max(1) as f64,
+        rms: own.rms(),
+    };
+    Drawing(robot::drawing(
+        model,
+        &series.iter().map(joint).collect::<Vec<_>>(),
+    ))
+}
 
 /// The header: this command line, this version, these logs as they are now.
 fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header, Unreadable> {
@@ -37,6 +51,7 @@ fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header
         findings,
         command,
         logs: logs.into_iter().map(log).collect(),
+        ..Header::default()
     })
 }
 

@@ -95,11 +95,9 @@ impl Judgement {
         self.is_top() || self.alternatives.iter().any(|a| is_right(&self.case, a))
     }
 
-    /// Whether the path has the hidden effect, or what says the same.
+    /// Whether the path has the hidden effect, or what of an equal one the model did not have yet.
     pub fn is_found(&self) -> bool {
-        let equal = &self.case.truth.equal;
-        let said = !equal.is_empty() && equal.iter().all(|place| self.path.contains(place));
-        said || (self.case.hidden()).is_some_and(|hidden| self.path.contains(&hidden))
+        self.path.iter().any(|place| self.case.lacks(place))
     }
 
     /// What of the path is not there.

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use proprio::log::LogWriter;
 use proprio::simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation};
@@ -75,6 +76,36 @@ pub fn all() -> Vec<NoisyCase> {
     cases
 }
 
+/// Writes logs, models and truths of cases to `folder`, two at a time. `progress` hears how many are done.
+///
+/// # Errors
+/// In words, of the first that cannot be written.
+pub fn write(
+    cases: &[NoisyCase],
+    folder: &Path,
+    progress: impl Fn(usize) + Sync,
+) -> Result<(), String> {
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let work = || {
+        while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+            case.write(folder)?;
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..super::super::THREADS)
+            .map(|_| scope.spawn(work))
+            .collect();
+        let join = |thread: std::thread::ScopedJoinHandle<_>| {
+            thread
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        threads.into_iter().try_for_each(join)
+    })
+}
+
 impl NoisyCase {
     fn new(name: &str, torque: (f64, f64), n: usize) -> Self {
         Self {
@@ -125,7 +156,7 @@ impl NoisyCase {
     ///
     /// # Errors
     /// In words.
-    pub fn write(&self, folder: &Path) -> Result<(), String> {
+    fn write(&self, folder: &Path) -> Result<(), String> {
         let name = self.name();
         let wrong = |error: &dyn std::fmt::Display| format!("{name}: {error}");
         let simulation = self.noisy(self.case.simulation(), self.rate, self.torque.0);

@@ -4,7 +4,7 @@
 const LANES: usize = 8;
 
 /// Σ a b, as far as both reach.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());
     let (a, b) = (a[..n].chunks_exact(LANES), b[..n].chunks_exact(LANES));
     let rest = a.remainder().iter().zip(b.remainder());

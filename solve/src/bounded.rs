@@ -8,7 +8,11 @@
 //! limb whose columns are each joint's own; here a column may be felt by every joint (elasticity, tilt, load).
 
 use nalgebra::{DMatrix, DVector};
+use proprio_core::factor::BodyFactor;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
+
+use crate::dot::dot;
+use crate::factor::HeapFactor;
 
 /// Newton steps that a solution may take.
 const MAX_ITERATIONS: usize = 50;
@@ -19,47 +23,53 @@ const CONVERGED: f64 = 1e-6;
 
 /// What is known of a parameter that belongs to no body before any data.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Bounded {
-    pub(crate) mean: f64,
-    pub(crate) std: f64,
-    pub(crate) lower: f64,
-    pub(crate) upper: f64,
+pub struct Bounded {
+    /// Expected value.
+    pub mean: f64,
+    /// Its standard deviation.
+    pub std: f64,
+    /// Least value that it may take.
+    pub lower: f64,
+    /// Greatest.
+    pub upper: f64,
 }
 
 /// A limb's problem: the bodies' parameters first, then all others.
 #[derive(Debug, Clone)]
-pub(crate) struct Problem {
+pub struct Problem {
     /// Each body by the CAD, and its relative uncertainty.
-    pub(crate) bodies: Vec<(InertialParameters<f64>, f64)>,
-    pub(crate) others: Vec<Bounded>,
+    pub bodies: Vec<(InertialParameters<f64>, f64)>,
+    /// All parameters that are no body's.
+    pub others: Vec<Bounded>,
     /// Rows of the data in units of the noise: the parameters, then the right-hand side.
-    pub(crate) data: DMatrix<f64>,
+    pub data: DMatrix<f64>,
     /// Whether bodies may be unphysical: then their prior is its expansion about the CAD.
-    pub(crate) free: bool,
+    pub free: bool,
 }
 
 /// A fit.
 #[derive(Debug, Clone)]
-pub(crate) struct Solution {
-    pub(crate) theta: DVector<f64>,
+pub struct Solution {
+    /// The bodies' parameters, then all others.
+    pub theta: DVector<f64>,
     /// R of the cost's expansion there, RᵀR = half the Hessian: (RᵀR)⁻¹ is the covariance for independent residuals.
-    pub(crate) factor: DMatrix<f64>,
+    pub factor: DMatrix<f64>,
     /// Which parameters are held at a bound.
-    pub(crate) held: Vec<bool>,
+    pub held: Vec<bool>,
     #[cfg(test)]
-    pub(crate) iterations: usize,
+    iterations: usize,
 }
 
 impl Solution {
     /// Standard deviations if residuals are independent.
-    pub(crate) fn std(&self) -> DVector<f64> {
+    pub fn std(&self) -> DVector<f64> {
         let inverse = inverse(&self.factor);
         DVector::from_fn(inverse.nrows(), |k, _| inverse.row(k).norm())
     }
 }
 
 /// The inverse of an upper triangle; every parameter has a prior, so that it exists.
-pub(crate) fn inverse(factor: &DMatrix<f64>) -> DMatrix<f64> {
+pub fn inverse(factor: &DMatrix<f64>) -> DMatrix<f64> {
     let n = factor.nrows();
     factor
         .solve_upper_triangular(&DMatrix::identity(n, n))
@@ -67,7 +77,7 @@ pub(crate) fn inverse(factor: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// The triangle of a matrix of any number of rows: as many rows as columns.
-pub(crate) fn triangle(rows: DMatrix<f64>) -> DMatrix<f64> {
+pub fn triangle(rows: DMatrix<f64>) -> DMatrix<f64> {
     let n = rows.ncols();
     let m = rows.nrows().max(n);
     let r = rows.resize_vertically(m, 0.0).qr().r();
@@ -80,7 +90,7 @@ impl Problem {
     }
 
     /// The same prior without data.
-    pub(crate) fn without_data(&self) -> Self {
+    pub fn without_data(&self) -> Self {
         Self {
             data: DMatrix::zeros(0, self.parameters() + 1),
             ..self.clone()
@@ -88,7 +98,7 @@ impl Problem {
     }
 
     /// The CAD's bodies, and what the others are taken to be.
-    pub(crate) fn start(&self) -> DVector<f64> {
+    pub fn start(&self) -> DVector<f64> {
         let bodies = self
             .bodies
             .iter()
@@ -98,7 +108,7 @@ impl Problem {
     }
 
     /// The cost; `None` where a body is not physical.
-    pub(crate) fn cost(&self, theta: &DVector<f64>) -> Option<f64> {
+    pub fn cost(&self, theta: &DVector<f64>) -> Option<f64> {
         let n = self.parameters();
         let misfit = self.data.columns(0, n) * theta - self.data.column(n);
         let mut cost = misfit.norm_squared();
@@ -120,12 +130,8 @@ impl Problem {
     fn prior_rows(&self, theta: &DVector<f64>) -> Option<DMatrix<f64>> {
         let n = self.parameters();
         let mut rows = DMatrix::zeros(n, n + 1);
-        for (b, (cad, relative)) in self.bodies.iter().enumerate() {
-            let expanded = if self.free {
-                cad.prior(*relative)?
-            } else {
-                body(theta, b).divergence_near(cad, *relative)?
-            };
+        for b in 0..self.bodies.len() {
+            let expanded = self.body_prior(theta, b)?;
             for k in 0..INERTIAL {
                 let Some((z, r)) = expanded.row(k).split_last() else {
                     continue;
@@ -145,7 +151,7 @@ impl Problem {
     }
 
     /// The prior's rows about θ without their right-hand side: times their transpose, the prior's information.
-    pub(crate) fn prior_information(&self, theta: &DVector<f64>) -> DMatrix<f64> {
+    pub fn prior_information(&self, theta: &DVector<f64>) -> DMatrix<f64> {
         let n = self.parameters();
         let rows = self
             .prior_rows(theta)
@@ -154,22 +160,70 @@ impl Problem {
     }
 
     /// A root S of the prior's covariance S Sᵀ as the prior looks from θ: a body twice as heavy is known half as well.
-    pub(crate) fn prior_root(&self, theta: &DVector<f64>) -> DMatrix<f64> {
+    pub fn prior_root(&self, theta: &DVector<f64>) -> DMatrix<f64> {
         inverse(&self.prior_information(theta))
     }
 
     /// R and z of all rows, the prior expanded about θ.
-    pub(crate) fn expanded(&self, theta: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
-        let (n, prior) = (self.parameters(), self.prior_rows(theta)?);
-        let m = prior.nrows() + self.data.nrows();
-        let mut rows = DMatrix::zeros(m, n + 1);
-        rows.rows_mut(0, n).copy_from(&prior);
-        rows.rows_mut(n, self.data.nrows()).copy_from(&self.data);
-        let r = triangle(rows);
+    pub fn expanded(&self, theta: &DVector<f64>) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let n = self.parameters();
+        let r = self.expand(&self.fixed(), theta)?.dense();
         Some((
             r.view((0, 0), (n, n)).into_owned(),
             r.view((0, n), (n, 1)).column(0).into_owned(),
         ))
+    }
+
+    /// The data and what is known of the effects: no step changes them.
+    fn fixed(&self) -> HeapFactor {
+        let (n, bodies) = (self.parameters(), INERTIAL * self.bodies.len());
+        let mut factor = HeapFactor::new(n);
+        // Where the last number lies in the columns up to each: data that are a triangle already stay as they are.
+        let mut last = 0;
+        let reach: Vec<usize> = (self.data.column_iter())
+            .map(|column| {
+                let own = column.iter().rposition(|x| *x != 0.0);
+                last = last.max(own.map_or(0, |row| row + 1));
+                last
+            })
+            .collect();
+        factor.reflect(self.data.transpose().as_mut_slice(), &|k| reach[k]);
+        let mut rows = vec![0.0; self.others.len() * (n + 1)];
+        for (k, (row, other)) in rows.chunks_exact_mut(n + 1).zip(&self.others).enumerate() {
+            row[bodies + k] = 1.0 / other.std;
+            row[n] = other.mean / other.std;
+        }
+        factor.reflect(&mut rows, &|k| (k + 1).saturating_sub(bodies));
+        factor
+    }
+
+    /// The same with the bodies' prior expanded about θ.
+    fn expand(&self, fixed: &HeapFactor, theta: &DVector<f64>) -> Option<HeapFactor> {
+        let width = self.parameters() + 1;
+        let mut rows = vec![0.0; INERTIAL * self.bodies.len() * width];
+        for (b, own) in rows.chunks_exact_mut(INERTIAL * width).enumerate() {
+            let expanded = self.body_prior(theta, b)?;
+            for (k, row) in own.chunks_exact_mut(width).enumerate() {
+                if let Some((z, r)) = expanded.row(k).split_last() {
+                    let first = INERTIAL * b + k;
+                    row[first..first + r.len()].copy_from_slice(r);
+                    row[width - 1] = *z;
+                }
+            }
+        }
+        let mut factor = fixed.clone();
+        factor.reflect(&mut rows, &|k| k + 1);
+        Some(factor)
+    }
+
+    /// A body's prior, expanded about θ where it is no quadratic.
+    fn body_prior(&self, theta: &DVector<f64>, b: usize) -> Option<BodyFactor<f64>> {
+        let (cad, relative) = &self.bodies[b];
+        if self.free {
+            cad.prior(*relative)
+        } else {
+            body(theta, b).divergence_near(cad, *relative)
+        }
     }
 
     fn bounds(&self) -> Vec<[f64; 2]> {
@@ -180,28 +234,37 @@ impl Problem {
     }
 
     /// The minimum; `None` if the CAD is not physical or a number is not finite.
-    pub(crate) fn solve(&self) -> Option<Solution> {
+    pub fn solve(&self) -> Option<Solution> {
+        self.solve_from(&self.start())
+    }
+
+    /// The same, looked for from `start`, which may be near: there is one minimum. A start that is not possible is not used.
+    pub fn solve_from(&self, start: &DVector<f64>) -> Option<Solution> {
         let bounds = self.bounds();
-        let mut theta = self.start();
-        let mut cost = self.cost(&theta)?;
+        let inside =
+            (start.iter().zip(&bounds)).all(|(x, [lower, upper])| x >= lower && x <= upper);
+        let near = inside.then(|| Some((start.clone(), self.cost(start)?)));
+        let (mut theta, mut cost) = match near.flatten() {
+            Some(near) => near,
+            None => (self.start(), self.cost(&self.start())?),
+        };
+        let fixed = self.fixed();
         let mut held = vec![false; theta.len()];
         let (mut iterations, mut done) = (0, false);
         loop {
-            let (r, z) = self.expanded(&theta)?;
+            let expanded = self.expand(&fixed, &theta)?;
             if done || iterations >= MAX_ITERATIONS {
-                return theta.iter().all(|x| x.is_finite()).then_some(Solution {
+                let n = theta.len();
+                return theta.iter().all(|x| x.is_finite()).then(|| Solution {
                     theta,
-                    factor: r,
+                    factor: expanded.dense().view((0, 0), (n, n)).into_owned(),
                     held,
                     #[cfg(test)]
                     iterations,
                 });
             }
-            let (target, at_bound) = within(&r, &z, &theta, &bounds);
-            let std = inverse(&r);
-            let moved = (0..theta.len()).fold(0.0f64, |most, k| {
-                most.max(((target[k] - theta[k]) / std.row(k).norm()).abs())
-            });
+            let (target, at_bound) = within(&expanded, &theta, &bounds);
+            let arrived = is_near(&expanded, (&target - &theta).as_slice());
             let mut falls = false;
             for halvings in 0..MAX_HALVINGS {
                 let trial = &theta + (&target - &theta) * 0.5f64.powi(halvings);
@@ -218,20 +281,39 @@ impl Problem {
                 held = at_bound;
             }
             iterations += 1;
-            done = moved < CONVERGED || !falls;
+            done = arrived || !falls;
         }
     }
 }
 
+/// Whether a step moves no parameter by as much as [`CONVERGED`] of its standard deviation.
+fn is_near(factor: &HeapFactor, step: &[f64]) -> bool {
+    let n = factor.columns();
+    // ‖R step‖ is the longest that any parameter moves; the last one's standard deviation is 1/R there.
+    let moved = |k: usize| {
+        let row = &factor.row(k)[..n - k];
+        dot(row, &step[k..])
+    };
+    let longest: f64 = (0..n).map(|k| moved(k).powi(2)).sum();
+    if longest.sqrt() < CONVERGED {
+        return true;
+    }
+    if n > 0 && moved(n - 1).abs() >= CONVERGED {
+        return false;
+    }
+    let dense = factor.dense();
+    let inverse = inverse(&dense.view((0, 0), (n, n)).into_owned());
+    (0..n).all(|k| (step[k] / inverse.row(k).norm()).abs() < CONVERGED)
+}
+
 /// Body b of θ.
-pub(crate) fn body(theta: &DVector<f64>, b: usize) -> InertialParameters<f64> {
+pub fn body(theta: &DVector<f64>, b: usize) -> InertialParameters<f64> {
     InertialParameters(theta.fixed_rows::<INERTIAL>(INERTIAL * b).into_owned())
 }
 
 /// The minimum of ‖R x − z‖² within bounds, from a point within them, and which entries are at one.
 fn within(
-    r: &DMatrix<f64>,
-    z: &DVector<f64>,
+    factor: &HeapFactor,
     start: &DVector<f64>,
     bounds: &[[f64; 2]],
 ) -> (DVector<f64>, Vec<bool>) {
@@ -242,7 +324,7 @@ fn within(
         .collect();
     // Each round adds or releases one; a convex problem of n bounds ends long before.
     for _ in 0..20 * n {
-        let target = solve_free(r, z, &x, &held);
+        let target = solve_free(factor, &x, &held);
         let mut share = 1.0;
         let mut blocking = None;
         for k in (0..n).filter(|&k| !held[k]) {
@@ -262,8 +344,15 @@ fn within(
             (x[k], held[k]) = (bound, true);
             continue;
         }
+        if !held.contains(&true) {
+            break;
+        }
         // Half the gradient: where the cost falls inwards, a bound lets go.
-        let slope = r.tr_mul(&(r * &x - z));
+        let slope = factor.slope(x.as_slice());
+        let length = |k: usize| {
+            let column = (0..=k).map(|row| factor.row(row)[k - row].powi(2));
+            column.sum::<f64>().sqrt()
+        };
         let worst = (0..n)
             .filter(|&k| held[k] && bounds[k][0] < bounds[k][1])
             .map(|k| {
@@ -272,7 +361,7 @@ fn within(
                 } else {
                     slope[k]
                 };
-                (k, inwards / r.column(k).norm())
+                (k, inwards / length(k))
             })
             .min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
@@ -284,26 +373,33 @@ fn within(
 }
 
 /// The least-squares solution over the entries that are not held.
-fn solve_free(r: &DMatrix<f64>, z: &DVector<f64>, x: &DVector<f64>, held: &[bool]) -> DVector<f64> {
-    let free: Vec<usize> = (0..x.len()).filter(|&k| !held[k]).collect();
-    let fixed = DVector::from_fn(x.len(), |k, _| if held[k] { x[k] } else { 0.0 });
-    let right = z - r * fixed;
-    let mut rows = DMatrix::zeros(r.nrows(), free.len() + 1);
-    for (c, &k) in free.iter().enumerate() {
-        rows.set_column(c, &r.column(k));
-    }
-    rows.set_column(free.len(), &right);
-    let reduced = triangle(rows);
-    let f = free.len();
-    let solution = reduced
-        .view((0, 0), (f, f))
-        .solve_upper_triangular(&reduced.view((0, f), (f, 1)));
+fn solve_free(factor: &HeapFactor, x: &DVector<f64>, held: &[bool]) -> DVector<f64> {
+    let n = x.len();
     let mut target = x.clone();
-    if let Some(solution) = solution {
-        free.iter()
-            .zip(solution.iter())
-            .for_each(|(&k, value)| target[k] = *value);
+    // Before the first that is held the triangle stays as it is.
+    let first = held.iter().position(|held| *held).unwrap_or(n);
+    let free: Vec<usize> = (first..n).filter(|&k| !held[k]).collect();
+    let (f, count) = (free.len(), n - first);
+    let mut rows = vec![0.0; count * (f + 1)];
+    for (row, k) in rows.chunks_exact_mut(f + 1).zip(first..n) {
+        let from = factor.row(k);
+        let known = (k..n).filter(|c| held[*c]);
+        row[f] = from[n - k] - known.map(|c| from[c - k] * x[c]).sum::<f64>();
+        for (to, &c) in row.iter_mut().zip(&free) {
+            *to = c.checked_sub(k).map_or(0.0, |at| from[at]);
+        }
     }
+    let mut reduced = HeapFactor::new(f);
+    reduced.reflect(&mut rows, &|c| free.get(c).map_or(count, |k| k + 1 - first));
+    let mut solution = vec![0.0; f];
+    reduced.solve_before(f, &mut solution);
+    // Nothing determines what is not finite: it stays.
+    if solution.iter().all(|x| x.is_finite()) {
+        free.iter()
+            .zip(solution)
+            .for_each(|(&k, value)| target[k] = value);
+    }
+    factor.solve_before(first, target.as_mut_slice());
     target
 }
 

@@ -1,0 +1,95 @@
+//! What a host can ask of a device, and what it is answered.
+
+use heapless::Vec;
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
+/// Most numbers of a factor that one [`FactorPart`] carries.
+pub const MAX_PART: usize = 64;
+
+/// Something to be done once, however often it is heard: a host that got no answer asks again with the same `id`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Request {
+    /// The host's choice, another one for each request. A host begins at a random number, so that a device does not take its
+    /// requests for those of the host before.
+    pub id: u32,
+    /// What is to be done.
+    pub action: Action,
+}
+
+/// What can be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Action {
+    /// Forget all data and counts.
+    Reset,
+    /// Estimate this effect from now on.
+    AddEffect(EffectAt),
+    /// Estimate it no more.
+    DropEffect(EffectAt),
+}
+
+/// What became of a [`Request`]; the same each time that it is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Answer {
+    /// [`Request::id`].
+    pub id: u32,
+    /// What became of it.
+    pub outcome: Outcome,
+}
+
+/// What became of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Outcome {
+    /// Done: the next estimate of the leg is of the new model.
+    Accepted,
+    /// The robot has no such joint.
+    NoSuchJoint,
+    /// The firmware keeps no columns for such an effect.
+    NoSuchEffect,
+    /// The model has it already.
+    AlreadyActive,
+    /// The model does not have it.
+    NotActive,
+}
+
+/// An effect at a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct EffectAt {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// The joint's place in the leg.
+    pub joint: u8,
+    /// The effect's place in [`Hello::effects`](super::Hello::effects).
+    pub effect: u8,
+}
+
+/// Asks for a part of the triangle of one joint in one fold, answered by [`FactorPart`].
+///
+/// The parts of a triangle must be of one time, so they are read from a copy. The device makes one when it hears of a `copy`
+/// that it does not hold and `first` is 0, and keeps it until it makes the next. Asking for the same part again gives the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct ReadFactor {
+    /// The host's name of the copy, chosen as [`Request::id`] is.
+    pub copy: u32,
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// Which fold.
+    pub fold: u8,
+    /// The joint's place in the leg.
+    pub joint: u8,
+    /// Place of the part's first number in the triangle, packed by rows.
+    pub first: u16,
+}
+
+/// A part of a triangle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct FactorPart {
+    /// What was asked.
+    pub read: ReadFactor,
+    /// Windows in the triangle; forgotten ones count less.
+    pub windows: f64,
+    /// Numbers of the whole triangle; 0 where there is none, or where its copy is no longer held.
+    pub length: u16,
+    /// The part's numbers.
+    pub numbers: Vec<f64, MAX_PART>,
+}

@@ -1,0 +1,46 @@
+//! What a model lacks, by the library: `cargo run --release -p proprio --example diagnose -- LOG…`. Without a log one is simulated.
+
+use std::error::Error;
+use std::path::PathBuf;
+
+use proprio::diagnose::diagnose;
+use proprio::log::LogWriter;
+use proprio::model::Model;
+use proprio::recording::Recording;
+use proprio::simulator::Simulation;
+use proprio::simulator::hidden::typical;
+use proprio_core::go2::Leg;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut logs: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let folder = tempfile::tempdir()?;
+    if logs.is_empty() {
+        let log = folder.path().join("log.csv");
+        std::fs::write(&log, simulated()?)?;
+        logs.push(log);
+    }
+    // The Go2's rigid body from its URDF, and no effect.
+    let model = Model::default();
+    let recording = Recording::read(&logs, &model, |_done, _total| ())?;
+    let diagnosis = diagnose(&recording, &model)?;
+    print!("{}", diagnosis.summary(model.robot(), None));
+    for step in &diagnosis.path {
+        println!("{step}: {:.4} N m", step.held_out_rms);
+    }
+    Ok(())
+}
+
+/// A leg with typical friction, as a CSV log.
+fn simulated() -> Result<Vec<u8>, Box<dyn Error>> {
+    let simulation = Simulation {
+        effects: typical(&[Leg::FR]),
+        duration: 10.0,
+        ..Simulation::new(&[Leg::FR])
+    };
+    let mut log = LogWriter::new(Vec::new(), &simulation.legs)?;
+    for sample in simulation.samples() {
+        let sample = sample?;
+        log.row(sample.t, &sample.q, &sample.dq, &sample.tau)?;
+    }
+    Ok(log.finish()?)
+}

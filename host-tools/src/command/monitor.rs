@@ -1,0 +1,137 @@
+//! `proprio monitor`: live estimates of a device.
+
+mod lines;
+mod session;
+mod terminal;
+
+use std::io::{IsTerminal, stdin, stdout};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clap::error::ErrorKind;
+use proprio::device::serial::SerialDevice;
+use proprio::device::{Desktop, Device, Qemu, image};
+use proprio::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
+use proprio::output::WriteError;
+use proprio::simulator::Hide;
+use proprio::simulator::hidden::typical;
+use proprio_core::go2::Leg;
+
+use session::Session;
+
+use super::Error;
+
+/// What the simulated robot has beside a Go2's usual friction, unless --hide says otherwise: something to be found.
+const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
+
+/// Watch a device's estimates live
+///
+/// Shows each joint's friction with errors and its residual against the band of the seconds before, which effects the device finds
+/// missing, what happened, and how bus and link are; a page per leg has all its parameters against the CAD. Keys: a and d add
+/// the chosen effect to the device's model and drop it, r resets, p pauses, s saves a model file, f saves the device's
+/// factors for `identify --factor`, q quits. Without a terminal, or with --lines, lines are printed instead.
+///
+/// `qemu` builds the firmware, boots it on an emulated board and has it hear a simulated robot; `sim` runs its code in this
+/// process, which needs no emulator. Anything else is a board's serial port, or a file that --record made.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio monitor sim
+  proprio monitor qemu --hide stribeck:FL_thigh=0.3
+  proprio monitor /dev/ttyACM0 --record monday.messages
+  proprio monitor monday.messages --speed 10
+  proprio monitor sim --speed 0 --seconds 30 --json")]
+pub(crate) struct Monitor {
+    /// Whose messages
+    #[arg(value_name = "PORT|qemu|sim|FILE")]
+    source: String,
+    /// Keep all that comes in this file, to be watched again
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+    /// End after so much of the device's time
+    #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
+    seconds: Option<f64>,
+    /// How fast a simulated robot or a recording runs; 0: as fast as it goes
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = super::simulate::within(0.0, 1000.0))]
+    speed: f64,
+    /// What the simulated robot has beside usual friction [default: quadratic_drag:FR_calf=0.05]
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
+    hide: Vec<Hide>,
+    /// Seed of the simulated robot's motion and noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print lines instead of a screen
+    #[arg(long)]
+    lines: bool,
+    /// Print one JSON object at the end instead
+    #[arg(long)]
+    json: bool,
+}
+
+impl Monitor {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let source = self.open()?;
+        let journal = self.record.as_deref().map(journal).transpose()?;
+        let mut session = Session {
+            feed: Feed::start(source, self.speed),
+            journal: journal.zip(self.record.clone()),
+            view: Default::default(),
+            limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
+            ended: false,
+        };
+        let on_terminal = stdout().is_terminal() && stdin().is_terminal();
+        match on_terminal && !self.lines && !self.json {
+            true => terminal::watch(&mut session, self.source)?,
+            false => lines::watch(&mut session, self.json)?,
+        }
+        Ok(match self.json {
+            true => super::json(&lines::Report::new(&session.view)),
+            false => String::new(),
+        })
+    }
+
+    /// Opens the source; what takes long or fails is said before there is a screen.
+    fn open(&self) -> Result<Source, Error> {
+        Ok(match self.source.as_str() {
+            "qemu" => {
+                eprintln!("Building the firmware; the first time takes some minutes.");
+                let image = image::build(image::Scalar::F64)?;
+                self.simulated(Box::new(Qemu::boot(&image)?))?
+            }
+            "sim" => self.simulated(Box::new(Desktop::<f64>::new()))?,
+            file if Path::new(file).is_file() => {
+                Source::Recording(JournalReader::open(Path::new(file))?)
+            }
+            port => Source::Board(
+                Box::new(SerialDevice::open(port, [None; 4])?),
+                port.to_owned(),
+            ),
+        })
+    }
+
+    fn simulated(&self, device: Box<dyn Device + Send>) -> Result<Source, Error> {
+        let legs = Leg::ALL;
+        let mut effects = typical(&legs);
+        let default: Vec<Hide> = HIDDEN.parse().into_iter().collect();
+        let hidden = match self.hide.is_empty() {
+            true => &default,
+            false => &self.hide,
+        };
+        for hide in hidden {
+            match hide.on(&legs) {
+                Ok(hidden) => effects.extend(hidden),
+                Err(error) => {
+                    super::usage_error("monitor", ErrorKind::ValueValidation, error.to_string())
+                }
+            }
+        }
+        let robot = Robot::new(&legs, effects, self.seed);
+        Ok(Source::Simulated(device, robot))
+    }
+}
+
+fn journal(path: &Path) -> Result<JournalWriter, WriteError> {
+    JournalWriter::create(path).map_err(|source| WriteError {
+        path: path.to_owned(),
+        source,
+    })
+}

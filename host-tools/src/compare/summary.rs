@@ -1,0 +1,76 @@
+//! A comparison on one screen.
+
+use std::path::Path;
+
+use super::Comparison;
+use super::words::named;
+use crate::summary::{Summary, torque, typed};
+
+/// Points of a summary.
+const POINTS: usize = 3;
+/// A pattern with less of the square error is no point, %.
+const LEAST_SHARE: f64 = 1.0;
+/// Share of the square error above the noise from which on a model is worth a diagnosis, %.
+const WORTH_A_DIAGNOSIS: f64 = 20.0;
+
+impl Comparison {
+    /// The first screen: how large the error is, where it lives, and what to ask next.
+    pub fn summary(&self, model: Option<&Path>) -> Summary {
+        let mut points: Vec<String> = self.contact_sentences().into_iter().take(1).collect();
+        let patterns = self
+            .patterns
+            .iter()
+            .filter(|p| p.share_percent >= LEAST_SHARE);
+        points.extend(patterns.map(|p| {
+            format!(
+                "{:.0} % of the square error: {}",
+                p.share_percent, p.sentence
+            )
+        }));
+        if points.is_empty() {
+            points.push("what is left follows no position, velocity, acceleration, load, temperature or time".to_owned());
+        }
+        points.truncate(POINTS);
+        let with = typed(&self.logs, model);
+        let lacks = self
+            .yardsticks
+            .above_noise_percent
+            .is_none_or(|share| share > WORTH_A_DIAGNOSIS);
+        let next = match (lacks, model) {
+            (true, _) => format!("proprio diagnose {with}"),
+            (false, _) => format!("proprio identify {with}"),
+        };
+        Summary {
+            headline: self.first_line(),
+            points,
+            next: vec![next],
+        }
+    }
+
+    fn first_line(&self) -> String {
+        let yardsticks = &self.yardsticks;
+        let mut text = match yardsticks.before_rms {
+            Some(before) => format!("{} → {} N m", torque(before), torque(self.rms)),
+            None => format!("{} N m", torque(self.rms)),
+        };
+        if !self.added.is_empty() {
+            text += &format!(" with {}", named(&self.added));
+        }
+        if !self.left_out.is_empty() {
+            text += &format!(" without {}", named(&self.left_out));
+        }
+        if let Some(floor) = yardsticks.noise_floor_rms {
+            let most = if yardsticks.noise_floor_is_upper_bound {
+                " at most"
+            } else {
+                ""
+            };
+            text += &format!("; floor{most} {}", torque(floor));
+        }
+        text + &format!(
+            "; the CAD alone {}, no model {}",
+            torque(yardsticks.cad_rms),
+            torque(yardsticks.zero_rms)
+        )
+    }
+}

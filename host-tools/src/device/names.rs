@@ -1,0 +1,45 @@
+//! What a device's numbers mean: which joint, which effect, which parameter.
+
+use proprio_core::effect::EffectKind;
+use proprio_core::factor::FactorError;
+use proprio_core::go2::Leg;
+use proprio_core::wire::{EffectAt, Estimate, Hello};
+
+use crate::estimate::{self, ParameterEstimate};
+use crate::log::JointId;
+
+/// Where the device's numbers point; none beyond what the robot and the device have.
+pub fn place(at: &EffectAt, hello: &Hello) -> Option<(JointId, EffectKind)> {
+    let leg = Leg::ALL.get(usize::from(at.leg))?;
+    let joint = JointId::of(*leg).into_iter().nth(at.joint.into())?;
+    let name = hello.effects.get(usize::from(at.effect))?;
+    Some((joint, EffectKind::from_name(name)?))
+}
+
+/// The effects of a leg's estimate in the order of θ: those that its masks name.
+fn of_masks(leg: Leg, masks: &[u32], hello: &Hello) -> Vec<(JointId, EffectKind)> {
+    let joints = JointId::of(leg).into_iter().zip(masks);
+    let effects = joints.flat_map(|(joint, mask)| {
+        let named = hello.effects.iter().enumerate();
+        let active = named.filter(move |(n, _)| mask >> n & 1 == 1);
+        active.filter_map(move |(_, name)| Some((joint, EffectKind::from_name(name)?)))
+    });
+    effects.collect()
+}
+
+/// A leg's parameters by name, beside what was known of them before any data; none of a leg that the robot does not have.
+///
+/// # Errors
+/// As [`estimate::of_device`].
+pub fn parameters_of(
+    told: &Estimate,
+    hello: &Hello,
+) -> Result<Vec<ParameterEstimate>, FactorError> {
+    let Some(&leg) = Leg::ALL.get(usize::from(told.leg)) else {
+        return Ok(Vec::new());
+    };
+    let [values, std] = [&told.values, &told.std]
+        .map(|numbers| numbers.iter().map(|&x| f64::from(x)).collect::<Vec<_>>());
+    let active = of_masks(leg, &told.effects, hello);
+    estimate::of_device(leg, &active, &values, &std)
+}

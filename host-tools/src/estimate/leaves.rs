@@ -1,0 +1,179 @@
+//! What a fit predicts, and what it leaves: of the data that it was made of, and of those that it has not seen.
+
+use nalgebra::DVector;
+use proprio_core::effect::{EffectKind, Form};
+use proprio_core::inertia::INERTIAL;
+use rayon::prelude::*;
+
+use super::bounded::Problem;
+use super::fit::{LimbFit, depend_on_values};
+use super::groups::{Group, stacked};
+use super::method::Method;
+use crate::equation::dot::dot;
+use crate::equation::motion::is_derivative;
+use crate::equation::rows::jump;
+use crate::equation::values::{Place, Values};
+
+impl LimbFit<'_> {
+    /// What the estimate predicts, N m.
+    pub(crate) fn predicted(&self) -> Vec<f64> {
+        if self.is_linear() {
+            return self.predicted_by_columns(std::slice::from_ref(&self.solution.theta), &|_| 0);
+        }
+        self.data.predicted(&self.values, &|_| true)
+    }
+
+    /// The same of models fitted to the data of all folds but one, each of the windows of that one; `None` where one cannot be solved
+    /// for.
+    pub(crate) fn predicted_held_out(&self) -> Option<Vec<f64>> {
+        if self.is_linear() {
+            let theta = self.held_out_theta()?;
+            return Some(self.predicted_by_columns(&theta, &|w| self.data.fold(w)));
+        }
+        Some(self.data.predicted_by_fold(&self.held_out()?))
+    }
+
+    /// Whether the predictor is linear in all that is fitted: it is then the sum of the columns, window for window.
+    fn is_linear(&self) -> bool {
+        let is_fixed = |place: &Place| self.places.contains(place) || is_derivative(place.0);
+        !depend_on_values(&self.columns)
+            && self.at.places().all(|place| is_fixed(&place))
+            && !self.at.places().any(|place| {
+                place.0.description().form == Form::Motion
+                    && place.0 != EffectKind::EncoderOffset
+                    && place.0 != EffectKind::VelocityGain
+            })
+    }
+
+    /// What θ over the columns predicts, each window by the one that `of` tells.
+    fn predicted_by_columns(
+        &self,
+        theta: &[DVector<f64>],
+        of: &dyn Fn(usize) -> usize,
+    ) -> Vec<f64> {
+        let (data, n) = (self.data, self.data.joints());
+        let rows = data.rows(&self.at, &self.columns);
+        let own: Vec<_> = (theta.iter())
+            .map(|theta| self.columns.combined(theta.as_slice()))
+            .collect();
+        let mut torque = vec![0.0; data.torque.len()];
+        for w in (0..data.motion.windows.len()).filter(|&w| !data.left_out[w]) {
+            for (j, torque) in torque[w * n..(w + 1) * n].iter_mut().enumerate() {
+                *torque = dot(&own[of(w)][j], rows.row(w, j));
+            }
+        }
+        torque
+    }
+
+    /// Models fitted to the data of all folds but one, in the order of the folds.
+    pub(crate) fn held_out(&self) -> Option<Vec<Values>> {
+        let moved =
+            |theta: &DVector<f64>| self.data.moved(&self.at, &self.columns, theta.as_slice());
+        Some(self.held_out_theta()?.iter().map(moved).collect())
+    }
+
+    /// θ fitted to the data of all folds but one, in the order of the folds.
+    fn held_out_theta(&self) -> Option<Vec<DVector<f64>>> {
+        let blocks = &self.data.blocks;
+        let trains = self.groups.without_each(blocks.folds, |b| blocks.fold(b));
+        let solved = |train: &Vec<Group>| {
+            let problem = Problem {
+                data: stacked(train, &self.noise),
+                ..self.problem.clone()
+            };
+            Some(problem.solve_from(&self.solution.theta)?.theta)
+        };
+        trains.par_iter().map(solved).collect()
+    }
+
+    /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round
+    /// at a moment that is known to a sample and no better, dry friction F makes 2 F T / (√12 L); and the trapezoidal rule is wrong by
+    /// T²/12 of the torque's slopes at the window's ends, one less the other, over L (Euler and Maclaurin).
+    pub(crate) fn left_by_sampling(&self) -> Vec<f64> {
+        let (data, n, period) = (self.data, self.data.joints(), self.data.recording.period());
+        let own = self.columns.combined(self.solution.theta.as_slice());
+        let mut squares = vec![0.0; n];
+        for (w, window) in data.motion.windows.iter().enumerate() {
+            let [first, last] = window.samples;
+            for j in (0..n).filter(|&j| data.counts(w, j)) {
+                let rise =
+                    |k: usize| data.recording.tau[(k + 1) * n + j] - data.recording.tau[k * n + j];
+                let jump = jump(&self.columns.of_joint[j], &own[j], &data.motion, window, j);
+                let turn = 2.0 * jump.unwrap_or(0.0) / 12f64.sqrt();
+                let curve = (rise(last - 1) - rise(first)) / 12.0;
+                squares[j] += (turn * turn + curve * curve) * (period / window.length).powi(2);
+            }
+        }
+        squares
+    }
+
+    /// Sums of squares of what the estimate predicts, by the predictor; each group's by another equation.
+    pub(crate) fn squares(&self) -> Vec<f64> {
+        match self.method {
+            Method::Momentum => self.data.squares(&self.predicted()).by_joint(),
+            _ => self.group_squares(&self.solution.theta, |_| true),
+        }
+    }
+
+    /// The same of time that the fit has not seen; `None` where nothing can be held out.
+    pub(crate) fn held_out_squares(&self) -> Option<Vec<f64>> {
+        if self.data.blocks.folds < 2 {
+            return None;
+        }
+        if self.method == Method::Momentum {
+            return Some(self.data.squares(&self.predicted_held_out()?).by_joint());
+        }
+        let mut squares = vec![0.0; self.all.len()];
+        for (fold, theta) in self.held_out_theta()?.iter().enumerate() {
+            let own = self.group_squares(theta, |b| self.data.blocks.fold(b) == fold);
+            squares
+                .iter_mut()
+                .zip(own)
+                .for_each(|(sum, own)| *sum += own);
+        }
+        Some(squares)
+    }
+
+    /// Sums of squares under θ, group by group.
+    pub(crate) fn group_squares(
+        &self,
+        theta: &DVector<f64>,
+        chosen: impl Fn(usize) -> bool,
+    ) -> Vec<f64> {
+        let rows = self.groups.sum(chosen);
+        rows.iter().map(|rows| rows.sum_of_squares(theta)).collect()
+    }
+
+    /// Sums of squares of the CAD's rigid body without any effect.
+    pub(crate) fn cad_squares(&self) -> Vec<f64> {
+        if self.method == Method::Momentum {
+            let cad = Values::cad(self.data.model, self.data.limb);
+            return self
+                .data
+                .squares(&self.data.predicted(&cad, &|_| true))
+                .by_joint();
+        }
+        let mut cad = self.problem.start();
+        cad.rows_mut(
+            INERTIAL * self.problem.bodies.len(),
+            self.problem.others.len(),
+        )
+        .fill(0.0);
+        self.group_squares(&cad, |_| true)
+    }
+
+    /// Half the gradient of each block's sum of squares, in units of the noise.
+    pub(crate) fn scores(&self) -> Vec<DVector<f64>> {
+        let theta = &self.solution.theta;
+        let of = |block: &Vec<Group>| {
+            let mut sum = DVector::zeros(theta.len());
+            for (group, noise) in block.iter().zip(&self.noise) {
+                group.add_slope(theta, noise.powi(-2), &mut sum);
+            }
+            sum
+        };
+        let told =
+            (self.groups.blocks.iter()).filter(|block| block.iter().any(|rows| rows.count() > 0.0));
+        told.map(of).collect()
+    }
+}

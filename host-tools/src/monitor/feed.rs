@@ -1,0 +1,340 @@
+//! Where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use proprio_core::go2::Leg;
+use proprio_core::wire::{Action, DeviceMessage, HostMessage};
+
+use super::journal::{Entry, JournalError, JournalReader};
+use super::robot::Robot;
+use crate::device::pull::Pull;
+use crate::device::replay::ReplayError;
+use crate::device::serial::SerialDevice;
+use crate::device::{BusStep, Device, DeviceError, Requests};
+use crate::factors::Factors;
+use crate::simulator::Diverged;
+
+/// Messages that may wait for who reads them. A device is never kept waiting by more: a board drops what its host does not take.
+const WAITING: usize = 4096;
+/// Time between two looks at a board's port, µs.
+const LOOK_US: u64 = 10_000;
+/// Time between two attempts to open a port that is gone.
+const REOPEN: Duration = Duration::from_millis(500);
+
+/// Why messages end.
+#[derive(Debug, thiserror::Error)]
+pub enum FeedError {
+    /// The device.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// A value of the simulated robot that does not fit a frame.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The simulated robot.
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
+    /// A recording of messages.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+}
+
+/// Who speaks.
+pub enum Source {
+    /// A device that hears a simulated robot.
+    Simulated(Box<dyn Device + Send>, Robot),
+    /// A board on this serial port, which is opened again whenever it is lost.
+    Board(Box<SerialDevice>, String),
+    /// A recording.
+    Recording(JournalReader),
+}
+
+/// What the thread tells.
+#[derive(Debug)]
+pub enum Told {
+    /// Something came, or was asked, at this time since the beginning.
+    Entry(Duration, Box<Entry>),
+    /// In words: what happened to the link, or to the factors that were asked for.
+    News(String),
+    /// Nothing more comes; an error if that was not to be.
+    Ended(Option<FeedError>),
+}
+
+/// What the thread can be asked.
+#[derive(Debug)]
+pub enum Ask {
+    /// Pass this on to the device.
+    Action(Action),
+    /// Hold the simulated robot or the recording, or let it go on.
+    Pause,
+    /// Read the device's factors and write them to this file.
+    Factors(PathBuf),
+    /// End.
+    End,
+}
+
+/// The thread's ends.
+pub struct Feed {
+    told: Receiver<Told>,
+    asks: Sender<Ask>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Feed {
+    /// Begins; a simulated robot or a recording runs `speed` times as fast as real time at most, 0: as fast as it goes.
+    pub fn start(source: Source, speed: f64) -> Self {
+        let (told, heard) = sync_channel(WAITING);
+        let (asks, asked) = channel();
+        let thread = std::thread::spawn(move || {
+            let mut listener = Listener::new(told, asked, speed);
+            let ended = match source {
+                Source::Simulated(device, robot) => listener.feed(device, &robot),
+                Source::Board(device, port) => listener.listen(*device, &port),
+                Source::Recording(reader) => listener.play(reader),
+            };
+            // Nobody hears it if the reader is gone.
+            let _ = listener.told.send(Told::Ended(ended.err()));
+        });
+        Self {
+            told: heard,
+            asks,
+            thread: Some(thread),
+        }
+    }
+
+    /// Asks for something; nothing happens if the thread has ended.
+    pub fn ask(&self, ask: Ask) {
+        let _ = self.asks.send(ask);
+    }
+
+    /// The next that is told, if it comes within `patience`.
+    pub fn next(&self, patience: Duration) -> Option<Told> {
+        match self.told.recv_timeout(patience) {
+            Ok(told) => Some(told),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Told::Ended(None)),
+        }
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.ask(Ask::End);
+        // What is still to be told has no reader; with it gone, the thread sees that it may end.
+        let (_, nobody) = sync_channel(0);
+        drop(std::mem::replace(&mut self.told, nobody));
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Listener {
+    told: SyncSender<Told>,
+    asked: Receiver<Ask>,
+    speed: f64,
+    started: Instant,
+    /// When the present pause began, and how long those before were.
+    pause: (Option<Instant>, Duration),
+    requests: Requests,
+    pull: Option<(Pull, PathBuf)>,
+    losses: (u32, u32),
+    ended: bool,
+}
+
+impl Listener {
+    fn new(told: SyncSender<Told>, asked: Receiver<Ask>, speed: f64) -> Self {
+        Self {
+            told,
+            asked,
+            speed,
+            started: Instant::now(),
+            pause: (None, Duration::ZERO),
+            requests: Requests::new(),
+            pull: None,
+            losses: (0, 0),
+            ended: false,
+        }
+    }
+
+    fn tell(&mut self, told: Told) {
+        self.ended |= self.told.send(told).is_err();
+    }
+
+    fn news(&mut self, text: String) {
+        self.tell(Told::News(text));
+    }
+
+    fn entry(&mut self, entry: Entry) {
+        self.tell(Told::Entry(self.started.elapsed(), Box::new(entry)));
+    }
+
+    /// Whether to go on; waits while there is a pause.
+    fn goes_on(&mut self) -> bool {
+        while !self.ended
+            && let Some(since) = self.pause.0
+        {
+            self.take_asks(None, &[]);
+            if self.pause.0.is_none() {
+                self.pause.1 += since.elapsed();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        !self.ended
+    }
+
+    /// Waits until `time` of the robot or the recording has come.
+    fn wait_for(&self, time: Duration) {
+        if self.speed > 0.0 {
+            let due = self.pause.1 + time.div_f64(self.speed);
+            std::thread::sleep(due.saturating_sub(self.started.elapsed()));
+        }
+    }
+
+    /// Does what is asked; without a device, only what needs none.
+    fn take_asks(&mut self, device: Option<&dyn Device>, legs: &[Leg]) -> Vec<HostMessage> {
+        let mut messages = Vec::new();
+        while let Ok(ask) = self.asked.try_recv() {
+            match (ask, device) {
+                (Ask::End, _) => self.ended = true,
+                (Ask::Pause, _) => {
+                    self.pause.0 = match self.pause.0 {
+                        None => Some(Instant::now()),
+                        Some(_) => None,
+                    }
+                }
+                (Ask::Action(action), Some(_)) => {
+                    let request = self.requests.ask(action, Instant::now());
+                    self.entry(Entry::Request(request));
+                    messages.push(HostMessage::Request(request));
+                }
+                (Ask::Factors(path), Some(device)) => {
+                    let factors = Factors::of_device(device.hello());
+                    self.pull = Some((Pull::new(legs, factors), path));
+                }
+                (Ask::Action(_) | Ask::Factors(_), None) => {
+                    self.news("there is no device to ask".to_owned());
+                }
+            }
+        }
+        let now = Instant::now();
+        let again = self.requests.again(now).into_iter();
+        messages.extend(again.map(HostMessage::Request));
+        messages.extend(self.pull.as_mut().and_then(|(pull, _)| pull.ask(now)));
+        messages
+    }
+
+    /// Passes on what is asked, does a step, tells what comes.
+    fn step(
+        &mut self,
+        device: &mut dyn Device,
+        legs: &[Leg],
+        step: &BusStep,
+    ) -> Result<(), FeedError> {
+        for message in self.take_asks(Some(device), legs) {
+            device.command(&message)?;
+        }
+        let mut heard = Vec::new();
+        device.play(step, &mut |message| heard.push(message))?;
+        for message in heard {
+            self.hear(message)?;
+        }
+        let losses = device.losses();
+        if losses != self.losses {
+            self.losses = losses;
+            self.entry(Entry::Losses(losses.0, losses.1));
+        }
+        Ok(())
+    }
+
+    fn hear(&mut self, message: DeviceMessage) -> Result<(), FeedError> {
+        if let DeviceMessage::Answer(answer) = &message {
+            self.requests.answered(answer);
+        }
+        if let (DeviceMessage::FactorPart(part), Some((pull, path))) = (&message, &mut self.pull) {
+            pull.hear(part)?;
+            if let Some(factors) = pull.finished() {
+                let done = match factors.write(path) {
+                    Ok(()) => format!("factors are in {}", path.display()),
+                    Err(error) => error.to_string(),
+                };
+                self.pull = None;
+                self.news(done);
+            }
+        }
+        self.entry(Entry::Message(message));
+        Ok(())
+    }
+
+    /// Has a device hear a simulated robot.
+    fn feed(&mut self, mut device: Box<dyn Device + Send>, robot: &Robot) -> Result<(), FeedError> {
+        let hello = device.hello().clone();
+        self.entry(Entry::Message(DeviceMessage::Hello(hello)));
+        for step in robot.steps() {
+            if !self.goes_on() {
+                break;
+            }
+            let step = step?;
+            self.wait_for(Duration::from_micros(step.time_us));
+            self.step(&mut *device, robot.legs(), &step)?;
+        }
+        Ok(())
+    }
+
+    /// Listens to a board, whatever becomes of its port. A pause is the reader's affair.
+    fn listen(&mut self, device: SerialDevice, port: &str) -> Result<(), FeedError> {
+        let mut device = Some(device);
+        while !self.ended {
+            let Some(board) = &mut device else {
+                self.take_asks(None, &[]);
+                std::thread::sleep(REOPEN);
+                match SerialDevice::open(port, [None; 4]) {
+                    Ok(opened) => {
+                        self.news(format!("{port} is back"));
+                        self.losses = (0, 0);
+                        device = Some(opened);
+                    }
+                    Err(error @ DeviceError::Wire(_)) => return Err(error.into()),
+                    Err(_) => {}
+                }
+                continue;
+            };
+            let hello = board.hello().clone();
+            self.entry(Entry::Message(DeviceMessage::Hello(hello)));
+            let mut time_us = 0;
+            let lost = loop {
+                if self.ended {
+                    return Ok(());
+                }
+                time_us += LOOK_US;
+                let silent = BusStep {
+                    time_us,
+                    ..BusStep::default()
+                };
+                match self.step(board, &Leg::ALL, &silent) {
+                    Ok(()) => {}
+                    Err(FeedError::Device(DeviceError::Link(error))) => break error,
+                    Err(error) => return Err(error),
+                }
+            };
+            self.news(format!("{port} is gone: {lost}"));
+            device = None;
+        }
+        Ok(())
+    }
+
+    /// Plays a recording.
+    fn play(&mut self, mut reader: JournalReader) -> Result<(), FeedError> {
+        while let Some((at, entry)) = reader.next_entry()? {
+            self.take_asks(None, &[]);
+            if !self.goes_on() {
+                break;
+            }
+            self.wait_for(at);
+            self.tell(Told::Entry(at, Box::new(entry)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,345 @@
+//! What is known of a device from what it has said.
+
+use std::collections::VecDeque;
+
+use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::wire::{
+    Action, Answer, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, LegCounters,
+    Outcome,
+};
+
+use super::residual::Residual;
+use crate::device::names::{parameters_of, place};
+use crate::estimate::ParameterEstimate;
+use crate::log::JointId;
+use crate::parameter;
+
+/// Events that are kept.
+const EVENTS: usize = 200;
+/// A candidate is called missing if its gain is so many of its own errors, which two folds tell badly, and this share of the
+/// squared error at least: less would take the residual down by less than a twentieth.
+const SURE: f32 = 3.0;
+const LEAST_GAIN: f32 = 0.1;
+
+/// Something that happened.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Event {
+    /// Device time of the last counters before it, µs.
+    pub time_us: u64,
+    /// In words.
+    pub text: String,
+}
+
+/// What is known of a leg.
+#[derive(Debug, Clone, Default)]
+pub struct LegView {
+    /// θ by name, empty before the first estimate.
+    pub parameters: Vec<ParameterEstimate>,
+    /// Windows of data in it.
+    pub windows: u32,
+    /// Each joint's noise: standard deviation of a window's mean torque, N m.
+    pub noise: [f64; JOINTS_PER_LEG],
+    /// The same of the newest windows.
+    pub residuals: [Residual; JOINTS_PER_LEG],
+    /// Samples a second.
+    pub rate: f64,
+    above: [bool; JOINTS_PER_LEG],
+    lost: u32,
+}
+
+/// An effect at a joint, as the device judges it.
+#[derive(Debug, Clone, Copy)]
+pub struct Ranked {
+    /// Where the device keeps it.
+    pub at: EffectAt,
+    /// At which joint.
+    pub joint: JointId,
+    /// Which effect.
+    pub effect: &'static str,
+    /// Unit of its value.
+    pub unit: &'static str,
+    /// The model has it; else it is a candidate.
+    pub active: bool,
+    /// 1 − squared error with / without the effect, on held-out data.
+    pub gain: f32,
+    /// The gain's standard error.
+    pub gain_error: f32,
+    /// Its value in the model that has it.
+    pub value: f32,
+    /// That value's standard deviation.
+    pub std: f32,
+}
+
+impl Ranked {
+    /// A candidate whose gain is beyond its error.
+    pub fn is_missing(&self) -> bool {
+        !self.active && self.gain > LEAST_GAIN && self.gain > SURE * self.gain_error
+    }
+}
+
+/// All that is known.
+#[derive(Debug, Clone, Default)]
+pub struct View {
+    /// Who the device is.
+    pub hello: Option<Hello>,
+    /// Its legs.
+    pub legs: [LegView; LEGS],
+    /// The last counters.
+    pub counters: Option<Counters>,
+    /// What happened, the newest last.
+    pub events: VecDeque<Event>,
+    /// Messages heard.
+    pub messages: u64,
+    /// Frames from the device that were damaged, and that never came.
+    pub losses: (u32, u32),
+    diagnoses: Vec<Diagnosis>,
+    asked: Vec<(u32, Action)>,
+    happened: u64,
+}
+
+impl View {
+    /// Takes in a message.
+    pub fn hear(&mut self, message: &DeviceMessage) {
+        self.messages += 1;
+        match message {
+            DeviceMessage::Hello(hello) => self.hello(hello),
+            DeviceMessage::Estimate(estimate) => self.estimate(estimate),
+            DeviceMessage::Counters(counters) => self.counters(counters),
+            DeviceMessage::Diagnosis(diagnosis) => self.diagnosis(diagnosis),
+            DeviceMessage::Answer(answer) => self.answer(answer),
+            DeviceMessage::FactorPart(_) | DeviceMessage::Advanced(_) => {}
+        }
+    }
+
+    /// Takes note of what the device was asked.
+    pub fn ask(&mut self, id: u32, action: Action) {
+        self.asked.push((id, action));
+    }
+
+    /// Takes note of what the link lost.
+    pub fn lose(&mut self, bad: u32, missed: u32) {
+        if missed > self.losses.1 {
+            let lost = missed - self.losses.1;
+            self.happened(format!("{lost} messages of the device were lost"));
+        }
+        self.losses = (bad, missed);
+    }
+
+    /// Adds an event.
+    pub fn happened(&mut self, text: String) {
+        let time_us = self.counters.map_or(0, |counters| counters.time_us);
+        self.happened += 1;
+        self.events.push_back(Event { time_us, text });
+        if self.events.len() > EVENTS {
+            self.events.pop_front();
+        }
+    }
+
+    /// How many events there were, those included that are no longer kept.
+    pub fn happened_so_far(&self) -> u64 {
+        self.happened
+    }
+
+    fn hello(&mut self, hello: &Hello) {
+        match &self.hello {
+            None => self.happened(format!(
+                "{} says hello, firmware {}",
+                hello.board, hello.firmware
+            )),
+            Some(before) if before != hello => self.happened("another device".to_owned()),
+            Some(_) => {}
+        }
+        self.hello = Some(hello.clone());
+    }
+
+    fn estimate(&mut self, estimate: &Estimate) {
+        let n = usize::from(estimate.leg);
+        let (Some(hello), Some(leg)) = (&self.hello, Leg::ALL.get(n)) else {
+            return;
+        };
+        let Ok(parameters) = parameters_of(estimate, hello) else {
+            return;
+        };
+        let view = &mut self.legs[n];
+        let first = view.windows == 0 && estimate.windows > 0;
+        view.parameters = parameters;
+        view.windows = estimate.windows;
+        view.noise = estimate.noise.map(f64::from);
+        let mut above = Vec::new();
+        for (j, joint) in JointId::of(*leg).into_iter().enumerate() {
+            let residual = &mut view.residuals[j];
+            residual.hear(f64::from(estimate.windows), view.noise[j]);
+            let is_above = residual.is_above();
+            if is_above && !view.above[j] {
+                above.push(joint);
+            }
+            view.above[j] = is_above;
+        }
+        if first {
+            self.happened(format!("first data of {}", leg.name()));
+        }
+        for joint in above {
+            self.happened(format!("{}: residual above its band", joint.name()));
+        }
+    }
+
+    fn counters(&mut self, counters: &Counters) {
+        let before = self.counters.replace(*counters);
+        let Some(before) = before else { return };
+        if counters.time_us < before.time_us {
+            self.happened("the device began anew".to_owned());
+            self.begin_anew();
+            return;
+        }
+        let seconds = (counters.time_us - before.time_us) as f64 * 1e-6;
+        for (n, leg) in Leg::ALL.into_iter().enumerate() {
+            let (now, then) = (&counters.legs[n], &before.legs[n]);
+            let view = &mut self.legs[n];
+            // Fewer than before: the device has forgotten its counts.
+            let samples = now.samples.checked_sub(then.samples);
+            if let (Some(samples), true) = (samples, seconds > 0.0) {
+                let rate = f64::from(samples) / seconds;
+                // Counters come ten times a second; their rate is smoothed over about one.
+                view.rate += (rate - view.rate) * seconds.min(1.0);
+            }
+            let lost = faults(now);
+            let news = lost.wrapping_sub(view.lost);
+            if news > 0 && lost > view.lost {
+                let kind = worst(now, then);
+                self.legs[n].lost = lost;
+                self.happened(format!("{}: {news} {kind}", leg.name()));
+            }
+        }
+        let over = counters.load.over_budget;
+        if over > before.load.over_budget {
+            let more = over - before.load.over_budget;
+            self.happened(format!("{more} steps over budget"));
+        }
+        let dropped = counters.frames_dropped;
+        if dropped > before.frames_dropped {
+            let more = dropped - before.frames_dropped;
+            self.happened(format!("the link was too slow for {more} messages"));
+        }
+    }
+
+    /// Forgets what the device has forgotten.
+    fn begin_anew(&mut self) {
+        self.legs = Default::default();
+        self.diagnoses.clear();
+    }
+
+    fn diagnosis(&mut self, diagnosis: &Diagnosis) {
+        let known = self.diagnoses.iter().position(|d| d.at == diagnosis.at);
+        let was = known.is_some_and(|n| {
+            self.ranked(&self.diagnoses[n])
+                .is_some_and(|r| r.is_missing())
+        });
+        match known {
+            Some(n) => self.diagnoses[n] = *diagnosis,
+            None => self.diagnoses.push(*diagnosis),
+        }
+        let ranked = self.ranked(diagnosis);
+        if let Some(ranked) = ranked.filter(|ranked| ranked.is_missing() && !was) {
+            let (effect, joint) = (ranked.effect, ranked.joint.name());
+            self.happened(format!("{joint} lacks {effect}"));
+        }
+    }
+
+    fn answer(&mut self, answer: &Answer) {
+        let Some(place) = self.asked.iter().position(|(id, _)| *id == answer.id) else {
+            return;
+        };
+        let (_, action) = self.asked.remove(place);
+        let done = answer.outcome == Outcome::Accepted;
+        let what = match action {
+            Action::Reset => "reset".to_owned(),
+            Action::AddEffect(at) => self.named("add", &at),
+            Action::DropEffect(at) => self.named("drop", &at),
+        };
+        if done && action == Action::Reset {
+            self.begin_anew();
+        }
+        if let (true, Action::AddEffect(at) | Action::DropEffect(at)) = (done, action) {
+            // What was found of the other model says nothing of this one.
+            let joint = |d: &Diagnosis| (d.at.leg, d.at.joint) == (at.leg, at.joint);
+            self.diagnoses.retain(|d| !joint(d));
+        }
+        self.happened(match answer.outcome {
+            Outcome::Accepted => format!("{what}: done"),
+            Outcome::NoSuchJoint => format!("{what}: no such joint"),
+            Outcome::NoSuchEffect => format!("{what}: the device does not keep it"),
+            Outcome::AlreadyActive => format!("{what}: the model has it already"),
+            Outcome::NotActive => format!("{what}: the model does not have it"),
+        });
+    }
+
+    fn named(&self, verb: &str, at: &EffectAt) -> String {
+        let place = self.hello.as_ref().and_then(|hello| place(at, hello));
+        place.map_or_else(
+            || verb.to_owned(),
+            |(joint, effect)| format!("{verb} {}:{}", effect.name(), joint.name()),
+        )
+    }
+
+    fn ranked(&self, diagnosis: &Diagnosis) -> Option<Ranked> {
+        let (joint, effect) = place(&diagnosis.at, self.hello.as_ref()?)?;
+        Some(Ranked {
+            at: diagnosis.at,
+            joint,
+            effect: effect.name(),
+            unit: parameter::unit(effect),
+            active: diagnosis.active,
+            gain: diagnosis.gain,
+            gain_error: diagnosis.gain_error,
+            value: diagnosis.value,
+            std: diagnosis.std,
+        })
+    }
+
+    /// What the device judged, missing effects first, each kind by its gain; then what the model has.
+    pub fn ranking(&self) -> Vec<Ranked> {
+        let all = self.diagnoses.iter().filter_map(|d| self.ranked(d));
+        let mut ranking: Vec<Ranked> = all.collect();
+        let class = |r: &Ranked| (r.active, !r.is_missing());
+        ranking.sort_by(|a, b| class(a).cmp(&class(b)).then(b.gain.total_cmp(&a.gain)));
+        ranking
+    }
+
+    /// What was counted of a leg that never became a sample.
+    pub fn lost(&self, leg: usize) -> u32 {
+        self.counters
+            .map_or(0, |counters| counters.legs.get(leg).map_or(0, faults))
+    }
+}
+
+/// What a count is called, and where it stands.
+type Fault = (&'static str, fn(&LegCounters) -> u32);
+
+/// What a leg's counters are called that tell of something wrong.
+const FAULTS: [Fault; 10] = [
+    ("bytes lost", |c| c.lost_bytes),
+    ("bad checksums", |c| c.bad_crc + c.short),
+    ("motor faults", |c| c.motor_faults),
+    ("overheated replies", |c| c.overheated),
+    ("replies of a stuck encoder", |c| c.stuck),
+    ("cycles left out", |c| c.surplus),
+    ("samples that cannot be true", |c| c.rejected),
+    ("gaps", |c| c.gaps),
+    ("incomplete cycles", |c| c.incomplete),
+    ("failed solutions", |c| c.unsolved + c.unfolded),
+];
+
+fn faults(counters: &LegCounters) -> u32 {
+    let counts = FAULTS.iter().map(|(_, count)| count(counters));
+    counts.fold(0, u32::wrapping_add)
+}
+
+/// The name of what grew most.
+fn worst(now: &LegCounters, then: &LegCounters) -> &'static str {
+    let growth =
+        |(_, count): &&(&str, fn(&LegCounters) -> u32)| count(now).wrapping_sub(count(then));
+    FAULTS
+        .iter()
+        .max_by_key(growth)
+        .map_or("", |(name, _)| *name)
+}
