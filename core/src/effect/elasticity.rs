@@ -1,6 +1,7 @@
 //! A spring between motor and link: the link lags the motor by the transmitted torque times the compliance 1/k.
 //!
-//! The measured position is the motor's; the rigid body moves as the link does, q_link = q − τ/k.
+//! The measured position is the motor's; the rigid body moves as the link does, q_link = q − τ/k. The link's own acceleration
+//! against the motor adds to τ: near the resonance √(k/M) of the inertia M that the joint turns it goes much farther.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
 use crate::{Real, go2::Actuator};
@@ -29,6 +30,6 @@ impl Effect for Elasticity {
     }
 
     fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
-        [-state.load, -state.load_rate]
+        state.give
     }
 }

@@ -69,8 +69,9 @@ pub struct JointState<T> {
     /// The torque that the gear transmits, N m: the motor's; where later samples are known, smoothed and without what turns the
     /// rotor and rubs before the gear.
     pub load: T,
-    /// Its rate, N m/s.
-    pub load_rate: T,
+    /// How the link's position (rad) and velocity (rad/s) against the motor change with the compliance between them, per rad/(N m);
+    /// where later samples are not known, the load against it.
+    pub give: [T; 2],
     /// Position (rad) and velocity (rad/s) of the link against the motor, per radian of the play between them; where later
     /// samples are not known, the side that the torque pushes it to.
     pub play: [T; 2],
@@ -94,7 +95,7 @@ impl<T: Real> JointState<T> {
             speed: dq,
             speed_noise: real(STANDING_NOISE),
             load: tau,
-            load_rate: T::zero(),
+            give: [-tau, T::zero()],
             play: [real::<T>(-0.5) * tau.signum(), T::zero()],
             presliding: T::zero(),
             temperature: real(f64::NAN),
@@ -387,10 +388,7 @@ mod tests {
 
     #[test]
     fn a_motion_or_a_column_or_neither() {
-        let state = JointState {
-            load_rate: 1.0,
-            ..JointState::reported(0.3, 0.7, 0.1)
-        };
+        let state = JointState::reported(0.3, 0.7, 0.1);
         for effect in EffectKind::ALL {
             let moves = effect.motion(&state) != [0.0; 2];
             assert_eq!(moves, effect.description().form == Form::Motion);

@@ -6,7 +6,6 @@ use proprio_core::spatial::Transform;
 
 use super::rigid_body::{self, RigidBody};
 use super::rows::turned;
-use super::trajectory::Trajectory;
 use super::values::Values;
 use crate::model::{Limb, Model};
 
@@ -43,28 +42,5 @@ impl<'a> LimbBody<'a> {
         let [roll, pitch] = values.tilt();
         let rolled = turned(&self.model.base(), &Vector3::new(roll, 0.0, 0.0));
         turned(&rolled, &Vector3::new(0.0, pitch, 0.0))
-    }
-
-    /// The inertia that a joint turns with the others at rest, in the middle of what they do, kg m².
-    pub(crate) fn moved_inertia(
-        &self,
-        rigid: &dyn RigidBody,
-        base: &Transform<f64>,
-        joints: &[Trajectory],
-        joint: usize,
-    ) -> f64 {
-        let n = joints.len();
-        let mean = |joint: &Trajectory| {
-            let sum: f64 = joint.state.iter().map(|state| state[0]).sum();
-            sum / joint.state.len().max(1) as f64
-        };
-        let q: Vec<f64> = joints.iter().map(mean).collect();
-        let torque = |acceleration: f64| {
-            let (mut ddq, mut torque) = (vec![0.0; n], vec![0.0; n]);
-            ddq[joint] = acceleration;
-            rigid.inverse_dynamics(base, [&q, &vec![0.0; n], &ddq], &mut torque);
-            torque[joint]
-        };
-        (torque(1.0) - torque(0.0)).max(1e-4)
     }
 }

@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use proprio_core::effect::EffectKind;
 
 use super::column::Column;
+use super::motion::LOOSE;
 use super::values::Values;
 
 /// Most numbers that are kept of a limb: 8 MB.
@@ -56,9 +57,7 @@ impl Key {
         };
         match *column {
             Column::Inertial(body, parameter) => {
-                let still = ![EffectKind::Elasticity, EffectKind::Backlash]
-                    .into_iter()
-                    .any(gives_way);
+                let still = !LOOSE.into_iter().any(gives_way);
                 still.then_some(Self::Inertial {
                     joint,
                     body,

@@ -1,8 +1,8 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
 //! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
-//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `play` and `presliding`, what effects
-//!    see of it under a model.
+//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
+//!    what effects see of it under a model.
 //! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
 //! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity.
@@ -13,12 +13,14 @@ pub(crate) mod column;
 pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod integrals;
+mod links;
 pub(crate) mod motion;
 mod play;
 mod presliding;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
 mod speed;
+mod spring;
 mod trajectory;
 pub(crate) mod values;
 pub(crate) mod velocity;

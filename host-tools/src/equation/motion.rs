@@ -26,8 +26,10 @@ const LEAST_PERIODS: f64 = 4.0;
 pub(crate) const MOST_REST: f64 = 0.125;
 /// How far the straight line reaches that smooths the transmitted torque, s.
 const REACH: f64 = 8.5e-3;
-/// A play that is looked for where none is known yet, rad.
-const TYPICAL_PLAY: f64 = 0.01;
+/// No link has less, kg m²: a division by it stays finite.
+const LEAST_INERTIA: f64 = 1e-4;
+/// Effects that let a link move against its motor.
+pub(crate) const LOOSE: [EffectKind; 2] = [EffectKind::Elasticity, EffectKind::Backlash];
 
 /// A limb's motion, sample by sample.
 #[derive(Debug, Clone)]
@@ -64,11 +66,11 @@ pub(crate) struct Window {
 /// What the gears transmit under a model's bodies, whatever its effects.
 pub(crate) struct Load {
     /// Sample by sample, joint by joint, N m.
-    torque: Vec<f64>,
+    pub(super) torque: Vec<f64>,
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
-    line: Vec<[f64; 2]>,
-    /// The inertia that each joint turns, kg m².
-    inertia: Vec<f64>,
+    pub(super) line: Vec<[f64; 2]>,
+    /// The inertia that each joint turns whose link may move, kg m²; sample by sample, joint by joint.
+    pub(crate) inertia: Vec<f64>,
 }
 
 /// What effects see at each sample, under a model.
@@ -169,9 +171,9 @@ impl Motion {
     }
 
     /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there; of a link
-    /// that moves in its play all that came before.
+    /// that moves against its motor all that came before.
     pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<bool> {
-        if values.places().any(|place| place.0 == EffectKind::Backlash) {
+        if values.places().any(|place| LOOSE.contains(&place.0)) {
             return vec![true; self.time.len()];
         }
         let mut asked = vec![false; self.time.len()];
@@ -243,7 +245,7 @@ impl Motion {
                 let state = &mut states[k * n + j];
                 (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
                 (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
-                (state.load, state.load_rate, state.play) = (0.0, 0.0, [0.0; 2]);
+                (state.load, state.give, state.play) = (0.0, [0.0; 2], [0.0; 2]);
                 state.temperature = self.temperature[k * n + j];
             }
             if let Some(displacement) = displacement(seen, j) {
@@ -253,19 +255,30 @@ impl Motion {
                 }
             }
         }
+        let mut links = Vec::new();
         if needs.load {
-            match load {
-                Some(load) => self.fill_load(load, values, &needs.play, &mut states),
-                None => {
-                    let load = self.load_of(body, joints, values, asked);
-                    self.fill_load(&load, values, &needs.play, &mut states);
-                }
+            let loose: Vec<usize> = needs.play.iter().chain(&needs.spring).copied().collect();
+            let made = || self.load_of(body, joints, values, (&loose, asked));
+            let known = load.is_none().then(made);
+            if let Some(load) = load.or(known.as_ref()) {
+                links = self.fill_load(load, values, &needs, &mut states);
             }
         }
         if needs.torque {
             self.fill_torque(joints, values, columns, &mut states);
         }
-        self.with_links(values, states)
+        let moved = |of: &dyn Fn(&JointState<f64>) -> f64, n: usize| -> Vec<f64> {
+            let mut all: Vec<f64> = states.iter().map(of).collect();
+            all.iter_mut()
+                .zip(&links)
+                .for_each(|(x, link): (_, &[f64; 2])| *x += link[n]);
+            all
+        };
+        States {
+            q: moved(&|state| state.q, 0),
+            dq: moved(&|state| state.dq, 1),
+            states,
+        }
     }
 
     /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
@@ -278,11 +291,13 @@ impl Motion {
         self.stretches.iter().flat_map(of).collect()
     }
 
-    /// The torque that the gears transmit: the rigid body's own at the motors' motion. `None` where joints report late.
+    /// The torque that the gears transmit: the rigid body's own at the motors' motion, and the inertia that each
+    /// joint turns. `None` where joints report late.
     pub(crate) fn load(&self, body: &LimbBody, values: &Values) -> Option<Load> {
         let late = (0..self.joints).any(|j| values.delay(j) != 0.0);
         let all = vec![true; self.time.len()];
-        (!late).then(|| self.load_of(body, &self.joint, values, &all))
+        let joints: Vec<usize> = (0..self.joints).collect();
+        (!late).then(|| self.load_of(body, &self.joint, values, (&joints, &all)))
     }
 
     fn load_of(
@@ -290,13 +305,15 @@ impl Motion {
         body: &LimbBody,
         joints: &[Trajectory],
         values: &Values,
-        asked: &[bool],
+        (loose, asked): (&[usize], &[bool]),
     ) -> Load {
         let n = self.joints;
         let rigid = body.loaded(values);
         let base = body.base(values);
         let mut torque = vec![0.0; n * self.time.len()];
+        let mut inertia = torque.clone();
         let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        let (mut unit, mut momentum, mut rate) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         for k in (0..self.time.len()).filter(|&k| asked[k]) {
             for j in 0..n {
                 let [q, dq, ddq, _] = joints[j].state[k];
@@ -305,6 +322,12 @@ impl Motion {
             }
             let [q, dq, ddq] = &motion;
             rigid.inverse_dynamics(&base, [q, dq, ddq], &mut torque[k * n..(k + 1) * n]);
+            for &j in loose {
+                unit[j] = 1.0;
+                rigid.momentum_and_rate(&base, [q, &unit], &mut momentum, &mut rate);
+                inertia[k * n + j] = momentum[j].max(LEAST_INERTIA);
+                unit[j] = 0.0;
+            }
         }
         let mut line = vec![[0.0; 2]; torque.len()];
         for stretch in &self.stretches {
@@ -320,37 +343,9 @@ impl Motion {
             }
         }
         Load {
-            inertia: (0..n)
-                .map(|j| body.moved_inertia(&*rigid, &base, joints, j))
-                .collect(),
+            inertia,
             torque,
             line,
-        }
-    }
-
-    /// Each joint's load and, of joints that have `play`, how their links move under it within the gap.
-    fn fill_load(
-        &self,
-        load: &Load,
-        values: &Values,
-        play: &[usize],
-        states: &mut [JointState<f64>],
-    ) {
-        let n = self.joints;
-        for (state, line) in states.iter_mut().zip(&load.line) {
-            [state.load, state.load_rate] = *line;
-        }
-        for &j in play {
-            let gap = values.get((EffectKind::Backlash, j), 0);
-            let gap = if gap > 0.0 { gap } else { TYPICAL_PLAY };
-            for stretch in &self.stretches {
-                let t = &self.time[stretch.clone()];
-                let own: Vec<f64> = stretch.clone().map(|k| load.torque[k * n + j]).collect();
-                let moved = super::play::play(t, &own, load.inertia[j], gap);
-                for (k, moved) in stretch.clone().zip(moved) {
-                    states[k * n + j].play = moved;
-                }
-            }
         }
     }
 
@@ -398,40 +393,23 @@ impl Motion {
             }
         }
     }
-
-    /// The links' motion: behind the motors' where a gear gives way, and within its play.
-    fn with_links(&self, values: &Values, states: Vec<JointState<f64>>) -> States {
-        let n = self.joints;
-        let mut q: Vec<f64> = states.iter().map(|s| s.q).collect();
-        let mut dq: Vec<f64> = states.iter().map(|s| s.dq).collect();
-        for effect in [EffectKind::Elasticity, EffectKind::Backlash] {
-            for j in 0..n {
-                let value = values.get((effect, j), 0);
-                if value != 0.0 {
-                    for k in 0..self.time.len() {
-                        let [by_q, by_dq] = effect.motion(&states[k * n + j]);
-                        q[k * n + j] += value * by_q;
-                        dq[k * n + j] += value * by_dq;
-                    }
-                }
-            }
-        }
-        States { states, q, dq }
-    }
 }
 
 /// Which of what effects see costs a pass of its own.
-struct Needs {
+pub(super) struct Needs {
     load: bool,
-    /// Of which joints.
-    play: Vec<usize>,
     torque: bool,
+    /// Joints whose links move in a play or may.
+    pub(super) play: Vec<usize>,
+    /// Joints whose links hang on a spring or may.
+    pub(super) spring: Vec<usize>,
+    /// Those of them of which the change with the spring is asked for.
+    pub(super) give: Vec<usize>,
 }
 
 impl Needs {
     /// What the columns `made` and the links' motion ask for.
     fn of(values: &Values, made: &[&Column]) -> Self {
-        let has = |effect: EffectKind| values.places().any(|place| place.0 == effect);
         let own = |effects: &[EffectKind]| {
             (made.iter()).any(|column| match column {
                 Column::Own { effect, .. } | Column::Motion { effect, .. } => {
@@ -440,18 +418,22 @@ impl Needs {
                 _ => false,
             })
         };
-        let has_play = |j: &usize| {
-            let (effect, joint) = (EffectKind::Backlash, *j);
-            values.has((effect, joint)) || made.contains(&&Column::Motion { joint, effect })
+        let asks =
+            |effect: EffectKind, joint: usize| made.contains(&&Column::Motion { joint, effect });
+        let joints = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..values.bodies.len()).filter(|j| is(*j)).collect()
         };
-        let play: Vec<usize> = (0..values.bodies.len()).filter(has_play).collect();
+        let loose = |effect: EffectKind| joints(&|j| values.has((effect, j)) || asks(effect, j));
+        let (play, spring) = (loose(EffectKind::Backlash), loose(EffectKind::Elasticity));
         let late = [EffectKind::Delay, EffectKind::Saturation];
         let torque = made.contains(&&Column::Lateness) || own(&late);
-        let load = [EffectKind::Elasticity, EffectKind::LoadFriction];
+        let links = !play.is_empty() || !spring.is_empty();
         Self {
-            load: torque || !play.is_empty() || has(EffectKind::Elasticity) || own(&load),
-            play,
+            load: torque || links || own(&[EffectKind::LoadFriction]),
             torque,
+            play,
+            spring,
+            give: joints(&|j| asks(EffectKind::Elasticity, j)),
         }
     }
 }

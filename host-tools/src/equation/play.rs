@@ -14,8 +14,8 @@
 const STEP: f64 = 2.5e-4;
 
 /// Position and velocity of the link against the motor at the times `t`, per radian of `gap`, under the torques `load` (N m)
-/// that it takes to follow the motor; `inertia` in kg m².
-pub(crate) fn play(t: &[f64], load: &[f64], inertia: f64, gap: f64) -> Vec<[f64; 2]> {
+/// that it takes to follow the motor; `inertia` in kg m² at each of them.
+pub(crate) fn play(t: &[f64], load: &[f64], inertia: &[f64], gap: f64) -> Vec<[f64; 2]> {
     let half = 0.5 * gap;
     let (mut x, mut v) = (load.first().map_or(0.0, |l| -half * l.signum()), 0.0);
     let mut all = Vec::with_capacity(t.len());
@@ -27,7 +27,7 @@ pub(crate) fn play(t: &[f64], load: &[f64], inertia: f64, gap: f64) -> Vec<[f64;
             for n in 0..steps as usize {
                 let share = (n as f64 + 0.5) / steps;
                 let torque = load[k - 1] + share * (load[k] - load[k - 1]);
-                v -= step * torque / inertia;
+                v -= step * torque / inertia[k];
                 x += step * v;
                 if x.abs() >= half {
                     x = x.clamp(-half, half);
@@ -50,7 +50,7 @@ mod tests {
         let t: Vec<f64> = (0..100).map(|k| 0.001 * f64::from(k)).collect();
         let load: Vec<f64> = (0..100).map(|k| if k < 20 { 1.0 } else { -1.0 }).collect();
         let (inertia, gap) = (0.05, 0.004);
-        let moved = play(&t, &load, inertia, gap);
+        let moved = play(&t, &load, &vec![inertia; t.len()], gap);
         let crossing = f64::sqrt(2.0 * gap * inertia);
         let arrival = t[19] + 0.0005 + crossing;
         for (t, [x, v]) in t.iter().zip(&moved) {

@@ -16,7 +16,7 @@ use super::fit::LimbFit;
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::States;
+use crate::equation::motion::{LOOSE, States};
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
@@ -58,7 +58,7 @@ pub(crate) fn better(
         .places
         .iter()
         .copied()
-        .filter(|place| has_shape(place.0));
+        .filter(|place| has_shape(place.0) || place.0 == EffectKind::Elasticity);
     let places: Vec<Place> = shaped.filter(searched).collect();
     if places.is_empty() {
         return None;
@@ -157,8 +157,8 @@ impl<'a> Scan<'a> {
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
     pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
         let (effect, joint) = place;
-        if effect == EffectKind::Backlash {
-            return self.best_gap(joint, chosen);
+        if LOOSE.contains(&effect) {
+            return self.best_looseness(place, chosen);
         }
         let (windows, mut residual) = self.told(joint, chosen)?;
         if self.values.has(place) {

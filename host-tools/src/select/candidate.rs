@@ -101,13 +101,17 @@ impl Candidate {
 
     /// Whether another one is at some of the same joints.
     pub(crate) fn meets(&self, other: &Self) -> bool {
-        let own = |(limb, place): &Member| {
-            let same = |(l, p): &Member| {
-                l == limb && (p.1 == place.1 || is_shared(p.1) || is_shared(place.1))
-            };
-            other.members.iter().any(same)
-        };
-        self.members.iter().any(own)
+        self.members.iter().any(|member| other.is_at(member))
+    }
+
+    /// Whether another one is at all of its joints: what a wider one explains elsewhere says nothing of what it does here.
+    pub(crate) fn is_within(&self, other: &Self) -> bool {
+        self.members.iter().all(|member| other.is_at(member))
+    }
+
+    fn is_at(&self, &(limb, place): &Member) -> bool {
+        (self.members.iter())
+            .any(|(l, p)| *l == limb && (p.1 == place.1 || is_shared(p.1) || is_shared(place.1)))
     }
 
     /// Whether it is there beyond chance.

@@ -84,7 +84,7 @@ pub(super) fn judge(
 
 /// The candidate to be taken next: there, possible, and the one that takes most torque error away.
 ///
-/// Candidates at the same joints whose held-out gains differ by less than the error of their difference, or by less than ln n for each
+/// Candidates at its joints, and no others, that take away a like share of torque error and whose held-out gains differ by less than the error of their difference, or by less than ln n for each
 /// parameter more, n windows, are equals. Among them counts how much the sum of squares of all data and of the priors falls, less
 /// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler rival that is there even beside the best goes
 /// before it: a load on a calf swings with it as its rotor turns. What a delay too small to be resolved explains better, and all of
@@ -114,7 +114,9 @@ pub(super) fn best<'c>(
             .collect();
         let (difference, error) = criteria::sum_and_error(&differences);
         let more = (first.parameters() - c.parameters()).max(0.0);
-        c.meets(first) && difference <= error.max(more * windows.ln())
+        c.is_within(first)
+            && c.torque_error_taken() >= criteria::RIVAL * first.torque_error_taken()
+            && difference <= error.max(more * windows.ln())
     };
     let worth = |c: &Candidate| c.fall - c.parameters() * windows.ln();
     let equals = good.iter().filter(is_equal);

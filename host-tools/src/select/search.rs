@@ -17,6 +17,7 @@ use super::drift::{Drift, drifts};
 use super::ranking::{Judged, PLAIN, best, judge, judged};
 use super::screen::{self, Screen};
 use super::state::{State, held_out_with_shape};
+use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -26,9 +27,6 @@ use crate::estimate::robot::side_by_side;
 const MOST_STEPS: usize = 40;
 /// Most candidates that are refused one after the other before a search ends.
 const MOST_REFUSED: usize = 6;
-
-/// What lies between motor and link: a column says little of how far a play goes. They are told apart by trying.
-const BY_TRYING: [EffectKind; 2] = [EffectKind::Elasticity, EffectKind::Backlash];
 
 /// One step of a search.
 #[derive(Debug, Clone)]
@@ -229,7 +227,7 @@ impl<'a> Search<'a> {
         self.state.with(self.data, &places, &start, &new)
     }
 
-    /// A candidate and the model with it; or its rival at the same joint with which the model predicts better, where columns tell little
+    /// A candidate and the model with it; or a rival at one of its joints with which the model predicts better, where columns tell little
     /// of what the effects do.
     fn best_by_trying<'c>(
         &self,
@@ -237,21 +235,29 @@ impl<'a> Search<'a> {
         open: &[&'c Candidate],
     ) -> (&'c Candidate, Option<State<'a>>) {
         let first = (best, self.with(best));
-        if best.members.len() > 1 || !BY_TRYING.contains(&best.effect) {
+        if !LOOSE.contains(&best.effect) {
             return first;
         }
+        let is_best = |c: &Candidate| c.effect == best.effect && c.members == best.members;
         let rivals = open.iter().copied().filter(|c| {
             c.members.len() == 1
-                && BY_TRYING.contains(&c.effect)
-                && c.effect != best.effect
+                && LOOSE.contains(&c.effect)
+                && !is_best(c)
                 && c.meets(best)
                 && c.gain().0 >= criteria::RIVAL * best.gain().0
                 && c.is_there()
                 && c.is_possible(&self.screens)
         });
-        let tried = rivals.map(|c| (c, self.with(c)));
-        let error = |(_, after): &(&Candidate, Option<State>)| {
-            (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state))
+        let mut rivals: Vec<&Candidate> = rivals.collect();
+        if best.members.len() > 1 {
+            rivals.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
+            rivals.truncate(1);
+        }
+        let tried = rivals.into_iter().map(|c| (c, self.with(c)));
+        // One soft joint looks like several to a column: several have to do better than one by what a step is worth.
+        let error = |(c, after): &(&Candidate, Option<State>)| {
+            let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
+            error * (1.0 + criteria::LEAST_SHARE * (c.members.len() - 1) as f64)
         };
         (tried.chain([first]))
             .min_by(|a, b| error(a).total_cmp(&error(b)))

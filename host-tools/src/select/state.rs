@@ -6,6 +6,7 @@ use proprio_core::effect::EffectKind;
 
 use super::candidate::Member;
 use super::criteria;
+use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -194,9 +195,14 @@ pub(crate) fn how() -> How {
 
 /// The same where shapes are known but for those of `places`.
 fn how_with(places: &[Place]) -> How {
-    // A screen has found the others' shapes. A gap is found by trying; a limit moves once friction no longer stands for the excess.
-    let searched = (places.iter().copied())
-        .filter(|place| [EffectKind::Backlash, EffectKind::Saturation].contains(&place.0));
+    // A screen has found the others' shapes. A gap and a compliance are found by trying; a limit moves once friction no longer stands
+    // for the excess.
+    // Several at once are tried by their columns alone.
+    let one = places.len() == 1;
+    let searched = (places.iter().copied()).filter(|place| {
+        LOOSE.contains(&place.0) && (one || place.0 == EffectKind::Backlash)
+            || place.0 == EffectKind::Saturation
+    });
     let limit = places.iter().any(|place| place.0 == EffectKind::Saturation);
     How {
         shapes: Some(searched.collect()),
