@@ -20,7 +20,8 @@ const OPEN: f64 = 0.5;
 const TOLD: f64 = 0.9;
 /// What no motion can bring below this share of its prior's standard deviation is no motion's fault.
 const STRUCTURAL: f64 = 0.9;
-/// What a motion can bring below this share of its prior's standard deviation, a long one can bring to nothing.
+/// What the best and longest of motions brings below this share of its prior's standard deviation is told in full: it is no more
+/// than rounding, or far below what any log reaches.
 const NOTHING: f64 = 0.01;
 /// Parameters that the command for the next motion names per limb.
 const NAMED: usize = 6;
@@ -265,13 +266,13 @@ impl fmt::Display for Advice {
         let best = match self.learned {
             Learned::Never => String::new(),
             _ if self.best_std <= NOTHING * self.prior_std => {
-                "; longer motion brings it to nothing".to_owned()
+                "; the right motion can tell all of it".to_owned()
             }
-            _ => format!("; motion can bring it to ±{}", figure(self.best_std)),
+            _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
         };
         write!(
             f,
-            "{:<22} {words:<24} ±{} {} with these logs, ±{} without{best}",
+            "{:<22} {words:<24} ±{} {} now, ±{} before these logs{best}",
             self.parameter,
             figure(self.std),
             unit_of(&self.parameter),
