@@ -319,4 +319,34 @@ mod tests {
         assert_eq!(of(1.0, 0.6, 0.0).learned, Learned::Partly);
         assert_eq!(of(1.0, 0.99, 0.99).learned, Learned::Never);
     }
+
+    #[test]
+    fn advice_is_in_words_and_units() {
+        let of = |best_std| {
+            let told = Told {
+                parameter: "hz:FR_hip".to_owned(),
+                prior_std: 1.3e-3,
+                std: 1.27e-3,
+                best_std,
+            };
+            advice(&told).to_string()
+        };
+        let open = "hz:FR_hip              open                     ±0.0013 kg m now, ±0.0013 before these logs; ";
+        assert_eq!(
+            of(2e-14),
+            format!("{open}the right motion can tell all of it")
+        );
+        assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
+    }
+
+    #[test]
+    fn the_pointer_can_be_typed() {
+        let logs = ["a b.csv".into(), "c.csv".into()];
+        let line = pointer(Some(Path::new("m.toml")), &logs);
+        assert!(
+            line.ends_with(": proprio advise 'a b.csv' c.csv -m m.toml\n"),
+            "{line}"
+        );
+        assert_eq!(pointer(None, &["-".into()]), "");
+    }
 }
