@@ -266,9 +266,9 @@ impl fmt::Display for Advice {
         let best = match self.learned {
             Learned::Never => String::new(),
             _ if self.best_std <= NOTHING * self.prior_std => {
-                "; the right motion can tell all of it".to_owned()
+                "; a long, rich motion can tell all of it".to_owned()
             }
-            _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
+            _ => format!("; the best leaves ±{}", figure(self.best_std)),
         };
         write!(
             f,
@@ -334,9 +334,9 @@ mod tests {
         let open = "hz:FR_hip              open                     ±0.0013 kg m now, ±0.0013 before these logs; ";
         assert_eq!(
             of(2e-14),
-            format!("{open}the right motion can tell all of it")
+            format!("{open}a long, rich motion can tell all of it")
         );
-        assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
+        assert_eq!(of(2.1e-4), format!("{open}the best leaves ±2.1e-4"));
     }
 
     #[test]
