@@ -268,7 +268,7 @@ impl fmt::Display for Advice {
             _ if self.best_std <= NOTHING * self.prior_std => {
                 "; a long, rich motion can tell all of it".to_owned()
             }
-            _ => format!("; the best leaves ±{}", figure(self.best_std)),
+            _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
         };
         write!(
             f,
@@ -336,7 +336,7 @@ mod tests {
             of(2e-14),
             format!("{open}a long, rich motion can tell all of it")
         );
-        assert_eq!(of(2.1e-4), format!("{open}the best leaves ±2.1e-4"));
+        assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
     }
 
     #[test]
