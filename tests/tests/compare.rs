@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{done, json, proprio, recorded_logs};
+use proprio_tests::command::{done, json, proprio, recorded_logs, simulated};
 use serde_json::Value;
 
 fn number(value: &Value, key: &str) -> f64 {
@@ -22,9 +22,8 @@ fn simulate(folder: &Path, arguments: &[&str]) {
 /// The numbers belong together: each joint's and all joints', model and baselines.
 #[test]
 fn the_numbers_are_those_of_the_contract() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = simulated("--legs FR --typical");
     let folder = folder.path();
-    simulate(folder, &["--typical", "-o", "log.csv"]);
     let known = [
         "viscous",
         "armature",
@@ -83,9 +82,8 @@ fn the_numbers_are_those_of_the_contract() {
 /// What the model file gives is taken as given; an effect without a value does nothing then.
 #[test]
 fn given_values_are_taken_as_given() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = simulated("--legs FR --typical");
     let folder = folder.path();
-    simulate(folder, &["--typical", "-o", "log.csv"]);
     done(
         folder,
         &["identify", "log.csv", "--physical", "-o", "model.toml"],
@@ -103,9 +101,8 @@ fn given_values_are_taken_as_given() {
 /// Where a leg is wrong is told in words, the joint and the kind of it, most important first; all of it on request.
 #[test]
 fn where_and_when_are_told_in_the_order_of_their_weight() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = simulated("--legs FR --hide coulomb:FR_calf=0.8");
     let folder = folder.path();
-    simulate(folder, &["--hide", "coulomb:FR_calf=0.8", "-o", "log.csv"]);
     let report = json(&done(folder, &["compare", "log.csv", "--json"]));
     let places = report["where"].as_array().unwrap();
     assert_eq!(places[0]["joint"], "FR_calf");
@@ -183,9 +180,8 @@ fn a_moment_is_told_by_its_log() {
 /// Every command that writes a report writes one whole page with all sections.
 #[test]
 fn reports_have_their_sections() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = simulated("--legs FR --typical");
     let folder = folder.path();
-    simulate(folder, &["--typical", "-o", "log.csv"]);
     done(folder, &["add", "viscous", "coulomb", "-m", "model.toml"]);
     let all = [
         "waterfall",

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{done, json, proprio, stderr, stdout};
+use proprio_tests::command::{done, json, proprio, simulated, stderr, stdout};
+use tempfile::TempDir;
 
 /// A robot whose joints no log has.
 const ARM: &str = r#"<robot name="arm">
@@ -19,6 +20,11 @@ fn simulate(folder: &Path, arguments: &[&str]) {
         folder,
         &[&["simulate", "--legs", "FR"][..], arguments].concat(),
     );
+}
+
+/// A folder with `log.csv` of a leg that hides friction of two kinds at two joints.
+fn with_two_frictions() -> TempDir {
+    simulated("--legs FR --hide coulomb:FR_calf=0.5 --hide viscous:FR_hip=0.2")
 }
 
 /// Status 1, nothing on standard output, a hint; the message.
@@ -104,15 +110,8 @@ fn a_joint_that_never_moves_is_named() {
 /// `--apply` writes the path's effects into the model file; doing it again changes nothing.
 #[test]
 fn applying_walks_to_a_model_that_lacks_nothing() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = with_two_frictions();
     let folder = folder.path();
-    let hide = [
-        "--hide",
-        "coulomb:FR_calf=0.5",
-        "--hide",
-        "viscous:FR_hip=0.2",
-    ];
-    simulate(folder, &[&["-o", "log.csv"][..], &hide].concat());
     let apply = ["diagnose", "log.csv", "--apply", "-m", "model.toml"];
     let ladder = done(folder, &apply);
     assert!(ladder.contains("+ coulomb FR_calf"), "{ladder}");
@@ -131,15 +130,8 @@ fn applying_walks_to_a_model_that_lacks_nothing() {
 /// One screen: the fall of the error and what is missing, three points, and a command that runs.
 #[test]
 fn the_first_screen_ends_with_a_command_that_runs() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = with_two_frictions();
     let folder = folder.path();
-    let hide = [
-        "--hide",
-        "coulomb:FR_calf=0.5",
-        "--hide",
-        "viscous:FR_hip=0.2",
-    ];
-    simulate(folder, &[&["-o", "log.csv"][..], &hide].concat());
     let screen = done(folder, &["diagnose", "log.csv"]);
     let headline = screen
         .lines()

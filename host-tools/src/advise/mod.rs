@@ -6,17 +6,23 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use crate::excite::earlier::{self, EarlierError};
 use crate::excite::{Told, told};
 use crate::model::{Limb, Model};
+use crate::parameter::{self, INERTIAL_NAMES};
+use crate::summary::typed;
 
 /// Share of what can be learned of a parameter at all, as a variance, below which it is open, and from which on it is told.
 const OPEN: f64 = 0.5;
 const TOLD: f64 = 0.9;
 /// What no motion can bring below this share of its prior's standard deviation is no motion's fault.
 const STRUCTURAL: f64 = 0.9;
+/// What the best and longest of motions brings below this share of its prior's standard deviation is told in full: it is no more
+/// than rounding, or far below what any log reaches.
+const NOTHING: f64 = 0.01;
 /// Parameters that the command for the next motion names per limb.
 const NAMED: usize = 6;
 /// Parameters per limb that the lines at the end of another command name.
@@ -181,10 +187,25 @@ impl Advised {
     }
 }
 
+/// Where to ask what logs could not tell: one line, for which nothing is read.
+pub fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
+    if from_standard_input(logs) {
+        return String::new();
+    }
+    format!(
+        "What the data leave open, and the motion that would tell it: proprio advise {}\n",
+        typed(logs, file)
+    )
+}
+
+/// Standard input is read once.
+fn from_standard_input(logs: &[PathBuf]) -> bool {
+    logs.iter().any(|log| log.as_os_str() == "-")
+}
+
 /// [`Advised::closing`] of logs, for the end of another command's words: empty where nothing can be said of them.
 pub fn closing(model: &Model, file: Option<&Path>, logs: &[PathBuf]) -> String {
-    // Standard input is read once.
-    if logs.iter().any(|log| log.as_os_str() == "-") {
+    if from_standard_input(logs) {
         return String::new();
     }
     let limbs = model.robot().limbs();
@@ -242,12 +263,40 @@ impl fmt::Display for Advice {
             Learned::Open => "open",
             Learned::Never => "no motion tells it alone",
         };
+        let best = match self.learned {
+            Learned::Never => String::new(),
+            _ if self.best_std <= NOTHING * self.prior_std => {
+                "; a long, rich motion can tell all of it".to_owned()
+            }
+            _ => format!("; the best motion leaves ±{}", figure(self.best_std)),
+        };
         write!(
             f,
-            "{:<22} {words:<24} ± {:.2e} now, {:.2e} before, {:.2e} at best",
-            self.parameter, self.std, self.prior_std, self.best_std
+            "{:<22} {words:<24} ±{} {} now, ±{} before these logs{best}",
+            self.parameter,
+            figure(self.std),
+            unit_of(&self.parameter),
+            figure(self.prior_std)
         )
     }
+}
+
+/// A standard deviation in two digits that count.
+fn figure(std: f64) -> String {
+    if (1e-3..1e3).contains(&std) {
+        let decimals = (1.0 - std.log10().floor()).max(0.0) as usize;
+        format!("{std:.decimals$}")
+    } else {
+        format!("{std:.1e}")
+    }
+}
+
+/// The unit of a parameter by its name, `m:FR_calf`, as a joint that turns has it.
+fn unit_of(parameter: &str) -> &'static str {
+    let what = parameter.split(':').next().unwrap_or_default();
+    let inertial = INERTIAL_NAMES.iter().find(|(name, _)| *name == what);
+    let effect = || EffectKind::from_name(what).map_or("", parameter::unit);
+    inertial.map_or_else(effect, |(_, unit)| unit)
 }
 
 #[cfg(test)]
@@ -269,5 +318,35 @@ mod tests {
         assert_eq!(of(1.0, 0.55, 0.5).learned, Learned::Told);
         assert_eq!(of(1.0, 0.6, 0.0).learned, Learned::Partly);
         assert_eq!(of(1.0, 0.99, 0.99).learned, Learned::Never);
+    }
+
+    #[test]
+    fn advice_is_in_words_and_units() {
+        let of = |best_std| {
+            let told = Told {
+                parameter: "hz:FR_hip".to_owned(),
+                prior_std: 1.3e-3,
+                std: 1.27e-3,
+                best_std,
+            };
+            advice(&told).to_string()
+        };
+        let open = "hz:FR_hip              open                     ±0.0013 kg m now, ±0.0013 before these logs; ";
+        assert_eq!(
+            of(2e-14),
+            format!("{open}a long, rich motion can tell all of it")
+        );
+        assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
+    }
+
+    #[test]
+    fn the_pointer_can_be_typed() {
+        let logs = ["a b.csv".into(), "c.csv".into()];
+        let line = pointer(Some(Path::new("m.toml")), &logs);
+        assert!(
+            line.ends_with(": proprio advise 'a b.csv' c.csv -m m.toml\n"),
+            "{line}"
+        );
+        assert_eq!(pointer(None, &["-".into()]), "");
     }
 }

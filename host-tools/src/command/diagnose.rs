@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::advise::closing;
+use proprio::advise::{closing, pointer};
 use proprio::compare::ValuesFrom;
 use proprio::compare::compare;
 use proprio::diagnose::{Diagnosis, diagnose};
@@ -88,27 +88,22 @@ impl Diagnose {
         {
             model.save(path)?;
         }
-        let closing = if self.json {
-            String::new()
-        } else {
-            closing(&model, self.model.as_deref(), &self.logs)
-        };
-        Ok(match (self.json, self.apply) {
-            (true, _) => json(&Report {
+        if self.json {
+            return Ok(json(&Report {
                 data: &recording.gates,
                 diagnosis: &diagnosis,
-            }),
-            (false, true) => gate_words(&recording.gates) + &diagnosis.ladder() + &closing,
-            (false, false) if self.verbose => {
-                gate_words(&recording.gates) + &diagnosis.to_string() + &closing
-            }
+            }));
+        }
+        let file = self.model.as_deref();
+        let gates = gate_words(&recording.gates);
+        Ok(match (self.apply, self.verbose) {
+            (true, _) => gates + &diagnosis.ladder() + &closing(&model, file, &self.logs),
+            (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
             (false, false) => {
-                let summary = diagnosis.summary(given.robot(), self.model.as_deref());
+                let summary = diagnosis.summary(given.robot(), file);
+                let open = pointer(file, &self.logs);
                 let more = "More: --verbose (every candidate), --apply (every step), --html report.html (plots, tick boxes)";
-                format!(
-                    "{}{summary}\n{closing}{more}\n",
-                    gate_words(&recording.gates)
-                )
+                format!("{gates}{summary}\n{open}{more}\n")
             }
         })
     }

@@ -5,7 +5,7 @@ mod factors;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::advise::closing;
+use proprio::advise::{closing, pointer};
 use proprio::compare::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
 use proprio::identify::{
@@ -156,10 +156,13 @@ impl Identify {
             true => fitted.identifiability(),
             false => String::new(),
         };
-        Ok(format!(
-            "{fitted}{told}{}",
-            closing(&model, Some(path.as_path()), &self.logs)
-        ))
+        // Of several limbs it is a page.
+        let file = Some(path.as_path());
+        let open = match recording.limbs.len() > 1 && !self.base {
+            true => format!("\n{}", pointer(file, &self.logs)),
+            false => closing(&model, file, &self.logs),
+        };
+        Ok(format!("{fitted}{told}{open}"))
     }
 
     /// A Go2's plain effects, by the estimator of the device.

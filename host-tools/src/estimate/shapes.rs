@@ -183,7 +183,8 @@ impl<'a> Scan<'a> {
             let basis = self.basis(&windows, joint);
             let harmonics = self.harmonics(&windows, joint);
             for (shape, columns) in grid.iter().zip(harmonics) {
-                self.keep(&windows, place, *shape, beside(columns, &basis));
+                let key = self.shape_key(&windows, place, *shape);
+                self.keep(key, beside(columns, &basis));
             }
         }
         let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
@@ -219,10 +220,7 @@ impl<'a> Scan<'a> {
                 basis.extend(orthonormal(column, &basis));
             }
         }
-        match key {
-            Some(key) => self.data.directions.put(key, basis),
-            None => Arc::new(basis),
-        }
+        self.keep(key, basis)
     }
 
     /// Directions that an effect of some shape adds to these.
@@ -230,20 +228,25 @@ impl<'a> Scan<'a> {
         self.known(windows, place, shape).unwrap_or_else(|| {
             let columns = self.columns(windows, place, shape);
             let span = beside(columns, &self.basis(windows, place.1));
-            self.keep(windows, place, shape, span)
+            self.keep(self.shape_key(windows, place, shape), span)
         })
     }
 
     fn known(&self, windows: &[usize], place: Place, shape: f64) -> Option<Span> {
-        let key = self.key(windows, place.1, Some((place.0, shape.to_bits())))?;
+        let key = self.shape_key(windows, place, shape)?;
         self.data.directions.get(&key)
     }
 
-    fn keep(&self, windows: &[usize], place: Place, shape: f64, span: Vec<Vec<f64>>) -> Span {
-        match self.key(windows, place.1, Some((place.0, shape.to_bits()))) {
+    /// Keeps directions that can be kept.
+    fn keep(&self, key: Option<Key>, span: Vec<Vec<f64>>) -> Span {
+        match key {
             Some(key) => self.data.directions.put(key, span),
             None => Arc::new(span),
         }
+    }
+
+    fn shape_key(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Option<Key> {
+        self.key(windows, joint, Some((effect, shape.to_bits())))
     }
 
     /// What directions are kept under; `None` if they depend on more than the motion, or are of some windows only.

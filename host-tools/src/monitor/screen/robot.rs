@@ -80,9 +80,9 @@ fn lines(view: &View, width: u16) -> Vec<Line<'static>> {
         heading(
             "joint",
             &|effect| effect.name().to_owned(),
-            "residual, band ",
+            "residual, band",
         ),
-        heading("", &|effect| parameter::unit(effect).to_owned(), "N m "),
+        heading("", &|effect| parameter::unit(effect).to_owned(), "N m"),
     ];
     for (n, leg) in Leg::ALL.into_iter().enumerate() {
         let known = &view.legs[n];
@@ -117,7 +117,7 @@ fn lines(view: &View, width: u16) -> Vec<Line<'static>> {
     lines
 }
 
-/// The newest residual, and the band in which it should lie.
+/// The newest residual, and the band in which it should lie; the mark before it parts it from the effects.
 fn residual(view: &View, leg: usize, joint: usize) -> Span<'static> {
     let leg = &view.legs[leg];
     let residual = &leg.residuals[joint];
@@ -125,7 +125,7 @@ fn residual(view: &View, leg: usize, joint: usize) -> Span<'static> {
     match residual.band() {
         Some(band) => {
             let mark = if residual.is_above() { "▲" } else { " " };
-            let text = format!("{newest:.3} {:.2}–{:.2}{mark}", band.lower, band.upper);
+            let text = format!("{mark}{newest:.3} {:.2}–{:.2}", band.lower, band.upper);
             let style = if residual.is_above() {
                 wrong()
             } else {
@@ -133,7 +133,7 @@ fn residual(view: &View, leg: usize, joint: usize) -> Span<'static> {
             };
             Span::styled(cell(&text, RESIDUAL), style)
         }
-        None => Span::styled(cell(&format!("{newest:.3}           "), RESIDUAL), dim()),
+        None => Span::styled(cell(&format!("{newest:.3}          "), RESIDUAL), dim()),
     }
 }
 
