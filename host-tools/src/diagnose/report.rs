@@ -220,7 +220,7 @@ impl Diagnosed<'_> {
             let Some(predicted) = fit.predicted_held_out() else {
                 continue;
             };
-            series.extend(JointSeries::of(fit.data, &predicted));
+            series.extend(JointSeries::of(&fit.below_limits(), &predicted));
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.drifts[limb].iter().map(told));

@@ -18,6 +18,7 @@ use super::deviation::Deviations;
 use super::folding::{Folding, Weights};
 use super::groups::{Group, Groups, stacked};
 use super::limb_data::LimbData;
+use super::limit::Limit;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes;
@@ -100,6 +101,10 @@ impl<'a> LimbFit<'a> {
     /// `None` if numbers are not finite.
     pub(crate) fn of(data: &'a LimbData<'a>, places: &[Place], how: &How) -> Option<Self> {
         let mut values = start(data, places, how);
+        let limited = Self::limited(data, places, how);
+        if let Some((start, _)) = &limited {
+            values.clone_from(start);
+        }
         let fitted: Vec<Place> = (places.iter().copied())
             .filter(|p| !how.held.contains(p))
             .collect();
@@ -130,8 +135,9 @@ impl<'a> LimbFit<'a> {
             let mut pairs = next.iter().zip(&correlation);
             let same =
                 how.weights.is_some() || pairs.all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
-            let searched =
-                |place: &Place| how.shapes.as_ref().is_none_or(|own| own.contains(place));
+            let searched = |place: &Place| {
+                is_searched(place, how) && limited.as_ref().is_none_or(|l| l.1 != *place)
+            };
             let scanned = (pass <= SHAPE_PASSES.min(passes - 1))
                 .then(|| shapes::better(&fit, &made, &searched))
                 .flatten();
@@ -148,6 +154,23 @@ impl<'a> LimbFit<'a> {
             rows = Some((fit.columns, made));
         }
         None
+    }
+
+    /// Where a fit begins whose limit of a torque the data tell, and which limit that is.
+    fn limited(data: &LimbData, places: &[Place], how: &How) -> Option<(Values, Place)> {
+        let is_limit = |place: &&Place| place.0 == EffectKind::Saturation;
+        let sought = places
+            .iter()
+            .filter(is_limit)
+            .find(|place| is_searched(place, how))?;
+        let others: Vec<Place> = places
+            .iter()
+            .copied()
+            .filter(|place| place != sought)
+            .collect();
+        let fit = LimbFit::of(data, &others, how)?;
+        let limit = Limit::of(&fit, sought.1)?;
+        Some((limit.values, *sought))
     }
 
     /// The fit over rows that were made at `at`.
@@ -383,6 +406,11 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
         }
     }
     values
+}
+
+/// Whether an effect's shape is searched.
+fn is_searched(place: &Place, how: &How) -> bool {
+    how.shapes.as_ref().is_none_or(|own| own.contains(place))
 }
 
 /// Whether columns are other ones at other values.

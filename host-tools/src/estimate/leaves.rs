@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::bounded::Problem;
 use super::fit::{LimbFit, depend_on_values};
 use super::groups::{Group, stacked};
+use super::limb_data::LimbData;
 use super::method::Method;
 use crate::equation::dot::dot;
 use crate::equation::motion::is_derivative;
@@ -84,6 +85,25 @@ impl LimbFit<'_> {
             Some(problem.solve_from(&self.solution.theta)?.theta)
         };
         trains.par_iter().map(solved).collect()
+    }
+
+    /// The data without the windows in which a joint reports more than the limit that the model gives its drive: what is asked for there
+    /// is anything.
+    pub(crate) fn below_limits(&self) -> LimbData<'_> {
+        let (data, n) = (self.data, self.data.joints());
+        let limited = self
+            .values
+            .places()
+            .filter(|place| place.0 == EffectKind::Saturation);
+        let limits: Vec<(usize, f64)> = limited
+            .map(|place| (place.1, self.values.get(place, 0)))
+            .collect();
+        let is_out = |w: usize| {
+            let mut limits = limits.iter();
+            data.left_out[w] || limits.any(|&(j, limit)| data.torque[w * n + j].abs() > limit)
+        };
+        let left_out: Vec<bool> = (0..data.left_out.len()).map(is_out).collect();
+        data.clone().leaving_out(&left_out)
     }
 
     /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round

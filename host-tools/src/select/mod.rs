@@ -8,11 +8,14 @@
 //! 4. `drift`: parameters that change with time.
 //! 5. `ranking`: which candidate is the best, and what it cannot be told from.
 //! 6. [`state`]: a model of all limbs, and how it predicts what it has not seen.
-//! 7. [`search`]: forward and backward, beside the four plain effects of every drive.
+//! 7. [`search`]: forward and backward, beside the four plain effects of every drive. `looseness` and `limits`: what columns do not
+//!    show, springs and plays between motor and link and drives at their limits.
 
 pub(crate) mod candidate;
 pub(crate) mod criteria;
 pub(crate) mod drift;
+mod limits;
+mod looseness;
 mod possible;
 pub(crate) mod ranking;
 pub(crate) mod screen;

@@ -84,11 +84,11 @@ pub(super) fn judge(
 
 /// The candidate to be taken next: there, possible, and the one that takes most torque error away.
 ///
-/// Candidates at its joints, and no others, that take away a like share of torque error and whose held-out gains differ by less than the error of their difference, or by less than ln n for each
-/// parameter more, n windows, are equals. Among them counts how much the sum of squares of all data and of the priors falls, less
-/// ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler rival that is there even beside the best goes
-/// before it: a load on a calf swings with it as its rotor turns. What a delay too small to be resolved explains better, and all of
-/// it, is none.
+/// Candidates at its joints, and no others, that take away a like share of torque error and whose held-out gains differ by less than the
+/// error of their difference, or by less than ln n for each parameter more, n windows, are equals. Among them counts how much the sum
+/// of squares of all data and of the priors falls, less ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler
+/// rival that is there even beside the best goes before it: a load on a calf swings with it as its rotor turns. What a delay too small
+/// to be resolved explains better, and all of it, is none.
 pub(super) fn best<'c>(
     screens: &[Screen],
     open: &[&'c Candidate],

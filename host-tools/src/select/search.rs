@@ -17,7 +17,6 @@ use super::drift::{Drift, drifts};
 use super::ranking::{Judged, PLAIN, best, judge, judged};
 use super::screen::{self, Screen};
 use super::state::{State, held_out_with_shape};
-use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -59,7 +58,11 @@ pub(crate) struct Found<'a> {
 pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Option<Found<'a>> {
     let start = State::of(data, given)?;
     let mut search = Search::new(data, given, start);
+    search.limits();
     search.forward();
+    if search.limits() {
+        search.forward();
+    }
     search.backward();
     let plain = search.with_plain();
     if let Some(plain) = plain {
@@ -69,15 +72,15 @@ pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Opti
 }
 
 /// A search on its way.
-struct Search<'a> {
-    data: &'a [LimbData<'a>],
+pub(super) struct Search<'a> {
+    pub(super) data: &'a [LimbData<'a>],
     given: Vec<Vec<Place>>,
     start: Vec<Squares>,
-    state: State<'a>,
-    steps: Vec<Step>,
-    first: Vec<Judged>,
+    pub(super) state: State<'a>,
+    pub(super) steps: Vec<Step>,
+    pub(super) first: Vec<Judged>,
     /// Of each limb what its model may lack, and what that would add: made anew when the limb's fit is another.
-    screens: Vec<Screen<'a>>,
+    pub(super) screens: Vec<Screen<'a>>,
     possible: Vec<Vec<Place>>,
     /// What was tried beside which fits of its limbs, and not taken.
     refused: Vec<Refused<'a>>,
@@ -114,7 +117,7 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a candidate was refused beside the same fits of its limbs: it would be again.
-    fn was_refused(&self, candidate: &Candidate) -> bool {
+    pub(super) fn was_refused(&self, candidate: &Candidate) -> bool {
         let beside = self.beside(candidate);
         let same = |a: &[Arc<LimbFit>]| {
             a.len() == beside.len() && a.iter().zip(&beside).all(|(a, b)| Arc::ptr_eq(a, b))
@@ -126,6 +129,14 @@ impl<'a> Search<'a> {
         })
     }
 
+    pub(super) fn refuse(&mut self, candidate: &Candidate) {
+        self.refused.push(Refused {
+            effect: candidate.effect,
+            members: candidate.members.clone(),
+            beside: self.beside(candidate),
+        });
+    }
+
     /// Whether what a candidate promises is worth a fit: a step takes away a share of the error of all joints, and the fit all but
     /// never takes away twice of what the columns promise.
     fn is_worth_trying(&self, candidate: &Candidate) -> bool {
@@ -134,7 +145,7 @@ impl<'a> Search<'a> {
     }
 
     /// Looks at all candidates beside the present model.
-    fn look(&mut self) -> Vec<Candidate> {
+    pub(super) fn look(&mut self) -> Vec<Candidate> {
         let limbs: Vec<usize> = (0..self.data.len()).collect();
         let old: Vec<Option<Screen>> = std::mem::take(&mut self.screens)
             .into_iter()
@@ -176,18 +187,16 @@ impl<'a> Search<'a> {
             let mut open: Vec<&Candidate> = (candidates.iter())
                 .filter(|c| self.is_worth_trying(c) && !self.was_refused(c))
                 .collect();
-            if self.first.is_empty() && self.steps.is_empty() {
+            if self.first.is_empty() {
                 let best = best(
                     &self.screens,
                     &candidates.iter().collect::<Vec<_>>(),
                     &candidates,
                 );
-                let tried = best.map(|best| self.best_by_trying(best, &open));
+                let tried = best.map(|best| self.best_by_trying(best, &candidates));
                 self.first = judge(&self.screens, &candidates, tried.as_ref().map(|t| t.0));
-                // What a column says of a value is true to first order.
-                if let Some((best, Some(after))) = &tried {
-                    let own = best.members.iter().map(|member| after.parameters(member));
-                    self.first[0].parameters = own.collect();
+                if let (Some((told, Some(after))), Some(best)) = (&tried, best) {
+                    self.tell_first(told, after, !std::ptr::eq(*told, best));
                 }
             }
             let mut taken = false;
@@ -195,19 +204,15 @@ impl<'a> Search<'a> {
                 let Some(next) = best(&self.screens, &open, &candidates) else {
                     break;
                 };
-                let (next, after) = self.best_by_trying(next, &open);
+                let (next, after) = self.best_by_trying(next, &candidates);
                 taken = after.is_some_and(|after| self.take(next, after));
                 if taken {
                     break;
                 }
-                self.refused.push(Refused {
-                    effect: next.effect,
-                    members: next.members.clone(),
-                    beside: self.beside(next),
-                });
+                self.refuse(next);
                 open.retain(|c| !(c.effect == next.effect && c.members == next.members));
             }
-            if !taken {
+            if !taken && !self.take_looseness(&candidates) {
                 break;
             }
             if self.lacks_a_drive() {
@@ -216,8 +221,24 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// What is told of the first candidate is of the fit with it: what a column says of a value is true to first order, and of what was found
+    /// by trying not even that it is there.
+    pub(super) fn tell_first(&mut self, candidate: &Candidate, after: &State<'a>, by_trying: bool) {
+        let Some(first) = self.first.first_mut() else {
+            return;
+        };
+        let own = candidate
+            .members
+            .iter()
+            .map(|member| after.parameters(member));
+        first.parameters = own.collect();
+        if by_trying {
+            (first.significant, first.possible) = (true, true);
+        }
+    }
+
     /// The model with a candidate in it, fitted.
-    fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
+    pub(super) fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
         let mut places = self.state.places();
         for (limb, place) in &candidate.members {
             places[*limb].push(*place);
@@ -227,45 +248,8 @@ impl<'a> Search<'a> {
         self.state.with(self.data, &places, &start, &new)
     }
 
-    /// A candidate and the model with it; or a rival at one of its joints with which the model predicts better, where columns tell little
-    /// of what the effects do.
-    fn best_by_trying<'c>(
-        &self,
-        best: &'c Candidate,
-        open: &[&'c Candidate],
-    ) -> (&'c Candidate, Option<State<'a>>) {
-        let first = (best, self.with(best));
-        if !LOOSE.contains(&best.effect) {
-            return first;
-        }
-        let is_best = |c: &Candidate| c.effect == best.effect && c.members == best.members;
-        let rivals = open.iter().copied().filter(|c| {
-            c.members.len() == 1
-                && LOOSE.contains(&c.effect)
-                && !is_best(c)
-                && c.meets(best)
-                && c.gain().0 >= criteria::RIVAL * best.gain().0
-                && c.is_there()
-                && c.is_possible(&self.screens)
-        });
-        let mut rivals: Vec<&Candidate> = rivals.collect();
-        if best.members.len() > 1 {
-            rivals.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
-            rivals.truncate(1);
-        }
-        let tried = rivals.into_iter().map(|c| (c, self.with(c)));
-        // One soft joint looks like several to a column: several have to do better than one by what a step is worth.
-        let error = |(c, after): &(&Candidate, Option<State>)| {
-            let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
-            error * (1.0 + criteria::LEAST_SHARE * (c.members.len() - 1) as f64)
-        };
-        (tried.chain([first]))
-            .min_by(|a, b| error(a).total_cmp(&error(b)))
-            .unwrap_or((best, None))
-    }
-
     /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.
-    fn take(&mut self, candidate: &Candidate, mut after: State<'a>) -> bool {
+    pub(super) fn take(&mut self, candidate: &Candidate, mut after: State<'a>) -> bool {
         let members = &candidate.members;
         if let [(limb, place)] = members[..]
             && place.0.description().shape().is_some()
@@ -289,7 +273,7 @@ impl<'a> Search<'a> {
         true
     }
 
-    fn push(&mut self, members: &[Member], removed: bool) {
+    pub(super) fn push(&mut self, members: &[Member], removed: bool) {
         self.steps.push(Step {
             effect: members[0].1.0,
             members: members.to_vec(),
@@ -308,6 +292,8 @@ impl<'a> Search<'a> {
         let drive = self.lacks_a_drive();
         let mut small: Vec<(f64, Member)> = (added.into_iter())
             .filter(|(_, place)| !(drive && PLAIN.contains(&place.0)))
+            // What is asked for beyond a limit is anything: how much of it on average may be nothing.
+            .filter(|(_, place)| place.0 != EffectKind::Saturation)
             .map(|member| (self.state.size(&member), member))
             .filter(|(size, _)| *size < criteria::LEAST_VALUE)
             .collect();
@@ -409,6 +395,7 @@ impl<'a> Search<'a> {
         {
             return None;
         }
+        other.limits();
         other.forward();
         other.backward();
         Some(other)

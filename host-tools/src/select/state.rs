@@ -94,6 +94,13 @@ impl<'a> State<'a> {
             .sum()
     }
 
+    /// The same of a limb in the windows in which a `limited` fit's joints report less than their limits.
+    pub(super) fn weighted_below(&self, noise: &Self, limb: usize, limited: &LimbFit) -> f64 {
+        let squares = self.fits[limb].predicted_held_out();
+        let squares = squares.map(|predicted| limited.below_limits().squares(&predicted));
+        squares.map_or(f64::INFINITY, |s| s.weighted(&noise.fits[limb].noise))
+    }
+
     pub(super) fn total(&self) -> f64 {
         self.squares.iter().map(Squares::total).sum()
     }
