@@ -17,7 +17,7 @@ use crate::command::recorded_logs;
 
 /// Seconds of processor time for a design.
 const SECONDS: f64 = 10.0;
-/// Starts: as many as there is time for.
+/// Starts: as many as there is time for with the boxes.
 const STARTS: usize = 2;
 const SEEDS: [u64; 2] = [1, 2];
 
