@@ -17,7 +17,7 @@ use crate::command::recorded_logs;
 
 /// Seconds of processor time for a design.
 const SECONDS: f64 = 10.0;
-/// Starts: as many as there is time for.
+/// Starts: as many as there is time for with the boxes.
 const STARTS: usize = 2;
 const SEEDS: [u64; 2] = [1, 2];
 
@@ -48,59 +48,8 @@ const START: [f64; 7] = [
     0.931_531_6,
 ];
 
-/// The example's boxes, each by what bounds it on the arm's side, and the arm as capsules about its links.
-const BOXES: &str = r#"
-[[plane]]
-name = "floor"
-normal = [0, 0, 1]
-offset = 0.185
-[[plane]]
-name = "back wall"
-normal = [0, -1, 0]
-offset = -0.465
-[[plane]]
-name = "wall and bar"
-normal = [1, 0, 0]
-offset = -0.365
-[[plane]]
-name = "ceiling"
-normal = [0, 0, -1]
-offset = -1.095
-[[capsule]]
-name = "camera"
-ends = [[0.47, -0.09, 1.03], [0.47, -0.09, 1.05]]
-radius = 0.13
-[[capsule]]
-name = "upper arm"
-body = "joint_2"
-ends = [[0, 0, -0.01], [0, -0.21, -0.01]]
-radius = 0.05
-[[capsule]]
-name = "upper arm's end"
-body = "joint_3"
-ends = [[0, 0, 0], [0, 0, -0.21]]
-radius = 0.05
-[[capsule]]
-name = "forearm"
-body = "joint_4"
-ends = [[0, 0, -0.01], [0, -0.21, -0.01]]
-radius = 0.05
-[[capsule]]
-name = "wrist"
-body = "joint_5"
-ends = [[0, 0, 0], [0, 0, -0.106]]
-radius = 0.045
-[[capsule]]
-name = "wrist's end"
-body = "joint_6"
-ends = [[0, 0, 0], [0, -0.106, 0]]
-radius = 0.045
-[[capsule]]
-name = "hand"
-body = "joint_7"
-ends = [[0, 0, -0.02], [0, 0, -0.2]]
-radius = 0.06
-"#;
+/// The example's boxes and the arm's capsules.
+const BOXES: &str = include_str!("kinova_boxes.toml");
 
 /// All cases.
 ///
@@ -134,7 +83,7 @@ pub fn study() -> Result<String, Failure> {
     for (name, settings) in &cases {
         row(&mut text, name, &gen3, settings)?;
     }
-    let lwr = Model::new(Robot::from_urdf(&folder.join("arms/lwr.urdf"))?);
+    let lwr = lwr(&folder.join("arms/lwr.urdf"))?;
     let five = Settings {
         goal: Goal::ConditionSi,
         harmonics: 5,
@@ -214,8 +163,26 @@ fn gen3(path: &Path) -> Result<Model, Failure> {
         let limit = format!("<limit {stops}effort=\"{torque}\" velocity=\"{speed}\"/>");
         text.replace_range(start..end, &limit);
     }
+    read(&text)
+}
+
+/// The LWR; its base stands on a box by a joint with two origins, of which the first counts.
+fn lwr(path: &Path) -> Result<Model, Failure> {
+    let mut text = std::fs::read_to_string(path)?;
+    let joint = text
+        .find("<joint name=\"box_lwr_base_joint\"")
+        .ok_or("no such joint")?;
+    let mut origins = text[joint..].match_indices("<origin");
+    let second = origins.nth(1).ok_or("no origin")?.0 + joint;
+    let end = second + text[second..].find("/>").ok_or("no end")? + 2;
+    text.replace_range(second..end, "");
+    read(&text)
+}
+
+/// The robot of a URDF's text.
+fn read(text: &str) -> Result<Model, Failure> {
     let folder = tempfile::tempdir()?;
-    let changed = folder.path().join("gen3.urdf");
-    std::fs::write(&changed, text)?;
-    Ok(Model::new(Robot::from_urdf(&changed)?))
+    let file = folder.path().join("arm.urdf");
+    std::fs::write(&file, text)?;
+    Ok(Model::new(Robot::from_urdf(&file)?))
 }

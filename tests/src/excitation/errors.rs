@@ -11,7 +11,7 @@ use proprio::simulator::{Followed, Simulation};
 
 use super::condition::designed;
 use super::robots::{
-    INERTIA_ERROR, LEG, PLAIN, chirp, fitted, model_with, played, robot, settings,
+    FAST, INERTIA_ERROR, LEG, PLAIN, chirp, fitted, model_with, played, robot, settings,
 };
 use super::{Failure, each};
 
@@ -53,7 +53,7 @@ pub fn study(robots: usize) -> Result<String, Failure> {
                 &Settings::default(),
             )?)),
         ),
-        ("chirp, 0.1 to 9 Hz in phase", Reference::Same(chirp()?)),
+        ("chirp, 0.1 to 9 Hz in phase", Reference::Same(chirp(FAST)?)),
     ];
     let mut weak = model_with(&PLAIN);
     weak.set_cad_uncertainty(None, NO_PRIOR)?;

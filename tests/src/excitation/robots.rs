@@ -79,19 +79,22 @@ pub fn played(model: &Model, designs: &[LimbDesign]) -> Result<Arc<Followed>, Fa
     Ok(Arc::new(Followed::read(file.path())?))
 }
 
-/// Frequencies of the chirp at its start and end, Hz, and its excursion, rad: those of the recorded chirps, 0.1 to 9 Hz, swept
-/// within [`DURATION`].
-const CHIRP: ([f64; 2], [f64; JOINTS_PER_LEG]) = ([0.1, 9.0], [0.12, 0.2, 0.25]);
+/// Frequency of a chirp at its start, Hz, and its excursion, rad: those of the recorded chirps, swept within [`DURATION`].
+const CHIRP: (f64, [f64; JOINTS_PER_LEG]) = (0.1, [0.12, 0.2, 0.25]);
+/// Frequency at its end, Hz: of the fastest recorded chirps.
+pub const FAST: f64 = 9.0;
+/// The same of a cautious one.
+pub const SLOW: f64 = 0.5;
 /// Where the leg is bent, rad.
 const BENT: [f64; JOINTS_PER_LEG] = [-0.1, 0.9, -1.7];
 /// The chirp grows to its full size over this time, s.
 const RAMP: f64 = 1.0;
 
-/// A chirp that all joints follow in phase, with the CAD's torque as feed-forward.
+/// A chirp up to `last` Hz that all joints follow in phase, with the CAD's torque as feed-forward.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn chirp() -> Result<Arc<Followed>, Failure> {
+pub fn chirp(last: f64) -> Result<Arc<Followed>, Failure> {
     let mut file = tempfile::NamedTempFile::new()?;
     let joints = JointId::of(LEG);
     let columns = ["q", "dq", "ddq", "tau"].map(|c| joints.map(|j| format!("{c}/{j}")).join(","));
@@ -101,7 +104,7 @@ pub fn chirp() -> Result<Arc<Followed>, Failure> {
     let foresight = Foresight::new(&model, limb).ok_or("a leg has three joints")?;
     for k in 0..=(500.0 * DURATION) as u32 {
         let t = f64::from(k) / 500.0;
-        let [q, dq, ddq] = chirp_at(t);
+        let [q, dq, ddq] = chirp_at(t, last);
         let tau = foresight.torque(&q, &dq, &ddq);
         let numbers = q.iter().chain(&dq).chain(&ddq).chain(&tau);
         let numbers: Vec<String> = numbers.map(|x| format!("{x:.7}")).collect();
@@ -112,8 +115,8 @@ pub fn chirp() -> Result<Arc<Followed>, Failure> {
 }
 
 /// Positions, velocities, accelerations of the chirp.
-fn chirp_at(t: f64) -> [[f64; JOINTS_PER_LEG]; 3] {
-    let ([first, last], reach) = CHIRP;
+fn chirp_at(t: f64, last: f64) -> [[f64; JOINTS_PER_LEG]; 3] {
+    let (first, reach) = CHIRP;
     let rate = std::f64::consts::TAU * (last - first) / DURATION;
     let speed = std::f64::consts::TAU * first + rate * t;
     let phase = std::f64::consts::TAU * first * t + 0.5 * rate * t * t;
