@@ -188,6 +188,29 @@ fn viscous_friction_is_found() {
     is_found("viscous:FR_hip=0.3", &known);
 }
 
+/// What columns do not show to first order, and its value: a soft spring with its resonance, a wide play, a drive's limit.
+#[test]
+fn what_columns_do_not_show_is_found() {
+    let soft = ("elasticity:FR_thigh=40", 1.0 / 40.0, 0.25);
+    let loose = ("backlash:FR_thigh=0.05", 0.05, 0.25);
+    let limited = ("saturation:FR_calf=3", 3.0, 0.05);
+    for (hide, truth, within) in [soft, loose, limited] {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        simulate(folder, "log.csv", &[hide]);
+        add(folder, &KNOWN, "model.toml");
+        let diagnosis = diagnose(folder, "log.csv", "model.toml");
+        let first = &diagnosis["candidates"][0];
+        assert_eq!(place(first), hide.split('=').next().unwrap(), "{hide}");
+        assert_eq!(first["significant"], true, "{hide}");
+        let value = &first["parameters"][0];
+        let [value, std] = ["value", "std"].map(|key| value[key].as_f64().unwrap());
+        assert!((value / truth - 1.0).abs() < within, "{hide}: {value}");
+        assert!((value - truth).abs() < 2.0 * std, "{hide}: {value} ± {std}");
+        assert_eq!(place(&diagnosis["path"][0]), place(first), "{hide}");
+    }
+}
+
 /// From the URDF alone, and bodies as the CAD has them.
 #[test]
 fn one_effect_is_found_from_the_urdf_alone() {

@@ -17,7 +17,8 @@ pub(crate) const LEAST_GAIN_OF_SLOW: f64 = 0.005;
 /// Share of a joint's mean square error that is no noise, or that a value explains which cannot be, from which something is missing that
 /// the catalogue does not have: a fifth, for a log's sampling, its reversals and lost messages leave shares of less.
 pub(crate) const STRUCTURE: f64 = 0.2;
-/// What acts by weight is there if it takes away this share of its joints' error, however small it is.
+/// What acts by weight is there if it takes away this share of its joints' error, however small it is; from this share on a soft spring or a
+/// wide play may be what another effect resembles.
 pub(crate) const SURE_GAIN: f64 = 0.05;
 /// Smallest share of the held-out error of all joints that a step takes away: below, what one log asks for is as likely to be worse on
 /// the next.

@@ -11,7 +11,7 @@ use super::state::State;
 use crate::equation::motion::LOOSE;
 
 impl<'a> Search<'a> {
-    /// A candidate that takes a large part of a joint's error, and the model with it; or a spring or a play there with which the model
+    /// A candidate that takes a sure part of a joint's error, and the model with it; or a spring or a play there with which the model
     /// predicts better. One that its column does not show has to do so by what a step is worth.
     pub(super) fn best_by_trying<'c>(
         &self,
@@ -20,8 +20,8 @@ impl<'a> Search<'a> {
     ) -> (&'c Candidate, Option<State<'a>>) {
         let first = (best, self.with(best));
         let is_loose = LOOSE.contains(&best.effect);
-        let is_large = best.members.len() == 1 && best.held_out_gain().0 > criteria::STRUCTURE;
-        let may_be_loose = is_large && !best.is_shared() && !PLAIN.contains(&best.effect);
+        let is_sure = best.members.len() == 1 && best.held_out_gain().0 > criteria::SURE_GAIN;
+        let may_be_loose = is_sure && !best.is_shared() && !PLAIN.contains(&best.effect);
         if !is_loose && !may_be_loose {
             return first;
         }

@@ -401,7 +401,55 @@ impl<'a> Search<'a> {
         Some(other)
     }
 
+    /// The headline is of what the model has in the end: a first step that was taken out again only resembled another one.
+    fn keep_headline(&mut self) {
+        let removed = |member: &Member| {
+            (self.steps.iter()).any(|step| step.removed && step.members.contains(member))
+        };
+        let Some(old) = self.first.first() else {
+            return;
+        };
+        if !old.significant || !old.candidate.members.iter().all(removed) {
+            return;
+        }
+        let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
+        let before = [&self.start]
+            .into_iter()
+            .chain(self.steps.iter().map(|s| &s.squares));
+        let falls = before.zip(&self.steps).map(|(before, step)| {
+            let kept = !step.removed && !step.members.iter().all(removed);
+            (
+                if kept {
+                    total(before) - total(&step.squares)
+                } else {
+                    0.0
+                },
+                step,
+            )
+        });
+        let Some((fall, step)) = falls.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return;
+        };
+        let is_it =
+            |j: &Judged| (j.candidate.effect, &j.candidate.members) == (step.effect, &step.members);
+        let Some(at) = self.first.iter().position(is_it).filter(|_| fall > 0.0) else {
+            return;
+        };
+        let old = (old.candidate.effect, old.candidate.members.clone());
+        self.first[..=at].rotate_right(1);
+        let first = &mut self.first[0];
+        (first.significant, first.possible) = (true, true);
+        let own = first
+            .candidate
+            .members
+            .iter()
+            .map(|member| self.state.parameters(member));
+        first.parameters = own.collect();
+        first.alternatives = vec![old];
+    }
+
     fn finish(mut self) -> Option<Found<'a>> {
+        self.keep_headline();
         let candidates = self.look();
         let screens = &self.screens;
         let (floor, drifts, unphysical) = {
