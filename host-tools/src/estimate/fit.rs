@@ -173,7 +173,7 @@ impl<'a> LimbFit<'a> {
             .filter(|place| place != sought)
             .collect();
         let fit = LimbFit::of(data, &others, how)?;
-        let limit = Limit::of(&fit, sought.1)?;
+        let limit = Limit::of(&fit, &fit.predicted(), sought.1)?;
         Some((limit.values, *sought))
     }
 

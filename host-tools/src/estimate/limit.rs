@@ -43,14 +43,15 @@ pub(crate) struct Limit {
 }
 
 impl Limit {
-    /// The limit of a joint whose drive a fit takes to give what it reports; `None` if there is none that these data tell.
-    pub(crate) fn of(fit: &LimbFit, joint: usize) -> Option<Self> {
+    /// The limit of a joint whose drive a fit, which predicts so, takes to give what it reports; `None` if there is none that these data
+    /// tell.
+    pub(crate) fn of(fit: &LimbFit, predicted: &[f64], joint: usize) -> Option<Self> {
         let n = fit.data.joints();
         let counted: Vec<usize> = (0..fit.data.motion.windows.len())
             .filter(|&w| fit.data.counts(w, joint))
             .collect();
         let reported = |w: usize| fit.data.torque[w * n + joint];
-        let (mut values, mut predicted) = (fit.values.clone(), fit.predicted());
+        let (mut values, mut predicted) = (fit.values.clone(), predicted.to_vec());
         let mut out: Vec<usize> = Vec::new();
         for _ in 0..ROUNDS {
             let error = |w: usize| (reported(w) - predicted[w * n + joint]).abs();

@@ -1,5 +1,7 @@
 //! Drives at their limits, told by the windows below them ([`crate::estimate::limit`]).
 
+use std::sync::Arc;
+
 use proprio_core::effect::EffectKind;
 
 use super::candidate::Member;
@@ -15,16 +17,23 @@ impl Search<'_> {
     pub(super) fn limits(&mut self) -> bool {
         let mut taken = false;
         for limb in 0..self.data.len() {
+            let fit = self.state.fits[limb].clone();
+            // Where nothing has changed since, nothing is found.
+            if self
+                .limits_sought
+                .iter()
+                .any(|known| Arc::ptr_eq(known, &fit))
+            {
+                continue;
+            }
+            let predicted = fit.predicted();
             for joint in 0..self.data[limb].joints() {
                 let place = (EffectKind::Saturation, joint);
-                if self.state.fits[limb].values.has(place) {
-                    continue;
-                }
-                let Some(limit) = Limit::of(&self.state.fits[limb], joint) else {
-                    continue;
-                };
-                taken |= self.take_limit((limb, place), &limit);
+                let sought = !fit.values.has(place);
+                let limit = sought.then(|| Limit::of(&fit, &predicted, joint)).flatten();
+                taken |= limit.is_some_and(|limit| self.take_limit((limb, place), &limit));
             }
+            self.limits_sought.push(fit);
         }
         taken
     }

@@ -14,7 +14,7 @@ impl<'a> Search<'a> {
     /// A candidate that takes a sure part of a joint's error, and the model with it; or a spring or a play there with which the model
     /// predicts better. One that its column does not show has to do so by what a step is worth.
     pub(super) fn best_by_trying<'c>(
-        &self,
+        &mut self,
         best: &'c Candidate,
         all: &'c [Candidate],
     ) -> (&'c Candidate, Option<State<'a>>) {
@@ -33,14 +33,24 @@ impl<'a> Search<'a> {
             let more = (c.members.len() - 1) as f64 + if shown { 0.0 } else { 1.0 };
             error + criteria::LEAST_SHARE * more * now
         };
-        let tried = (self.loose_at(best, all).into_iter()).map(|c| (c, self.with(c)));
-        let kept = tried.filter(|(c, after)| {
-            let after = after.as_ref();
-            after.is_some_and(|after| after.size(&c.members[0]) >= criteria::LEAST_VALUE)
-        });
-        (kept.chain([first]))
+        let (mut kept, mut useless) = (Vec::new(), Vec::new());
+        for c in self.loose_at(best, all) {
+            let after = self.with(c);
+            let size = after
+                .as_ref()
+                .map_or(0.0, |after| after.size(&c.members[0]));
+            let helps = error(&(c, after.clone())) < (1.0 - criteria::LEAST_SHARE) * now;
+            if size >= criteria::LEAST_VALUE && helps {
+                kept.push((c, after));
+            } else {
+                useless.push(c);
+            }
+        }
+        let told = (kept.into_iter().chain([first]))
             .min_by(|a, b| error(a).total_cmp(&error(b)))
-            .unwrap_or((best, None))
+            .unwrap_or((best, None));
+        useless.into_iter().for_each(|c| self.refuse(c));
+        told
     }
 
     /// Springs and plays at the joint of a candidate; of several joints at the one where most is gained.
@@ -71,6 +81,11 @@ impl<'a> Search<'a> {
         let Some((limb, joint, square)) = joints.max_by(|a, b| a.2.total_cmp(&b.2)) else {
             return false;
         };
+        let data = &self.data[limb];
+        let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint()[joint];
+        if square < criteria::RESOLUTION.powi(2) * torque {
+            return false;
+        }
         let is_here = |effect: EffectKind| {
             (all.iter()).find(|c| c.members == [(limb, (effect, joint))] && !self.was_refused(c))
         };

@@ -84,6 +84,8 @@ pub(super) struct Search<'a> {
     possible: Vec<Vec<Place>>,
     /// What was tried beside which fits of its limbs, and not taken.
     refused: Vec<Refused<'a>>,
+    /// Fits of which it is known what limits they tell.
+    pub(super) limits_sought: Vec<Arc<LimbFit<'a>>>,
 }
 
 /// A candidate that was not taken, and the fits of its limbs that it was tried beside.
@@ -105,6 +107,7 @@ impl<'a> Search<'a> {
             screens: Vec::new(),
             possible: Vec::new(),
             refused: Vec::new(),
+            limits_sought: Vec::new(),
         }
     }
 
