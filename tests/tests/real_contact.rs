@@ -87,7 +87,9 @@ fn a_comparison_blames_no_friction_of_a_walking_robot() {
             assert!(!comparison.warnings.is_empty());
             // All are scored on the same windows: what the model file gives is the CAD here.
             if values == ValuesFrom::Given {
-                assert_eq!(comparison.rms, comparison.yardsticks.cad_rms);
+                // Sums over windows and over folds differ in the last digit; a window more would differ in the fourth.
+                let cad = comparison.yardsticks.cad_rms;
+                assert!((comparison.rms / cad - 1.0).abs() < 1e-12, "{cad}");
             }
         }
     }
