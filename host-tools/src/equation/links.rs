@@ -14,6 +14,9 @@ const TYPICAL_PLAY: f64 = 0.01;
 /// How much more and less compliance tells how a link's motion changes with it, as a share.
 const NEAR: f64 = 0.01;
 
+/// Position and velocity of a link against its motor, by times, torques and inertias.
+type Follows<'a> = dyn Fn(&[f64], &[f64], &[f64]) -> Vec<[f64; 2]> + 'a;
+
 impl Motion {
     /// Each joint's load and how it would move the links; sample by sample, joint by joint, how far they are from their motors (rad) and
     /// how fast they move against them (rad/s).
@@ -79,7 +82,7 @@ impl Motion {
         load: &Load,
         stretch: &Range<usize>,
         joint: usize,
-        by: &dyn Fn(&[f64], &[f64], &[f64]) -> Vec<[f64; 2]>,
+        by: &Follows,
     ) -> Vec<(usize, [f64; 2])> {
         let at = || stretch.clone().map(|k| k * self.joints + joint);
         let torque: Vec<f64> = at().map(|at| load.torque[at]).collect();
