@@ -211,6 +211,19 @@ fn what_columns_do_not_show_is_found() {
     }
 }
 
+/// A spring is looked for in a joint that reports late, too.
+#[test]
+fn a_spring_beside_a_delay_is_identified() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    simulate(folder, "log.csv", &["elasticity:FR_thigh=100"]);
+    let late = ["elasticity:FR_thigh", "delay:FR_thigh"];
+    add(folder, &[&KNOWN[..], &late].concat(), "model.toml");
+    let arguments = ["identify", "log.csv", "--model", "model.toml", "--json"];
+    let told = json(&done(folder, &arguments)).to_string();
+    assert!(told.contains("elasticity:FR_thigh"), "{told}");
+}
+
 /// From the URDF alone, and bodies as the CAD has them.
 #[test]
 fn one_effect_is_found_from_the_urdf_alone() {

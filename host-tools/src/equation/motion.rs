@@ -70,7 +70,7 @@ pub(crate) struct Load {
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
     pub(super) line: Vec<[f64; 2]>,
     /// The inertia that each joint turns whose link may move, kg m²; sample by sample, joint by joint.
-    pub(crate) inertia: Vec<f64>,
+    pub(super) inertia: Vec<f64>,
 }
 
 /// What effects see at each sample, under a model.
@@ -298,6 +298,14 @@ impl Motion {
         let all = vec![true; self.time.len()];
         let joints: Vec<usize> = (0..self.joints).collect();
         (!late).then(|| self.load_of(body, &self.joint, values, (&joints, &all)))
+    }
+
+    /// The inertia that a joint turns, the mean over all poses, kg m².
+    pub(crate) fn mean_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
+        let all = vec![true; self.time.len()];
+        let load = self.load_of(body, &self.joint, values, (&[joint], &all));
+        let own = load.inertia.iter().skip(joint).step_by(self.joints);
+        own.sum::<f64>() / self.time.len().max(1) as f64
     }
 
     fn load_of(

@@ -10,7 +10,6 @@ use rayon::prelude::*;
 use super::directions::Span;
 use super::shapes::{Scan, refined};
 use crate::equation::dot::dot;
-use crate::equation::motion::Load;
 use crate::equation::values::Place;
 
 /// The smallest gap that is tried (rad), each this much wider than the one before, and how many.
@@ -64,7 +63,7 @@ impl Scan<'_> {
                 .map(|told| self.left(told, &predicted))
                 .sum::<f64>()
         };
-        let grid = self.values_to_try(place, load.as_ref());
+        let grid = self.values_to_try(place);
         let falls: Vec<f64> = grid.par_iter().map(|&value| fall(value)).collect();
         let without = fall(0.0);
         if falls
@@ -76,14 +75,9 @@ impl Scan<'_> {
         Some(refined(&grid, &falls, &fall))
     }
 
-    fn values_to_try(&self, place: Place, load: Option<&Load>) -> Vec<f64> {
+    fn values_to_try(&self, place: Place) -> Vec<f64> {
         if place.0 == EffectKind::Elasticity {
-            let own = load.into_iter().flat_map(|load| load.inertia.iter());
-            let (mut sum, mut count) = (0.0, 0.0);
-            for inertia in own.skip(place.1).step_by(self.data.joints()) {
-                (sum, count) = (sum + inertia, count + 1.0);
-            }
-            let inertia = sum / f64::max(count, 1.0);
+            let inertia = (self.data.motion).mean_inertia(&self.data.body, self.values, place.1);
             let lowest = LOWEST * self.usual_frequency(place.1);
             let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
             return (0..RESONANCES).rev().map(compliance).collect();
