@@ -1,13 +1,15 @@
 // Plays a motion of `proprio excite` on a Unitree Go2 and records a log. Documentation: read examples/README.md first.
 //
 //     g++ -std=c++17 -O2 play_motion.cpp -lunitree_sdk2 -lddscxx -lddsc -lpthread -o play_motion
-//     ./play_motion eth0 motion.csv log.csv
+//     ./play_motion eth0 motion.csv log.csv 0.2
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <map>
@@ -129,8 +131,9 @@ static std::string fault(const State& state, double age, const Motion& motion, c
     for (size_t n = 0; n < motion.moved.size(); ++n) {
         const int motor = motion.moved[n];
         const auto& m = state.motor_state()[motor];
-        if (std::abs(m.q() - wanted[n]) > kAstray) return std::string(kJoints[motor]) + " is astray";
-        if (m.q() < kLower[motor % 3] - 0.02 || m.q() > kUpper[motor % 3] + 0.02)
+        // Asked so that what is not a number stops too.
+        if (!(std::abs(m.q() - wanted[n]) <= kAstray)) return std::string(kJoints[motor]) + " is astray";
+        if (!(m.q() >= kLower[motor % 3] - 0.02 && m.q() <= kUpper[motor % 3] + 0.02))
             return std::string(kJoints[motor]) + " is beyond its limits";
         if (m.temperature() > kHot) return std::string(kJoints[motor]) + " is hot";
     }
@@ -138,10 +141,14 @@ static std::string fault(const State& state, double age, const Motion& motion, c
 }
 
 int main(int argc, char** argv) {
-    if (argc != 4) {
-        std::cerr << "usage: play_motion INTERFACE MOTION.csv LOG.csv\n";
+    // Share of the motion about its first pose; a larger motion than the one designed would be beyond the limits.
+    const double scale = argc == 5 ? std::atof(argv[4]) : 1.0;
+    if (argc < 4 || argc > 5 || !(scale > 0.0 && scale <= 1.0)) {
+        std::cerr << "usage: play_motion INTERFACE MOTION.csv LOG.csv [SCALE, above 0 and at most 1]\n";
         return 2;
     }
+    // A smaller motion needs less torque by an unknown amount: feed-forward only at full size.
+    const double forward = scale == 1.0 ? 1.0 : 0.0;
     std::signal(SIGINT, [](int) { stop = true; });
     const Motion motion = read(argv[2]);
     Robot robot(argv[1]);
@@ -170,9 +177,10 @@ int main(int argc, char** argv) {
             const int motor = motion.moved[n];
             const double share = 0.5 - 0.5 * std::cos(M_PI * std::min(t / kRamp, 1.0));
             const double first = motion.at(0, "q", motor);
-            wanted[n] = played > 0.0 ? motion.at(row, "q", motor) : here[n] + (first - here[n]) * share;
-            robot.set(motor, wanted[n], played > 0.0 ? motion.at(row, "dq", motor) : 0.0, motion.at(row, "kp", motor),
-                      motion.at(row, "kd", motor), played > 0.0 ? motion.at(row, "tau", motor) : 0.0);
+            const bool plays = played > 0.0;
+            wanted[n] = plays ? first + scale * (motion.at(row, "q", motor) - first) : here[n] + (first - here[n]) * share;
+            robot.set(motor, wanted[n], plays ? scale * motion.at(row, "dq", motor) : 0.0, motion.at(row, "kp", motor),
+                      motion.at(row, "kd", motor), plays ? forward * motion.at(row, "tau", motor) : 0.0);
         }
         robot.latest(state, age);
         const std::string why = fault(state, age, motion, wanted);

@@ -73,7 +73,8 @@ def fault(state, age, moved, wanted):
         return f"no state for {1e3 * age:.0f} ms"
     for n, q in zip(moved, wanted):
         motor, kind = state.motor_state[n], JOINTS[n].split("_")[1]
-        if abs(motor.q - q) > ASTRAY:
+        # Asked so that what is not a number stops too.
+        if not abs(motor.q - q) <= ASTRAY:
             return f"{JOINTS[n]} is {motor.q - q:+.2f} rad from where it should be"
         if not LOWER[kind] - 0.02 < motor.q < UPPER[kind] + 0.02:
             return f"{JOINTS[n]} is beyond its limits"
@@ -100,6 +101,9 @@ def main():
     parser.add_argument("log")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the motion about its first pose")
     arguments = parser.parse_args()
+    # A larger motion than the one designed would be beyond the limits.
+    if not 0.0 < arguments.scale <= 1.0:
+        parser.error("--scale must be above 0 and at most 1")
     rows, moved = read(arguments.motion)
     names = [JOINTS[n] for n in moved]
     start = [rows[0][f"q/{joint}"] for joint in names]

@@ -258,10 +258,11 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
 
 mod block;
+mod forget;
 mod reduce;
 mod update;
 
-pub(crate) use block::{ROWS, Run, block_cost};
+pub(crate) use block::{Block, ROWS, Run, block_cost};
 
 #[cfg(test)]
 mod tests;

@@ -97,7 +97,7 @@ pub enum Push {
     Used,
     /// It was used and closed a window: [`Window::rows`] has new rows.
     Closed,
-    /// It was used, but the time since the last one is not bridged; the open window is lost.
+    /// It was used, but the time since the last one is not bridged, or the clock was set back; the open window is lost.
     Gap,
     /// All readings equal the last sample's: skipped.
     Repeated,
@@ -204,6 +204,8 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [
     settings: Settings,
     /// The last sample used, if any since the last [`clear`](Self::clear).
     last: Option<Sample<T, B>>,
+    /// When the sample that was skipped last came, if it was late and none was used since.
+    late_us: Option<u64>,
     kinematics: Kinematics<T, B, B>,
     /// The integrand at the last sample, and half the time between it and the one before in this window (s): what of its
     /// trapezia lies before it.
@@ -235,6 +237,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             plausible,
             settings,
             last: None,
+            late_us: None,
             kinematics: Kinematics::new(),
             integrand: Integrand::zero(),
             half_step: T::zero(),
@@ -254,6 +257,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
     /// Forgets the open window and the last sample.
     pub fn clear(&mut self) {
         self.last = None;
+        self.late_us = None;
     }
 
     /// The rows of the window closed last; of use after [`Push::Closed`].
@@ -262,18 +266,29 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
     }
 
     /// Takes the next sample.
+    ///
+    /// One whose time is not after the last one's was overtaken on its way, and is skipped. Where the next one's is neither,
+    /// but after that of the one skipped, time goes on from there: the clock was set back, by as much as nobody knows, and
+    /// what was measured before is not bridged.
     pub fn push(&mut self, sample: &Sample<T, B>) -> Push {
         if let Some(reason) = implausible(&self.plausible, sample) {
             return Push::Rejected(reason);
         }
         let step_us = match &self.last {
             None => None,
-            Some(last) if sample.time_us <= last.time_us => return Push::Late,
+            Some(last) if sample.time_us <= last.time_us => {
+                let before = self.late_us.replace(sample.time_us);
+                if before.is_none_or(|before| sample.time_us <= before) {
+                    return Push::Late;
+                }
+                Some(u64::MAX)
+            }
             Some(last) if self.settings.skip_repeated && repeats(sample, last) => {
                 return Push::Repeated;
             }
             Some(last) => Some(sample.time_us - last.time_us),
         };
+        self.late_us = None;
         let bridged = step_us.filter(|step| *step <= self.settings.max_gap_us);
         if let Some(step_us) = bridged {
             // A sample's share of the trapezia on both of its sides: half the time from the one before to the next.

@@ -5,6 +5,8 @@
 //!
 //! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
+mod black_box;
+pub mod csv;
 mod feet;
 mod nested;
 mod ranking;
@@ -24,6 +26,7 @@ pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
 pub use crate::detect::JointSeries;
+use crate::detect::black_box::BlackBox;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
 use crate::equation::motion::is_shared;
@@ -66,6 +69,9 @@ pub struct Comparison {
     /// When it is worst, over all joints, the least usual first.
     #[serde(rename = "when")]
     pub episodes: Vec<RankedEpisode>,
+    /// What a black box could still take away, blind to torque; absent where too little of the logs can be held out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub black_box: Option<BlackBox>,
     /// Where and when each joint's error is, and whether it is noise.
     pub criticism: Vec<Criticism>,
     /// The logs.
@@ -124,6 +130,8 @@ pub enum ValuesFrom {
     Fitted,
     /// As given: an effect without a value does nothing.
     Given,
+    /// As given, and joints are judged also while they rest, when the torque is whatever friction holds.
+    GivenAlsoAtRest,
 }
 
 /// Compares `model` with a recording.
@@ -139,10 +147,12 @@ pub fn compare(
     let fitted = match values {
         ValuesFrom::Auto => !unvalued.is_empty() || !is_identified(model),
         ValuesFrom::Fitted => true,
-        ValuesFrom::Given => false,
+        ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
     };
     let from = if fitted { From::HeldOut } else { From::File };
+    let rest = values == ValuesFrom::GivenAlsoAtRest;
     let (data, feet) = swing(robot::data(recording, model));
+    let data: Vec<LimbData> = data.into_iter().map(|data| with_rest(data, rest)).collect();
     check(recording, &data, &feet, fitted)?;
     let predictions = predictions(&data, from);
     let added = if fitted {
@@ -150,7 +160,7 @@ pub fn compare(
     } else {
         Vec::new()
     };
-    let baselines = Baselines::new(recording, model, from, &added, &feet);
+    let baselines = Baselines::new(recording, model, from, &added, &feet, rest);
     let judged = Judged {
         recording,
         model,
@@ -180,7 +190,7 @@ pub fn compare_with(
         .map(|(data, foot)| without_stance(data, foot))
         .collect();
     let predictions = predictions_under(&data, &before);
-    let mut baselines = Baselines::new(recording, model, From::File, &[], &feet);
+    let mut baselines = Baselines::new(recording, model, From::File, &[], &feet, false);
     baselines.before = Some(all_series(&given_data, &before));
     let judged = Judged {
         recording,
@@ -218,6 +228,10 @@ impl Judged<'_> {
     fn told(self, added: &[ModelEffect], left_out: &[ModelEffect]) -> Comparison {
         let (recording, model, feet) = (self.recording, self.model, self.feet);
         let series = all_series(self.data, &self.predictions);
+        let predicted: Vec<&[f64]> = (self.predictions.iter())
+            .map(|of| of.torque.as_slice())
+            .collect();
+        let black_box = BlackBox::of(self.data, &predicted);
         let limbs = self.predictions.iter().zip(self.data).zip(feet);
         let effects =
             limbs.flat_map(|((of, data), foot)| values::of(data, of.fit.as_ref(), foot.as_ref()));
@@ -244,6 +258,7 @@ impl Judged<'_> {
             fitted: self.fitted,
             patterns: ranking::patterns(&criticism),
             episodes: ranking::episodes(&criticism, recording),
+            black_box,
             criticism,
             logs: recording.logs.clone(),
             warnings: recording.warnings.iter().cloned().chain(words).collect(),
@@ -269,11 +284,12 @@ impl Baselines {
         from: From,
         added: &[ModelEffect],
         feet: &Feet,
+        rest: bool,
     ) -> Self {
         let series = |model: &Model, from| {
             let data = robot::data(recording, model).into_iter().zip(feet);
             let data: Vec<LimbData> = data
-                .map(|(data, foot)| without_stance(data, foot))
+                .map(|(data, foot)| with_rest(without_stance(data, foot), rest))
                 .collect();
             all_series(&data, &predictions(&data, from))
         };
@@ -419,6 +435,10 @@ fn without_stance<'a>(data: LimbData<'a>, foot: &Option<LeftOut>) -> LimbData<'a
         Some(foot) => data.without(&foot.contact.samples),
         None => data,
     }
+}
+
+fn with_rest(data: LimbData<'_>, rest: bool) -> LimbData<'_> {
+    if rest { data.also_at_rest() } else { data }
 }
 
 /// Whether anything can be said.

@@ -3,6 +3,7 @@
 mod model;
 
 use std::io::ErrorKind;
+use std::net::{IpAddr, SocketAddr};
 
 use proprio::capture::CaptureError;
 use proprio::device::DeviceError;
@@ -12,6 +13,7 @@ use proprio::excite::earlier::EarlierError;
 use proprio::factors::FactorsError;
 use proprio::identify::{FreeBaseError, IdentificationError};
 use proprio::log::{LEAST_RATE, LogError, Problem};
+use proprio::monitor::web::WebError;
 use proprio::monitor::{FeedError, JournalError};
 use proprio::recording::RecordingError;
 use proprio::validate::ValidateError;
@@ -62,6 +64,14 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
         Error::Journal(error) => Some(of_journal(error).to_owned()),
+        Error::Web(WebError::Taken(address)) => Some(format!(
+            "take another port: --web={0}:{1}, or --web={0}:0 for any that is free",
+            host(address),
+            address.port().wrapping_add(1).max(1024)
+        )),
+        Error::Web(WebError::Bind { .. }) => Some(
+            "take an address of this machine and a port from 1024 on: --web=127.0.0.1:7700".to_owned(),
+        ),
         Error::Terminal(_) => Some("print lines instead: --lines".to_owned()),
         Error::Replay(ReplayError::Encode { .. }) => {
             Some("no motor reports such a value: check the units, or delete the line".to_owned())
@@ -176,6 +186,14 @@ fn of_capture(error: &CaptureError) -> Option<String> {
         CaptureError::Write(_) => return None,
     };
     Some(hint.to_owned())
+}
+
+/// An address without its port, as it is written before one.
+fn host(address: &SocketAddr) -> String {
+    match address.ip() {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
 }
 
 fn of_journal(error: &JournalError) -> &'static str {

@@ -68,36 +68,43 @@ pub(crate) fn predict_under(
 struct Own {
     effect: EffectKind,
     shape: f64,
+    /// The other joint, of an effect that couples two.
+    other: Option<usize>,
     numbers: Vec<(usize, f64)>,
 }
 
 /// Of each joint the effects that add to its torque.
 fn effects(columns: &Columns, values: &Values) -> Vec<Vec<Own>> {
     let numbers = columns.numbers(values);
-    let of = |(columns, numbers): (&Vec<Column>, &Vec<f64>)| {
+    let of = |(at, numbers): (usize, &Vec<f64>)| {
         let mut all: Vec<Own> = Vec::new();
-        for (column, &number) in columns.iter().zip(numbers) {
-            let Column::Own {
-                effect, shape, n, ..
-            } = *column
-            else {
-                continue;
+        for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
+            let (effect, shape, other, n) = match *column {
+                Column::Own {
+                    effect, shape, n, ..
+                } => (effect, shape, None, n),
+                Column::Coupled { joint, effect, n } => match columns.coupled(joint, at) {
+                    other @ Some(_) => (effect, 1.0, other, n),
+                    None => continue,
+                },
+                _ => continue,
             };
             match all
                 .iter_mut()
-                .find(|own| (own.effect, own.shape) == (effect, shape))
+                .find(|own| (own.effect, own.shape, own.other) == (effect, shape, other))
             {
                 Some(own) => own.numbers.push((n, number)),
                 None => all.push(Own {
                     effect,
                     shape,
+                    other,
                     numbers: vec![(n, number)],
                 }),
             }
         }
         all
     };
-    columns.of_joint.iter().zip(&numbers).map(of).collect()
+    numbers.iter().enumerate().map(of).collect()
 }
 
 /// The joints whose torque is reported with one delay.
@@ -162,9 +169,12 @@ impl Pass<'_> {
         let links = [&states.q[at.clone()], &states.dq[at.clone()]];
         (self.rigid).momentum_and_rate(&self.base, links, &mut out.momentum, &mut out.rate);
         for &j in &self.joints {
-            let state: &JointState<f64> = &states.states[k * n + j];
+            let state = |j: usize| -> &JointState<f64> { &states.states[k * n + j] };
             for own in &self.effects[j] {
-                let terms = own.effect.terms(state, own.shape);
+                let terms = match own.other {
+                    Some(other) => own.effect.coupled(state(j), state(other)),
+                    None => own.effect.terms(state(j), own.shape),
+                };
                 for &(n, number) in &own.numbers {
                     out.momentum[j] += number * terms[n].boundary;
                     out.rate[j] += number * terms[n].rate;

@@ -268,7 +268,10 @@ impl Problem {
             let mut falls = false;
             for halvings in 0..MAX_HALVINGS {
                 let trial = &theta + (&target - &theta) * 0.5f64.powi(halvings);
-                if let Some(there) = self.cost(&trial).filter(|there| *there <= cost) {
+                // So short a step lowers the cost by less than the cost is rounded: the expansion knows better. A longer
+                // one that leaves the cost as it is would be taken for ever, to and fro.
+                let better = |there: &f64| arrived || *there < cost;
+                if let Some(there) = self.cost(&trial).filter(better) {
                     // A halved step does not reach the bounds.
                     if halvings == 0 {
                         held.clone_from(&at_bound);

@@ -71,6 +71,12 @@ SIZES = {
     "elasticity": (2500.0, 1000.0, 400.0, 150.0),  # stiffness, N m/rad
     "backlash": (0.003, 0.006, 0.012, 0.03),
     "saturation": (0.003, 0.01, 0.04, 0.12),  # share of time in which more is asked for
+    "asymmetric_viscous": (0.005, 0.015, 0.04, 0.1),
+    "saturating_viscous": (0.05, 0.12, 0.3, 0.6),
+    "presliding": (0.05, 0.12, 0.3, 0.6),
+    "coupled_armature": (0.0005, 0.0015, 0.004, 0.01),
+    "coupled_viscous": (0.005, 0.015, 0.04, 0.1),
+    "coupled_coulomb": (0.03, 0.08, 0.2, 0.4),
 }
 # The steps of --list in which a plain effect of all joints is to be found too.
 TO_FIND = {5: "viscous", 8: "armature", 11: "coulomb"}
@@ -105,6 +111,10 @@ def parameters(effect, size, joint, n):
             return {"kT": size, "T0": 40.0}
         case "saturation":
             return {"share": size}
+        case "saturating_viscous":
+            return {"F": size, "vs": (0.5, 1.0, 2.0)[n % 3]}
+        case "presliding":
+            return {"F": size, "zs": (0.003, 0.01, 0.03)[n % 3]}
         case _:
             return {"value": size}
 
@@ -136,7 +146,8 @@ def cases():
     """All cases, in their order."""
     out = []
     for effect, sizes in SIZES.items():
-        places = {"base_tilt": [None], "contact": [CALF], "saturation": [THIGH, CALF]}.get(effect, JOINTS)
+        places = {"base_tilt": [None], "contact": [CALF], "saturation": [THIGH, CALF],
+                  "coupled_armature": [THIGH, CALF], "coupled_viscous": [THIGH, CALF], "coupled_coulomb": [THIGH, CALF]}.get(effect, JOINTS)
         for n in range(12):
             joint, size = places[n % len(places)], sizes[n // 3]
             name = f"{effect}-{'base' if joint is None else joint}-{n:02}"

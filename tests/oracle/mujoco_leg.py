@@ -1,12 +1,12 @@
 """One leg of a Go2, held by its base, as MuJoCo moves it: what the drives would report without noise. See README.md.
 
 The leg is FR of `go2_urdf.py`. A PD controller follows a reference; effects are MuJoCo's own mechanics wherever it has them
-(damping, friction loss, armature, springs, welded bodies, a second inertia behind a spring or a gap, torque limits, forces at the
-foot), and torques at the motor where it has none. Steps are of fourth order.
+(damping, friction loss, armature, springs, welded bodies, a second inertia behind a spring or a gap, tendons that turn with two
+joints, torque limits, forces at the foot), and torques at the motor where it has none. Steps are of fourth order.
 """
 
 from dataclasses import dataclass
-from math import exp, sin
+from math import copysign, exp, sin
 
 import mujoco
 import numpy as np
@@ -140,6 +140,7 @@ class Leg:
                 place, ball = [self.value("payload", joint, a) for a in "xyz"], 0.4 * load * 0.01**2
                 out += f'<body pos="{text(place)}"><inertial pos="0 0 0" mass="{load}" diaginertia="{ball} {ball} {ball}"/></body>'
         out += f'<body name="foot" pos="{text(FOOT_PLACE)}"><inertial pos="0 0 0" mass="1e-7" diaginertia="1e-10 1e-10 1e-10"/></body>'
+        tendons = "".join(self.tendon(before, joint) for before, joint in zip(JOINTS, JOINTS[1:]))
         motors = "".join(f'<position joint="{j}" kp="{GAIN_P}"/>' for j in JOINTS)
         motors += "".join(f'<velocity joint="{j}" kv="{GAIN_D}"/>' for j in JOINTS)
         # A torque in proportion to a signal and to the velocity.
@@ -148,7 +149,16 @@ class Leg:
         return f"""<mujoco><compiler boundmass="0" boundinertia="0" autolimits="false"/>
             <option timestep="{STEP}" gravity="{text(self.gravity)}" integrator="RK4" iterations="50" tolerance="1e-10"/>
             <default><joint limited="false" solreffriction="{2 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/></default>
-            <worldbody>{out}{closing}</worldbody><actuator>{motors}</actuator></mujoco>"""
+            <worldbody>{out}{closing}</worldbody><tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>"""
+
+    def tendon(self, before, joint):
+        """What turns with the sum of a joint and the one before it."""
+        inertia, viscous, dry = (self.value(f"coupled_{what}", joint) for what in ("armature", "viscous", "coulomb"))
+        if not (inertia or viscous or dry):
+            return ""
+        return f"""<fixed armature="{inertia}" damping="{viscous}" frictionloss="{dry}"
+            solreffriction="{2 * STEP} 1" solimpfriction="0.999 0.9999 0.001">
+            <joint joint="{before}" coef="1"/><joint joint="{joint}" coef="1"/></fixed>"""
 
     def run(self, reference, disturbance=None):
         """Follows `reference` (t, q, dq); `disturbance` is added to the velocity that the controller sees."""
@@ -243,15 +253,26 @@ class Leg:
         more, speed = self.value("stribeck", joint, "Fs"), self.value("stribeck", joint, "vs", 1.0)
         share = self.value("load_friction", joint)
         varies = more != 0 or share != 0
+        uneven = self.value("asymmetric_viscous", joint)
+        level, knee = self.value("saturating_viscous", joint, "F"), self.value("saturating_viscous", joint, "vs", 1.0)
+        bristles, reach = self.value("presliding", joint, "F"), self.value("presliding", joint, "zs", 1.0)
+        bent = [0.0]
 
         def of(q, v, load):
             extra = drag * v * abs(v) + (size * sin(turns * q + phase) if size else 0.0)
+            extra += uneven * abs(v) + level * (1 - exp(-abs(v) / knee)) * copysign(1, v)
+            if bristles:
+                # Dahl's, exact at a steady speed; as it is in the middle of the step.
+                way, half = copysign(1, v), abs(v) * STEP / 2 / reach
+                middle = way + (bent[0] - way) * exp(-half)
+                bent[0] = way + (bent[0] - way) * exp(-2 * half)
+                extra += bristles * middle
             return extra, dry + more * exp(-((v / speed) ** 2)) + share * abs(load) if varies else None
 
         return of
 
 
-STATE_EFFECTS = ("stribeck", "load_friction", "quadratic_drag", "cogging")
+STATE_EFFECTS = ("stribeck", "load_friction", "quadratic_drag", "cogging", "asymmetric_viscous", "saturating_viscous", "presliding")
 
 
 def turned(roll, pitch):

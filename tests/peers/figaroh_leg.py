@@ -1,14 +1,15 @@
-"""figaroh's exciting motion of a Go2's FR leg beside proprio's: same joint limits, same length, same processor time.
+"""figaroh's exciting motion of a Go2's FR leg beside proprio's: same joint limits, same length, same time.
 
     python3 -m venv target/figaroh && target/figaroh/bin/pip install -r tests/peers/requirements-figaroh.txt
     cargo build --release -p proprio
-    target/figaroh/bin/python tests/peers/figaroh_leg.py target/release/proprio [SECONDS]
+    target/figaroh/bin/python tests/peers/figaroh_leg.py target/release/proprio
 
 figaroh's parts are used as its BaseOptimalTrajectory does: cubic splines through waypoints (CubicSpline), its base regressor, its
 objective numpy.linalg.cond(W_b), its IPOPT configuration for trajectories; velocity and torque limited at every sample, position at
 the waypoints. Its default derivatives (numdifftools) take ten times as long as the forward differences that are used here, and
-collisions are left out: both in its favour. It starts anew from random waypoints until the time is spent, and the best motion
-within its constraints counts. proprio keeps clear of the trunk besides, and to the torques of a leg with friction and parameters
+collisions are left out: both in its favour. Both run on one and the same core, so that time on the wall is alike. figaroh starts
+anew from random waypoints, in turn every 2, 1 and 0.5 s, until it has had as much time as proprio took, on the wall and of the
+processor, and the start that is under way then is finished; the best motion within its constraints counts. proprio keeps clear of the trunk besides, and to the torques of a leg with friction and parameters
 off by 10 %; it is not given figaroh's cost but the condition number of all columns.
 
 Printed for both motions: figaroh's own cost, and the condition number of the 17 nonzero singular values of all columns.
@@ -200,15 +201,16 @@ class Waypoints(BaseOptimizationProblem):
 
 def figaroh_best(leg, seconds):
     """The best of as many starts as there is time for, waypoints by turns every 2, 1 and 0.5 s."""
-    best, begun, seed = (np.inf, None, None), time.process_time(), 0
-    while time.process_time() - begun < seconds:
+    best, begun, seed = (np.inf, None, None), now(), 0
+    while np.any(now() - begun < seconds):
         problem = Waypoints(leg, STEPS[seed % len(STEPS)], np.random.default_rng(seed))
         lower, upper = problem.get_variable_bounds()
         least, most = problem.get_constraint_bounds()
         solver = cyipopt.Problem(n=len(lower), m=len(least), problem_obj=problem, lb=lower, ub=upper, cl=least, cu=most)
         config = IPOPTConfig.for_trajectory_optimization()
         config.print_level = 0
-        config.max_cpu_time = max(1.0, min(seconds / 3, seconds - (time.process_time() - begun)))
+        # No start takes more than a third, so that each spacing of waypoints has its turn.
+        config.max_cpu_time = float(max(1.0, seconds[1] / 3))
         for name, value in config.to_ipopt_options().items():
             solver.add_option(name.decode(), value.decode() if isinstance(value, bytes) else value)
         solver.solve(np.array(problem.get_initial_guess()))
@@ -216,32 +218,38 @@ def figaroh_best(leg, seconds):
         if problem.best[0] < best[0]:
             best = (problem.best[0], problem, problem.best[1])
         seed += 1
-    return best, seed, time.process_time() - begun
+    return best, seed, now() - begun
+
+
+def now():
+    """Time on the wall and of this process, s."""
+    return np.array([time.monotonic(), time.process_time()])
 
 
 def ours(proprio, folder):
-    """proprio's motion, and its processor time."""
+    """proprio's motion, and its time on the wall and of the processor, s."""
     motion = os.path.join(folder, "motion.csv")
-    before = os.times()
+    before, begun = os.times(), time.monotonic()
     subprocess.run(
         [proprio, "excite", "--legs", "FR", "--cost", "condition-si", "-o", motion, "--json"],
         check=True, stdout=subprocess.PIPE, cwd=folder)
-    after = os.times()
+    after, wall = os.times(), time.monotonic() - begun
     with open(motion) as file:
         header = file.readline().strip().split(",")
     rows = np.loadtxt(motion, delimiter=",", skiprows=1)[:: 500 // RATE]
     part = lambda channel: rows[:, [header.index(f"{channel}/{joint}") for joint in LEG]]
     seconds = after.children_user + after.children_system - before.children_user - before.children_system
-    return (part("q"), part("dq"), part("ddq")), seconds
+    return (part("q"), part("dq"), part("ddq")), np.array([wall, seconds])
 
 
 def main():
     proprio = os.path.abspath(sys.argv[1])
+    # proprio searches on as many threads as there are cores: on one core nobody has more of the processor than the other.
+    os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
     with tempfile.TemporaryDirectory() as folder:
         leg = Leg(leg_urdf(folder))
         motion, seconds = ours(proprio, folder)
-        given = float(sys.argv[2]) if len(sys.argv) > 2 else max(60.0, 2 * seconds)
-        (_, problem, x), starts, spent = figaroh_best(leg, given)
+        (_, problem, x), starts, spent = figaroh_best(leg, seconds)
         result = {"base_columns": len(leg.base)}
         peers = problem.motion(x) if problem is not None else None
         for name, of, time_spent in (("figaroh", peers, spent), ("proprio", motion, seconds)):
@@ -250,7 +258,7 @@ def main():
             truncated, rank = leg.truncated(*of)
             result[name] = {
                 "cond_base": round(leg.cost(*of), 2), "cond_all": round(truncated, 2), "rank": rank,
-                "processor_seconds": round(time_spent, 1),
+                "wall_seconds": round(time_spent[0], 1), "processor_seconds": round(time_spent[1], 1),
                 "highest_speed_share": round(float(np.max(np.abs(of[1]) / leg.model.velocityLimit)), 3),
                 "highest_torque_share": round(float(np.max(np.abs(leg.torque(*of)) / leg.model.effortLimit)), 3),
             }

@@ -27,8 +27,11 @@ pub struct Browser {
     session: Option<String>,
     /// What the page complained of: exceptions, errors in the console, violations of its policy.
     pub complaints: Vec<String>,
-    /// Addresses that the page asked for, other than files; they were refused.
+    /// Addresses that the page asked for, other than files; they were refused, but for the server's that was
+    /// [opened](Self::open_address).
     pub requests: Vec<String>,
+    /// What the addresses that may be asked for begin with.
+    allowed: String,
     _profile: tempfile::TempDir,
 }
 
@@ -67,7 +70,10 @@ impl Browser {
                 "--disable-background-networking",
                 "--disable-component-update",
             ])
-            .args(["--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND"])
+            .args([
+                "--disable-sync",
+                "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+            ])
             // A mouse, which a machine without a screen has not: hover types 2, pointer types 4 of Blink's settings.
             .arg(
                 "--blink-settings=primaryHoverType=2,availableHoverTypes=2,primaryPointerType=4,\
@@ -103,6 +109,7 @@ impl Browser {
             session: None,
             complaints: Vec::new(),
             requests: Vec::new(),
+            allowed: "file://".to_owned(),
             _profile: profile,
         };
         browser.open_tab();
@@ -127,7 +134,23 @@ impl Browser {
     /// # Panics
     /// If it does not.
     pub fn open(&mut self, page: &Path) {
-        let address = format!("file://{}", page.canonicalize().unwrap().display());
+        self.go(&format!(
+            "file://{}",
+            page.canonicalize().unwrap().display()
+        ));
+    }
+
+    /// Opens a page that a server of this machine serves, from `http://` to the slash, and waits until it has drawn everything. Only
+    /// that server's addresses may be asked for from then on.
+    ///
+    /// # Panics
+    /// If it does not.
+    pub fn open_address(&mut self, address: &str) {
+        self.allowed = address.to_owned();
+        self.go(address);
+    }
+
+    fn go(&mut self, address: &str) {
         self.call("Page.navigate", json!({"url": address}));
         let ready = "new Promise((done) => { const look = () => document.documentElement?.dataset.ready ? \
                      done(document.documentElement.dataset.ready) : setTimeout(look, 20); look(); })";
@@ -231,10 +254,12 @@ impl Browser {
             Some("Fetch.requestPaused") => {
                 let address = about["request"]["url"].as_str().unwrap_or_default();
                 let id = json!({"requestId": about["requestId"]});
-                if address.starts_with("file://") {
+                if !address.starts_with("file://") {
+                    self.requests.push(address.to_owned());
+                }
+                if address.starts_with(&self.allowed) {
                     self.send("Fetch.continueRequest", id);
                 } else {
-                    self.requests.push(address.to_owned());
                     let reason =
                         json!({"requestId": about["requestId"], "errorReason": "AccessDenied"});
                     self.send("Fetch.failRequest", reason);

@@ -3,6 +3,7 @@
 
 pub mod battery;
 pub mod browser;
+pub mod changing;
 pub mod command;
 pub mod device_fit;
 pub mod excitation;

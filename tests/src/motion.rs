@@ -3,6 +3,7 @@
 use nalgebra::SVector;
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
+use proprio_core::tree::Tree;
 use proprio_core::window::Sample;
 
 /// Viscous (N m s/rad) and Coulomb (N m) friction and bias (N m) of hip, thigh and calf.
@@ -14,6 +15,15 @@ pub const SAMPLE_US: u64 = 2_000;
 /// The n-th sample of a leg: the CAD's rigid body, the rotors' inertia and [`FRICTION`]. Each joint swings with two
 /// incommensurate frequencies; the legs differ in phase.
 pub fn sample(which: Leg, n: u64) -> Sample<f64, JOINTS_PER_LEG> {
+    sample_of(&leg::<f64>(which), which, n)
+}
+
+/// [`sample`] of a leg with these bodies.
+pub fn sample_of(
+    tree: &Tree<f64, JOINTS_PER_LEG, JOINTS_PER_LEG>,
+    which: Leg,
+    n: u64,
+) -> Sample<f64, JOINTS_PER_LEG> {
     let t = (n * SAMPLE_US) as f64 * 1e-6;
     let (mut q, mut v, mut a) = (SVector::zeros(), SVector::zeros(), SVector::zeros());
     for j in 0..JOINTS_PER_LEG {
@@ -25,7 +35,6 @@ pub fn sample(which: Leg, n: u64) -> Sample<f64, JOINTS_PER_LEG> {
             a[j] -= amplitude * rate * rate * sin;
         }
     }
-    let tree = leg::<f64>(which);
     let kinematics = tree.kinematics(&Transform::identity(), &q, &v);
     let mut tau = tree.inverse_dynamics(&kinematics, &v, &a);
     for j in 0..JOINTS_PER_LEG {

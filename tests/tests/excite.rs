@@ -116,6 +116,8 @@ fn a_motion_is_designed_followed_judged_and_a_model_validated_on_it() {
             && told.contains("proprio excite -m fit.toml --legs FR --for "),
         "{told}"
     );
+    let told = done(here, &["diagnose", "log.csv", "--model", "fit.toml"]);
+    assert!(told.contains("What these logs could not tell"), "{told}");
     excite(here, &["-o", "other.csv", "--seed", "7"]);
     let robot = ["--typical", "--inertia-error", "0.06"];
     let judged = [
@@ -205,6 +207,21 @@ fn other_goals_are_designed_for_too() {
 }
 
 #[test]
+fn a_pair_of_legs_moves_at_once() {
+    let folder = folder();
+    let legs = ["excite", "--json", "--legs", "FR,RL", "-o", "pair.csv"];
+    let design = json(&done(folder.path(), &[&legs[..], &QUICK[2..]].concat()));
+    assert_eq!(
+        (design["violations"].as_u64(), design["rank"].as_u64()),
+        (Some(0), Some(2 * 17))
+    );
+    let rows = fs::read_to_string(folder.path().join("pair.csv")).unwrap();
+    let header = rows.lines().next().unwrap();
+    assert_eq!(header.split(',').count(), 1 + 6 * 6);
+    assert!(header.contains("q/RL_calf") && !header.contains("FL_"));
+}
+
+#[test]
 fn four_legs_move_at_once_each_in_its_quarter() {
     let folder = folder();
     let design = json(&done(
@@ -233,7 +250,9 @@ fn bad_input_is_named_and_leaves_no_file() {
     )
     .unwrap();
     fs::write(here.join("bad.toml"), "[[cylinder]]\n").unwrap();
-    let cases: [(&[&str], i32, &str); 21] = [
+    bad_motions(here);
+    let files = fs::read_dir(here).unwrap().count();
+    let cases: [(&[&str], i32, &str); 42] = [
         (
             &["excite", "--pose", "FR_calf=-3"],
             1,
@@ -310,6 +329,84 @@ fn bad_input_is_named_and_leaves_no_file() {
             1,
             "short.csv",
         ),
+        (
+            &["excite", "--ground", "nan"],
+            1,
+            "the height above the ground",
+        ),
+        (
+            &["excite", "--period", "0"],
+            1,
+            "the period must be a positive number",
+        ),
+        (
+            &["excite", "--uncertainty", "nan"],
+            1,
+            "the uncertainty of the parameters",
+        ),
+        (
+            &["excite", "--power-share", "nan"],
+            1,
+            "the share of the power",
+        ),
+        (&["excite", "--kp", "nan"], 2, "must lie between"),
+        (&["excite", "--kd=-1"], 2, "must lie between"),
+        // The floor is where the foot is.
+        (
+            &["excite", "--legs", "FR", "--ground", "0.05"],
+            1,
+            "foot to the ground is beyond its limit",
+        ),
+        (&["simulate", "--follow", "none.csv"], 1, "none.csv"),
+        (&["simulate", "--follow", "still.csv"], 1, "no motion"),
+        (
+            &["simulate", "--follow", "instant.csv"],
+            1,
+            "instant.csv:3: the time",
+        ),
+        (
+            &["simulate", "--follow", "nan.csv"],
+            1,
+            "nan.csv:3: `nan` in column `q/FR_thigh`",
+        ),
+        (
+            &["simulate", "--follow", "stops.csv"],
+            1,
+            "stops.csv:3: FR_thigh is asked to be at 9 rad",
+        ),
+        (
+            &["simulate", "--follow", "knee.csv"],
+            1,
+            "there is no joint `FR_knee`",
+        ),
+        (
+            &["simulate", "--follow", "path.csv", "--duration", "0"],
+            2,
+            "--duration",
+        ),
+        (
+            &["validate", "--motion", "nan.csv", "--html", "page.html"],
+            1,
+            "nan.csv:3",
+        ),
+        (
+            &["validate", "--motion", "stops.csv", "--html", "page.html"],
+            1,
+            "stops.csv:3",
+        ),
+        (
+            &["validate", "none.csv", "--html", "page.html"],
+            1,
+            "none.csv",
+        ),
+        (
+            &["validate", "--motion", "path.csv", "-m", "none.toml"],
+            1,
+            "none.toml",
+        ),
+        (&["advise", "none.csv"], 1, "none.csv"),
+        (&["advise", "path.csv", "--legs", "FX"], 1, "no leg `FX`"),
+        (&["advise", "short.csv"], 1, "short.csv"),
     ];
     for (arguments, status, words) in cases {
         let output = proprio(here, arguments);
@@ -329,7 +426,25 @@ fn bad_input_is_named_and_leaves_no_file() {
         .unwrap()
         .map(|entry| entry.unwrap().file_name())
         .collect();
-    assert_eq!(left.len(), 3, "{left:?}");
+    assert_eq!(left.len(), files, "{left:?}");
+}
+
+/// Motions that no leg can follow, and `path.csv` that one can.
+fn bad_motions(folder: &Path) {
+    let columns = ["q", "dq", "ddq"].map(|c| format!("{c}/FR_hip,{c}/FR_thigh,{c}/FR_calf"));
+    let header = format!("t,{}\n", columns.join(","));
+    let row = |t: &str, thigh: &str| format!("{t},0,{thigh},-1.7,0,0,0,0,0,0\n");
+    let start = row("0", "0.9");
+    let write = |name: &str, text: String| fs::write(folder.join(name), text).unwrap();
+    write("path.csv", format!("{header}{start}{}", row("1", "0.9")));
+    write("still.csv", format!("{header}{start}"));
+    write("instant.csv", format!("{header}{start}{start}"));
+    write("nan.csv", format!("{header}{start}{}", row("1", "nan")));
+    write("stops.csv", format!("{header}{start}{}", row("1", "9")));
+    write(
+        "knee.csv",
+        format!("{}{start}", header.replace("q/FR_calf", "q/FR_knee")),
+    );
 }
 
 #[cfg(unix)]

@@ -128,10 +128,10 @@ fn the_running_board_takes_an_effect_and_gives_it_up() {
 
 #[test]
 fn board_and_desktop_say_the_same() {
-    // So long that both folds are judged and every joint's diagnosis is told.
+    // So long that both folds are judged and every joint's diagnosis is told: steps that look at windows or fold them diagnose nothing.
     for (name, legs, samples) in [
         ("one leg", &Leg::ALL[2..3], 2000),
-        ("four legs", &Leg::ALL[..], 4000),
+        ("four legs", &Leg::ALL[..], 6000),
     ] {
         let Some(mut qemu) = boot(image::Scalar::F64) else {
             return;
@@ -143,7 +143,8 @@ fn board_and_desktop_say_the_same() {
         assert!(board.len() >= 16, "{name}: {} estimates", board.len());
         assert_eq!(board, desktop, "{name}");
         let kept = hello_effects(&qemu);
-        assert!(diagnosed.len() >= 3 * kept * legs.len(), "{name}");
+        let told = diagnosed.len();
+        assert!(told >= 3 * kept * legs.len(), "{name}: {told} diagnoses");
         assert_eq!(diagnosed, here, "{name}");
         assert_eq!(on_board.legs, on_desktop.legs);
         for leg in legs {

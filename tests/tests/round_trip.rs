@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// Values that a simulated leg is given, one for each effect of the catalogue but `contact`, which is not predicted: `compare` leaves out the
 /// time in which it finds a foot on the ground.
-const HIDDEN: [(&str, &str); 22] = [
+const HIDDEN: [(&str, &str); 26] = [
     ("viscous", "0.3"),
     ("coulomb", "0.6"),
     ("armature", "0.01"),
@@ -16,7 +16,11 @@ const HIDDEN: [(&str, &str); 22] = [
     ("presliding", "0.3,zs=0.01"),
     ("load_friction", "0.1"),
     ("quadratic_drag", "0.1"),
+    ("saturating_viscous", "0.5,vs=1.5"),
     ("thermal_viscous", "0.01"),
+    ("coupled_armature", "0.004"),
+    ("coupled_viscous", "0.05"),
+    ("coupled_coulomb", "0.2"),
     ("spring", "4"),
     ("cogging", "0.4"),
     ("torque_gain", "1.2"),

@@ -185,6 +185,8 @@ impl<T: Real> Diagnosis<T> {
         work.clear();
         let marginal = evidence.base.marginal(joint);
         work.place(0, &marginal.ok_or(FactorError::Length(joint))?)?;
+        // A load that was picked up is none of the CAD's.
+        work.forget(evidence.base.trust(joint));
         for n in 0..DEVICE_COLUMNS {
             let prior = effect_prior(joint, n).prior;
             // What is not there is zero: a candidate's mean would be evidence for it.

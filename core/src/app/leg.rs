@@ -6,15 +6,15 @@ use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
-    Active, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
-    Gather, LegBase, NOISE_GUESS, plausible,
+    Active, BlockTest, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior,
+    DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict, plausible,
 };
 use crate::factor::{Factor, FactorError};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
-use crate::scalar::real;
+use crate::scalar::{exp_minus, real};
 use crate::spatial::Transform;
 use crate::window::{Push, Sample, Settings, Window};
-use crate::wire::LegCounters;
+use crate::wire::{self, LegCounters};
 
 /// A motor answers when it is asked: the same numbers again are a measurement, not a message read twice.
 pub(super) const SETTINGS: Settings = Settings {
@@ -34,6 +34,9 @@ const SAMPLE_COST: usize = 3600;
 /// A queue that is behind: what waits is moved to make room.
 const BEHIND_COST: usize = 8000;
 
+/// Directions that a step forgets: each costs a fifth of a fold.
+const STEP_DIRECTIONS: usize = 2;
+
 /// A step of gathering ends where its cost would come beyond this, in numbers rotated.
 const STEP_COST: usize = 1600;
 
@@ -42,6 +45,7 @@ const STEP_COST: usize = 1600;
 pub(super) struct LegData<T> {
     folds: DeviceFolds<T>,
     base: LegBase<T>,
+    test: BlockTest<T>,
     /// What the bus has brought and no step has taken yet.
     queue: Queue,
 }
@@ -52,6 +56,7 @@ impl<T: Real> LegData<T> {
         Self {
             folds: DeviceFolds::empty(),
             base: LegBase::empty(),
+            test: BlockTest::empty(),
             queue: Queue::new(),
         }
     }
@@ -74,6 +79,14 @@ pub(super) struct LegLine<T: Real> {
     prior: Slot<DevicePrior<T>>,
     /// The joints' noise by the last solution, N m.
     noise: [T; JOINTS_PER_LEG],
+    /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
+    memory_s: u32,
+    /// A change that is being forgotten, and how many of its directions are.
+    forgetting: Slot<(Change<T>, usize)>,
+    /// Data that were gathered are no longer what the factors hold.
+    stale: bool,
+    /// A change to be told.
+    changed: Slot<wire::Change>,
     counters: LegCounters,
 }
 
@@ -88,6 +101,10 @@ impl<T: Real> LegLine<T> {
             active: Active::NONE,
             prior: Slot::Empty,
             noise: [T::ZERO; JOINTS_PER_LEG],
+            memory_s: 0,
+            forgetting: Slot::Empty,
+            stale: false,
+            changed: Slot::Empty,
             counters: LegCounters::ZERO,
         }
     }
@@ -100,6 +117,11 @@ impl<T: Real> LegLine<T> {
         data.queue.clear();
         self.open(which);
         data.folds.clear();
+        data.test.clear();
+        self.memory_s = 0;
+        self.forgetting = Slot::Empty;
+        self.stale = false;
+        self.changed = Slot::Empty;
         self.active = DEFAULT_ACTIVE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
         self.set_prior(which);
@@ -221,48 +243,186 @@ impl<T: Real> LegLine<T> {
         let Some(window) = self.window.get() else {
             return;
         };
-        if data.folds.take(window.rows(), &data.base).is_err() {
+        if data.folds.is_full() {
+            // The factors are not what they should be before a change is forgotten.
+            increment(&mut self.counters.forgotten);
+        } else if data.folds.take(window.rows(), &data.base).is_err() {
             increment(&mut self.counters.unfolded);
         }
     }
 
-    /// Whether as many windows wait as are folded in together.
-    pub(super) fn is_full(data: &LegData<T>) -> bool {
-        data.folds.is_full()
+    /// Whether as many windows wait as are folded in together, or the first of another block of time does: all legs' blocks end at once,
+    /// and to judge, look and fold when all are full would take more steps than a window has.
+    pub(super) fn is_due(data: &LegData<T>) -> bool {
+        data.folds.is_full() || data.folds.is_new_block()
     }
 
-    /// Folds the windows that wait into the factors.
+    /// Whether a change is being forgotten: nothing is folded in or gathered meanwhile.
+    pub(super) fn is_forgetting(&self) -> bool {
+        self.forgetting.get().is_some()
+    }
+
+    /// A step of what is due: goes on forgetting, closes a block of time, looks at the windows that wait, or folds them in. False
+    /// if no window waits and nothing is forgotten.
     #[inline(never)]
+    pub(super) fn fold_on(&mut self, data: &mut LegData<T>) -> bool {
+        if self.is_forgetting() {
+            self.forget(data);
+        } else if data.folds.waiting() == 0 {
+            return false;
+        } else if !self.close_block(data) {
+            if data.test.has_seen(&data.folds) {
+                self.fold_waiting(data);
+            } else {
+                data.test.look(&data.folds, &data.base);
+            }
+        }
+        true
+    }
+
+    /// Folds the windows that wait into the factors, whatever it takes.
     pub(super) fn fold(&mut self, data: &mut LegData<T>) {
+        if !self.is_forgetting() {
+            self.close_block(data);
+        }
+        if !self.is_forgetting() {
+            self.fold_waiting(data);
+        }
+    }
+
+    #[inline(never)]
+    fn fold_waiting(&mut self, data: &mut LegData<T>) {
         let waiting = data.folds.waiting();
         if waiting == 0 {
             return;
         }
-        let counter = match data.folds.fold() {
+        let counter = match data.test.fold(&mut data.folds, &data.base) {
             Ok(()) => &mut self.counters.windows,
             Err(_) => &mut self.counters.unfolded,
         };
         *counter = counter.wrapping_add(waiting as u32);
     }
 
-    /// Folds in what waits, and begins to gather.
+    /// Closes the block of time before what waits, if it is another: looks whether the leg has changed in it, and begins the
+    /// next. False if it is the same.
+    #[inline(never)]
+    pub(super) fn close_block(&mut self, data: &mut LegData<T>) -> bool {
+        if !data.folds.is_new_block() {
+            return false;
+        }
+        match data.test.judge(&data.folds) {
+            Verdict::Changed(change) => self.find(data, change),
+            Verdict::Doubtful => {
+                self.leave_out(data);
+                self.begin_block(data);
+            }
+            Verdict::Same => self.begin_block(data),
+        }
+        true
+    }
+
+    fn begin_block(&mut self, data: &mut LegData<T>) {
+        let [start, end] = data.folds.block_span();
+        let length = (end - start) as f64 * 1e-6;
+        let retention = match self.memory_s {
+            0 => T::one(),
+            seconds => exp_minus(real(length / f64::from(seconds))),
+        };
+        data.folds.begin_block(retention);
+        data.test.begin_block();
+    }
+
+    /// Takes the block that is at its end out again.
+    fn leave_out(&mut self, data: &mut LegData<T>) {
+        let windows = super::single(data.folds.restore()) as u32;
+        self.counters.forgotten = self.counters.forgotten.wrapping_add(windows);
+        self.stale = true;
+    }
+
+    /// Takes note of a change in the block that is at its end.
+    fn find(&mut self, data: &mut LegData<T>, change: Change<T>) {
+        let [start, time_us] = data.folds.block_span();
+        let since_us = start.saturating_sub((change.blocks - 1) * (time_us - start));
+        self.changed = Slot::Full(wire::Change {
+            leg: 0,
+            joint: change.joint as u8,
+            kind: match change.kind {
+                ChangeKind::Bias => wire::ChangeKind::Bias,
+                ChangeKind::Friction => wire::ChangeKind::Friction,
+                ChangeKind::Load => wire::ChangeKind::Load,
+            },
+            size: super::single(change.size),
+            since_us,
+            time_us,
+        });
+        increment(&mut self.counters.changes);
+        self.leave_out(data);
+        if let Some(prior) = self.prior.get_mut()
+            && let Some(body) = prior.cad().get(change.joint).copied()
+            && let Some(uncertainty) = change.uncertainty(body.mass())
+        {
+            let share = prior.loosen(change.joint, uncertainty);
+            data.base.loosen(change.joint, share);
+        }
+        self.forgetting = Slot::Full((change, 0));
+    }
+
+    /// Goes on forgetting what a change has touched; after the last of it the next block begins.
+    fn forget(&mut self, data: &mut LegData<T>) {
+        let Slot::Full((change, done)) = &mut self.forgetting else {
+            return;
+        };
+        for _ in 0..STEP_DIRECTIONS {
+            if !change.forget(*done, &mut data.folds, &data.base) {
+                self.forgetting = Slot::Empty;
+                self.begin_block(data);
+                return;
+            }
+            *done += 1;
+        }
+    }
+
+    /// The change to be told, once.
+    pub(super) fn take_change(&mut self, leg: usize) -> Option<wire::Change> {
+        let change = self.changed.take()?;
+        Some(wire::Change {
+            leg: leg as u8,
+            ..change
+        })
+    }
+
+    /// Has data of so many seconds ago weigh 1/e from the next block on; 0: as much as new ones.
+    pub(super) fn set_memory(&mut self, seconds: u32) {
+        self.memory_s = seconds;
+    }
+
+    /// Begins to gather what is folded in.
     pub(super) fn gather(
         &mut self,
-        data: &mut LegData<T>,
+        data: &LegData<T>,
         gather: &mut Gather<T>,
         solver: &mut DeviceSolver<T>,
     ) {
-        self.fold(data);
+        self.stale = false;
         gather.start(&self.active, &data.folds, solver);
     }
 
     /// Goes on gathering; true when the solution has begun.
     pub(super) fn gather_on(
-        &self,
+        &mut self,
         data: &LegData<T>,
         gather: &mut Gather<T>,
         solver: &mut DeviceSolver<T>,
     ) -> Result<bool, FactorError> {
+        if self.is_forgetting() {
+            return Ok(false);
+        }
+        if self.stale {
+            // Half of what is gathered is of the leg before it changed: once more.
+            self.stale = false;
+            gather.start(&self.active, &data.folds, solver);
+            return Ok(false);
+        }
         // The prior takes a step of its own.
         if !gather.is_done() {
             gather.advance(STEP_COST, &data.folds, &data.base, solver)?;
@@ -289,9 +449,18 @@ impl<T: Real> LegLine<T> {
         }
     }
 
-    /// Takes note of the joints' noise by a solution.
-    pub(super) fn set_noise(&mut self, noise: &[T; JOINTS_PER_LEG]) {
-        self.noise = *noise;
+    /// Takes note of a solution: of the joints' noise, and of what the next block is to be judged by.
+    pub(super) fn learn(
+        &mut self,
+        data: &mut LegData<T>,
+        solver: &DeviceSolver<T>,
+        active: &Active,
+    ) {
+        self.noise = *solver.noise();
+        // One of the leg before it changed says nothing of it.
+        if !self.stale {
+            data.test.learn(solver.values(), active, &data.base);
+        }
     }
 
     /// Adds an effect of [`crate::estimator::COLUMNS`] to a joint's model, or drops it; false if that is how it was.

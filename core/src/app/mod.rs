@@ -4,7 +4,8 @@
 //! it is and who it is. A step
 //!
 //! 1. obeys at most one request of the host (`requests`);
-//! 2. folds one leg's windows into its factors, if four of them wait;
+//! 2. folds one leg's windows into its factors, if four of them wait; or closes a block of 2 s, looks whether the leg has
+//!    changed in it ([`crate::estimator::BlockTest`]), and forgets what no longer holds, bit by bit;
 //! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
 //!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;
 //! 4. puts the samples into the legs' windows; the rows of a window that closes wait to be folded;
@@ -17,6 +18,8 @@
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;
+#[cfg(test)]
+mod change_tests;
 mod copy;
 mod diagnosis;
 mod leg;
@@ -200,6 +203,10 @@ impl<T: Real> App<T> {
             }
             Action::AddEffect(at) => self.change(true, at),
             Action::DropEffect(at) => self.change(false, at),
+            Action::SetMemory(seconds) => {
+                self.legs.iter_mut().for_each(|leg| leg.set_memory(seconds));
+                Outcome::Accepted
+            }
         };
         let id = request.id;
         self.requests.answer(Answer { id, outcome });
@@ -266,7 +273,8 @@ impl<T: Real> App<T> {
     }
 
     // A symbol of its own: a test looks whether anything that it reaches can panic (tests/tests/no_panic.rs).
-    /// One step at `now_us` (any fixed origin, never backwards). `out` gets the messages to the host.
+    /// One step at `now_us`, whatever its origin. `out` gets the messages to the host. A clock that goes back is survived: no window
+    /// bridges that ([`crate::window::Window::push`]), and what was due within a period of the old time still is.
     #[inline(never)]
     pub fn step(
         &mut self,
@@ -277,6 +285,7 @@ impl<T: Real> App<T> {
         if !self.begun {
             self.reset(memory);
         }
+        self.keep_up(now_us);
         self.obey(memory);
         let folded = self.fold(memory);
         let effort = if folded { FOLDING_EFFORT } else { STEP_EFFORT };
@@ -290,11 +299,29 @@ impl<T: Real> App<T> {
         }
     }
 
-    /// Folds the windows of a leg that has as many as are folded in together; false if there is none.
+    /// Brings forward what is due further ahead than it ever is, where the clock has gone back.
+    fn keep_up(&mut self, now_us: u64) {
+        let within = |due: u64, period: u64| due.min(now_us.saturating_add(period));
+        self.hello_at = within(self.hello_at, HELLO_US);
+        self.counters_at = within(self.counters_at, REPORT_US);
+        self.next.1 = within(self.next.1, ESTIMATE_US);
+    }
+
+    /// Does a step of what is due to a leg's windows: there are as many as are folded in together, or a block is at its end. False
+    /// if nothing is.
     fn fold(&mut self, memory: &mut Memory<T>) -> bool {
+        // A leg that forgets takes many steps: the others' windows do not wait for it.
+        let due = |(line, data): &(&mut LegLine<T>, &mut LegData<T>)| {
+            LegLine::is_due(data) && !line.is_forgetting()
+        };
         let mut lines = self.legs.iter_mut().zip(&mut memory.0);
-        let full = lines.find(|(_, data)| LegLine::is_full(data));
-        full.map(|(line, data)| line.fold(data)).is_some()
+        if let Some((line, data)) = lines.find(due) {
+            line.fold_on(data);
+            return true;
+        }
+        let mut lines = self.legs.iter_mut().zip(&mut memory.0);
+        let forgetting = lines.find(|(line, _)| line.is_forgetting());
+        forgetting.map(|(line, data)| line.fold_on(data)).is_some()
     }
 
     /// One part of a solution, or of the diagnosis where none is due; then a rest.
@@ -316,14 +343,20 @@ impl<T: Real> App<T> {
     fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
         let Slot::Full((which, time_us, gathering)) = self.solving else {
             let (which, due) = self.next;
-            if self.solved.get().is_some() || now_us < due {
+            let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
+            if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
                 return false;
             }
-            let data = &mut memory.0[which.index()];
-            self.legs[which.index()].gather(data, &mut self.gather, &mut self.solver);
+            // What waits is folded in before, in steps of its own.
+            if leg.fold_on(data) {
+                return true;
+            }
+            leg.gather(data, &mut self.gather, &mut self.solver);
             self.solving = Slot::Full((which, now_us, true));
             // A solver that cannot keep up does not try to catch up.
-            let due = (due + ESTIMATE_US).max(now_us.saturating_sub(ESTIMATE_US));
+            let due = due
+                .saturating_add(ESTIMATE_US)
+                .max(now_us.saturating_sub(ESTIMATE_US));
             self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
             return true;
         };
@@ -336,7 +369,8 @@ impl<T: Real> App<T> {
             (_, Ok(false)) => {}
             (true, Ok(true)) => self.solving = Slot::Full((which, time_us, false)),
             (false, Ok(true)) => {
-                leg.set_noise(self.solver.noise());
+                let data = &mut memory.0[which.index()];
+                leg.learn(data, &self.solver, self.gather.active());
                 self.solving = Slot::Empty;
                 self.solved = Slot::Full((which, time_us));
             }
@@ -351,24 +385,30 @@ impl<T: Real> App<T> {
     /// The most urgent message that is due.
     fn message(&mut self, memory: &mut Memory<T>, now_us: u64) -> Option<DeviceMessage> {
         if now_us >= self.hello_at {
-            self.hello_at = now_us + HELLO_US;
+            self.hello_at = now_us.saturating_add(HELLO_US);
             return Some(DeviceMessage::Hello(self.hello()));
         }
         if let Some(answer) = self.requests.take() {
             return Some(DeviceMessage::Answer(answer));
         }
+        let mut lines = self.legs.iter_mut().enumerate();
+        if let Some(change) = lines.find_map(|(leg, line)| line.take_change(leg)) {
+            return Some(DeviceMessage::Change(change));
+        }
         if let Some((which, time_us)) = self.solved.take() {
             return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
         }
         if now_us >= self.counters_at {
-            self.counters_at = now_us + REPORT_US;
+            self.counters_at = now_us.saturating_add(REPORT_US);
             return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
         }
         if let Some(leg) = memory.1.leg_to_copy()
             && let (Some(line), Some(data)) = (self.legs.get_mut(leg), memory.0.get_mut(leg))
         {
-            // A copy has all windows that have closed.
-            line.fold(data);
+            // A copy has all windows that have closed, which are folded in in steps of their own.
+            if line.is_forgetting() || line.fold_on(data) {
+                return None;
+            }
         }
         if let Some(part) = memory.1.take(&memory.0) {
             return Some(DeviceMessage::FactorPart(part));

@@ -43,7 +43,12 @@ impl<T: Real> Whole<T> {
         self.handle(&HostMessage::Request(wire::Request { id, action }));
     }
 
-    fn step(&mut self, now_us: u64, buses: [&[u8]; LEGS], out: &mut impl FnMut(&DeviceMessage)) {
+    pub(super) fn step(
+        &mut self,
+        now_us: u64,
+        buses: [&[u8]; LEGS],
+        out: &mut impl FnMut(&DeviceMessage),
+    ) {
         for (leg, bytes) in buses.into_iter().enumerate() {
             self.app.hear(&mut self.memory, leg, bytes, now_us);
         }
@@ -65,7 +70,7 @@ pub(super) fn motion(step: u64, leg: usize) -> [Reply; 3] {
     })
 }
 
-fn bytes(replies: &[Reply; 3], commands: bool) -> Vec<u8> {
+pub(super) fn bytes(replies: &[Reply; 3], commands: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
     for reply in replies {
         if commands {
@@ -103,7 +108,7 @@ fn run_from(app: &mut Whole<f64>, start: u64, steps: u64, commands: bool) -> Vec
     messages
 }
 
-fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate {
+pub(super) fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate {
     let told = messages.iter().rev().find_map(|message| match message {
         DeviceMessage::Estimate(estimate) if usize::from(estimate.leg) == leg => Some(estimate),
         _ => None,

@@ -5,6 +5,8 @@
 pub enum Form {
     /// Window columns of the effect's own joint.
     Columns,
+    /// Window columns of the joint and of the one that carries it, by what both do.
+    Coupled,
     /// All that the joint's torque is made of, times a factor.
     Scale,
     /// The motion of the link differs from what the joint's sensors report; felt by all joints of the limb.

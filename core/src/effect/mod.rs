@@ -26,6 +26,9 @@ mod bias;
 mod cogging;
 mod contact;
 mod coulomb;
+mod coupled_armature;
+mod coupled_coulomb;
+mod coupled_viscous;
 mod delay;
 mod description;
 mod elasticity;
@@ -34,6 +37,7 @@ mod load_friction;
 mod payload;
 mod presliding;
 mod quadratic_drag;
+mod saturating_viscous;
 mod saturation;
 mod spring;
 mod stribeck;
@@ -157,6 +161,11 @@ pub trait Effect {
         [Term::zero(); MAX_COLUMNS]
     }
 
+    /// For [`Form::Coupled`]: the window terms at one joint, `own`, where the `other` moves so; the same for either of the two.
+    fn coupled<T: Real>(_own: &JointState<T>, _other: &JointState<T>) -> [Term<T>; MAX_COLUMNS] {
+        [Term::zero(); MAX_COLUMNS]
+    }
+
     /// For [`Form::Motion`]: what has to be added to the reported position (rad) and velocity (rad/s) of this joint, per unit
     /// of the parameter beyond its neutral value, to get those of the link.
     fn motion<T: Real>(_state: &JointState<T>) -> [T; 2] {
@@ -190,6 +199,11 @@ macro_rules! catalogue {
                 match self { $(Self::$name => $module::$name::terms(state, shape)),* }
             }
 
+            /// The window terms at one of two joints that the effect couples, at one instant; of [`Form::Coupled`] only.
+            pub fn coupled<T: Real>(self, own: &JointState<T>, other: &JointState<T>) -> [Term<T>; MAX_COLUMNS] {
+                match self { $(Self::$name => $module::$name::coupled(own, other)),* }
+            }
+
             /// What has to be added to the reported position (rad) and velocity (rad/s) per unit of the parameter beyond its
             /// neutral value to get those of the link; of [`Form::Motion`] only.
             pub fn motion<T: Real>(self, state: &JointState<T>) -> [T; 2] {
@@ -220,8 +234,16 @@ catalogue! {
     LoadFriction = load_friction,
     /// Drag that grows with the square of the speed.
     QuadraticDrag = quadratic_drag,
+    /// Viscous friction that levels off with speed.
+    SaturatingViscous = saturating_viscous,
     /// Viscous friction that changes with temperature.
     ThermalViscous = thermal_viscous,
+    /// Inertia that turns with two joints.
+    CoupledArmature = coupled_armature,
+    /// Viscous friction of what turns with two joints.
+    CoupledViscous = coupled_viscous,
+    /// Coulomb friction of what turns with two joints.
+    CoupledCoulomb = coupled_coulomb,
     /// A spring across the joint.
     Spring = spring,
     /// A torque that repeats with the rotor's turning.
@@ -338,13 +360,17 @@ mod tests {
                 EffectKind::Presliding => 2.0 * (2.0 * t).cos(),
                 EffectKind::LoadFriction => sign * tau.abs(),
                 EffectKind::QuadraticDrag => dq * dq.abs(),
+                EffectKind::SaturatingViscous => sign * (1.0 - (-dq.abs() / SHAPE).exp()),
                 EffectKind::ThermalViscous => 10.0 * dq,
                 EffectKind::Cogging => (SHAPE * q).cos(),
                 EffectKind::Delay => -3.0 * (3.0 * t).cos(),
                 EffectKind::Saturation => {
                     ((tau.abs() - 0.95 * SHAPE) / (0.05 * SHAPE)).clamp(0.0, 1.0) * tau.signum()
                 }
-                EffectKind::TorqueGain
+                EffectKind::CoupledArmature
+                | EffectKind::CoupledViscous
+                | EffectKind::CoupledCoulomb
+                | EffectKind::TorqueGain
                 | EffectKind::VelocityGain
                 | EffectKind::EncoderOffset
                 | EffectKind::BaseTilt
@@ -374,6 +400,25 @@ mod tests {
                 effect.name()
             );
         }
+    }
+
+    /// Only coupled effects look at another joint, and Coulomb friction between two acts on one as it does on the other.
+    #[test]
+    fn couplings_act_on_both() {
+        let (a, b) = (
+            JointState::reported(0.3, 0.7, 0.1),
+            JointState::reported(-0.2, 0.4, 0.2),
+        );
+        for effect in EffectKind::ALL {
+            let coupled = effect.coupled(&a, &b) != [Term::zero(); MAX_COLUMNS];
+            assert_eq!(coupled, effect.description().form == Form::Coupled);
+        }
+        let [both, _] = EffectKind::CoupledArmature.coupled(&a, &b);
+        assert_eq!(both, Term::boundary(0.4));
+        let [here, there] =
+            [(a, b), (b, a)].map(|(own, other)| EffectKind::CoupledCoulomb.coupled(&own, &other));
+        assert_eq!(here[0], there[0]);
+        assert_eq!(here[1].rate, -there[1].rate);
     }
 
     #[test]

@@ -14,10 +14,12 @@
 //! folds directly; from there on the solution is the same code.
 
 mod base;
+mod change;
 mod folds;
 mod gather;
 
 pub use base::LegBase;
+pub use change::{BlockTest, Change, ChangeKind, Verdict};
 pub use folds::DeviceFolds;
 pub use gather::Gather;
 
@@ -95,6 +97,19 @@ pub const FOLDS: usize = 2;
 /// Effects in front of a fold's base columns: those that are active at first. The others stand behind.
 pub(crate) const FRONT: usize = 4;
 
+/// What a load would change first, on each body in turn: a standard parameter of it. A thigh's or a calf's load changes the mass, which
+/// the joints before feel, and the moment along the link; a hip's, whose joint's axis is x, the moments across it.
+const LOADS: [(usize, usize); 6] = [(0, 2), (0, 3), (1, 0), (1, 3), (2, 0), (2, 3)];
+/// How many of them a joint feels: the last ones. A body's mass is at its own joint's origin.
+const fn loads_felt(joint: usize) -> usize {
+    match joint {
+        0 => 6,
+        1 => 3,
+        2 => 1,
+        _ => 0,
+    }
+}
+
 /// Most effect parameters of a leg.
 pub(crate) const MAX_EFFECTS: usize = DEVICE_COLUMNS * JOINTS_PER_LEG;
 
@@ -103,7 +118,7 @@ const LARGEST: Layout<JOINTS_PER_LEG> = Layout::chain(DEVICE_COLUMNS);
 
 /// Columns of a joint's fold.
 const fn columns(joint: usize) -> usize {
-    DEVICE_COLUMNS + BASE_RANK[joint]
+    DEVICE_COLUMNS + rank(joint)
 }
 
 /// Standard parameters that a joint's torque may depend on.
@@ -124,8 +139,26 @@ macro_rules! range {
 }
 use range;
 
+/// Base parameters of a joint; none beyond the leg.
 const fn rank(joint: usize) -> usize {
-    BASE_RANK[joint]
+    if joint < JOINTS_PER_LEG {
+        BASE_RANK[joint]
+    } else {
+        0
+    }
+}
+
+/// The directions of the [`LOADS`] that joints feel, one after the other, joint by joint.
+const LOADS_LEN: usize = loads_before(JOINTS_PER_LEG);
+
+/// Where a joint's directions begin.
+const fn loads_before(joint: usize) -> usize {
+    let (mut start, mut before) = (0, 0);
+    while before < joint {
+        start += loads_felt(before) * rank(before);
+        before += 1;
+    }
+    start
 }
 
 const FOLD_LEN: usize = range!(columns, JOINTS_PER_LEG - 1).end;

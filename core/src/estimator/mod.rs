@@ -14,8 +14,9 @@ mod prior;
 mod solver;
 
 pub use device::{
-    Active, COLUMNS, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceRows,
-    DeviceSolver, DeviceWindow, FOLDS, Gather, LONGEST_TRIANGLE, LegBase,
+    Active, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds,
+    DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather, LONGEST_TRIANGLE, LegBase,
+    Verdict,
 };
 pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS, effect_prior};
 pub use joints::{JointFactors, NOISE_GUESS};

@@ -59,6 +59,19 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
         self.effects = effects;
     }
 
+    /// Takes a body to be within `uncertainty` of the CAD's from now on, if that is more than before; the share of the prior's
+    /// information that is left.
+    pub(crate) fn loosen(&mut self, b: usize, uncertainty: T) -> T {
+        let (Some(before), Some(body)) = (self.uncertainty.get_mut(b), self.bodies.get_mut(b))
+        else {
+            return T::one();
+        };
+        let share = (*before / uncertainty).min(T::one());
+        *before = before.max(uncertainty);
+        body.forget(share * share);
+        share * share
+    }
+
     pub(crate) fn effects_mut(&mut self) -> &mut [EffectPrior] {
         self.effects.as_mut()
     }

@@ -244,6 +244,41 @@ fn slices_of_the_wrong_length_are_refused() {
     assert!(Factor::<f64, Vec<f64>>::in_storage(2, vec![0.0; 6]).is_ok());
 }
 
+proptest! {
+    /// Nothing is left of the direction, and of the rest just what rows say that are projected away from W d.
+    #[test]
+    fn a_forgotten_direction_leaves_the_marginal_of_the_others(
+        rows in problem(P + 2..30), direction in prop::array::uniform6(-2.0..2.0f64), zeros in 0..P,
+    ) {
+        let mut direction = direction;
+        direction[P - zeros..].fill(0.0);
+        let (w, b) = dense(&rows);
+        prop_assume!(well_posed(&w) && direction.iter().any(|d| d.abs() > 0.1));
+        let mut factor = folded(&rows);
+        let mut scratch = [0.0; 2 * P + 1];
+        factor.forget_direction(&direction, 1e-7, &mut scratch).unwrap();
+        let told = &w * DVector::from_row_slice(&direction);
+        let away = |m: &DMatrix<f64>| m - &told * (told.tr_mul(m) / told.norm_squared());
+        let (w, b) = (away(&w), away(&DMatrix::from_column_slice(b.len(), 1, b.as_slice())));
+        let (information, right) = (w.tr_mul(&w), w.tr_mul(&b));
+        for i in 0..P {
+            prop_assert!(factor.row(i)[0] >= 0.0);
+            let of = |k: usize, c: usize| c.checked_sub(k).map_or(0.0, |n| factor.row(k)[n]);
+            let sum = |c: usize| (0..P).map(|k| of(k, i) * of(k, c)).sum::<f64>();
+            for j in 0..P {
+                prop_assert!((sum(j) - information[(i, j)]).abs() < 1e-9 * information.norm());
+            }
+            prop_assert!((sum(P) - right[i]).abs() < 1e-9 * (1.0 + right.norm()) * information.norm());
+        }
+        // Once more: there is nothing left to drop.
+        let before = factor;
+        factor.forget_direction(&direction, 1e-7, &mut scratch).unwrap();
+        for (a, b) in before.packed().iter().zip(factor.packed()) {
+            prop_assert!((a - b).abs() < 1e-6);
+        }
+    }
+}
+
 /// Ten million updates in f32 with a memory of 10 000 rows, of parameters that change half-way: the estimate is finite,
 /// follows, and stays as accurate as the noise allows. Measured: f32 within 4e-5 of f64, whose own error is 1e-4.
 #[test]

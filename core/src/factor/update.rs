@@ -1,8 +1,7 @@
-//! What changes a factor: rows, priors and other factors folded in by Givens rotations, forgetting, nested models.
+//! What changes a factor: rows, priors and other factors folded in by Givens rotations, nested models.
 
 use super::{Factor, FactorError, row_start};
 use crate::Real;
-use crate::scalar::sqrt;
 
 impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
     /// Forgets everything.
@@ -29,13 +28,6 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
                 *pivot = floor;
             }
         }
-    }
-
-    /// Weighs everything folded in so far down to `retention` (0 to 1): exponential forgetting.
-    pub fn forget(&mut self, retention: T) {
-        let scale = sqrt(retention.max(T::zero()).min(T::one()));
-        self.storage.as_mut().iter_mut().for_each(|x| *x *= scale);
-        self.rows *= retention;
     }
 
     /// Adds the knowledge that parameter `column` is `mean` ± `std` (> 0), as one more row.

@@ -66,7 +66,7 @@ pub enum FreeBasePush {
     Closed,
     /// It was used, but a foot touched down or lifted off since the last one, and the open window, too short for rows, is lost.
     Cut,
-    /// It was used, but the time since the last one is not bridged; the open window is lost.
+    /// It was used, but the time since the last one is not bridged, or the clock was set back; the open window is lost.
     Gap,
     /// All readings of the joints equal the last sample's: skipped.
     Repeated,
@@ -112,6 +112,8 @@ pub struct FreeBaseWindow<
     effects: L,
     setup: FreeBaseSetup<T, V, J, F>,
     last: Option<FreeBaseSample<T, J, F>>,
+    /// When the sample that was skipped last came, if it was late and none was used since.
+    late_us: Option<u64>,
     start_us: u64,
     /// The IMU's velocity in the falling frame, m/s, in its axes.
     velocity: Vector3<T>,
@@ -150,6 +152,7 @@ impl<
             effects,
             setup,
             last: None,
+            late_us: None,
             start_us: 0,
             velocity: Vector3::zeros(),
             kinematics: Kinematics::new(),
@@ -173,9 +176,10 @@ impl<
     /// Forgets the open window and the last sample.
     pub fn clear(&mut self) {
         self.last = None;
+        self.late_us = None;
     }
 
-    /// Takes the next sample.
+    /// Takes the next sample; of late ones as [`Window::push`](super::Window::push) says.
     pub fn push(&mut self, sample: &FreeBaseSample<T, J, F>) -> FreeBasePush {
         if let Some(reason) = self.implausible(sample) {
             return FreeBasePush::Rejected(reason);
@@ -186,7 +190,11 @@ impl<
             return FreeBasePush::Used;
         };
         if now <= last.joints.time_us {
-            return FreeBasePush::Late;
+            if self.late_us.replace(now).is_none_or(|before| now <= before) {
+                return FreeBasePush::Late;
+            }
+            self.open(sample);
+            return FreeBasePush::Gap;
         }
         let (a, b) = (&sample.joints, &last.joints);
         if a.q == b.q && a.dq == b.dq && a.tau == b.tau {
@@ -207,6 +215,7 @@ impl<
                 FreeBasePush::Cut
             };
         }
+        self.late_us = None;
         self.advance(&last, sample, microseconds(step_us));
         if now - self.start_us >= self.setup.settings.window_us && self.close(now, 0) {
             self.open(sample);
@@ -217,6 +226,7 @@ impl<
 
     /// Opens a window at a sample.
     fn open(&mut self, sample: &FreeBaseSample<T, J, F>) {
+        self.late_us = None;
         self.start_us = sample.joints.time_us;
         self.velocity = Vector3::zeros();
         self.sum.clear();

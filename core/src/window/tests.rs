@@ -172,6 +172,31 @@ fn a_gap_is_not_bridged() {
 }
 
 #[test]
+fn a_clock_that_is_set_back_loses_the_open_window_and_no_other() {
+    // By less than a gap that is bridged, by more than a window, by nearly all. By less than two samples it is taken for an
+    // overtaken message.
+    for back in [5_000, 9_999, 30_000, 1_000_000, 4_999_000] {
+        let late = |n: u64| Sample {
+            time_us: n * 2_000 - back,
+            ..exact(Leg::FR, n * 2_000)
+        };
+        let (before, after) = (2_500, 25);
+        let samples = (0..before).map(|n| exact(Leg::FR, n * 2_000));
+        let samples = samples.chain((before..before + after).map(late));
+        let (rows, pushes) = rows_of(samples);
+        let count = |push| pushes.iter().filter(|p| **p == push).count();
+        assert_eq!((count(Push::Late), count(Push::Gap)), (1, 1), "{back}");
+        // 25 samples, the first of them late: two windows of ten steps.
+        let set_back = (before + 1) * 2_000 - back;
+        assert_eq!(rows.len(), 249 + 2, "{back}");
+        let spans = [249, 250].map(|n: usize| rows[n].span_us);
+        let ends = [set_back, set_back + 20_000, set_back + 40_000];
+        assert_eq!(spans, [[ends[0], ends[1]], [ends[1], ends[2]]], "{back}");
+        assert!(misfit(&rows) < 0.08, "{back}: {}", misfit(&rows));
+    }
+}
+
+#[test]
 fn implausible_samples_are_rejected_by_name() {
     let mut window = window(Leg::FR);
     let good = exact(Leg::FR, 0);

@@ -23,7 +23,7 @@ use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
 use serde::{Deserialize, Serialize};
 
 /// Version of the rules that the hash does not see: framing, units, when which message is sent.
-pub const PROTOCOL: u8 = 3;
+pub const PROTOCOL: u8 = 4;
 
 /// Identifies the layout of all messages and [`PROTOCOL`].
 pub const SCHEMA: [u8; 8] = {
@@ -63,6 +63,8 @@ pub enum DeviceMessage {
     Answer(Answer),
     /// A part of what [`HostMessage::ReadFactor`] asks for.
     FactorPart(FactorPart),
+    /// A leg is no longer what it was.
+    Change(Change),
     /// The step that the host asked for is done.
     Advanced(Advanced),
 }
@@ -150,6 +152,34 @@ pub struct Diagnosis {
     pub value: f32,
     /// Its standard deviation under independent residuals.
     pub std: f32,
+}
+
+/// A leg is no longer what it was; the parameters that this touches are estimated anew, all others go on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Change {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// The joint's place in the leg; of a load, the joint of the body that carries it.
+    pub joint: u8,
+    /// What has changed.
+    pub kind: ChangeKind,
+    /// By how much, roughly: N m of bias or Coulomb friction, kg on a thigh or calf, kg m about the axis of a hip.
+    pub size: f32,
+    /// Begin of the block of time in which it was noticed, µs: it happened in it, or shortly before.
+    pub since_us: u64,
+    /// End of that block, when it was noticed, µs.
+    pub time_us: u64,
+}
+
+/// What has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum ChangeKind {
+    /// A joint's bias.
+    Bias,
+    /// A joint's friction: it binds, or runs freely again.
+    Friction,
+    /// What a body carries.
+    Load,
 }
 
 /// Everything that was counted, ten times a second. Counts start at zero and wrap.
@@ -256,6 +286,10 @@ pub struct LegCounters {
     pub windows: u32,
     /// Windows whose rows were not finite: not folded in.
     pub unfolded: u32,
+    /// Times that the leg was found to have changed.
+    pub changes: u32,
+    /// Windows folded in and taken out again because the leg had changed in them, or not folded in while that was seen to.
+    pub forgotten: u32,
     /// Solutions that failed: nothing determines some parameter.
     pub unsolved: u32,
 }
@@ -282,6 +316,8 @@ impl LegCounters {
         gaps: 0,
         windows: 0,
         unfolded: 0,
+        changes: 0,
+        forgotten: 0,
         unsolved: 0,
     };
 }

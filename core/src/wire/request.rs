@@ -26,6 +26,8 @@ pub enum Action {
     AddEffect(EffectAt),
     /// Estimate it no more.
     DropEffect(EffectAt),
+    /// Have data of so many seconds ago weigh 1/e from now on, block by block of 2 s; 0, as after a reset: as much as new ones.
+    SetMemory(u32),
 }
 
 /// What became of a [`Request`]; the same each time that it is asked.

@@ -51,7 +51,7 @@ const READ: ReadFactor = ReadFactor {
 };
 
 /// Every message with every field as long as it gets.
-fn largest() -> [DeviceMessage; 7] {
+fn largest() -> [DeviceMessage; 8] {
     let full = Parameters::from_slice(&[f32::MIN; MAX_PARAMETERS]).unwrap();
     let m = u32::MAX;
     let leg = LegCounters {
@@ -74,6 +74,8 @@ fn largest() -> [DeviceMessage; 7] {
         gaps: m,
         windows: m,
         unfolded: m,
+        changes: m,
+        forgotten: m,
         unsolved: m,
     };
     let line = LineLosses {
@@ -126,6 +128,14 @@ fn largest() -> [DeviceMessage; 7] {
             windows: f64::MIN,
             length: u16::MAX,
             numbers: Vec::from_slice(&[f64::MIN; MAX_PART]).unwrap(),
+        }),
+        DeviceMessage::Change(Change {
+            leg: 255,
+            joint: 255,
+            kind: ChangeKind::Load,
+            size: f32::MIN,
+            since_us: u64::MAX,
+            time_us: u64::MAX,
         }),
         DeviceMessage::Advanced(Advanced { time_us: u64::MAX }),
     ]
@@ -194,6 +204,7 @@ fn host_message() -> impl Strategy<Value = HostMessage> {
         (any::<u32>(), at.clone()).prop_map(|(id, at)| request(id, Action::AddEffect(at))),
         (any::<u32>(), at).prop_map(|(id, at)| request(id, Action::DropEffect(at))),
         any::<u32>().prop_map(|id| request(id, Action::Reset)),
+        any::<(u32, u32)>().prop_map(|(id, s)| request(id, Action::SetMemory(s))),
         any::<(u32, u16)>().prop_map(|(copy, first)| HostMessage::ReadFactor(ReadFactor {
             copy,
             first,

@@ -12,8 +12,9 @@ use cortex_m_semihosting::hprintln;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
 use proprio_core::consistent::LegConsistentSolver;
 use proprio_core::estimator::{
-    DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, EFFECTS,
-    Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow, plausible,
+    BlockTest, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
+    EFFECTS, Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow,
+    plausible,
 };
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
@@ -35,6 +36,7 @@ const GATHER_COST: usize = 1600;
 
 // Larger than the stack.
 static FOLDS: ConstStaticCell<DeviceFolds<Scalar>> = ConstStaticCell::new(DeviceFolds::empty());
+static TEST: ConstStaticCell<BlockTest<Scalar>> = ConstStaticCell::new(BlockTest::empty());
 static BASE: ConstStaticCell<LegBase<Scalar>> = ConstStaticCell::new(LegBase::empty());
 static SOLVER: ConstStaticCell<DeviceSolver<Scalar>> = ConstStaticCell::new(DeviceSolver::empty());
 static GATHER: ConstStaticCell<Gather<Scalar>> = ConstStaticCell::new(Gather::new());
@@ -143,13 +145,15 @@ fn main() -> ! {
     };
     let [mut decode, mut push, mut close] =
         ["decode_cycle", "push", "push_closing"].map(Count::new);
-    let [mut take, mut fold] = ["take", "fold"].map(Count::new);
+    let [mut take, mut look, mut fold] = ["take", "look", "fold"].map(Count::new);
+    let [mut judge, mut forget] = ["judge_block", "forget_block"].map(Count::new);
     let [mut analysis, mut start, mut restart] =
         ["base_analysis", "gather_start", "solver_start"].map(Count::new);
     let mut gathers = [const { Count::new("gather_step") }; SOLVER_STEPS];
     let mut steps = [const { Count::new("solver_step") }; SOLVER_STEPS];
     let prior = DevicePrior::<Scalar>::of(Leg::FR, &DEFAULT_ACTIVE);
     let (folds, base, solver) = (FOLDS.take(), BASE.take(), SOLVER.take());
+    let test = TEST.take();
     let (gather, work) = (GATHER.take(), WORK.take());
     let factors = FACTORS.take();
     let mut consistent = ConsistentCounts::new();
@@ -184,6 +188,7 @@ fn main() -> ! {
             Settings::default(),
         );
         folds.clear();
+        test.clear();
         factors.clear();
         let mut decoder = Decoder::new();
         for n in 0..SAMPLES {
@@ -235,7 +240,8 @@ fn main() -> ! {
                         exit(EXIT_FAILURE);
                     }
                     if folds.is_full() {
-                        let (folded, cost) = counter.count(|| folds.fold());
+                        look.add(counter.count(|| test.look(folds, base)).1);
+                        let (folded, cost) = counter.count(|| test.fold(folds, base));
                         fold.add(cost);
                         if folded.is_err() {
                             hprintln!("a fold failed");
@@ -251,6 +257,9 @@ fn main() -> ! {
                 }
             }
         }
+        judge.add(counter.count(|| core::hint::black_box(test.judge(folds))).1);
+        // What a block's begin costs where the host has the device forget.
+        forget.add(counter.count(|| folds.begin_block(0.99)).1);
         start.add(
             counter
                 .count(|| gather.start(&DEFAULT_ACTIVE, folds, solver))
@@ -279,9 +288,11 @@ fn main() -> ! {
     [consistent.step, consistent.part, consistent.steps]
         .iter()
         .for_each(Count::print);
-    [decode, push, close, take, fold, analysis, start, restart]
-        .iter()
-        .for_each(Count::print);
+    [
+        decode, push, close, take, look, fold, judge, forget, analysis, start, restart,
+    ]
+    .iter()
+    .for_each(Count::print);
     gathers
         .iter()
         .chain(&steps)

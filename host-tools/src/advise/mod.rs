@@ -187,8 +187,17 @@ impl Advised {
     }
 }
 
+/// What closes another command's words on logs of so many limbs: of one limb what they could not tell, of several, for which that is a
+/// page, where to ask.
+pub fn at_the_end(model: &Model, file: Option<&Path>, logs: &[PathBuf], limbs: usize) -> String {
+    match limbs {
+        1 => closing(model, file, logs),
+        _ => format!("\n{}", pointer(file, logs)),
+    }
+}
+
 /// Where to ask what logs could not tell: one line, for which nothing is read.
-pub fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
+fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
     if from_standard_input(logs) {
         return String::new();
     }

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::compare::{Comparison, ValuesFrom, compare, compare_with};
+use proprio::compare::{Comparison, ValuesFrom, compare, compare_with, csv};
 use proprio::model::{Model, UnknownName};
+use proprio::output::{AtomicFile, WriteError};
 use proprio::recording::{Recording, gate_words};
 use proprio::report::pages;
 
@@ -23,6 +24,7 @@ use crate::progress::{Progress, Underway};
   proprio compare chirp.csv --model go2.toml
   proprio compare chirp.csv --model go2.toml --html report.html
   proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
+  proprio compare chirp.csv --model go2.toml -o torque.csv
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
@@ -37,6 +39,9 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
+    /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
+    #[arg(long, conflicts_with_all = ["fit", "with", "without"])]
+    at_rest: bool,
     /// Fit the model with these as well, under the weights of the model as it is
     #[arg(
         long,
@@ -62,6 +67,9 @@ pub(crate) struct Compare {
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
+    /// Also write measured and predicted torque of each window and joint, for PlotJuggler or a script
+    #[arg(short, long, value_name = "CSV")]
+    output: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -74,10 +82,11 @@ impl Compare {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
-        let values = match (self.fit, self.given) {
-            (true, _) => ValuesFrom::Fitted,
-            (false, true) => ValuesFrom::Given,
-            (false, false) => ValuesFrom::Auto,
+        let values = match (self.fit, self.given, self.at_rest) {
+            (true, ..) => ValuesFrom::Fitted,
+            (false, _, true) => ValuesFrom::GivenAlsoAtRest,
+            (false, true, false) => ValuesFrom::Given,
+            (false, false, false) => ValuesFrom::Auto,
         };
         let changed = self.changed(&model)?;
         let underway = Underway::new("Comparing");
@@ -88,6 +97,15 @@ impl Compare {
         drop(underway);
         for warning in &comparison.warnings {
             eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.output {
+            let mut file = AtomicFile::create(path)?;
+            let unwritable = |source| WriteError {
+                path: path.clone(),
+                source,
+            };
+            csv::write(&mut file, &comparison.series).map_err(unwritable)?;
+            file.commit()?;
         }
         if let Some(path) = &self.html {
             let shown = changed.as_ref().unwrap_or(&model);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::advise::{closing, pointer};
+use proprio::advise::{at_the_end, closing};
 use proprio::compare::ValuesFrom;
 use proprio::compare::compare;
 use proprio::diagnose::{Diagnosis, diagnose};
@@ -101,9 +101,11 @@ impl Diagnose {
             (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
             (false, false) => {
                 let summary = diagnosis.summary(given.robot(), file);
-                let open = pointer(file, &self.logs);
+                let limbs = recording.limbs.len();
+                let open = at_the_end(&given, file, &self.logs, limbs);
+                let gap = if open.is_empty() { "\n" } else { "" };
                 let more = "More: --verbose (every candidate), --apply (every step), --html report.html (plots, tick boxes)";
-                format!("{gates}{summary}\n{open}{more}\n")
+                format!("{gates}{summary}{open}{gap}{more}\n")
             }
         })
     }

@@ -20,6 +20,9 @@ use report::Report;
 use super::{Error, json, model_or_default};
 use crate::progress::Progress;
 
+/// Greatest feedback gain that is written, N m/rad or N m s/rad: with a tenth of it a Go2's joint is stiff.
+const MOST_GAIN: f64 = 500.0;
+
 /// Design a motion that excites what can be identified, within the robot's limits
 ///
 /// Each joint follows a Fourier series that begins and ends at rest in one pose. Limits of position, velocity, acceleration,
@@ -46,7 +49,7 @@ pub(crate) struct Excite {
     /// Length, s
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
-    /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most]
+    /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to tell a load from rotor inertia, the duration]
     #[arg(long, value_name = "S")]
     period: Option<f64>,
     /// Waves of a series: the fastest is this many in a period
@@ -78,10 +81,10 @@ pub(crate) struct Excite {
     #[arg(long, value_name = "SHAPES")]
     shapes: Option<PathBuf>,
     /// Feedback gains written with the motion, N m/rad
-    #[arg(long, value_name = "KP", default_value_t = 40.0)]
+    #[arg(long, value_name = "KP", default_value_t = 40.0, value_parser = super::simulate::within(0.0, MOST_GAIN))]
     kp: f64,
     /// N m s/rad
-    #[arg(long, value_name = "KD", default_value_t = 1.5)]
+    #[arg(long, value_name = "KD", default_value_t = 1.5, value_parser = super::simulate::within(0.0, MOST_GAIN))]
     kd: f64,
     /// Starts of the search per leg, on all processors
     #[arg(long, value_name = "N", default_value_t = 16)]
@@ -157,11 +160,13 @@ impl Excite {
                 progress.set(done, total)
             })?
         };
+        let usual = || goal.usual_period(self.duration);
+        let period = self.period.unwrap_or_else(usual);
         Ok(Settings {
             earlier,
             goal,
             duration: self.duration,
-            period: self.period.unwrap_or_else(|| usual_period(self.duration)),
+            period,
             harmonics: self.harmonics,
             pose: self.pose.clone(),
             margins: self.limits.margins(),
@@ -171,12 +176,6 @@ impl Excite {
             ..Settings::default()
         })
     }
-}
-
-/// A third of the duration, so that there are periods to compare; of a longer one as many as make periods of 3.3 s.
-fn usual_period(duration: f64) -> f64 {
-    let usual = Settings::default().period;
-    duration / (duration / usual).round().max(3.0)
 }
 
 /// The limbs that are asked for.

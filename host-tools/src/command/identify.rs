@@ -5,7 +5,7 @@ mod factors;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use proprio::advise::{closing, pointer};
+use proprio::advise::{at_the_end, closing};
 use proprio::compare::{ValuesFrom, compare, series_of};
 use proprio::estimate::Constraint;
 use proprio::identify::{
@@ -15,6 +15,7 @@ use proprio::model::{Model, Provenance};
 use proprio::output;
 use proprio::recording::Recording;
 use proprio::report::pages;
+use proprio_core::go2::JOINTS_PER_LEG;
 
 use super::{Error, json, unreadable};
 use crate::progress::Progress;
@@ -156,11 +157,10 @@ impl Identify {
             true => fitted.identifiability(),
             false => String::new(),
         };
-        // Of several limbs it is a page.
         let file = Some(path.as_path());
-        let open = match recording.limbs.len() > 1 && !self.base {
-            true => format!("\n{}", pointer(file, &self.logs)),
-            false => closing(&model, file, &self.logs),
+        let open = match self.base {
+            true => closing(&model, file, &self.logs),
+            false => at_the_end(&model, file, &self.logs, recording.limbs.len()),
         };
         Ok(format!("{fitted}{told}{open}"))
     }
@@ -192,11 +192,12 @@ impl Identify {
                 .map_err(unreadable)?
                 .write(path)?;
         }
-        Ok(if self.json {
-            json(&result)
-        } else {
-            result.to_string()
-        })
+        if self.json {
+            return Ok(json(&result));
+        }
+        let legs = result.joints.len() / JOINTS_PER_LEG;
+        let open = at_the_end(&Model::default(), None, &self.logs, legs);
+        Ok(format!("{result}{open}"))
     }
 
     /// The whole Go2, moving and in contact.

@@ -38,6 +38,7 @@ use proprio::identify::{FreeBaseError, IdentificationError, NotAModel, NotReprod
 use proprio::log::LogError;
 use proprio::model::export::ExportError;
 use proprio::model::{Model, ModelError, RobotError, UnknownName};
+use proprio::monitor::web::WebError;
 use proprio::monitor::{FeedError, JournalError};
 use proprio::output::WriteError;
 use proprio::recording::RecordingError;
@@ -163,6 +164,8 @@ pub(crate) enum Error {
     Journal(#[from] JournalError),
     #[error(transparent)]
     Feed(#[from] FeedError),
+    #[error(transparent)]
+    Web(#[from] WebError),
     #[error("the terminal: {0}")]
     Terminal(std::io::Error),
     #[error(

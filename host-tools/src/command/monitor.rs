@@ -3,19 +3,23 @@
 mod lines;
 mod session;
 mod terminal;
+mod web;
 
 use std::io::{IsTerminal, stdin, stdout};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::error::ErrorKind;
 use proprio::device::serial::SerialDevice;
 use proprio::device::{Desktop, Device, Qemu, image};
-use proprio::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
+use proprio::monitor::web::Server;
+use proprio::monitor::{Ask, Feed, JournalReader, JournalWriter, Robot, Source};
 use proprio::output::WriteError;
 use proprio::simulator::Hide;
 use proprio::simulator::hidden::typical;
 use proprio_core::go2::Leg;
+use proprio_core::wire::Action;
 
 use session::Session;
 
@@ -29,7 +33,8 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// Shows each joint's friction with errors and its residual against the band of the seconds before, which effects the device finds
 /// missing, what happened, and how bus and link are; a page per leg has all its parameters against the CAD. Keys: a and d add
 /// the chosen effect to the device's model and drop it, r resets, p pauses, s saves a model file, f saves the device's
-/// factors for `identify --factor`, q quits. Without a terminal, or with --lines, lines are printed instead.
+/// factors for `identify --factor`, q quits. Without a terminal, or with --lines, lines are printed instead; --web serves the
+/// same as a page with live plots.
 ///
 /// `qemu` builds the firmware, boots it on an emulated board and has it hear a simulated robot; `sim` runs its code in this
 /// process, which needs no emulator. Anything else is a board's serial port, or a file that --record made.
@@ -39,6 +44,8 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor qemu --hide stribeck:FL_thigh=0.3
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
+  proprio monitor sim --memory 600
+  proprio monitor qemu --web
   proprio monitor sim --speed 0 --seconds 30 --json")]
 pub(crate) struct Monitor {
     /// Whose messages
@@ -56,9 +63,16 @@ pub(crate) struct Monitor {
     /// What the simulated robot has beside usual friction [default: quadratic_drag:FR_calf=0.05]
     #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
     hide: Vec<Hide>,
+    /// Have the device forget: data of so many seconds ago weigh 1/e; 0: nothing is forgotten
+    #[arg(long, value_name = "S")]
+    memory: Option<u32>,
     /// Seed of the simulated robot's motion and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Serve a page instead of a screen; whoever reaches ADDRESS can look and ask [default of ADDRESS: 127.0.0.1:7700, for this
+    /// machine alone; port 0: any that is free]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:7700", conflicts_with = "lines")]
+    web: Option<SocketAddr>,
     /// Print lines instead of a screen
     #[arg(long)]
     lines: bool,
@@ -69,6 +83,8 @@ pub(crate) struct Monitor {
 
 impl Monitor {
     pub(crate) fn run(self) -> Result<String, Error> {
+        // A port that is taken is said before anything is built or recorded.
+        let server = self.web.map(Server::start).transpose()?;
         let source = self.open()?;
         let journal = self.record.as_deref().map(journal).transpose()?;
         let mut session = Session {
@@ -78,10 +94,14 @@ impl Monitor {
             limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
             ended: false,
         };
+        if let Some(seconds) = self.memory {
+            session.feed.ask(Ask::Action(Action::SetMemory(seconds)));
+        }
         let on_terminal = stdout().is_terminal() && stdin().is_terminal();
-        match on_terminal && !self.lines && !self.json {
-            true => terminal::watch(&mut session, self.source)?,
-            false => lines::watch(&mut session, self.json)?,
+        match (server, on_terminal && !self.lines && !self.json) {
+            (Some(server), _) => web::watch(&mut session, &server, &self.source)?,
+            (None, true) => terminal::watch(&mut session, self.source)?,
+            (None, false) => lines::watch(&mut session, self.json)?,
         }
         Ok(match self.json {
             true => super::json(&lines::Report::new(&session.view)),

@@ -312,6 +312,7 @@ fn long_help() -> String {
 fn usage(effect: &Description) -> String {
     let place = match effect.scope {
         Scope::Joint => ":JOINT",
+        Scope::Pair => ":THIGH|CALF",
         Scope::Foot => ":CALF",
         Scope::Base => "",
     };

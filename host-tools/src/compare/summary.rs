@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::Comparison;
 use super::words::named;
+use super::{Comparison, black_box};
 use crate::summary::{Summary, torque, typed};
 
 /// Points of a summary.
@@ -30,7 +30,8 @@ impl Comparison {
         if points.is_empty() {
             points.push("what is left follows no position, velocity, acceleration, load, temperature or time".to_owned());
         }
-        points.truncate(POINTS);
+        points.truncate(POINTS - usize::from(self.black_box.is_some()));
+        points.extend(self.black_box.as_ref().map(black_box::sentence));
         let with = typed(&self.logs, model);
         let lacks = self
             .yardsticks

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use super::{Comparison, JointComparison, RankedEpisode};
+use super::{Comparison, JointComparison, RankedEpisode, black_box};
 use crate::table::{Table, with_std};
 
 /// Patterns and episodes told unless all are asked for.
@@ -15,6 +15,7 @@ impl Comparison {
         // Writing to a string never fails.
         let _ = self.write_contact(&mut text);
         let _ = self.write_scores(&mut text);
+        let _ = self.write_black_box(&mut text);
         let _ = self.write_where(&mut text, all);
         let _ = self.write_when(&mut text, all);
         text
@@ -135,6 +136,18 @@ impl Comparison {
             self.headline()
         )?;
         self.write_added(to)
+    }
+
+    /// How far a black box would come, and what that says of what is missing.
+    fn write_black_box(&self, to: &mut String) -> fmt::Result {
+        let Some(boxes) = &self.black_box else {
+            return Ok(());
+        };
+        let yardsticks = &self.yardsticks;
+        let noise = yardsticks.noise_floor_rms;
+        let noise = noise.map(|x| floor(x, yardsticks.noise_floor_is_upper_bound));
+        let table = black_box::table(boxes, noise);
+        write!(to, "\n{table}{}.\n", black_box::sentence(boxes))
     }
 
     fn last_row(&self, before: bool) -> Vec<String> {

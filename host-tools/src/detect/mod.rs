@@ -1,5 +1,6 @@
 //! What no model predicts, and what a model leaves: contact, bursts, and the statistics of residuals.
 
+pub mod black_box;
 pub(crate) mod bursts;
 pub(crate) mod contact;
 pub mod residual;

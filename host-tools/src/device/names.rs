@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{EffectAt, Estimate, Hello};
+use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello};
 
 use crate::estimate::{self, ParameterEstimate};
 use crate::log::JointId;
@@ -14,6 +14,23 @@ pub fn place(at: &EffectAt, hello: &Hello) -> Option<(JointId, EffectKind)> {
     let joint = JointId::of(*leg).into_iter().nth(at.joint.into())?;
     let name = hello.effects.get(usize::from(at.effect))?;
     Some((joint, EffectKind::from_name(name)?))
+}
+
+/// What a device says has changed, in words; nothing of a joint that the robot does not have.
+pub fn words_of(change: &Change) -> Option<String> {
+    let leg = Leg::ALL.get(usize::from(change.leg))?;
+    let joint = JointId::of(*leg).into_iter().nth(change.joint.into())?;
+    let (name, size) = (joint.name(), change.size);
+    let [since, until] = [change.since_us, change.time_us].map(|us| us / 1_000_000);
+    let what = match change.kind {
+        ChangeKind::Bias => format!("bias {size:+.2} N m"),
+        ChangeKind::Friction if size < 0.0 => format!("runs freely, {size:+.2} N m"),
+        ChangeKind::Friction => format!("binds, {size:+.2} N m"),
+        // Of a hip the size is a moment, whose meaning hangs on where the load is.
+        ChangeKind::Load if joint.place() == 0 => "its load has changed".to_owned(),
+        ChangeKind::Load => format!("load {size:+.2} kg"),
+    };
+    Some(format!("{name}: {what} ({since}–{until} s)"))
 }
 
 /// The effects of a leg's estimate in the order of θ: those that its masks name.

@@ -7,6 +7,7 @@ use super::{
     Alternative, CandidateReport, Diagnosed, Diagnosis, JointError, ParameterReport, Verdict,
     contact, words,
 };
+use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::words as contact_words;
 use crate::detect::residual;
@@ -215,12 +216,18 @@ impl Diagnosed<'_> {
 
     /// What the catalogue's effects leave, joint by joint, where it is more than noise.
     fn outside(&self) -> Vec<String> {
-        let (mut series, mut drifting) = (Vec::new(), Vec::new());
+        let (mut series, mut drifting, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
         for (limb, fit) in self.found.end.fits.iter().enumerate() {
             let Some(predicted) = fit.predicted_held_out() else {
                 continue;
             };
-            series.extend(JointSeries::of(&fit.below_limits(), &predicted));
+            let below = fit.below_limits();
+            series.extend(JointSeries::of(&below, &predicted));
+            let taken = |joint: usize| {
+                let taken = Taken::of(&below, &predicted, joint)?;
+                Some((self.name(limb, joint), words::black_box(&taken)?))
+            };
+            boxes.extend((0..below.joints()).filter_map(taken));
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.drifts[limb].iter().map(told));
@@ -251,7 +258,11 @@ impl Diagnosed<'_> {
         let resolved = self.resolved();
         // One sentence a joint: they are of one cause, the first says most.
         let mut told: Vec<(String, String)> = Vec::new();
-        for (joint, words) in structures.chain(drifting).chain(bursts).chain(unphysical) {
+        for (joint, words) in (structures.chain(boxes))
+            .chain(drifting)
+            .chain(bursts)
+            .chain(unphysical)
+        {
             if resolved.contains(&joint) {
                 continue;
             }

@@ -5,6 +5,8 @@ use std::fmt;
 use proprio_core::effect::EffectKind;
 
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
+use crate::detect::black_box::{Sees, Taken};
+use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::table::{Table, with_std};
 
@@ -167,6 +169,24 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
         with_std(candidate.value, candidate.std),
         candidate.parameters[0].unit,
     )
+}
+
+/// What is said of a joint of whose error a black box takes away more than what noise and sampling leave to it; `None` of another.
+pub(super) fn black_box(taken: &Taken) -> Option<String> {
+    if taken.share < STRUCTURE || taken.share < LEAST_Z * taken.std {
+        return None;
+    }
+    let sees = match taken.sees {
+        Sees::Joint => "the joint's position, velocity, acceleration and load at that moment",
+        Sees::Limb => "the motion of its limb at that moment",
+        Sees::Past => "what its limb did before",
+    };
+    Some(format!(
+        "a black box that sees {sees}, and no measured torque, takes away {:.0} ±{:.0} % of the squared error that is left; the catalogue has \
+         nothing that does",
+        100.0 * taken.share,
+        100.0 * taken.std,
+    ))
 }
 
 /// What is said of a parameter that changes with time.

@@ -1,6 +1,6 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{EffectKind, Form, JointState, Term};
 use proprio_core::inertia::INERTIAL;
 
 use super::motion::{is_derivative, is_shared};
@@ -36,6 +36,12 @@ pub(crate) enum Column {
         joint: usize,
         effect: EffectKind,
         shape: f64,
+        n: usize,
+    },
+    /// Column `n` of an effect that couples a joint with the one that carries it.
+    Coupled {
+        joint: usize,
+        effect: EffectKind,
         n: usize,
     },
     /// Motion of a joint's link by this effect.
@@ -85,6 +91,9 @@ impl Columns {
             Column::Inertial(b, _) | Column::Load { body: b, .. } => {
                 (joint..subtree_end[joint]).contains(&b)
             }
+            Column::Coupled { joint: own, .. } => {
+                own == joint || parent(&subtree_end, own) == Some(joint)
+            }
             Column::Motion { .. } | Column::Gravity(_) | Column::Lateness => true,
         };
         let (mut of_joint, mut places) = (Vec::new(), Vec::new());
@@ -110,6 +119,39 @@ impl Columns {
     /// Number of joints.
     pub(crate) fn joints(&self) -> usize {
         self.subtree_end.len()
+    }
+
+    /// The torque at joint `at` that a column of an effect stands for, per unit of its parameter, where the limb's joints are in these
+    /// `states`; `None` for what is no torque of an effect's own, or none that the joint feels.
+    pub(crate) fn term(
+        &self,
+        column: &Column,
+        at: usize,
+        states: &[JointState<f64>],
+    ) -> Option<Term<f64>> {
+        match *column {
+            Column::Own {
+                joint,
+                effect,
+                shape,
+                n,
+            } => (joint == at).then(|| effect.terms(&states[at], shape)[n]),
+            Column::Coupled { joint, effect, n } => {
+                let other = self.coupled(joint, at)?;
+                Some(effect.coupled(&states[at], &states[other])[n])
+            }
+            _ => None,
+        }
+    }
+
+    /// The other one of the two joints that an effect at `joint` couples, as seen from the one `at`; `None` if it is neither.
+    pub(crate) fn coupled(&self, joint: usize, at: usize) -> Option<usize> {
+        let parent = parent(&self.subtree_end, joint)?;
+        match at {
+            _ if at == joint => Some(parent),
+            _ if at == parent => Some(joint),
+            _ => None,
+        }
     }
 
     /// Where an entry stands in a joint's rows; `None` where the joint does not feel it.
@@ -157,6 +199,11 @@ impl Columns {
     }
 }
 
+/// The joint that carries another one of a limb; `None` for the first.
+pub(crate) fn parent(subtree_end: &[usize], joint: usize) -> Option<usize> {
+    (0..joint).rev().find(|&i| subtree_end[i] > joint)
+}
+
 /// The columns that an effect at a joint of a limb has, each with the parameter it belongs to.
 pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Column)> {
     let description = effect.description();
@@ -179,6 +226,9 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
                 })
                 .collect()
         }
+        Form::Coupled => (0..description.parameters.len())
+            .map(|n| (n, Column::Coupled { joint, effect, n }))
+            .collect(),
         // Positions tell it: it is taken out of the motion.
         Form::Motion if effect == EffectKind::VelocityGain => Vec::new(),
         Form::Motion => vec![(0, Column::Motion { joint, effect })],

@@ -79,6 +79,17 @@ impl Key {
                 shape: shape.to_bits(),
                 n,
             }),
+            // The joint at which the effect is, and the one at which it is felt.
+            Column::Coupled {
+                joint: at,
+                effect,
+                n,
+            } => Some(Self::Own {
+                joint,
+                effect,
+                shape: at as u64,
+                n,
+            }),
             _ => None,
         }
     }

@@ -69,7 +69,7 @@ pub(crate) struct Load {
     pub(super) torque: Vec<f64>,
     /// Its value and slope by the straight line that smooths it, N m and N m/s.
     pub(super) line: Vec<[f64; 2]>,
-    /// The inertia that each joint turns whose link may move, kg m²; sample by sample, joint by joint.
+    /// The inertia that each joint turns where links may move, kg m²; sample by sample, joint by joint.
     pub(super) inertia: Vec<f64>,
 }
 
@@ -257,8 +257,8 @@ impl Motion {
         }
         let mut links = Vec::new();
         if needs.load {
-            let loose: Vec<usize> = needs.play.iter().chain(&needs.spring).copied().collect();
-            let made = || self.load_of(body, joints, values, (&loose, asked));
+            let loose = !needs.play.is_empty() || !needs.spring.is_empty();
+            let made = || self.load_of(body, joints, values, (loose, asked));
             let known = load.is_none().then(made);
             if let Some(load) = load.or(known.as_ref()) {
                 links = self.fill_load(load, values, &needs, &mut states);
@@ -296,14 +296,13 @@ impl Motion {
     pub(crate) fn load(&self, body: &LimbBody, values: &Values) -> Option<Load> {
         let late = (0..self.joints).any(|j| values.delay(j) != 0.0);
         let all = vec![true; self.time.len()];
-        let joints: Vec<usize> = (0..self.joints).collect();
-        (!late).then(|| self.load_of(body, &self.joint, values, (&joints, &all)))
+        (!late).then(|| self.load_of(body, &self.joint, values, (true, &all)))
     }
 
     /// The inertia that a joint turns, the mean over all poses, kg m².
     pub(crate) fn mean_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
         let all = vec![true; self.time.len()];
-        let load = self.load_of(body, &self.joint, values, (&[joint], &all));
+        let load = self.load_of(body, &self.joint, values, (true, &all));
         let own = load.inertia.iter().skip(joint).step_by(self.joints);
         own.sum::<f64>() / self.time.len().max(1) as f64
     }
@@ -313,7 +312,7 @@ impl Motion {
         body: &LimbBody,
         joints: &[Trajectory],
         values: &Values,
-        (loose, asked): (&[usize], &[bool]),
+        (loose, asked): (bool, &[bool]),
     ) -> Load {
         let n = self.joints;
         let rigid = body.loaded(values);
@@ -321,7 +320,6 @@ impl Motion {
         let mut torque = vec![0.0; n * self.time.len()];
         let mut inertia = torque.clone();
         let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        let (mut unit, mut momentum, mut rate) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         for k in (0..self.time.len()).filter(|&k| asked[k]) {
             for j in 0..n {
                 let [q, dq, ddq, _] = joints[j].state[k];
@@ -329,13 +327,14 @@ impl Motion {
                 (motion[1][j], motion[2][j]) = (dq, ddq);
             }
             let [q, dq, ddq] = &motion;
-            rigid.inverse_dynamics(&base, [q, dq, ddq], &mut torque[k * n..(k + 1) * n]);
-            for &j in loose {
-                unit[j] = 1.0;
-                rigid.momentum_and_rate(&base, [q, &unit], &mut momentum, &mut rate);
-                inertia[k * n + j] = momentum[j].max(LEAST_INERTIA);
-                unit[j] = 0.0;
+            let own = &mut torque[k * n..(k + 1) * n];
+            if !loose {
+                rigid.inverse_dynamics(&base, [q, dq, ddq], own);
+                continue;
             }
+            let turned = &mut inertia[k * n..(k + 1) * n];
+            rigid.torque_and_inertia(&base, [q, dq, ddq], own, turned);
+            turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
         }
         let mut line = vec![[0.0; 2]; torque.len()];
         for stretch in &self.stretches {
@@ -368,27 +367,30 @@ impl Motion {
         let n = self.joints;
         let numbers = columns.numbers(values);
         for j in 0..joints.len() {
-            let own: Vec<(EffectKind, f64, usize, f64)> = (columns.of_joint[j].iter())
-                .zip(&numbers[j])
-                .filter_map(|(column, &number)| match *column {
+            let limits = |column: &Column| {
+                matches!(
+                    column,
                     Column::Own {
-                        effect, shape, n, ..
-                    } if number != 0.0 && effect != EffectKind::Saturation => {
-                        Some((effect, shape, n, number))
+                        effect: EffectKind::Saturation,
+                        ..
                     }
-                    _ => None,
-                })
+                )
+            };
+            let own: Vec<(&Column, f64)> = (columns.of_joint[j].iter())
+                .zip(numbers[j].iter().copied())
+                .filter(|(column, number)| *number != 0.0 && !limits(column))
                 .collect();
             for stretch in &self.stretches {
                 let terms: Vec<[f64; 2]> = stretch
                     .clone()
                     .map(|k| {
-                        let state = &states[k * n + j];
-                        own.iter()
-                            .fold([0.0; 2], |sum, &(effect, shape, at, number)| {
-                                let term = effect.terms(state, shape)[at];
-                                [sum[0] + number * term.boundary, sum[1] + number * term.rate]
-                            })
+                        let states = &states[k * n..(k + 1) * n];
+                        own.iter().fold([0.0; 2], |sum, (column, number)| {
+                            let Some(term) = columns.term(column, j, states) else {
+                                return sum;
+                            };
+                            [sum[0] + number * term.boundary, sum[1] + number * term.rate]
+                        })
                     })
                     .collect();
                 for (i, k) in stretch.clone().enumerate() {

@@ -43,6 +43,15 @@ pub(crate) trait RigidBody: Send + Sync {
     /// τ = H q̈ + C q̇ + g (N m) at a position, velocity and acceleration, at the current inertias.
     fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]);
 
+    /// The same, and the inertia that each joint turns at this position, H_jj (kg m²).
+    fn torque_and_inertia(
+        &self,
+        base: &Transform<f64>,
+        motion: [&[f64]; 3],
+        torque: &mut [f64],
+        inertia: &mut [f64],
+    );
+
     /// The row h with h θ = kinetic and potential energy (J per unit of each parameter).
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]);
 
@@ -172,6 +181,25 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         let mut all = SVector::zeros();
         (self.0).write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
         torque.copy_from_slice(all.as_slice());
+    }
+
+    fn torque_and_inertia(
+        &self,
+        base: &Transform<f64>,
+        motion: [&[f64]; 3],
+        torque: &mut [f64],
+        inertia: &mut [f64],
+    ) {
+        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
+        let placements = self.0.placements(base, &q);
+        let (mut all, mut matrix) = (SVector::zeros(), SMatrix::zeros());
+        (self.0).write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
+        self.0.write_inertia_matrix(&placements, &mut matrix);
+        torque.copy_from_slice(all.as_slice());
+        inertia
+            .iter_mut()
+            .enumerate()
+            .for_each(|(j, own)| *own = matrix[(j, j)]);
     }
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {

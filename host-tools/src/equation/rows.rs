@@ -357,6 +357,10 @@ impl<'a> Pass<'a> {
                     known = Some((effect, shape, terms));
                     (terms[n].boundary, terms[n].rate)
                 }
+                ref column @ Column::Coupled { .. } => {
+                    let term = self.columns.term(column, j, states);
+                    term.map_or((0.0, 0.0), |term| (term.boundary, term.rate))
+                }
                 Column::Motion { joint, effect } => {
                     slopes.along(joint, effect.motion(&states[joint]), j)
                 }

@@ -11,7 +11,7 @@ use crate::model::{BASE, Limb, Model};
 pub(crate) type Place = (EffectKind, usize);
 
 /// A load lighter than this is nowhere in particular, kg.
-const LEAST_LOAD: f64 = 0.01;
+pub(crate) const LEAST_LOAD: f64 = 0.01;
 
 /// All numbers of a limb's model.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,17 +1,20 @@
-//! Directions in the space of a joint's windows, kept for all scans of a limb: what an effect of some shape adds to what friction, a
-//! rotor and a constant torque explain. They depend on the motion and on which windows count, not on what is left in those.
+//! What scans of a limb make and need again, kept: directions in the space of a joint's windows, which depend on the motion and on which
+//! windows count, not on what is left in those; columns; predictions.
 
 use std::collections::HashMap;
+use std::hash::Hash;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use proprio_core::effect::EffectKind;
 
-/// Orthonormal vectors, a number per window.
-pub(super) type Span = Arc<Vec<Vec<f64>>>;
+/// Vectors, a number per window.
+pub(super) type Vectors = Vec<Vec<f64>>;
+/// Orthonormal ones.
+pub(super) type Span = Arc<Vectors>;
 
 /// What a span is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Key {
+pub(crate) struct Key {
     pub(super) joint: usize,
     /// The effect and its shape; nothing for what friction, a rotor and a constant torque explain.
     pub(super) effect: Option<(EffectKind, u64)>,
@@ -23,27 +26,41 @@ pub(super) struct Key {
 const MOST: usize = 1_000_000;
 
 /// The spans of a limb.
-#[derive(Debug, Default)]
-pub(crate) struct Directions(Mutex<HashMap<Key, Span>>);
+pub(crate) type Directions = Kept<Key>;
 
-impl Directions {
-    pub(super) fn get(&self, key: &Key) -> Option<Span> {
+/// Vectors by what they are of; beyond [`MOST`] numbers those known so far are let go.
+#[derive(Debug)]
+pub(crate) struct Kept<K>(Mutex<HashMap<K, Arc<Vectors>>>);
+
+impl<K> Default for Kept<K> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<K: Eq + Hash> Kept<K> {
+    pub(super) fn get(&self, key: &K) -> Option<Arc<Vectors>> {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         known.get(key).cloned()
     }
 
-    pub(super) fn put(&self, key: Key, span: Vec<Vec<f64>>) -> Span {
-        let span = Arc::new(span);
+    pub(super) fn put(&self, key: K, vectors: Vectors) -> Arc<Vectors> {
+        let vectors = Arc::new(vectors);
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let size: usize = known.values().map(|span| size(span)).sum();
-        if size + self::size(&span) > MOST {
-            known.retain(|key, _| key.effect.is_none());
+        let kept: usize = known.values().map(|vectors| size(vectors)).sum();
+        if kept + size(&vectors) > MOST {
+            known.clear();
         }
-        known.insert(key, span.clone());
-        span
+        known.insert(key, vectors.clone());
+        vectors
+    }
+
+    /// What is known, or else is made now.
+    pub(super) fn get_or(&self, key: K, make: impl FnOnce() -> Vectors) -> Arc<Vectors> {
+        self.get(&key).unwrap_or_else(|| self.put(key, make()))
     }
 }
 
-fn size(span: &[Vec<f64>]) -> usize {
-    span.iter().map(Vec::len).sum()
+fn size(vectors: &[Vec<f64>]) -> usize {
+    vectors.iter().map(Vec::len).sum()
 }

@@ -95,8 +95,11 @@ pub(crate) struct LimbFit<'a> {
     pub(crate) solution: Solution,
     /// How many times nearer to the CAD each body is held than its uncertainty says.
     pub(crate) tightness: Vec<f64>,
+    /// The limit of a drive that the data tell, and its standard deviation, N m.
+    pub(super) limit: Option<(Place, f64)>,
     pub(super) method: Method,
     pub(super) deviations: OnceLock<Deviations>,
+    pub(super) moved_by_shapes: OnceLock<Vec<f64>>,
 }
 
 impl<'a> LimbFit<'a> {
@@ -106,8 +109,8 @@ impl<'a> LimbFit<'a> {
     pub(crate) fn of(data: &'a LimbData<'a>, places: &[Place], how: &How) -> Option<Self> {
         let mut values = start(data, places, how);
         let limited = Self::limited(data, places, how);
-        if let Some((start, _)) = &limited {
-            values.clone_from(start);
+        if let Some((limit, _)) = &limited {
+            values.clone_from(&limit.values);
         }
         let fitted: Vec<Place> = (places.iter().copied())
             .filter(|p| !how.held.contains(p))
@@ -127,7 +130,7 @@ impl<'a> LimbFit<'a> {
                 Some((known, made)) if known == columns && !depend_on_values(&columns) => made,
                 _ => data.rows(&values, &columns),
             };
-            let fit = Self::at(
+            let mut fit = Self::at(
                 data,
                 &fitted,
                 values,
@@ -143,10 +146,11 @@ impl<'a> LimbFit<'a> {
                 is_searched(place, how) && limited.as_ref().is_none_or(|l| l.1 != *place)
             };
             let scanned = (pass <= SHAPE_PASSES.min(passes - 1))
-                .then(|| shapes::better(&fit, &made, &searched))
+                .then(|| shapes::better(&fit, &made, &searched, pass > 1))
                 .flatten();
             let done = same && scanned.is_none() && fit.is_steady();
             if done || pass == passes {
+                fit.limit = limited.map(|(limit, place)| (place, limit.std));
                 return match how.method {
                     Method::Momentum => Some(fit),
                     other => fit.by_other_equation(other, how),
@@ -161,7 +165,7 @@ impl<'a> LimbFit<'a> {
     }
 
     /// Where a fit begins whose limit of a torque the data tell, and which limit that is.
-    fn limited(data: &LimbData, places: &[Place], how: &How) -> Option<(Values, Place)> {
+    fn limited(data: &LimbData, places: &[Place], how: &How) -> Option<(Limit, Place)> {
         let is_limit = |place: &&Place| place.0 == EffectKind::Saturation;
         let sought = places
             .iter()
@@ -174,7 +178,7 @@ impl<'a> LimbFit<'a> {
             .collect();
         let fit = LimbFit::of(data, &others, how)?;
         let limit = Limit::of(&fit, &fit.predicted(), sought.1)?;
-        Some((limit.values, *sought))
+        Some((limit, *sought))
     }
 
     /// The fit over rows that were made at `at`.
@@ -258,13 +262,16 @@ impl<'a> LimbFit<'a> {
             weights: weights.clone(),
             problem,
             solution,
+            limit: None,
             method: how.method,
             deviations: OnceLock::new(),
+            moved_by_shapes: OnceLock::new(),
         })
     }
 
     /// The same parameters by another equation; corrections of sensors and of the base are those of the momentum fit.
     fn by_other_equation(self, method: Method, how: &How) -> Option<Self> {
+        let limit = self.limit;
         let groups = method::data(self.data, &self.values, &self.columns, method);
         let held: Vec<Place> = (self.places.iter().copied())
             .filter(|place| is_derivative(place.0))
@@ -274,7 +281,7 @@ impl<'a> LimbFit<'a> {
             ..how.clone()
         };
         let places: Vec<Place> = self.places.clone();
-        Self::solved(
+        let fit = Self::solved(
             self.data,
             &places,
             self.values,
@@ -282,7 +289,8 @@ impl<'a> LimbFit<'a> {
             groups,
             &self.weights,
             &how,
-        )
+        )?;
+        Some(Self { limit, ..fit })
     }
 
     /// The correlation of neighbouring residuals of each joint.
@@ -332,14 +340,15 @@ impl<'a> LimbFit<'a> {
         (entry.effect).is_some_and(|effect| found_by_trying(effect, entry.joint, &self.at))
     }
 
-    /// What of entry k's value the model leaves open whatever the data, one standard deviation.
+    /// What of entry k's value is open however well the others are known, one standard deviation: what the model leaves to chance, and
+    /// what shapes that are not known exactly make of it.
     pub(crate) fn unknown(&self, entry: usize) -> f64 {
         let share = match self.columns.entries[entry].effect {
             Some(EffectKind::Elasticity) => SWING,
             _ if self.is_found_by_trying(entry) => BOUNCE,
             _ => 0.0,
         };
-        share * self.value(entry)
+        (share * self.value(entry)).hypot(self.moved_by_shapes(entry))
     }
 
     /// Entry k's value as the catalogue means it.

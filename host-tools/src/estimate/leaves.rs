@@ -87,8 +87,8 @@ impl LimbFit<'_> {
         trains.par_iter().map(solved).collect()
     }
 
-    /// The data without the windows in which a joint reports more than the limit that the model gives its drive: what is asked for there
-    /// is anything.
+    /// The data without the windows in which a joint reports more, at any moment, than the limit that the model gives its drive: what is
+    /// asked for there is anything.
     pub(crate) fn below_limits(&self) -> LimbData<'_> {
         let (data, n) = (self.data, self.data.joints());
         let limited = self
@@ -99,8 +99,13 @@ impl LimbFit<'_> {
             .map(|place| (place.1, self.values.get(place, 0)))
             .collect();
         let is_out = |w: usize| {
+            let [first, last] = data.motion.windows[w].samples;
+            let most = |j: usize| {
+                let reported = (first..=last).map(|k| data.recording.tau[k * n + j].abs());
+                reported.fold(0.0, f64::max)
+            };
             let mut limits = limits.iter();
-            data.left_out[w] || limits.any(|&(j, limit)| data.torque[w * n + j].abs() > limit)
+            data.left_out[w] || limits.any(|&(j, limit)| most(j) > limit)
         };
         let left_out: Vec<bool> = (0..data.left_out.len()).map(is_out).collect();
         data.clone().leaving_out(&left_out)

@@ -33,6 +33,8 @@ pub(crate) struct LimbData<'a> {
     pub(crate) torque: Arc<Vec<f64>>,
     /// Windows that are left out, ground contact among them.
     pub(crate) left_out: Vec<bool>,
+    /// Whether joints are judged also while they rest.
+    at_rest: bool,
     /// Reported over true velocity of each joint, as the motion was made with.
     pub(crate) velocity_gain: Vec<f64>,
     subtree_end: Vec<usize>,
@@ -84,6 +86,7 @@ impl<'a> LimbData<'a> {
         Some(Self {
             body: Arc::new(LimbBody::of(model, limb)?),
             left_out: vec![false; motion.windows.len()],
+            at_rest: false,
             subtree_end: limb.bodies.clone().map(end).collect(),
             model,
             limb,
@@ -95,6 +98,14 @@ impl<'a> LimbData<'a> {
             integrals: Arc::default(),
             directions: Arc::default(),
         })
+    }
+
+    /// The same with windows in which a joint rests: a prediction can be judged there, but no friction fitted that does not know
+    /// how the joint came to rest.
+    pub(crate) fn also_at_rest(mut self) -> Self {
+        self.at_rest = true;
+        self.directions = Arc::default();
+        self
     }
 
     /// The same without the windows that overlap a range of samples \[first, last\], ascending.
@@ -132,9 +143,9 @@ impl<'a> LimbData<'a> {
         self.recording.joints
     }
 
-    /// Whether a joint's torque is judged in a window: it moves, and nothing is known to spoil it.
+    /// Whether a joint's torque is judged in a window: it moves, or rest counts too, and nothing is known to spoil it.
     pub(crate) fn counts(&self, window: usize, joint: usize) -> bool {
-        !self.left_out[window] && self.motion.windows[window].moves[joint]
+        !self.left_out[window] && (self.at_rest || self.motion.windows[window].moves[joint])
     }
 
     /// The fold that a window belongs to.

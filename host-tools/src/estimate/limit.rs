@@ -12,16 +12,23 @@ use crate::equation::values::Values;
 
 /// An error is an outlier beyond so many standard deviations, as the median of all tells them.
 const OUTLIER: f64 = 5.0;
+/// The same while outliers are left out: a model that follows some of them makes the others look usual, and frees itself of them step by
+/// step (the concentration of Rousseeuw & Van Driessen 1999, *Data Mining and Knowledge Discovery* 3:29).
+const UNUSUAL: f64 = 3.0;
+/// Fewer outliers of the first model are no reason to look.
+const LEAST_AT_FIRST: usize = 4;
 /// Median of |x| over its standard deviation where x is normal.
 const MEDIAN: f64 = 0.6745;
 /// Times that outliers are left out, and that the limit is found anew.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 12;
 /// Fewer windows beyond a limit tell none.
 const LEAST_WINDOWS: usize = 8;
 /// Most of the windows that may be left out: a model is not told by less than half of a log.
 const MOST_OUT: f64 = 0.5;
 /// Of the outliers at least this share is beyond the limit: others are not a drive's.
 const LEAST_BEYOND: f64 = 0.8;
+/// The same of the smaller ones that are left out on the way: noise and friction's reversals are among them, as often on either side.
+const LEAST_BEYOND_OF_UNUSUAL: f64 = 0.5;
 /// Beyond the limit the motion takes the same torque within this share of it: half of the windows there do. A window that the limit was
 /// reached in shows a mean of less.
 const ALIKE: f64 = 0.15;
@@ -46,96 +53,159 @@ impl Limit {
     /// The limit of a joint whose drive a fit, which predicts so, takes to give what it reports; `None` if there is none that these data
     /// tell.
     pub(crate) fn of(fit: &LimbFit, predicted: &[f64], joint: usize) -> Option<Self> {
-        let n = fit.data.joints();
-        let counted: Vec<usize> = (0..fit.data.motion.windows.len())
-            .filter(|&w| fit.data.counts(w, joint))
+        let joint = Joint::of(fit, joint);
+        if !joint.is_suspected(predicted) {
+            return None;
+        }
+        let (values, predicted) = joint.without_outliers(predicted)?;
+        let out = joint.outliers(&predicted, OUTLIER);
+        if !joint.are_beyond(&predicted, &out, LEAST_BEYOND) {
+            return None;
+        }
+        let beyond: Vec<usize> = (out.into_iter())
+            .filter(|&w| joint.is_beyond(&predicted, w))
             .collect();
-        let reported = |w: usize| fit.data.torque[w * n + joint];
-        let (mut values, mut predicted) = (fit.values.clone(), predicted.to_vec());
+        if beyond.len() < LEAST_WINDOWS {
+            return None;
+        }
+        joint.limit(values, predicted, &beyond)
+    }
+}
+
+/// A joint of a fit's limb, and the windows in which it is judged.
+struct Joint<'a> {
+    fit: &'a LimbFit<'a>,
+    joint: usize,
+    counted: Vec<usize>,
+}
+
+impl<'a> Joint<'a> {
+    fn of(fit: &'a LimbFit<'a>, joint: usize) -> Self {
+        let windows = 0..fit.data.motion.windows.len();
+        Self {
+            fit,
+            joint,
+            counted: windows.filter(|&w| fit.data.counts(w, joint)).collect(),
+        }
+    }
+
+    fn at(&self, window: usize) -> usize {
+        window * self.fit.data.joints() + self.joint
+    }
+
+    fn reported(&self, window: usize) -> f64 {
+        self.fit.data.torque[self.at(window)]
+    }
+
+    fn is_suspected(&self, predicted: &[f64]) -> bool {
+        let first = self.outliers(predicted, OUTLIER);
+        first.len() >= LEAST_AT_FIRST && self.are_beyond(predicted, &first, LEAST_BEYOND_OF_UNUSUAL)
+    }
+
+    /// The windows whose error is larger than so many standard deviations.
+    fn outliers(&self, predicted: &[f64], most: f64) -> Vec<usize> {
+        let error = |w: &usize| (self.reported(*w) - predicted[self.at(*w)]).abs();
+        let usual = median(self.counted.iter().map(error)).unwrap_or(0.0) / MEDIAN;
+        let all = self.counted.iter().copied();
+        all.filter(|w| error(w) > most * usual).collect()
+    }
+
+    /// Whether more is reported than what is predicted.
+    fn is_beyond(&self, predicted: &[f64], window: usize) -> bool {
+        let (reported, given) = (self.reported(window), predicted[self.at(window)]);
+        reported * given > 0.0 && reported.abs() > given.abs()
+    }
+
+    /// Whether windows beyond what is predicted make up such a share of them or, as far as the model follows the excess, of their squared
+    /// error.
+    fn are_beyond(&self, predicted: &[f64], out: &[usize], share: f64) -> bool {
+        let square = |w: &usize| (self.reported(*w) - predicted[self.at(*w)]).powi(2);
+        let beyond = || out.iter().filter(|&&w| self.is_beyond(predicted, w));
+        beyond().count() as f64 >= share * out.len() as f64
+            || beyond().map(square).sum::<f64>() >= share * out.iter().map(square).sum::<f64>()
+    }
+
+    /// The model fitted again until no outliers are left in its data, and what it predicts.
+    fn without_outliers(&self, predicted: &[f64]) -> Option<(Values, Vec<f64>)> {
+        let (mut values, mut predicted) = (self.fit.values.clone(), predicted.to_vec());
         let mut out: Vec<usize> = Vec::new();
         for _ in 0..ROUNDS {
-            let error = |w: usize| (reported(w) - predicted[w * n + joint]).abs();
-            let most = OUTLIER * median(counted.iter().map(|&w| error(w)))? / MEDIAN;
-            let found: Vec<usize> = counted
-                .iter()
-                .copied()
-                .filter(|&w| error(w) > most)
-                .collect();
+            let found = self.outliers(&predicted, UNUSUAL);
             if found == out {
                 break;
             }
             out = found;
-            if out.len() < LEAST_WINDOWS || out.len() as f64 > MOST_OUT * counted.len() as f64 {
+            if !self.are_beyond(&predicted, &out, LEAST_BEYOND_OF_UNUSUAL) {
                 return None;
             }
-            (values, predicted) = without(fit, &values, &out)?;
+            (values, predicted) = self.without(&values, &out)?;
         }
-        let is_beyond = |predicted: &[f64], w: usize| {
-            let given = predicted[w * n + joint];
-            reported(w) * given > 0.0 && reported(w).abs() > given.abs()
-        };
-        let beyond: Vec<usize> = (out.iter().copied())
-            .filter(|&w| is_beyond(&predicted, w))
-            .collect();
-        if beyond.len() < LEAST_WINDOWS || (beyond.len() as f64) < LEAST_BEYOND * out.len() as f64 {
-            return None;
-        }
+        Some((values, predicted))
+    }
+
+    /// The torque that the motion takes in the windows `beyond` a limit, if it is one.
+    fn limit(
+        &self,
+        mut values: Values,
+        mut predicted: Vec<f64>,
+        beyond: &[usize],
+    ) -> Option<Limit> {
+        let given = |predicted: &[f64], w: usize| predicted[self.at(w)].abs();
+        let usual = |predicted: &[f64]| median(beyond.iter().map(|&w| given(predicted, w)));
+        let mut torque = usual(&predicted)?;
+        let mut out: Vec<usize> = Vec::new();
         // Windows a little beyond the limit are no outliers, but say as little of the model.
-        let at = |predicted: &[f64]| median(beyond.iter().map(|&w| predicted[w * n + joint].abs()));
-        let mut torque = at(&predicted)?;
         for _ in 0..ROUNDS {
             let most = torque;
-            out = (counted.iter().copied())
-                .filter(|&w| reported(w).abs() > most)
-                .collect();
-            if out.len() as f64 > MOST_OUT * counted.len() as f64 {
-                return None;
-            }
-            (values, predicted) = without(fit, &values, &out)?;
-            torque = at(&predicted)?;
+            let all = self.counted.iter().copied();
+            out = all.filter(|&w| self.reported(w).abs() > most).collect();
+            (values, predicted) = self.without(&values, &out)?;
+            torque = usual(&predicted)?;
             if (torque - most).abs() < SAME * most {
                 break;
             }
         }
-        let given = |w: usize| predicted[w * n + joint].abs();
-        let spread = median(beyond.iter().map(|&w| (given(w) - torque).abs()))?;
-        let rest = || counted.iter().filter(|w| !out.contains(w));
-        let above = rest().filter(|&&w| given(w) > (1.0 + ALIKE) * torque);
-        if spread > ALIKE * torque || above.count() as f64 > MOST_ABOVE * counted.len() as f64 {
+        let spread = median((beyond.iter()).map(|&w| (given(&predicted, w) - torque).abs()))?;
+        let rest = self.counted.iter().filter(|w| !out.contains(w));
+        let above = rest.filter(|&&w| given(&predicted, w) > (1.0 + ALIKE) * torque);
+        if spread > ALIKE * torque || above.count() as f64 > MOST_ABOVE * self.counted.len() as f64
+        {
             return None;
         }
-        let excess = beyond.iter().map(|&w| reported(w).abs() - torque);
+        let excess = beyond.iter().map(|&w| self.reported(w).abs() - torque);
         let excess = excess.sum::<f64>() / beyond.len() as f64;
-        let place = (EffectKind::Saturation, joint);
+        let place = (EffectKind::Saturation, self.joint);
         values.insert(place);
         values.set(place, 0, torque);
         values.set(place, 1, excess);
-        Some(Self {
+        Some(Limit {
             torque,
             // A median's is 1.25 times a mean's; windows in a row say the same.
-            std: (1.25 * spread / MEDIAN / (runs(&beyond) as f64).sqrt()).hypot(SCALE * torque),
+            std: (1.25 * spread / MEDIAN / (runs(beyond) as f64).sqrt()).hypot(SCALE * torque),
             values,
         })
     }
-}
 
-/// A fit's model fitted again without some windows, and what it predicts in all of them.
-fn without(fit: &LimbFit, values: &Values, out: &[usize]) -> Option<(Values, Vec<f64>)> {
-    let mut left_out = fit.data.left_out.clone();
-    for &w in out {
-        left_out[w] = true;
+    /// The fit's model fitted again without some windows, and what it predicts in all of them; `None` where they are too many.
+    fn without(&self, values: &Values, out: &[usize]) -> Option<(Values, Vec<f64>)> {
+        let (fit, data) = (self.fit, self.fit.data);
+        if out.len() as f64 > MOST_OUT * self.counted.len() as f64 {
+            return None;
+        }
+        let mut left_out = data.left_out.clone();
+        out.iter().for_each(|&w| left_out[w] = true);
+        let rest = data.clone().leaving_out(&left_out);
+        let how = How {
+            start: Some(values.clone()),
+            shapes: Some(Vec::new()),
+            hold_bodies: true,
+            passes: Some(2),
+            ..How::default()
+        };
+        let values = LimbFit::of(&rest, &fit.places, &how)?.values;
+        let predicted = data.predicted(&values, &|_| true);
+        Some((values, predicted))
     }
-    let data = fit.data.clone().leaving_out(&left_out);
-    let how = How {
-        start: Some(values.clone()),
-        shapes: Some(Vec::new()),
-        hold_bodies: true,
-        passes: Some(2),
-        ..How::default()
-    };
-    let values = LimbFit::of(&data, &fit.places, &how)?.values;
-    let predicted = fit.data.predicted(&values, &|_| true);
-    Some((values, predicted))
 }
 
 /// `None` of none.

@@ -51,17 +51,10 @@ impl Scan<'_> {
             })
         };
         let told: Vec<Told> = (0..self.data.joints()).filter_map(told).collect();
-        // Bodies stay as they are, and with them what the gears transmit.
-        let load = self.data.motion.load(&self.data.body, self.values);
         let fall = |value: f64| {
-            let mut values = self.values.clone();
-            values.insert(place);
-            values.set(place, 0, value);
-            let predicted = self.data.predicted_under(load.as_ref(), &values);
-            -told
-                .iter()
-                .map(|told| self.left(told, &predicted))
-                .sum::<f64>()
+            let predicted = self.predicted_with(place, value);
+            let left = told.iter().map(|told| self.left(told, &predicted[0]));
+            -left.sum::<f64>()
         };
         let grid = self.values_to_try(place);
         let falls: Vec<f64> = grid.par_iter().map(|&value| fall(value)).collect();
@@ -75,7 +68,28 @@ impl Scan<'_> {
         Some(refined(&grid, &falls, &fall))
     }
 
+    /// What the limb's model predicts in all windows with a play or a spring of that size.
+    fn predicted_with(&self, place: Place, value: f64) -> Span {
+        // Bodies stay as they are, and with them what the gears transmit.
+        let load = || self.data.motion.load(&self.data.body, self.values);
+        self.predictions.get_or((place, value.to_bits()), || {
+            let mut values = self.values.clone();
+            values.insert(place);
+            values.set(place, 0, value);
+            let load = self.load.get_or_init(load);
+            vec![self.data.predicted_under(load.as_ref(), &values)]
+        })
+    }
+
     fn values_to_try(&self, place: Place) -> Vec<f64> {
+        let known = self.at.get(place, 0);
+        if self.is_near && known > 0.0 {
+            let next = match place.0 {
+                EffectKind::Elasticity => HIGHER * HIGHER,
+                _ => WIDER,
+            };
+            return [-1, 0, 1].map(|k| known * next.powi(k)).to_vec();
+        }
         if place.0 == EffectKind::Elasticity {
             let inertia = (self.data.motion).mean_inertia(&self.data.body, self.values, place.1);
             let lowest = LOWEST * self.usual_frequency(place.1);
@@ -84,7 +98,7 @@ impl Scan<'_> {
         }
         let mut grid: Vec<f64> = (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
         // One that was found before may lie between two of them.
-        grid.extend(Some(self.at.get(place, 0)).filter(|known| *known > 0.5 * SMALLEST));
+        grid.extend(Some(known).filter(|known| *known > 0.5 * SMALLEST));
         grid.sort_unstable_by(f64::total_cmp);
         grid
     }

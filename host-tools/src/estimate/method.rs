@@ -81,20 +81,11 @@ pub(super) fn data(data: &LimbData, values: &Values, columns: &Columns, method: 
 }
 
 impl Other<'_> {
-    /// The term of an effect's own column at sample k, and its joint.
-    fn term(&self, column: &Column, k: usize) -> Option<(usize, Term<f64>)> {
-        match *column {
-            Column::Own {
-                joint,
-                effect,
-                shape,
-                n,
-            } => {
-                let state = &self.states.states[k * self.data.joints() + joint];
-                Some((joint, effect.terms(state, shape)[n]))
-            }
-            _ => None,
-        }
+    /// The term of an effect's column at a joint at sample k.
+    fn term(&self, column: &Column, joint: usize, k: usize) -> Option<Term<f64>> {
+        let n = self.data.joints();
+        let states = &self.states.states[k * n..(k + 1) * n];
+        self.columns.term(column, joint, states)
     }
 
     fn measured(&self, k: usize, joint: usize) -> f64 {
@@ -123,10 +114,10 @@ impl Other<'_> {
                 row[e] = energy[1][INERTIAL * b + p] - energy[0][INERTIAL * b + p];
                 continue;
             }
-            for k in first + 1..=last {
-                let (before, now) = (self.term(&entry.column, k - 1), self.term(&entry.column, k));
-                let (Some((joint, before)), Some((_, now))) = (before, now) else {
-                    break;
+            for (joint, k) in (0..n).flat_map(|joint| (first + 1..=last).map(move |k| (joint, k))) {
+                let term = |k: usize| self.term(&entry.column, joint, k);
+                let (Some(before), Some(now)) = (term(k - 1), term(k)) else {
+                    continue;
                 };
                 let (slow, fast) = (speed(k - 1, joint), speed(k, joint));
                 row[e] += 0.5 * (slow + fast) * (now.boundary - before.boundary)
@@ -165,12 +156,10 @@ impl Other<'_> {
             for (e, entry) in self.columns.entries.iter().enumerate() {
                 row[e] = match entry.column {
                     Column::Inertial(b, p) => regressor[j * INERTIAL * n + INERTIAL * b + p],
-                    Column::Own { joint, .. } if joint == j => {
-                        let at =
-                            |k: usize| self.term(&entry.column, k).map_or(Term::zero(), |t| t.1);
+                    ref column => {
+                        let at = |k: usize| self.term(column, j, k).unwrap_or(Term::zero());
                         line(&|k| at(k).boundary)[1] + line(&|k| at(k).rate)[0]
                     }
-                    _ => 0.0,
                 };
             }
             row[width] = line(&|k| self.measured(k, j))[0];

@@ -23,6 +23,7 @@ pub(crate) mod method;
 pub(crate) mod nested;
 pub mod parameter_estimate;
 pub(crate) mod robot;
+pub(crate) mod shape_deviation;
 pub(crate) mod shapes;
 pub(crate) mod stages;
 pub(crate) mod triangle;

@@ -43,7 +43,7 @@ pub(crate) struct Drawn {
 /// Whether a model with an effect left out is the same model with its columns dropped: its torque is linear in its parameters, and
 /// what the columns are made of does not depend on any other.
 pub(crate) fn can_be_left_out(place: &Place) -> bool {
-    place.0.description().form == Form::Columns
+    matches!(place.0.description().form, Form::Columns | Form::Coupled)
         && !is_shared(place.1)
         && !depends_on_values(place.0)
 }

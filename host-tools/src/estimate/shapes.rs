@@ -1,4 +1,4 @@
-//! Shape parameters, in which a torque is far from linear: Stribeck's speed, presliding's displacement, cogging's frequency,
+//! Shape parameters, in which a torque is far from linear: Stribeck's speed, that at which viscous friction levels off, presliding's displacement, cogging's frequency,
 //! saturation's limit, the width of a play.
 //!
 //! What a fit leaves is regressed on the effect's columns for a grid of shapes, beside what friction, a rotor and a constant torque
@@ -11,12 +11,12 @@ use std::sync::{Arc, OnceLock};
 use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
-use super::directions::{Key, Span};
+use super::directions::{Kept, Key, Span, Vectors};
 use super::fit::LimbFit;
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::{LOOSE, States};
+use crate::equation::motion::{LOOSE, Load, States};
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
@@ -26,9 +26,12 @@ const MOST_WINDOWS: usize = 1500;
 const MULTIPLES: usize = 48;
 /// Limits that a saturation is looked for at, evenly up to the largest torque.
 const LIMITS: usize = 40;
-/// Speeds that a Stribeck effect is looked for at, each so many times the one before.
+/// Speeds that a shape of friction is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
+/// Where friction levels off is looked for from this share of the joint's greatest speed, below which it is Coulomb friction, to
+/// nearly all of it, beyond which it is viscous.
+const SLOWEST: f64 = 0.015;
 /// Displacements that presliding friction is looked for at: from what the samples resolve to this share of the joint's travel; over
 /// a larger one friction is a spring.
 const DISPLACEMENTS: usize = 14;
@@ -48,11 +51,13 @@ const BASIS: [EffectKind; 4] = [
     EffectKind::Bias,
 ];
 
-/// A fit's values with better shapes; `None` if they are as good as they get.
+/// A fit's values with better shapes, plays and springs `again` sought near those that an earlier pass has found; `None` if they are as
+/// good as they get.
 pub(crate) fn better(
     fit: &LimbFit,
     rows: &Rows,
     searched: &dyn Fn(&Place) -> bool,
+    again: bool,
 ) -> Option<Values> {
     let shaped = fit
         .places
@@ -64,9 +69,10 @@ pub(crate) fn better(
         return None;
     }
     let own = fit.columns.combined(fit.solution.theta.as_slice());
-    let scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
+    let mut scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
         fit.data.torque[w * fit.data.joints() + j] - dot(&own[j], rows.row(w, j))
     });
+    scan.is_near = again;
     let best: Vec<Option<f64>> = (places.par_iter())
         .map(|&place| scan.best(place, &|_| true))
         .collect();
@@ -115,6 +121,13 @@ pub(crate) struct Scan<'a> {
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
+    /// The columns of an effect of some shape over all of its joint's windows.
+    made: Kept<(Place, u64)>,
+    /// What the limb's model predicts with a play or a spring of some size, and what its gears transmit without.
+    pub(super) predictions: Kept<(Place, u64)>,
+    pub(super) load: OnceLock<Option<Load>>,
+    /// Whether plays and springs are sought near the present ones only.
+    pub(super) is_near: bool,
 }
 
 impl<'a> Scan<'a> {
@@ -145,6 +158,10 @@ impl<'a> Scan<'a> {
             at,
             windows,
             residuals,
+            made: Kept::default(),
+            predictions: Kept::default(),
+            load: OnceLock::new(),
+            is_near: false,
         }
     }
 
@@ -214,7 +231,7 @@ impl<'a> Scan<'a> {
         if let Some(known) = key.and_then(|key| self.data.directions.get(&key)) {
             return known;
         }
-        let mut basis: Vec<Vec<f64>> = Vec::new();
+        let mut basis = Vectors::new();
         for effect in BASIS {
             for column in self.columns(windows, (effect, joint), 1.0) {
                 basis.extend(orthonormal(column, &basis));
@@ -238,7 +255,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Keeps directions that can be kept.
-    fn keep(&self, key: Option<Key>, span: Vec<Vec<f64>>) -> Span {
+    fn keep(&self, key: Option<Key>, span: Vectors) -> Span {
         match key {
             Some(key) => self.data.directions.put(key, span),
             None => Arc::new(span),
@@ -298,6 +315,13 @@ impl<'a> Scan<'a> {
                     .map(|k| least * farther.powi(k))
                     .collect()
             }
+            EffectKind::SaturatingViscous => {
+                let speeds = trajectory.speed.iter();
+                let most = speeds.fold(0.0f64, |most, speed| most.max(speed.abs()));
+                (0..SPEEDS as i32)
+                    .map(|k| most * SLOWEST * FASTER.powi(k))
+                    .collect()
+            }
             _ => (0..SPEEDS as i32)
                 .map(|k| trajectory.speed_noise * FASTER.powi(k))
                 .collect(),
@@ -323,8 +347,22 @@ impl<'a> Scan<'a> {
     }
 
     /// The columns of an effect over windows, as rows have them.
-    fn columns(&self, windows: &[usize], (effect, joint): Place, shape: f64) -> Vec<Vec<f64>> {
-        let n = self.data.joints();
+    fn columns(&self, windows: &[usize], place: Place, shape: f64) -> Vectors {
+        let all = &self.windows[place.1];
+        let key = (place, shape.to_bits());
+        let made = (self.made).get_or(key, || self.columns_of_all(place, shape));
+        if windows.len() == all.len() {
+            return made.to_vec();
+        }
+        let at: Vec<usize> = (windows.iter())
+            .filter_map(|window| all.binary_search(window).ok())
+            .collect();
+        let chosen = |column: &Vec<f64>| at.iter().map(|&n| column[n]).collect();
+        made.iter().map(chosen).collect()
+    }
+
+    fn columns_of_all(&self, (effect, joint): Place, shape: f64) -> Vectors {
+        let (n, windows) = (self.data.joints(), &self.windows[joint]);
         let motion = &self.data.motion;
         if effect == EffectKind::Presliding {
             // The states have what bristles of one displacement do; all of their term is a boundary.
@@ -365,7 +403,7 @@ impl<'a> Scan<'a> {
 
     /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
-    fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vec<Vec<f64>>> {
+    fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vectors> {
         let (n, gear) = (self.data.joints(), self.gear(joint));
         let mut columns = vec![vec![Vec::new(); 2]; MULTIPLES];
         for &w in windows {
@@ -430,8 +468,8 @@ fn explained(span: &[Vec<f64>], residual: &[f64]) -> f64 {
 }
 
 /// What columns add to the span of a basis: orthonormal directions.
-fn beside(columns: Vec<Vec<f64>>, basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut own: Vec<Vec<f64>> = Vec::new();
+fn beside(columns: Vectors, basis: &[Vec<f64>]) -> Vectors {
+    let mut own = Vectors::new();
     for column in columns {
         own.extend(orthonormal(column, basis).and_then(|column| orthonormal(column, &own)));
     }
@@ -439,7 +477,7 @@ fn beside(columns: Vec<Vec<f64>>, basis: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// What of `x` is not in the span of `basis`, to unit length; `None` if nothing is.
-fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
+pub(super) fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
     let size = dot(&x, &x).sqrt();
     for b in basis {
         let share = dot(b, &x);

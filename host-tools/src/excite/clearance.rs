@@ -44,11 +44,35 @@ pub struct Clearance {
     pub planes: Vec<(Plane, Vec<usize>)>,
 }
 
-/// One distance at a position, m, and its slopes by the joints' positions.
+/// One distance at a position, m.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Distance {
     pub(super) value: f64,
-    pub(super) slopes: Vec<f64>,
+    /// The direction in which it grows.
+    along: Vector3<f64>,
+    /// The points between which it is, each with its body: the first one's motion along that direction makes it grow.
+    between: [(Option<usize>, Vector3<f64>); 2],
+}
+
+/// All distances at a position.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Distances {
+    pub(super) all: Vec<Distance>,
+    pose: Pose,
+}
+
+impl Distances {
+    /// Adds the slopes of `push` times the n-th distance by the joints' positions.
+    pub(super) fn push(&self, n: usize, push: f64, by_q: &mut [f64]) {
+        let Distance { along, between, .. } = &self.all[n];
+        for ((body, point), push) in between.iter().zip([push, -push]) {
+            let mut next = *body;
+            while let Some(j) = next {
+                by_q[j] += push * along.dot(&self.pose.velocity(j, point));
+                next = self.pose.parents[j];
+            }
+        }
+    }
 }
 
 impl Clearance {
@@ -98,40 +122,35 @@ impl Clearance {
     }
 
     /// All distances at a position.
-    pub(super) fn distances(&self, limb: &dyn Limb, q: &[f64]) -> Vec<Distance> {
+    pub(super) fn distances(&self, limb: &dyn Limb, q: &[f64]) -> Distances {
         if self.capsules.is_empty() {
-            return Vec::new();
+            return Distances::default();
         }
         let pose = Pose::new(limb, q);
         let ends: Vec<[Vector3<f64>; 2]> = self.capsules.iter().map(|c| pose.ends(c)).collect();
-        let mut distances = Vec::with_capacity(self.count());
+        let mut all = Vec::with_capacity(self.count());
         for &[a, b] in &self.pairs {
             let [p, r] = nearest(&ends[a], &ends[b]);
             let apart = p - r;
             let length = apart.norm().max(1e-9);
-            let along = apart / length;
             let (a, b) = (&self.capsules[a], &self.capsules[b]);
-            let slope = |j: usize| {
-                along.dot(&(pose.velocity(a.body, &p, j) - pose.velocity(b.body, &r, j)))
-            };
-            distances.push(Distance {
+            all.push(Distance {
                 value: length - a.radius - b.radius,
-                slopes: (0..q.len()).map(slope).collect(),
+                along: apart / length,
+                between: [(a.body, p), (b.body, r)],
             });
         }
         for (plane, capsules) in &self.planes {
             for &c in capsules {
-                for end in &ends[c] {
-                    let capsule = &self.capsules[c];
-                    let slope = |j: usize| plane.normal.dot(&pose.velocity(capsule.body, end, j));
-                    distances.push(Distance {
-                        value: plane.normal.dot(end) - plane.offset - capsule.radius,
-                        slopes: (0..q.len()).map(slope).collect(),
-                    });
-                }
+                let capsule = &self.capsules[c];
+                all.extend(ends[c].iter().map(|end| Distance {
+                    value: plane.normal.dot(end) - plane.offset - capsule.radius,
+                    along: plane.normal,
+                    between: [(capsule.body, *end), (None, *end)],
+                }));
             }
         }
-        distances
+        Distances { all, pose }
     }
 
     /// For each joint the most that any distance can change per rad (m per m of a sliding joint), wherever the joints are: how
@@ -167,12 +186,13 @@ impl Clearance {
 }
 
 /// Where everything is.
+#[derive(Debug, Clone, Default)]
 struct Pose {
     placements: Vec<Transform<f64>>,
     /// Axes in the base's frame, and whether the joint turns.
     axes: Vec<(Vector3<f64>, bool)>,
-    /// `moves[b][j]`: whether joint j moves body b.
-    moves: Vec<Vec<bool>>,
+    /// The body that carries each body.
+    parents: Vec<Option<usize>>,
 }
 
 impl Pose {
@@ -182,17 +202,10 @@ impl Pose {
         let axes = own
             .map(|((axis, turns), at)| (at.rotation * axis, turns))
             .collect();
-        let mut moves: Vec<Vec<bool>> = Vec::new();
-        for (b, parent) in limb.parents().into_iter().enumerate() {
-            let mut by =
-                parent.map_or_else(|| vec![false; q.len()], |parent| moves[parent].clone());
-            by[b] = true;
-            moves.push(by);
-        }
         Self {
             placements,
             axes,
-            moves,
+            parents: limb.parents(),
         }
     }
 
@@ -205,14 +218,13 @@ impl Pose {
         }
     }
 
-    /// Velocity of the point `p` of a body when joint j moves at unit rate.
-    fn velocity(&self, body: Option<usize>, p: &Vector3<f64>, j: usize) -> Vector3<f64> {
-        match (body, &self.axes[j]) {
-            (Some(b), (axis, true)) if self.moves[b][j] => {
-                axis.cross(&(p - self.placements[j].translation))
-            }
-            (Some(b), (axis, false)) if self.moves[b][j] => *axis,
-            _ => Vector3::zeros(),
+    /// Velocity of the point `p` of a body that joint j moves, when it moves at unit rate.
+    fn velocity(&self, j: usize, p: &Vector3<f64>) -> Vector3<f64> {
+        let (axis, turns) = &self.axes[j];
+        if *turns {
+            axis.cross(&(p - self.placements[j].translation))
+        } else {
+            *axis
         }
     }
 }

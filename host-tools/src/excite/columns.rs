@@ -52,6 +52,7 @@ pub(super) fn is_known(effect: EffectKind) -> bool {
             | E::Stribeck
             | E::LoadFriction
             | E::QuadraticDrag
+            | E::SaturatingViscous
             | E::Spring
             | E::Cogging
             | E::TorqueGain
@@ -112,6 +113,14 @@ impl Column {
                 by_dq: 2.0 * dq.abs(),
                 ..none
             },
+            (E::SaturatingViscous, _) => {
+                let left = (-dq.abs() / self.shape).exp();
+                Term {
+                    value: (1.0 - left) * s,
+                    by_dq: (1.0 - left) * slope + left / self.shape * dq.signum() * s,
+                    ..none
+                }
+            }
             (E::Cogging, part) => {
                 let (sin, cos) = (self.shape * q).sin_cos();
                 let (value, slope) = if part == 0 { (sin, cos) } else { (cos, -sin) };

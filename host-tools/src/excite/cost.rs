@@ -4,7 +4,9 @@
 //! one. Every cost here depends on Z through its triangle R of Z = Q R alone, and its slope by Z is Z M with a symmetric M:
 //! WᵀW is never formed. What earlier logs know is their triangle, stacked on the rows.
 
-use nalgebra::{DMatrix, DVector, SVD};
+use nalgebra::{DMatrix, DVector};
+
+use super::spectrum::spectrum;
 
 /// What is to be small.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,18 +18,35 @@ pub(super) enum Cost {
     Determinant,
     /// ½ log tr(C (RᵀR + 1)⁻¹ Cᵀ): A-optimality, the mean variance of the named combinations C, in units of the prior's.
     Variance(DMatrix<f64>),
-    /// T-optimality: the sum over pairs of −log ‖residual‖ of the first column after the best fit of the columns that go with it
-    /// and of the first `nuisance` ones, all within unit priors.
+    /// T-optimality: −log of the smallest of the pairs' ‖residual‖ of the first column after the best fit of the columns that go with
+    /// it and of the first `nuisance` ones, all within unit priors. The smallest is a smooth one:
+    /// (Σ ‖residual‖^−[`WORST`])^(−1 / [`WORST`]).
     Separation {
         nuisance: usize,
         pairs: Vec<(usize, Vec<usize>)>,
     },
 }
 
+/// How much more the smallest residual of a separation counts than the others: a pair whose residual is twice as large weighs a
+/// sixteenth.
+const WORST: f64 = 4.0;
+
 /// A cost and M.
 pub(super) struct Value {
     pub(super) cost: f64,
+    /// Of a smooth condition number the number itself, of other costs the same.
+    pub(super) exact: f64,
     pub(super) slope: DMatrix<f64>,
+}
+
+impl Value {
+    fn of(cost: f64, slope: DMatrix<f64>) -> Self {
+        Self {
+            cost,
+            exact: cost,
+            slope,
+        }
+    }
 }
 
 /// Smallest singular value that counts, relative to the largest: below it a motion tells nothing of a direction. It keeps
@@ -40,49 +59,40 @@ impl Cost {
         let value = match self {
             Self::Condition { power } => condition(r, *power)?,
             Self::Determinant => {
-                let (values, v) = spectrum(r)?;
-                let gain = values.map(|s| s * s + 1.0);
-                Value {
-                    cost: -0.5 * gain.iter().map(|x| x.ln()).sum::<f64>(),
-                    slope: spectral(&v, &gain.map(|x| -1.0 / x)),
-                }
+                let known = with_prior(r);
+                let cost = -known.diagonal().iter().map(|x| x.abs().ln()).sum::<f64>();
+                Value::of(cost, -covariance(&known)?)
             }
             Self::Variance(named) => {
-                let (values, v) = spectrum(r)?;
-                let inverse = spectral(&v, &values.map(|s| 1.0 / (s * s + 1.0)));
-                let across = &inverse * named.transpose();
+                let across = covariance(&with_prior(r))? * named.transpose();
                 let trace = (named * &across).trace();
-                Value {
-                    cost: 0.5 * trace.ln(),
-                    slope: -(&across * across.transpose()) / trace,
-                }
+                Value::of(0.5 * trace.ln(), -(&across * across.transpose()) / trace)
             }
             Self::Separation { nuisance, pairs } => {
-                let n = r.ncols();
-                let (mut cost, mut slope) = (0.0, DMatrix::zeros(n, n));
-                for (truth, fitted) in pairs {
+                let parts = pairs.iter().map(|(truth, fitted)| {
                     let mut columns: Vec<usize> = (0..*nuisance).collect();
                     columns.extend(fitted);
                     columns.push(*truth);
                     let part = separation(&r.select_columns(&columns))?;
-                    cost += part.cost;
-                    for (i, &row) in columns.iter().enumerate() {
-                        for (j, &column) in columns.iter().enumerate() {
-                            slope[(row, column)] += part.slope[(i, j)];
-                        }
-                    }
-                }
-                Value { cost, slope }
+                    Some((columns, part))
+                });
+                let parts: Vec<_> = parts.collect::<Option<_>>()?;
+                worst(r.ncols(), &parts)
             }
         };
         (value.cost.is_finite() && value.slope.iter().all(|x| x.is_finite())).then_some(value)
     }
 }
 
-/// Singular values of R and its right singular vectors, as columns.
-pub(super) fn spectrum(r: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let svd = SVD::try_new(r.clone(), false, true, f64::EPSILON, 500)?;
-    Some((svd.singular_values, svd.v_t?.transpose()))
+/// The triangle of RᵀR + 1.
+fn with_prior(r: &DMatrix<f64>) -> DMatrix<f64> {
+    triangle(r, Some(&DMatrix::identity(r.ncols(), r.ncols())))
+}
+
+/// (RᵀR)⁻¹ of a triangle R.
+fn covariance(r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let inverse = r.solve_upper_triangular(&DMatrix::identity(r.ncols(), r.ncols()))?;
+    Some(&inverse * inverse.transpose())
 }
 
 /// V diag(values) Vᵀ.
@@ -99,15 +109,13 @@ fn condition(r: &DMatrix<f64>, power: f64) -> Option<Value> {
     let largest = values.max();
     let values = values.map(|s| s.max(LEAST * largest));
     let smallest = values.min();
+    let exact = (largest / smallest).ln();
     if power.is_infinite() {
         let slope = values.map(|s| {
             let sign = f64::from(u8::from(s == largest)) - f64::from(u8::from(s == smallest));
             sign / (s * s)
         });
-        return Some(Value {
-            cost: (largest / smallest).ln(),
-            slope: spectral(&v, &slope),
-        });
+        return Some(Value::of(exact, spectral(&v, &slope)));
     }
     // Powers of ratios to the extremes, which lie in 0 to 1.
     let up = values.map(|s| (s / largest).powf(2.0 * power));
@@ -117,33 +125,55 @@ fn condition(r: &DMatrix<f64>, power: f64) -> Option<Value> {
         (up[n] / sum_up - down[n] / sum_down) / (values[n] * values[n])
     });
     Some(Value {
-        cost: (largest / smallest).ln() + (sum_up.ln() + sum_down.ln()) / (2.0 * power),
+        cost: exact + (sum_up.ln() + sum_down.ln()) / (2.0 * power),
+        exact,
         slope: spectral(&v, &slope),
     })
 }
 
-/// With the others' unit priors, the least squares of the last column on the others, ρ² = wᵀ RᵀR w + ‖β‖² for
-/// w = (−β, 1).
+/// (log Σ exp p · cost) / p of costs, each with the columns that it is of, for p = [`WORST`].
+fn worst(n: usize, parts: &[(Vec<usize>, Value)]) -> Value {
+    let most = (parts.iter()).fold(f64::NEG_INFINITY, |most, (_, part)| most.max(part.cost));
+    let sizes = parts
+        .iter()
+        .map(|(_, part)| (WORST * (part.cost - most)).exp());
+    let sizes: Vec<f64> = sizes.collect();
+    let sum: f64 = sizes.iter().sum();
+    let mut slope = DMatrix::zeros(n, n);
+    for ((columns, part), size) in parts.iter().zip(&sizes) {
+        for (i, &row) in columns.iter().enumerate() {
+            for (j, &column) in columns.iter().enumerate() {
+                slope[(row, column)] += size / sum * part.slope[(i, j)];
+            }
+        }
+    }
+    Value::of(most + sum.ln() / WORST, slope)
+}
+
+/// −log of what the last column leaves. With the others' unit priors, their least squares on it is β and what is left
+/// ρ² = wᵀ RᵀR w + ‖β‖² for w = (−β, 1).
+///
+/// What β costs by the priors counts as what is left of the data does: an effect that bodies off the CAD could stand for is told by
+/// how far off they would have to be, and the more a motion tells of bodies the farther that is. The data's part alone is largest
+/// for a motion that tells little of them, after which nothing is missing.
 fn separation(r: &DMatrix<f64>) -> Option<Value> {
     let n = r.ncols() - 1;
     let others = r.columns(0, n).into_owned();
-    let target = r.column(n).into_owned();
     let mut stacked = DMatrix::zeros(r.nrows() + n, n + 1);
     stacked.view_mut((0, 0), (r.nrows(), n)).copy_from(&others);
     stacked.view_mut((r.nrows(), 0), (n, n)).fill_diagonal(1.0);
-    stacked.view_mut((0, n), (r.nrows(), 1)).copy_from(&target);
+    stacked
+        .view_mut((0, n), (r.nrows(), 1))
+        .copy_from(&r.column(n));
     let triangle = stacked.qr().unpack_r();
-    let beta = triangle
-        .view((0, 0), (n, n))
-        .solve_upper_triangular(&triangle.view((0, n), (n, 1)).column(0))?;
+    let known = triangle.view((0, 0), (n, n));
+    let beta = known.solve_upper_triangular(&triangle.view((0, n), (n, 1)).column(0))?;
     let square = triangle[(n, n)] * triangle[(n, n)];
     let mut w = DVector::zeros(n + 1);
     w.rows_mut(0, n).copy_from(&-beta);
     w[n] = 1.0;
-    Some(Value {
-        cost: -0.5 * square.ln(),
-        slope: -(&w * w.transpose()) / square,
-    })
+    let slope = -(&w * w.transpose()) / square;
+    Some(Value::of(-0.5 * square.ln(), slope))
 }
 
 /// The triangle of rows, `known` stacked on them.

@@ -32,6 +32,7 @@ mod settings;
 mod setup;
 pub mod shapes;
 mod space;
+mod spectrum;
 #[cfg(test)]
 mod tests;
 mod told;
@@ -39,7 +40,7 @@ mod told;
 use serde::Serialize;
 
 use crate::model::{self, Model};
-use cost::{Cost, spectrum, triangle};
+use cost::{Cost, triangle};
 pub use error::ExciteError;
 pub use foresight::Foresight;
 pub use fourier::{Ends, Motion, Series};
@@ -51,6 +52,7 @@ pub use random::RandomMotions;
 pub use search::{Progress, Supervisor};
 pub use settings::{Earlier, Goal, Margins, Settings};
 use setup::Setup;
+use spectrum::spectrum;
 pub use told::{LimbTold, Told, told};
 
 /// The motion of a limb and what it tells.

@@ -10,8 +10,6 @@ use argmin::core::{CostFunction, Error, Executor, Gradient};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 
-use nalgebra::DMatrix;
-
 use super::cost::Cost;
 use super::problem::Problem;
 
@@ -70,7 +68,6 @@ struct Stopped;
 
 struct Lagrangian<'a> {
     problem: &'a Problem,
-    goal: &'a Cost,
     /// The cost whose slopes are followed.
     smooth: Cost,
     multipliers: Vec<f64>,
@@ -98,8 +95,7 @@ impl Lagrangian<'_> {
             return Err(Stopped.into());
         }
         let of = self.problem.evaluate(x, self.share);
-        let triangle = self.problem.triangle(&of);
-        let Some(value) = self.smooth.of(&triangle) else {
+        let Some(value) = self.problem.cost(&of, &self.smooth) else {
             return Ok((f64::INFINITY, vec![0.0; x.len()]));
         };
         let (mut sum, mut pushes) = (value.cost, Vec::with_capacity(of.constraints.len()));
@@ -110,7 +106,7 @@ impl Lagrangian<'_> {
             pushes.push(push);
             worst = worst.max(*c);
         }
-        self.remember(x, &triangle, worst);
+        self.remember(x, value.exact, worst);
         let slopes = self.problem.slopes(&of, &value.slope, &pushes, self.share);
         let mut shared = self.shared.borrow_mut();
         shared.evaluations += 1;
@@ -119,23 +115,16 @@ impl Lagrangian<'_> {
     }
 
     /// Keeps a motion that is within the limits and better than any before.
-    fn remember(&self, x: &[f64], triangle: &DMatrix<f64>, worst: f64) {
+    fn remember(&self, x: &[f64], cost: f64, worst: f64) {
         // What is drawn in is given back by nine tenths: the last tenth is for what lies between the samples.
         if worst > 0.9 * (1.0 - self.share) {
             return;
         }
-        let Some(value) = self.goal.of(triangle) else {
-            return;
-        };
         let mut shared = self.shared.borrow_mut();
-        if shared
-            .best
-            .as_ref()
-            .is_none_or(|best| value.cost < best.cost)
-        {
+        if shared.best.as_ref().is_none_or(|best| cost < best.cost) {
             let point = Point {
                 x: x.to_vec(),
-                cost: value.cost,
+                cost,
                 worst,
             };
             self.watch.better(&point);
@@ -179,7 +168,6 @@ pub(super) fn from(
     });
     let mut lagrangian = Lagrangian {
         problem,
-        goal,
         smooth: goal.clone(),
         multipliers: vec![0.0; problem.constraints()],
         penalty: PENALTY.0,

@@ -136,7 +136,7 @@ impl Proof<'_> {
             let moved: f64 = ways
                 .map(|(q, reach)| (q.upper - q.lower) / 2.0 * reach)
                 .sum();
-            for (n, d) in limits.clearance.distances(limb, &q).iter().enumerate() {
+            for (n, d) in limits.clearance.distances(limb, &q).all.iter().enumerate() {
                 let b = (limits.margin - d.value + moved) / 0.1 + SLACK;
                 all.push((b, limits.clearance.name(n), None));
             }
@@ -195,9 +195,8 @@ fn term(column: &Column, at: &Stretch, rigid: Interval) -> Interval {
     let (q, dq, ddq) = (at.q[j], at.dq[j], at.ddq[j]);
     let value = |q: f64, dq: f64, ddq: f64| column.term([q, dq, ddq], 0.0).value;
     match (column.effect, column.part) {
-        (E::Viscous | E::Coulomb | E::QuadraticDrag, _) | (E::AsymmetricCoulomb, 0) => {
-            dq.grown(|v| value(0.0, v, 0.0))
-        }
+        (E::Viscous | E::Coulomb | E::QuadraticDrag | E::SaturatingViscous, _)
+        | (E::AsymmetricCoulomb, 0) => dq.grown(|v| value(0.0, v, 0.0)),
         (E::AsymmetricViscous, _) => dq.grown(|v| super::columns::sign(v).0) * dq,
         (E::Armature, _) => ddq,
         (E::Spring, 0) => q,

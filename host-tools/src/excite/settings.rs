@@ -1,8 +1,13 @@
 //! What is asked of a design.
 
+use proprio_core::effect::EffectKind;
+
 use super::ExciteError;
 use super::fourier::Ends;
 use super::shapes::Shapes;
+
+/// Length of a period unless the goal asks for another, s: ten waves of it go from 0.3 to 3 Hz.
+const USUAL_PERIOD: f64 = 10.0 / 3.0;
 
 /// What a motion is to be good for.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,10 +23,29 @@ pub enum Goal {
     /// Which of two effects a joint has (all joints of the limbs if none is named): T-optimality.
     Separation {
         /// The two.
-        effects: [proprio_core::effect::EffectKind; 2],
+        effects: [EffectKind; 2],
         /// The joint.
         joint: Option<String>,
     },
+}
+
+impl Goal {
+    /// Length of the period that serves the goal best, s: a third of the duration, so that there are periods to compare, and of a
+    /// longer one as many as make periods of 3.3 s.
+    ///
+    /// A load is told from rotor inertia by its weight, in a motion that is as slow as the duration allows. Where it sits on its body is
+    /// known to first order only before it is in the model, and so is how much inertia it adds: in a fast motion what is left of that
+    /// looks like an encoder that is off. From a spring it is told by that inertia, and needs the fast motion.
+    pub fn usual_period(&self, duration: f64) -> f64 {
+        match self {
+            Self::Separation { effects, .. } if is_load_or_rotor(effects) => duration,
+            _ => duration / (duration / USUAL_PERIOD).round().max(3.0),
+        }
+    }
+}
+
+fn is_load_or_rotor(effects: &[EffectKind; 2]) -> bool {
+    effects.contains(&EffectKind::Payload) && effects.contains(&EffectKind::Armature)
 }
 
 /// What is kept back from the robot's limits.
@@ -109,7 +133,7 @@ impl Default for Settings {
         Self {
             goal: Goal::Condition,
             duration: 10.0,
-            period: 10.0 / 3.0,
+            period: USUAL_PERIOD,
             harmonics: 10,
             ends: Ends::Rest,
             pose: Vec::new(),

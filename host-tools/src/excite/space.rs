@@ -18,6 +18,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 use super::columns::Column;
 use super::limb::{Instant, Limb};
+use super::spectrum::spectrum;
 
 /// Random states from which the structure is found: several times as many rows as columns.
 const STATES: usize = 200;
@@ -47,16 +48,12 @@ impl Space {
         let rows = random_rows(limb, theta, columns);
         let rank = rank(&rows);
         let scaled = (rows * root).qr().unpack_r();
-        let svd = scaled.svd(false, true);
-        let mut order: Vec<usize> = (0..svd.singular_values.len()).collect();
-        order.sort_by(|&a, &b| svd.singular_values[b].total_cmp(&svd.singular_values[a]));
-        let v_t = svd
-            .v_t
-            .unwrap_or_else(|| DMatrix::identity(root.ncols(), root.ncols()));
-        let directions: Vec<DVector<f64>> = order[..rank]
-            .iter()
-            .map(|&n| v_t.row(n).transpose())
-            .collect();
+        let all = scaled.ncols();
+        let (values, v) =
+            spectrum(&scaled).unwrap_or_else(|| (DVector::zeros(all), DMatrix::identity(all, all)));
+        let mut order: Vec<usize> = (0..all).collect();
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        let directions: Vec<_> = order[..rank].iter().map(|&n| v.column(n)).collect();
         Self {
             scale: root * DMatrix::from_columns(&directions),
         }
@@ -97,7 +94,9 @@ fn random_rows(limb: &dyn Limb, theta: &[f64], columns: &[Column]) -> DMatrix<f6
 
 /// How many combinations of columns are there at all.
 fn rank(rows: &DMatrix<f64>) -> usize {
-    let values = rows.clone().qr().unpack_r().singular_values();
+    let Some((values, _)) = spectrum(&rows.clone().qr().unpack_r()) else {
+        return 0;
+    };
     let most = values.max();
     values.iter().filter(|s| **s > ABSENT * most).count()
 }

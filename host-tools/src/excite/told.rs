@@ -4,10 +4,11 @@ use nalgebra::DMatrix;
 use proprio_core::inertia::INERTIAL;
 
 use super::ExciteError;
-use super::cost::{spectrum, triangle};
+use super::cost::triangle;
 use super::settings::Earlier;
 use super::setup::Knowledge;
 use super::space::{Space, by_kind};
+use super::spectrum::spectrum;
 use crate::model::{self, Model};
 
 /// One parameter's standard deviations, in its unit.

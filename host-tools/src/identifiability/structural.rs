@@ -5,7 +5,7 @@
 //! analysed; corrections, tilt and loads are derivatives that depend on the model itself.
 
 use nalgebra::DMatrix;
-use proprio_core::effect::JointState;
+use proprio_core::effect::{JointState, Term};
 use proprio_core::inertia::INERTIAL;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -66,7 +66,7 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
         .filter(|&k| {
             matches!(
                 columns.entries[k].column,
-                Column::Inertial(..) | Column::Own { .. }
+                Column::Inertial(..) | Column::Own { .. } | Column::Coupled { .. }
             )
         })
         .collect();
@@ -102,16 +102,14 @@ pub(crate) fn of(fit: &LimbFit) -> Reduction {
                         let at = j * width + INERTIAL * b + p;
                         (after.0[at] - before.0[at]) / (2.0 * STEP) + now.1[at]
                     }
-                    Column::Own {
-                        joint,
-                        effect,
-                        shape,
-                        n,
-                    } if joint == j => {
-                        let term = |t: f64| effect.terms(&joints[j].state(t), shape)[n];
+                    ref column => {
+                        let term = |t: f64| {
+                            let states: Vec<_> =
+                                joints.iter().map(|joint| joint.state(t)).collect();
+                            columns.term(column, j, &states).unwrap_or(Term::zero())
+                        };
                         (term(STEP).boundary - term(-STEP).boundary) / (2.0 * STEP) + term(0.0).rate
                     }
-                    _ => 0.0,
                 };
             }
         }

@@ -228,15 +228,16 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
         .filter(|place| has_shape(place.0) && !is_shared(place.1));
     let of = |place: Place| {
         let n = place.0.description().shape()?;
-        let (mean, std) = fit.data.prior(place, n);
+        let (mean, prior) = fit.data.prior(place, n);
         let body = fit.data.body_of(place.1);
+        let std = fit.shape_std(place).map_or(prior, |std| std.min(prior));
         let mut shape = FittedParameter::of_effect(
             fit.data.model,
             (place.0, body, n),
             (fit.values.get(place, n), std),
-            proprio_core::effect::Prior { mean, std },
+            proprio_core::effect::Prior { mean, std: prior },
         );
-        shape.estimate.status = Status::Prior;
+        shape.estimate.status = Status::of(std, prior);
         shape.place = Where::Shape(place.0, body, n);
         Some(shape)
     };

@@ -307,10 +307,11 @@ impl Robot {
         })
     }
 
-    /// Where an effect can be: the joint called `name`, or all where no name is given; the base for an effect of gravity.
+    /// Where an effect can be: the joint called `name`, or all where no name is given; the base for an effect of gravity; only a joint
+    /// that another one carries for an effect that couples the two.
     ///
     /// # Errors
-    /// If no joint has this name, or the effect is the base's and the name is not `base`.
+    /// If no joint has this name, the effect is the base's and the name is not `base`, or it needs another joint.
     pub fn place(&self, effect: EffectKind, name: Option<&str>) -> Result<Vec<usize>, UnknownName> {
         let of_base = effect.description().form == Form::Gravity;
         match name {
@@ -318,9 +319,24 @@ impl Robot {
             // One delay of all joints is the base's as well.
             Some("base") if of_base || effect == EffectKind::Delay => Ok(vec![BASE]),
             Some(name) if of_base => Err(UnknownName::new("joint", name, ["base"])),
-            Some(name) => Ok(vec![self.joint(name)?]),
-            None => Ok((0..self.bodies.len()).collect()),
+            Some(name) => {
+                let joint = self.joint(name)?;
+                if self.can_have(effect, joint) {
+                    return Ok(vec![joint]);
+                }
+                let carried = (self.bodies.iter()).filter(|body| body.parent.is_some());
+                let names = carried.map(|body| body.name.as_str());
+                Err(UnknownName::new("joint that another carries", name, names))
+            }
+            None => Ok((0..self.bodies.len())
+                .filter(|&joint| self.can_have(effect, joint))
+                .collect()),
         }
+    }
+
+    /// Whether a joint can have an effect: what couples it with the joint that carries it needs one.
+    fn can_have(&self, effect: EffectKind, joint: usize) -> bool {
+        effect.description().form != Form::Coupled || self.bodies[joint].parent.is_some()
     }
 
     /// The subtrees that hang on the base.
@@ -370,7 +386,7 @@ impl Robot {
     /// geared to match its load.
     pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> Prior {
         match (effect, self.bodies[joint].motor) {
-            (EffectKind::Armature, None) => Prior {
+            (EffectKind::Armature | EffectKind::CoupledArmature, None) => Prior {
                 mean: 0.0,
                 std: self.moved_inertia(joint),
             },

@@ -21,6 +21,8 @@ use crate::simulator::Diverged;
 const WAITING: usize = 4096;
 /// Time between two looks at a board's port, µs.
 const LOOK_US: u64 = 10_000;
+/// Time between two looks at what is asked while a recording is silent.
+const LOOK: Duration = Duration::from_millis(20);
 /// Time between two attempts to open a port that is gone.
 const REOPEN: Duration = Duration::from_millis(500);
 
@@ -185,12 +187,14 @@ impl Listener {
         !self.ended
     }
 
-    /// Waits until `time` of the robot or the recording has come.
-    fn wait_for(&self, time: Duration) {
-        if self.speed > 0.0 {
-            let due = self.pause.1 + time.div_f64(self.speed);
-            std::thread::sleep(due.saturating_sub(self.started.elapsed()));
+    /// How long it is until `time` of the robot or the recording comes; for ever, where that is beyond all numbers.
+    fn until(&self, time: Duration) -> Duration {
+        if self.speed <= 0.0 {
+            return Duration::ZERO;
         }
+        let due = Duration::try_from_secs_f64(time.as_secs_f64() / self.speed);
+        let due = due.unwrap_or(Duration::MAX).saturating_add(self.pause.1);
+        due.saturating_sub(self.started.elapsed())
     }
 
     /// Does what is asked; without a device, only what needs none.
@@ -277,7 +281,7 @@ impl Listener {
                 break;
             }
             let step = step?;
-            self.wait_for(Duration::from_micros(step.time_us));
+            std::thread::sleep(self.until(Duration::from_micros(step.time_us)));
             self.step(&mut *device, robot.legs(), &step)?;
         }
         Ok(())
@@ -328,11 +332,18 @@ impl Listener {
     /// Plays a recording.
     fn play(&mut self, mut reader: JournalReader) -> Result<(), FeedError> {
         while let Some((at, entry)) = reader.next_entry()? {
-            self.take_asks(None, &[]);
-            if !self.goes_on() {
+            // A recording may be silent for hours: whoever waits for its end is heard meanwhile.
+            loop {
+                self.take_asks(None, &[]);
+                let left = self.until(at);
+                if !self.goes_on() || left.is_zero() {
+                    break;
+                }
+                std::thread::sleep(left.min(LOOK));
+            }
+            if self.ended {
                 break;
             }
-            self.wait_for(at);
             self.tell(Told::Entry(at, Box::new(entry)));
         }
         Ok(())

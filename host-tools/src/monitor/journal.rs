@@ -162,14 +162,21 @@ impl JournalReader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proprio_core::wire::{Action, Advanced};
+    use proprio_core::wire::{Action, Change, ChangeKind};
 
     #[test]
     fn what_was_written_is_read_and_a_cut_file_keeps_its_whole_entries() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.messages");
         let entries = [
-            Entry::Message(DeviceMessage::Advanced(Advanced { time_us: 7 })),
+            Entry::Message(DeviceMessage::Change(Change {
+                leg: 1,
+                joint: 2,
+                kind: ChangeKind::Load,
+                size: 0.5,
+                since_us: 58_000_000,
+                time_us: 60_000_000,
+            })),
             Entry::Losses(1, 2),
             Entry::Request(Request {
                 id: 3,

@@ -1,4 +1,4 @@
-//! What a device says, as it says it: a view that messages build up, where they come from, a file that keeps them, and a screen.
+//! What a device says, as it says it: a view that messages build up, where they come from, a file that keeps them, a screen, and a page.
 
 mod feed;
 mod journal;
@@ -6,6 +6,7 @@ mod residual;
 mod robot;
 mod screen;
 mod view;
+pub mod web;
 
 pub use feed::{Ask, Feed, FeedError, Source, Told};
 pub use journal::{Entry, JournalError, JournalReader, JournalWriter};

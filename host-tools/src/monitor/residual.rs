@@ -59,6 +59,11 @@ impl Residual {
         self.recent.back().copied()
     }
 
+    /// The residuals that are remembered, N m, the newest last: about one a second.
+    pub fn recent(&self) -> impl Iterator<Item = f64> + '_ {
+        self.recent.iter().copied()
+    }
+
     /// Where it should lie; none before enough was heard.
     pub fn band(&self) -> Option<Band> {
         let n = self.recent.len().checked_sub(JUDGED)?;

@@ -9,7 +9,7 @@ use proprio_core::wire::{
 };
 
 use super::residual::Residual;
-use crate::device::names::{parameters_of, place};
+use crate::device::names::{parameters_of, place, words_of};
 use crate::estimate::ParameterEstimate;
 use crate::log::JointId;
 use crate::parameter;
@@ -114,6 +114,11 @@ impl View {
             DeviceMessage::Counters(counters) => self.counters(counters),
             DeviceMessage::Diagnosis(diagnosis) => self.diagnosis(diagnosis),
             DeviceMessage::Answer(answer) => self.answer(answer),
+            DeviceMessage::Change(change) => {
+                words_of(change)
+                    .into_iter()
+                    .for_each(|words| self.happened(words));
+            }
             DeviceMessage::FactorPart(_) | DeviceMessage::Advanced(_) => {}
         }
     }
@@ -262,6 +267,8 @@ impl View {
             Action::Reset => "reset".to_owned(),
             Action::AddEffect(at) => self.named("add", &at),
             Action::DropEffect(at) => self.named("drop", &at),
+            Action::SetMemory(0) => "forget nothing".to_owned(),
+            Action::SetMemory(seconds) => format!("memory of {seconds} s"),
         };
         if done && action == Action::Reset {
             self.begin_anew();

@@ -42,7 +42,8 @@ pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
         title: "Error after each added effect",
         text: "From top to bottom, effects are added to the model one after the other, the most useful first. The dark bar is \
                the error that is left (root mean square, on data the fit has not seen), the pale part what the step took \
-               away. No model can go below the noise floor; when the bars reach it, nothing is missing."
+               away. No model can go below the noise floor; when the bars reach it, nothing is missing. A black box is no model, \
+               but shows what one could still take away."
             .to_owned(),
         legend,
         figures,

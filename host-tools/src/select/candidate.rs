@@ -117,7 +117,8 @@ impl Candidate {
     /// Whether it is there beyond chance.
     pub(crate) fn is_beyond_chance(&self) -> bool {
         let (gain, error) = self.gain();
-        let most = gain > criteria::MOST_BY_CHANCE * self.felt && gain > criteria::LEAST_Z * error;
+        let most =
+            gain > criteria::MOST_BY_CHANCE * self.felt && gain > criteria::LEAST_OF_MOST * error;
         most || (self.z() >= criteria::least_z(self.tried) && gain > error)
     }
 
@@ -337,7 +338,7 @@ fn least_gain(effect: EffectKind) -> f64 {
 
 /// Whether an effect acts by the weight of the bodies: what happens between two samples, or where friction turns round, does not look
 /// like it.
-fn acts_by_weight(effect: EffectKind) -> bool {
+pub(super) fn acts_by_weight(effect: EffectKind) -> bool {
     use EffectKind::{BaseTilt, EncoderOffset, Payload};
     [BaseTilt, EncoderOffset, Payload].contains(&effect)
 }

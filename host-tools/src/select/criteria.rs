@@ -39,8 +39,10 @@ pub(crate) const RESOLUTION: f64 = 0.01;
 /// An effect takes away at least this share of the torque of the joints that feel it, rms: a fifth of the resolution, for effects are
 /// told by all windows together.
 pub(crate) const LEAST_EFFECT: f64 = 0.002;
-/// What takes away so much of the held-out error, and in fold after fold, is no chance however its value scatters.
+/// What takes away so much of the held-out error, and more than so many of its errors from fold to fold, is no chance however its value
+/// scatters: what grows with time, as heat does, gains most in the last folds.
 pub(crate) const MOST_BY_CHANCE: f64 = 0.5;
+pub(crate) const LEAST_OF_MOST: f64 = 2.0;
 
 /// Longest memory of a noise, s: five times that of a first-order filter of 8 Hz, and a tenth of the slowest motion that an exciting
 /// log is made of. What residuals remember longer is no noise.

@@ -19,13 +19,16 @@ impl<'a> Search<'a> {
         all: &'c [Candidate],
     ) -> (&'c Candidate, Option<State<'a>>) {
         let first = (best, self.with(best));
+        let now = self.state.weighted(&self.state);
         let is_loose = LOOSE.contains(&best.effect);
         let is_sure = best.members.len() == 1 && best.held_out_gain().0 > criteria::SURE_GAIN;
-        let may_be_loose = is_sure && !best.is_shared() && !PLAIN.contains(&best.effect);
+        // What a joint's own columns show and no fit keeps is no spring either; and springs are dear to try.
+        let keeps = (first.1.as_ref())
+            .is_some_and(|after| after.weighted(&self.state) < (1.0 - criteria::LEAST_SHARE) * now);
+        let may_be_loose = is_sure && keeps && !best.is_shared() && !PLAIN.contains(&best.effect);
         if !is_loose && !may_be_loose {
             return first;
         }
-        let now = self.state.weighted(&self.state);
         let error = |(c, after): &(&Candidate, Option<State>)| {
             let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
             let shown = std::ptr::eq(*c, best) || c.is_there() && c.is_possible(&self.screens);

@@ -3,12 +3,13 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria;
+use super::placed::NEAR;
 use super::screen::{Screen, Trial};
 use crate::equation::motion::is_derivative;
 use crate::equation::values::Place;
 
 /// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
-const REACH: f64 = 0.3;
+pub(super) const REACH: f64 = 0.3;
 /// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
 const LEAST_DELAY: f64 = 0.1;
 /// χ² of a mass and its first moment below which a load weighs nothing that is told (99 % of four degrees of freedom): what is only
@@ -26,6 +27,7 @@ pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool 
     let told: Vec<Option<(f64, f64)>> = (0..parameters.len())
         .map(|n| screen.parameter(trial, place, n))
         .collect();
+    let mass = told[0].map_or(0.0, |(mass, _)| mass.abs());
     let within = |(n, told): (usize, &Option<(f64, f64)>)| {
         let Some((value, std)) = *told else {
             return true;
@@ -33,7 +35,12 @@ pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool 
         let p = &parameters[n];
         let (mean, likely) = data.prior(place, n);
         let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
-        value + 2.0 * std >= p.lower
+        // A load's own inertia is told as well as its place: off by d, m d² is missing.
+        let open = match (effect, n) {
+            (EffectKind::Payload, 4) => mass * NEAR * NEAR,
+            _ => 0.0,
+        };
+        value + 2.0 * std + open >= p.lower
             && value - 2.0 * std <= p.upper
             && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
     };

@@ -87,8 +87,9 @@ pub(super) fn judge(
 /// Candidates at its joints, and no others, that take away a like share of torque error and whose held-out gains differ by less than the
 /// error of their difference, or by less than ln n for each parameter more, n windows, are equals. Among them counts how much the sum
 /// of squares of all data and of the priors falls, less ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler
-/// rival that is there even beside the best goes before it: a load on a calf swings with it as its rotor turns. What a delay too small
-/// to be resolved explains better, and all of it, is none.
+/// rival that is there even beside the best goes before it: a load on a calf swings with it as its rotor turns. Not so where both act by
+/// weight, or as a scale of the torque does, and the simpler one asks bodies to be farther from the CAD than it saves: an offset of an encoder is like another inertia of
+/// what it turns. What a delay too small to be resolved explains better, and all of it, is none.
 pub(super) fn best<'c>(
     screens: &[Screen],
     open: &[&'c Candidate],
@@ -130,6 +131,7 @@ pub(super) fn best<'c>(
             && c.effect != best.effect
             && c.meets(best)
             && c.gain().0 >= criteria::RIVAL * best.gain().0
+            && !(looks_like_weight(c, best) && worth(c) < worth(best))
     });
     let mut simpler: Vec<&Candidate> = simpler.collect();
     simpler.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
@@ -137,6 +139,12 @@ pub(super) fn best<'c>(
         .into_iter()
         .find(|c| beside(screens, c, best).is_some_and(|c| c.is_beyond_chance()));
     Some(there.unwrap_or(best))
+}
+
+/// Whether an effect looks like one that acts by weight to all but what is known of the bodies: a torque of a wrong scale does, too.
+fn looks_like_weight(effect: &Candidate, weight: &Candidate) -> bool {
+    candidate::acts_by_weight(weight.effect)
+        && (candidate::acts_by_weight(effect.effect) || effect.effect == EffectKind::TorqueGain)
 }
 
 /// The simple effect that a richer one contains, where it does as well.

@@ -11,8 +11,9 @@ use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::criteria::{self, Squared};
-use crate::equation::column::{Columns, Entry};
+use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
+use crate::equation::motion::LOOSE;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 use crate::estimate::factor::HeapFactor;
@@ -85,13 +86,26 @@ pub(crate) struct Trial {
 }
 
 impl<'a> Screen<'a> {
-    /// Candidates are `possible`; where one has a shape it is the best on the present residuals.
-    pub(crate) fn of(fit: Arc<LimbFit<'a>>, possible: &[Place]) -> Self {
+    /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals.
+    pub(crate) fn of(fit: Arc<LimbFit<'a>>, predicted: Vec<f64>, possible: &[Place]) -> Self {
+        let at = with_shapes(&fit, possible, &predicted);
+        Self::made(fit, predicted, possible, at)
+    }
+
+    /// Where the columns were made.
+    pub(super) fn at(&self) -> &Values {
+        &self.at
+    }
+
+    /// The same with the columns made elsewhere.
+    pub(super) fn made_again(self, possible: &[Place], at: Values) -> Self {
+        Self::made(self.fit, self.predicted, possible, at)
+    }
+
+    fn made(fit: Arc<LimbFit<'a>>, predicted: Vec<f64>, possible: &[Place], at: Values) -> Self {
         let data = fit.data;
         let own = fit.clone();
         let fit = &*own;
-        let predicted = fit.predicted();
-        let at = with_shapes(fit, possible, &predicted);
         let columns = data.columns(&at, &fit.places, possible);
         let rows = data.rows(&at, &columns);
         let theta = columns.theta(&fit.values);
@@ -354,10 +368,14 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
             let shared = (effect.description().form == Form::Gravity
                 || effect == EffectKind::Delay)
                 .then_some(BASE);
-            let own = (effect.description().form != Form::Gravity).then_some(0..joints);
+            let form = effect.description().form;
+            let own = (form != Form::Gravity).then_some(0..joints);
+            let own = own.into_iter().flatten().filter(move |&joint| {
+                form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
+            });
             shared
                 .into_iter()
-                .chain(own.into_iter().flatten())
+                .chain(own)
                 .map(move |joint| (effect, joint))
         });
     let moves = |joint: usize| joint == BASE || moves(fit.data, joint);
@@ -369,7 +387,33 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
             effect != EffectKind::AsymmetricCoulomb
                 || !parts.iter().any(|part| has(&(*part, joint)))
         })
+        .filter(|&place| is_beyond_its_parts(fit, place, &has))
         .collect()
+}
+
+/// Whether a model has the plain effects, at all joints concerned, of which a rich one is what they lack: friction that levels off looks like
+/// Coulomb friction to fast motion and like viscous friction to slow motion, a rotor that turns with two joints like one of each. And
+/// what a soft spring or a play is not right in looks like such a rotor: no coupling is sought where a link moves against its motor.
+fn is_beyond_its_parts(
+    fit: &LimbFit,
+    (effect, joint): Place,
+    has: &dyn Fn(&Place) -> bool,
+) -> bool {
+    let parts: &[EffectKind] = match effect {
+        EffectKind::SaturatingViscous => &[EffectKind::Viscous, EffectKind::Coulomb],
+        EffectKind::CoupledArmature => &[EffectKind::Armature],
+        EffectKind::CoupledViscous => &[EffectKind::Viscous],
+        EffectKind::CoupledCoulomb => &[EffectKind::Coulomb],
+        _ => return true,
+    };
+    let couples = effect.description().form == Form::Coupled;
+    let parent = parent(&fit.columns.subtree_end, joint).filter(|_| couples);
+    [Some(joint), parent].into_iter().flatten().all(|joint| {
+        let gives_way = LOOSE
+            .iter()
+            .any(|loose| fit.places.contains(&(*loose, joint)));
+        parts.iter().all(|part| has(&(*part, joint))) && !(couples && gives_way)
+    })
 }
 
 /// Whether a joint moves for long enough to claim anything of it.

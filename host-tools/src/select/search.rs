@@ -25,7 +25,7 @@ use crate::estimate::robot::side_by_side;
 /// Most steps of a search.
 const MOST_STEPS: usize = 40;
 /// Most candidates that are refused one after the other before a search ends.
-const MOST_REFUSED: usize = 6;
+const MOST_REFUSED: usize = 12;
 
 /// One step of a search.
 #[derive(Debug, Clone)]
@@ -64,9 +64,11 @@ pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Opti
         search.forward();
     }
     search.backward();
-    let plain = search.with_plain();
-    if let Some(plain) = plain {
-        search = plain;
+    if let Some(other) = search.with_plain() {
+        search = other;
+    }
+    if let Some(other) = search.with_one_cause() {
+        search = other;
     }
     search.finish()
 }
@@ -74,8 +76,8 @@ pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Opti
 /// A search on its way.
 pub(super) struct Search<'a> {
     pub(super) data: &'a [LimbData<'a>],
-    given: Vec<Vec<Place>>,
-    start: Vec<Squares>,
+    pub(super) given: Vec<Vec<Place>>,
+    pub(super) start: Vec<Squares>,
     pub(super) state: State<'a>,
     pub(super) steps: Vec<Step>,
     pub(super) first: Vec<Judged>,
@@ -96,7 +98,7 @@ struct Refused<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>], state: State<'a>) -> Self {
+    pub(super) fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>], state: State<'a>) -> Self {
         Self {
             data,
             given: given.to_vec(),
@@ -161,8 +163,10 @@ impl<'a> Search<'a> {
         let made = side_by_side(&limbs, |&n| {
             (!known(n)).then(|| {
                 let fit = self.state.fits[n].clone();
+                let predicted = fit.predicted();
                 let possible = screen::possible(&fit, &self.given[n]);
-                (Screen::of(fit, &possible), possible)
+                let screen = Screen::of(fit, predicted, &possible).placed(&possible);
+                (screen, possible)
             })
         });
         let mut possible = std::mem::take(&mut self.possible);
@@ -184,7 +188,7 @@ impl<'a> Search<'a> {
     }
 
     /// Takes effect after effect into the model while one is there and helps.
-    fn forward(&mut self) {
+    pub(super) fn forward(&mut self) {
         while self.steps.len() < MOST_STEPS {
             let candidates = self.look();
             let mut open: Vec<&Candidate> = (candidates.iter())
@@ -221,22 +225,6 @@ impl<'a> Search<'a> {
             if self.lacks_a_drive() {
                 self.complete_drive();
             }
-        }
-    }
-
-    /// What is told of the first candidate is of the fit with it: what a column says of a value is true to first order, and of what was found
-    /// by trying not even that it is there.
-    pub(super) fn tell_first(&mut self, candidate: &Candidate, after: &State<'a>, by_trying: bool) {
-        let Some(first) = self.first.first_mut() else {
-            return;
-        };
-        let own = candidate
-            .members
-            .iter()
-            .map(|member| after.parameters(member));
-        first.parameters = own.collect();
-        if by_trying {
-            (first.significant, first.possible) = (true, true);
         }
     }
 
@@ -285,46 +273,8 @@ impl<'a> Search<'a> {
         });
     }
 
-    /// Takes out again what has become nothing, or what the others do without.
-    fn backward(&mut self) {
-        let added: Vec<Member> = self
-            .steps
-            .iter()
-            .flat_map(|step| step.members.clone())
-            .collect();
-        let drive = self.lacks_a_drive();
-        let mut small: Vec<(f64, Member)> = (added.into_iter())
-            .filter(|(_, place)| !(drive && PLAIN.contains(&place.0)))
-            // What is asked for beyond a limit is anything: how much of it on average may be nothing.
-            .filter(|(_, place)| place.0 != EffectKind::Saturation)
-            .map(|member| (self.state.size(&member), member))
-            .filter(|(size, _)| *size < criteria::LEAST_VALUE)
-            .collect();
-        small.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, member) in small {
-            let mut places = self.state.places();
-            places[member.0].retain(|place| *place != member.1);
-            let Some(without) = self
-                .state
-                .with(self.data, &places, &self.state.values(), &[])
-            else {
-                continue;
-            };
-            let logs = without.by_log().into_iter().zip(self.state.by_log());
-            let same = logs
-                .into_iter()
-                .all(|(after, before)| after <= criteria::SAME * before)
-                && without.weighted(&self.state)
-                    <= criteria::SAME * self.state.weighted(&self.state);
-            if same {
-                self.state = without;
-                self.push(&[member], true);
-            }
-        }
-    }
-
     /// Of each plain effect the joints that do not have it.
-    fn plain_that_lack(&self) -> Vec<Vec<Member>> {
+    pub(super) fn plain_that_lack(&self) -> Vec<Vec<Member>> {
         let there = self.state.places();
         let all = |effect: EffectKind| -> Vec<Member> {
             (self.data.iter().enumerate())
@@ -337,7 +287,7 @@ impl<'a> Search<'a> {
     }
 
     /// Whether the model as it was given lacks what makes a drive: two families of the plain effects were found.
-    fn lacks_a_drive(&self) -> bool {
+    pub(super) fn lacks_a_drive(&self) -> bool {
         let found = |effect: &&EffectKind| {
             (self.steps.iter()).any(|s| s.effect == **effect && s.members.len() > 1 && !s.removed)
         };
@@ -368,87 +318,6 @@ impl<'a> Search<'a> {
                 self.push(&members, false);
             }
         }
-    }
-
-    /// A search that starts with the four plain effects at all joints, if this one ends above them.
-    fn with_plain(&self) -> Option<Self> {
-        if self.steps.is_empty() {
-            return None;
-        }
-        if self.plain_that_lack().is_empty() {
-            return None;
-        }
-        let start = State::of(self.data, &self.given)?;
-        let mut other = Self::new(self.data, &self.given, start);
-        other.first.clone_from(&self.first);
-        for members in other.plain_that_lack() {
-            let mut places = other.state.places();
-            for (limb, place) in &members {
-                places[*limb].push(*place);
-            }
-            other.state = State::of(self.data, &places)?;
-            other.push(&members, false);
-        }
-        let torque: f64 = (self.data.iter())
-            .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
-            .sum();
-        let less = self.state.total() - other.state.total();
-        if less < criteria::LEAST_SHARE * self.state.total()
-            || less < criteria::LEAST_EFFECT.powi(2) * torque
-        {
-            return None;
-        }
-        other.limits();
-        other.forward();
-        other.backward();
-        Some(other)
-    }
-
-    /// The headline is of what the model has in the end: a first step that was taken out again only resembled another one.
-    fn keep_headline(&mut self) {
-        let removed = |member: &Member| {
-            (self.steps.iter()).any(|step| step.removed && step.members.contains(member))
-        };
-        let Some(old) = self.first.first() else {
-            return;
-        };
-        if !old.significant || !old.candidate.members.iter().all(removed) {
-            return;
-        }
-        let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
-        let before = [&self.start]
-            .into_iter()
-            .chain(self.steps.iter().map(|s| &s.squares));
-        let falls = before.zip(&self.steps).map(|(before, step)| {
-            let kept = !step.removed && !step.members.iter().all(removed);
-            (
-                if kept {
-                    total(before) - total(&step.squares)
-                } else {
-                    0.0
-                },
-                step,
-            )
-        });
-        let Some((fall, step)) = falls.max_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return;
-        };
-        let is_it =
-            |j: &Judged| (j.candidate.effect, &j.candidate.members) == (step.effect, &step.members);
-        let Some(at) = self.first.iter().position(is_it).filter(|_| fall > 0.0) else {
-            return;
-        };
-        let old = (old.candidate.effect, old.candidate.members.clone());
-        self.first[..=at].rotate_right(1);
-        let first = &mut self.first[0];
-        (first.significant, first.possible) = (true, true);
-        let own = first
-            .candidate
-            .members
-            .iter()
-            .map(|member| self.state.parameters(member));
-        first.parameters = own.collect();
-        first.alternatives = vec![old];
     }
 
     fn finish(mut self) -> Option<Found<'a>> {

@@ -139,7 +139,7 @@ impl<'a> State<'a> {
         self.fits.iter().all(|fit| fit.data.blocks.by_log)
     }
 
-    /// An effect's parameters and their standard deviations; of a scanned one zero.
+    /// An effect's parameters and their standard deviations.
     pub(super) fn parameters(&self, &(limb, (effect, joint)): &Member) -> Vec<(f64, f64)> {
         let fit = &self.fits[limb];
         let deviations = fit.deviations();
@@ -155,7 +155,11 @@ impl<'a> State<'a> {
                 .iter()
                 .find(|e| fit.columns.entries[**e].parameter == n);
             let Some(&entry) = own else {
-                return (fit.values.get((effect, joint), n), 0.0);
+                let place = (effect, joint);
+                return (
+                    fit.values.get(place, n),
+                    fit.shape_std(place).unwrap_or(0.0),
+                );
             };
             let [independent, blocks] = deviations.of_parameter(entry);
             let std = independent.max(blocks).hypot(fit.unknown(entry));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nalgebra::Vector3;
-use proprio_core::go2::{JOINTS_PER_LEG as JOINTS, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG as JOINTS, Leg, position_limits};
 
 use super::motion::Wanted;
 use crate::log::JointId;
@@ -61,6 +61,34 @@ pub enum FollowError {
         /// The line.
         line: u64,
     },
+    /// A column of a joint that the robot does not have.
+    #[error(
+        "{path}: column `{column}`: there is no joint `{joint}`; a Go2's are FR_hip, FR_thigh, FR_calf and so on for FL, RR, RL"
+    )]
+    Joint {
+        /// The file.
+        path: String,
+        /// The column.
+        column: String,
+        /// The joint.
+        joint: String,
+    },
+    /// A position that the joint cannot reach.
+    #[error(
+        "{path}:{line}: {joint} is asked to be at {asked} rad; its stops are at {} and {} rad", stops[0], stops[1]
+    )]
+    Stops {
+        /// The file.
+        path: String,
+        /// The line.
+        line: u64,
+        /// The joint.
+        joint: String,
+        /// What is asked, rad.
+        asked: f64,
+        /// Where it can go, rad.
+        stops: [f64; 2],
+    },
     /// No leg or fewer than two rows.
     #[error(
         "{path}: no motion: it needs the columns `t`, `q/`, `dq/` and `ddq/` of a leg's three joints, and two rows"
@@ -71,28 +99,34 @@ pub enum FollowError {
     },
 }
 
-impl Followed {
-    /// Reads a motion file, as `excite` writes it.
-    ///
-    /// # Errors
-    /// [`FollowError`] with file, line and column.
-    pub fn read(path: &Path) -> Result<Self, FollowError> {
+/// A motion file's header: where each leg's channels are.
+struct Header {
+    time: usize,
+    legs: Vec<Leg>,
+    /// Cells of each leg's channels; of the last three none where the column is missing.
+    cells: Vec<[[Option<usize>; JOINTS]; 6]>,
+}
+
+impl Header {
+    fn of(names: &csv::StringRecord, path: &Path) -> Result<Self, FollowError> {
         let name = || path.display().to_string();
-        let unreadable = |source| FollowError::Read {
-            path: name(),
-            source,
+        let place = |column: &str| names.iter().position(|h| h.trim() == column);
+        let known = |joint: &str| joint.parse::<JointId>().is_ok();
+        for column in names.iter().map(str::trim) {
+            let joint = column.split_once('/').filter(|(c, _)| CHANNELS.contains(c));
+            if let Some((_, joint)) = joint.filter(|(_, joint)| !known(joint)) {
+                return Err(FollowError::Joint {
+                    path: name(),
+                    column: column.to_owned(),
+                    joint: joint.to_owned(),
+                });
+            }
+        }
+        let named = |leg: &Leg| {
+            let mut joints = JointId::of(*leg).into_iter();
+            joints.any(|joint| place(&format!("q/{joint}")).is_some())
         };
-        let mut file = csv::Reader::from_path(path).map_err(unreadable)?;
-        let header = file.headers().map_err(unreadable)?.clone();
-        let place = |column: &str| header.iter().position(|h| h.trim() == column);
-        let legs: Vec<Leg> = Leg::ALL
-            .into_iter()
-            .filter(|leg| {
-                JointId::of(*leg)
-                    .iter()
-                    .any(|joint| place(&format!("q/{joint}")).is_some())
-            })
-            .collect();
+        let legs: Vec<Leg> = Leg::ALL.into_iter().filter(named).collect();
         let needed = |column: &str| {
             place(column).ok_or_else(|| FollowError::Column {
                 path: name(),
@@ -100,8 +134,7 @@ impl Followed {
             })
         };
         let time = needed("t")?;
-        // Cells of each leg's channels; of the last three none where the column is missing.
-        let mut cells: Vec<[[Option<usize>; JOINTS]; 6]> = Vec::new();
+        let mut cells = Vec::new();
         for &leg in &legs {
             let mut own = [[None; JOINTS]; 6];
             for (c, channel) in CHANNELS.iter().enumerate() {
@@ -116,51 +149,67 @@ impl Followed {
             }
             cells.push(own);
         }
-        let mut of = Self {
-            legs,
-            t: Vec::new(),
-            rows: Vec::new(),
+        Ok(Self { time, legs, cells })
+    }
+}
+
+impl Followed {
+    /// Reads a motion file, as `excite` writes it.
+    ///
+    /// # Errors
+    /// [`FollowError`] with file, line and column.
+    pub fn read(path: &Path) -> Result<Self, FollowError> {
+        let name = || path.display().to_string();
+        let unreadable = |source| FollowError::Read {
+            path: name(),
+            source,
         };
+        let mut file = csv::Reader::from_path(path).map_err(unreadable)?;
+        let names = file.headers().map_err(unreadable)?.clone();
+        let header = Header::of(&names, path)?;
+        let (mut times, mut rows) = (Vec::new(), Vec::new());
         for record in file.records() {
             let record = record.map_err(unreadable)?;
             let line = record.position().map_or(0, csv::Position::line);
             let number = |cell: usize| {
                 let text = record.get(cell).unwrap_or_default().trim();
-                text.parse()
-                    .ok()
-                    .filter(|x: &f64| x.is_finite())
-                    .ok_or_else(|| FollowError::Number {
-                        path: name(),
-                        line,
-                        column: header.get(cell).unwrap_or_default().to_owned(),
-                        text: text.to_owned(),
-                    })
+                let value = text.parse().ok().filter(|x: &f64| x.is_finite());
+                value.ok_or_else(|| FollowError::Number {
+                    path: name(),
+                    line,
+                    column: names.get(cell).unwrap_or_default().to_owned(),
+                    text: text.to_owned(),
+                })
             };
-            let t = number(time)?;
-            if of.t.last().is_some_and(|last| t <= *last) {
+            let t = number(header.time)?;
+            if times.last().is_some_and(|last| t <= *last) {
                 return Err(FollowError::Time { path: name(), line });
             }
-            let mut row = Vec::with_capacity(cells.len());
-            for own in &cells {
-                let mut values = [[0.0; JOINTS]; 6];
-                values[4] = [GAINS[0]; JOINTS];
-                values[5] = [GAINS[1]; JOINTS];
-                for (channel, cells) in values.iter_mut().zip(own) {
-                    for (value, cell) in channel.iter_mut().zip(cells) {
-                        if let Some(cell) = cell {
-                            *value = number(*cell)?;
-                        }
-                    }
+            let mut row = Vec::with_capacity(header.cells.len());
+            for (leg, own) in header.legs.iter().zip(&header.cells) {
+                let values = values_of(own, number)?;
+                if let Some(joint) = beyond_its_stops(*leg, &values[0]) {
+                    return Err(FollowError::Stops {
+                        path: name(),
+                        line,
+                        joint: JointId::of(*leg)[joint].to_string(),
+                        asked: values[0][joint],
+                        stops: position_limits(*leg)[joint],
+                    });
                 }
                 row.push(values);
             }
-            of.t.push(t);
-            of.rows.push(row);
+            times.push(t);
+            rows.push(row);
         }
-        if of.legs.is_empty() || of.t.len() < 2 {
+        if header.legs.is_empty() || times.len() < 2 {
             return Err(FollowError::Empty { path: name() });
         }
-        Ok(of)
+        Ok(Self {
+            legs: header.legs,
+            t: times,
+            rows,
+        })
     }
 
     /// The legs that it moves.
@@ -229,6 +278,28 @@ impl Followed {
     }
 }
 
+/// A leg's channels in one row.
+fn values_of(
+    cells: &[[Option<usize>; JOINTS]; 6],
+    number: impl Fn(usize) -> Result<f64, FollowError>,
+) -> Result<[[f64; JOINTS]; 6], FollowError> {
+    let mut values = [[0.0; JOINTS]; 6];
+    values[4] = [GAINS[0]; JOINTS];
+    values[5] = [GAINS[1]; JOINTS];
+    for (value, cell) in values.iter_mut().flatten().zip(cells.iter().flatten()) {
+        if let Some(cell) = cell {
+            *value = number(*cell)?;
+        }
+    }
+    Ok(values)
+}
+
+/// A joint that is asked to go where it cannot.
+fn beyond_its_stops(leg: Leg, q: &[f64; JOINTS]) -> Option<usize> {
+    let stops = position_limits(leg);
+    (0..JOINTS).find(|&j| !(stops[j][0]..=stops[j][1]).contains(&q[j]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,7 +317,7 @@ mod tests {
 
     #[test]
     fn between_rows_the_motion_is_smooth() {
-        let rows = "0,0,0,0,1,1,1,0,0,0\n0.1,0.1,0.1,0.1,1,1,1,0,0,0\n";
+        let rows = "0,0,0,-1.7,1,1,1,0,0,0\n0.1,0.1,0.1,-1.6,1,1,1,0,0,0\n";
         let motion = read(&(header() + rows)).unwrap();
         assert_eq!((motion.legs(), motion.duration()), (&[Leg::FR][..], 0.1));
         let (wanted, tau, [kp, _]) = motion.at(Leg::FR, 0.03).unwrap();
@@ -265,9 +336,17 @@ mod tests {
             error(header() + "0,0,0,x,0,0,0,0,0,0\n").contains(":2: `x` in column `q/FR_calf`")
         );
         assert!(
-            error(header() + "0,0,0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,0,0,0\n").contains(":3: the time")
+            error(header() + "0,0,0,-1.7,0,0,0,0,0,0\n0,0,0,-1.7,0,0,0,0,0,0\n")
+                .contains(":3: the time")
         );
-        assert!(error(header() + "0,0,0,0,0,0,0,0,0,0\n").contains("no motion"));
+        assert!(error(header() + "0,0,0,-1.7,0,0,0,0,0,0\n").contains("no motion"));
         assert!(error("t\n0\n1\n".to_owned()).contains("no motion"));
+        let knee = header().replace("ddq/FR_calf", "ddq/FR_calf,tau/FR_knee");
+        assert!(error(knee).contains("there is no joint `FR_knee`"));
+        let beyond = error(header() + "0,0,0,-1.7,0,0,0,0,0,0\n1,0,0,-2.8,0,0,0,0,0,0\n");
+        assert!(
+            beyond.contains(":3: FR_calf is asked to be at -2.8 rad"),
+            "{beyond}"
+        );
     }
 }

@@ -61,7 +61,12 @@ impl HiddenEffect {
         let misplaced = |why| Err(HiddenError::Place(description.name, why));
         match (description.scope, joint) {
             (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
-            (Scope::Joint | Scope::Foot, None) => return misplaced("needs a joint"),
+            (Scope::Joint | Scope::Pair | Scope::Foot, None) => return misplaced("needs a joint"),
+            (Scope::Pair, Some(joint)) if joint.place() == 0 => {
+                return misplaced(
+                    "couples a joint with the one that carries it: name a thigh or a calf",
+                );
+            }
             (Scope::Foot, Some(joint)) if joint.place() + 1 != JOINTS_PER_LEG => {
                 return misplaced("is at a foot: name the calf that carries it");
             }
@@ -190,6 +195,7 @@ impl Hide {
             (Some(joint), _) => vec![Some(joint)],
             (None, Scope::Base) => vec![None],
             (None, Scope::Joint) => joints().map(Some).collect(),
+            (None, Scope::Pair) => joints().filter(|j| j.place() > 0).map(Some).collect(),
             (None, Scope::Foot) => joints().filter(|j| j.place() == 2).map(Some).collect(),
         };
         let at = |joint| {
@@ -265,6 +271,8 @@ impl Sizes {
         let values = if is_calf { self.calf } else { self.values };
         let place = match self.kind.description().scope {
             Scope::Joint => Some(joint),
+            // The first joint of a leg has none before it.
+            Scope::Pair => JointId::of(joint.leg()).get(joint.place().max(1)).copied(),
             Scope::Foot => JointId::of(joint.leg()).last().copied(),
             Scope::Base => None,
         };
@@ -316,11 +324,24 @@ pub const SIZES: &[Sizes] = {
         ),
         sizes(K::LoadFriction, [0.05, 0.1, 0.25], [0.05, 0.1, 0.25]),
         sizes(K::QuadraticDrag, [0.01, 0.03, 0.1], [0.01, 0.03, 0.1]),
+        with(
+            K::SaturatingViscous,
+            [0.1, 0.3, 0.6],
+            [0.2, 0.5, 1.0],
+            &[("vs", 1.5)],
+        ),
         sizes(
             K::ThermalViscous,
             [0.002, 0.005, 0.01],
             [0.003, 0.008, 0.02],
         ),
+        sizes(
+            K::CoupledArmature,
+            [0.001, 0.003, 0.008],
+            [0.001, 0.003, 0.008],
+        ),
+        sizes(K::CoupledViscous, [0.02, 0.06, 0.2], [0.02, 0.06, 0.2]),
+        sizes(K::CoupledCoulomb, [0.1, 0.3, 0.6], [0.1, 0.3, 0.6]),
         with(K::Spring, [0.3, 1.0, 3.0], [0.3, 1.0, 3.0], &[("q0", 0.2)]),
         with(
             K::Cogging,

@@ -251,6 +251,7 @@ fn joint(simulation: &Simulation, leg: Leg, place: usize) -> PlantJoint {
     }
     let transmission = effects.iter().filter_map(|e| e.transmission()).reduce(both);
     let mut armature = effects.iter().map(|e| e.armature()).sum();
+    let coupled_inertia = effects.iter().map(|e| e.coupled_inertia()).sum();
     if transmission.is_some() && armature == 0.0 {
         // A motor that has a position of its own has a mass.
         armature = actuator.armature();
@@ -258,6 +259,7 @@ fn joint(simulation: &Simulation, leg: Leg, place: usize) -> PlantJoint {
     PlantJoint {
         effects,
         armature,
+        coupled_inertia,
         transmission,
         gear: actuator.gear,
     }

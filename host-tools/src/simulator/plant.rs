@@ -23,10 +23,17 @@ pub(super) struct PlantJoint {
     pub(super) effects: Vec<Box<dyn Effect>>,
     /// Rotor inertia as the joint feels it, kg m².
     pub(super) armature: f64,
+    /// Inertia of what turns with the sum of this joint and the one before, kg m².
+    pub(super) coupled_inertia: f64,
     /// What lies between motor and link; `None` is a rigid gear.
     pub(super) transmission: Option<Transmission>,
     /// Motor turns per joint turn.
     pub(super) gear: f64,
+}
+
+/// The four entries of a matrix that a rotor adds to which turns with the sum of two coordinates.
+fn pairs(a: usize, b: usize) -> [(usize, usize); 4] {
+    [(a, a), (b, b), (a, b), (b, a)]
 }
 
 /// Where a leg is and how it moves.
@@ -179,6 +186,11 @@ impl Plant {
                 let seen = self.seen(j, slot, state, transmitted[j]);
                 loads.link[j] += effect.link_torque(&seen);
                 loads.motor[j] += effect.motor_torque(&seen);
+                if let Some(before) = j.checked_sub(1) {
+                    let [own, other] = [j, before].map(|j| state.motor_dq[j]);
+                    loads.motor[j] += effect.coupled_torque(own, other);
+                    loads.motor[before] += effect.coupled_torque(other, own);
+                }
                 let [positive, negative] = effect.dry_friction(&seen);
                 loads.dry[j][0] += positive;
                 loads.dry[j][1] += negative;
@@ -245,6 +257,17 @@ impl Plant {
                 } else {
                     inertia[(j, j)] += joint.armature;
                     torque[j] += free;
+                }
+            }
+            for j in 1..JOINTS {
+                // Where a gear gives way the coupled rotor is left out: a first step begins here, no more.
+                if [j - 1, j]
+                    .iter()
+                    .all(|&j| self.joints[j].transmission.is_none())
+                {
+                    for (row, column) in pairs(j - 1, j) {
+                        inertia[(row, column)] += self.joints[j].coupled_inertia;
+                    }
                 }
             }
             let link = inertia.cholesky()?.solve(&torque);

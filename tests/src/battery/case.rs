@@ -159,7 +159,9 @@ fn stands_for(hidden: &HiddenEffect, typical: &HiddenEffect) -> bool {
 /// The shape of an effect that has one, as the catalogue means it.
 fn shape(effect: &HiddenEffect) -> Option<f64> {
     match effect.kind() {
-        HiddenKind::Stribeck | HiddenKind::Presliding => effect.values().get(1).copied(),
+        HiddenKind::Stribeck | HiddenKind::Presliding | HiddenKind::SaturatingViscous => {
+            effect.values().get(1).copied()
+        }
         HiddenKind::Cogging => Some(effect.values()[2] * ACTUATORS[effect.joint()?.place()].gear),
         HiddenKind::Saturation => Some(effect.values()[0]),
         _ => None,
@@ -206,6 +208,7 @@ pub fn all() -> Vec<Case> {
 fn places(kind: HiddenKind) -> std::ops::Range<usize> {
     match kind.description().scope {
         Scope::Joint => 0..3,
+        Scope::Pair => 1..3,
         Scope::Foot | Scope::Base => 2..3,
     }
 }

@@ -26,6 +26,9 @@ struct Arguments {
     /// Write the table and tests/battery/cases.csv of the cases run, instead of comparing with them
     #[arg(long)]
     accept: bool,
+    /// Other robots, motions and noise: N is added to every seed, and nothing is compared
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "accept")]
+    fresh: u64,
     /// Show everything about one case, such as coulomb:FR_calf:2:1
     #[arg(long, value_name = "NAME", exclusive = true)]
     case: Option<Case>,
@@ -43,7 +46,14 @@ fn main() -> ExitCode {
     if arguments.quick {
         cases = cases.into_iter().step_by(QUICK).collect();
     }
+    cases
+        .iter_mut()
+        .for_each(|case| case.seed += arguments.fresh);
     let outcomes = run(&cases);
+    if arguments.fresh > 0 {
+        println!("{}", table::text(&outcomes, &[]));
+        return ExitCode::SUCCESS;
+    }
     let mujoco = if arguments.only.is_none() {
         mujoco::run()
     } else {

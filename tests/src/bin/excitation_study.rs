@@ -17,9 +17,15 @@ struct Arguments {
     /// Simulated robots of the error and validation studies
     #[arg(long, default_value_t = 40)]
     robots: usize,
-    /// Simulated robots for each truth of the look-alikes
+    /// Simulated robots of each set for each truth of the look-alikes
     #[arg(long, default_value_t = 20)]
     each: usize,
+    /// Numbers of the first robots of these sets
+    #[arg(long, value_delimiter = ',', default_values_t = [1000, 3000])]
+    first_robots: Vec<u64>,
+    /// Only pairs with this effect
+    #[arg(long, value_name = "EFFECT", conflicts_with = "write")]
+    pairs_of: Option<String>,
     /// Random motions
     #[arg(long, default_value_t = 10_000)]
     random: usize,
@@ -44,6 +50,8 @@ enum Study {
     Chirps,
     /// Arms as others design motions for them
     Arms,
+    /// How fast a motion is followed on the simulator
+    Speed,
 }
 
 impl Study {
@@ -56,6 +64,7 @@ impl Study {
             Self::Feedback => "Feedback torque, simulated",
             Self::Chirps => "Feedback torque, recorded",
             Self::Arms => "Arms of seven joints",
+            Self::Speed => "A motion followed on the simulator",
         }
     }
 
@@ -64,10 +73,15 @@ impl Study {
             Self::Condition => condition::one_leg(asked.random),
             Self::Legs => condition::four_legs(),
             Self::Errors => errors::study(asked.robots),
-            Self::Separation => separation::study(asked.each),
+            Self::Separation => separation::study(&separation::Asked {
+                robots: asked.each,
+                first_robots: asked.first_robots.clone(),
+                pairs_of: asked.pairs_of.clone(),
+            }),
             Self::Feedback => feedback::simulated(asked.robots),
             Self::Chirps => feedback::chirps(),
             Self::Arms => arms::study(),
+            Self::Speed => feedback::speed(),
         }
     }
 }

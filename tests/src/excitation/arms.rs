@@ -17,9 +17,10 @@ use crate::command::recorded_logs;
 
 /// Seconds of processor time for a design.
 const SECONDS: f64 = 10.0;
-/// Starts: as many as there is time for with the boxes.
+/// Starts: as many as there is time for, with the Gen3's boxes and with five waves and no boxes.
 const STARTS: usize = 2;
-const SEEDS: [u64; 2] = [1, 2];
+const STARTS_OF_FIVE_WAVES: usize = 4;
+const SEEDS: [u64; 5] = [1, 2, 3, 4, 5];
 
 /// Of the Gen3: reach of the joints that have stops, degrees; speed, degrees per second; torque, N m; and what is kept back of
 /// each, in rad, rad/s and N m, as the example does.
@@ -89,7 +90,7 @@ pub fn study() -> Result<String, Failure> {
         harmonics: 5,
         period: 10.0,
         ends: Ends::RestAtStart,
-        starts: STARTS,
+        starts: STARTS_OF_FIVE_WAVES,
         ..Settings::default()
     };
     row(&mut text, "KUKA LWR, five waves, from rest", &lwr, &five)?;

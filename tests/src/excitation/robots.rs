@@ -37,6 +37,7 @@ const GAINS: Gains = Gains { p: 40.0, d: 1.5 };
 /// How a motion for simulated robots is designed: with a quarter of the usual starts, to which what it tells hardly owes.
 pub fn settings(goal: Goal) -> Settings {
     Settings {
+        period: goal.usual_period(DURATION),
         goal,
         starts: Settings::default().starts / 4,
         ..Settings::default()

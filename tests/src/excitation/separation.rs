@@ -18,7 +18,10 @@ use super::robots::{LEG, PLAIN, SLOW, chirp, log_of, model_with, played, robot, 
 use super::{Failure, each};
 
 /// Two effects that may be taken for each other, and where.
-pub const PAIRS: [(EffectKind, EffectKind, &str); 4] = [
+pub type Pair = (EffectKind, EffectKind, &'static str);
+
+/// The pairs of the study.
+pub const PAIRS: [Pair; 4] = [
     (EffectKind::Stribeck, EffectKind::QuadraticDrag, "FR_thigh"),
     (EffectKind::LoadFriction, EffectKind::Coulomb, "FR_thigh"),
     (EffectKind::Payload, EffectKind::Armature, "FR_calf"),
@@ -49,44 +52,67 @@ enum Told {
 
 /// One robot: what the first log says, and the next one.
 struct Case {
-    pair: usize,
+    pair: Pair,
     truth: EffectKind,
+    number: u64,
     told: [Told; 2],
 }
 
-/// The study over so many robots for each of the two truths of each pair.
+/// What the study is about.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    /// Robots of each set for each of the two truths of each pair.
+    pub robots: usize,
+    /// The number of the first robot of each set.
+    pub first_robots: Vec<u64>,
+    /// Only pairs with this effect.
+    pub pairs_of: Option<String>,
+}
+
+/// The study. What is said of a robot that the next log does not tell goes to stderr.
 ///
 /// # Errors
 /// No motion, a simulation that diverges.
-pub fn study(robots: usize) -> Result<String, Failure> {
+pub fn study(asked: &Asked) -> Result<String, Failure> {
     let cad = Model::default();
     let first = chirp(SLOW)?;
+    let wanted = |effect: EffectKind| {
+        let name = asked.pairs_of.as_deref();
+        name.is_none_or(|name| name == effect.name())
+    };
+    let pairs = PAIRS
+        .into_iter()
+        .filter(|(a, b, _)| wanted(*a) || wanted(*b));
+    let pairs: Vec<Pair> = pairs.collect();
     let mut next = Vec::new();
-    for (a, b, joint) in PAIRS {
+    for (a, b, joint) in &pairs {
         let settings = settings(Goal::Separation {
-            effects: [a, b],
-            joint: Some(joint.to_owned()),
+            effects: [*a, *b],
+            joint: Some((*joint).to_owned()),
         });
         next.push(played(&cad, &designed(&[LEG.index()], &settings)?.0)?);
     }
-    let cases = each("look-alikes", 2 * PAIRS.len() * robots, |n| {
-        let (pair, which) = (n / (2 * robots), n / robots % 2);
-        case(pair, which, (n % robots) as u64, &first, &next[pair])
+    let numbers = asked.first_robots.iter();
+    let numbers: Vec<u64> = numbers.flat_map(|&n| n..n + asked.robots as u64).collect();
+    let cases = each("look-alikes", 2 * pairs.len() * numbers.len(), |n| {
+        let (pair, which) = (n / (2 * numbers.len()), n / numbers.len() % 2);
+        let number = numbers[n % numbers.len()];
+        case(pairs[pair], which, number, &first, &next[pair])
     })?;
-    report(robots, &cases)
+    report(asked, &pairs, &cases)
 }
 
 fn case(
-    pair: usize,
+    pair: Pair,
     which: usize,
     number: u64,
     first: &Arc<Followed>,
     next: &Arc<Followed>,
 ) -> Result<Case, Failure> {
-    let (a, b, joint) = PAIRS[pair];
+    let (a, b, joint) = pair;
     let (truth, other) = if which == 0 { (a, b) } else { (b, a) };
     let joint: JointId = joint.parse().map_err(|_| "no such joint")?;
-    let robot = with_effect(robot(1000 + number), [a, b], truth, joint)?;
+    let robot = with_effect(robot(number), [a, b], truth, joint)?;
     let mut model = model_with(&PLAIN);
     let place = model.robot().joint(joint.name())?;
     for effect in [a, b] {
@@ -97,15 +123,51 @@ fn case(
         log_of(&robot, first, folders[0].path())?,
         log_of(&robot, next, folders[1].path())?,
     ];
-    let told = |logs: &[PathBuf]| -> Result<Told, Failure> {
+    let said = |logs: &[PathBuf]| -> Result<Diagnosis, Failure> {
         let recording = Recording::read(logs, &model, |_, _| {})?;
-        Ok(of(&diagnose(&recording, &model)?, truth, other, joint))
+        Ok(diagnose(&recording, &model)?)
     };
+    let said = [said(&logs[..1])?, said(&logs[1..])?];
+    let told = [0, 1].map(|n| of(&said[n], truth, other, joint));
+    if told[1] != Told::Right {
+        eprintln!(
+            "robot {number}, {} at {joint}: {}",
+            truth.name(),
+            words(&said[1], joint)
+        );
+    }
     Ok(Case {
         pair,
         truth,
-        told: [told(&logs[..1])?, told(&logs[1..])?],
+        number,
+        told,
     })
+}
+
+/// The steps of a diagnosis, and what is listed beside the effects of a joint.
+fn words(diagnosis: &Diagnosis, joint: JointId) -> String {
+    let steps = diagnosis.path.iter().map(|step| {
+        let sign = if step.removed { "-" } else { "+" };
+        format!("{sign}{}:{}", step.effect, step.joints.join("+"))
+    });
+    let steps: Vec<String> = steps.collect();
+    let beside = diagnosis
+        .candidates
+        .iter()
+        .filter(|c| c.significant && c.joints.iter().any(|j| j == joint.name()))
+        .map(|c| {
+            let others = c.alternatives.iter();
+            let others = others.map(|a| format!("{}:{}", a.effect, a.joints.join("+")));
+            let others: Vec<String> = others.collect();
+            let (gain, value) = (c.held_out_gain, c.value);
+            let others = others.join(" ");
+            format!(
+                "{} (gain {gain:.3}, value {value:.3}; or {others})",
+                c.effect
+            )
+        });
+    let beside: Vec<String> = beside.collect();
+    format!("path {}; candidates {}", steps.join(" "), beside.join(", "))
 }
 
 /// The robot with one effect of the two at the joint, and not the other.
@@ -150,18 +212,19 @@ fn of(diagnosis: &Diagnosis, truth: EffectKind, other: EffectKind, joint: JointI
     }
 }
 
-fn report(robots: usize, cases: &[Case]) -> Result<String, Failure> {
+fn report(asked: &Asked, pairs: &[Pair], cases: &[Case]) -> Result<String, Failure> {
+    let robots = asked.robots;
     let mut text = format!(
-        "{robots} simulated legs for each truth: typical friction, bodies off the CAD by 6 %, and one effect that the model lacks, of \
+        "{robots} simulated legs of each set of numbers for each truth: typical friction, bodies off the CAD by 6 %, and one effect that the model lacks, of \
          medium size (a load on a thigh, 0.4 kg, of large size: less is within what the CAD leaves open). The first log is a \
          cautious chirp of 10 s (0.1 to {SLOW} Hz, all joints in phase), the next one the motion of `excite --separate` for that \
          pair. Told: at that joint `diagnose` says that the effect is missing and nothing else, and does not list the other of \
          the pair beside it. Last columns: the robots of which the first log did not tell it, and of how many of these the next \
          one does.\n\n\
-         | pair | truth | first log: told | next log: told | not told by the first | of these told by the next |\n\
-         |---|---|---|---|---|---|\n"
+         | pair | truth | robots | first log: told | next log: told | not told by the first | of these told by the next |\n\
+         |---|---|---|---|---|---|---|\n"
     );
-    let row = |text: &mut String, name: &str, truth: &str, own: &[&Case]| -> Result<(), Failure> {
+    let row = |text: &mut String, name: &str, own: &[&Case]| -> Result<(), Failure> {
         let told = |log: usize| own.iter().filter(|c| c.told[log] == Told::Right).count();
         let open = own.iter().filter(|c| c.told[0] != Told::Right);
         let open: Vec<&&Case> = open.collect();
@@ -172,21 +235,28 @@ fn report(robots: usize, cases: &[Case]) -> Result<String, Failure> {
         };
         Ok(writeln!(
             text,
-            "| {name} | {truth} | {} | {} | {} | {share} |",
+            "| {name} | {} | {} | {} | {share} |",
             told(0),
             told(1),
             open.len()
         )?)
     };
-    for (n, (a, b, joint)) in PAIRS.iter().enumerate() {
+    for pair in pairs {
+        let (a, b, joint) = pair;
         for truth in [a, b] {
-            let own = cases.iter().filter(|c| c.pair == n && c.truth == *truth);
-            let own: Vec<&Case> = own.collect();
-            let name = format!("{}, {} at {joint}", a.name(), b.name());
-            row(&mut text, &name, truth.name(), &own)?;
+            for first in &asked.first_robots {
+                let last = first + robots as u64 - 1;
+                let is_own = |c: &&Case| {
+                    c.pair == *pair && c.truth == *truth && (*first..=last).contains(&c.number)
+                };
+                let own: Vec<&Case> = cases.iter().filter(is_own).collect();
+                let (a, b, truth) = (a.name(), b.name(), truth.name());
+                let name = format!("{a}, {b} at {joint} | {truth} | {first}–{last}");
+                row(&mut text, &name, &own)?;
+            }
         }
     }
     let all: Vec<&Case> = cases.iter().collect();
-    row(&mut text, "all", "", &all)?;
+    row(&mut text, "all | | ", &all)?;
     Ok(text)
 }

@@ -1,6 +1,9 @@
 //! The base parameters of a leg's joints, found once.
 
-use super::{BASE_LEN, BASE_RANK, DevicePrior, MARGINAL_LEN, range, rank, standard};
+use super::{
+    BASE_LEN, BASE_RANK, DevicePrior, LOADS, LOADS_LEN, MARGINAL_LEN, loads_before, loads_felt,
+    range, rank, standard,
+};
 use crate::Real;
 use crate::base_parameters::BaseParameters;
 use crate::estimator::LEG_INERTIAL;
@@ -13,6 +16,9 @@ use crate::inertia::INERTIAL;
 pub struct LegBase<T> {
     reduced: [T; BASE_LEN],
     marginal: [T; MARGINAL_LEN],
+    /// What is left of the prior's information on each joint's bodies, 0 to 1.
+    trust: [T; JOINTS_PER_LEG],
+    loads: [T; LOADS_LEN],
     /// Each joint's independent columns; found once, for they are read for every window.
     pub(super) independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
     known: bool,
@@ -24,6 +30,8 @@ impl<T: Real> LegBase<T> {
         Self {
             reduced: [T::ZERO; BASE_LEN],
             marginal: [T::ZERO; MARGINAL_LEN],
+            trust: [T::ZERO; JOINTS_PER_LEG],
+            loads: [T::ZERO; LOADS_LEN],
             independent: [[0; BASE_RANK[0]]; JOINTS_PER_LEG],
             known: false,
         }
@@ -39,6 +47,7 @@ impl<T: Real> LegBase<T> {
         prior: &DevicePrior<T>,
         work: &mut [T],
     ) -> Result<(), FactorError> {
+        self.trust = [T::one(); JOINTS_PER_LEG];
         if self.known {
             return Ok(());
         }
@@ -47,6 +56,9 @@ impl<T: Real> LegBase<T> {
             self.write_marginal(joint, prior, work)?;
         }
         self.known = true;
+        for joint in 0..JOINTS_PER_LEG {
+            self.write_loads(joint);
+        }
         Ok(())
     }
 
@@ -97,6 +109,59 @@ impl<T: Real> LegBase<T> {
         let marginal = self.marginal.get_mut(range!(rank, joint)).ok_or(error)?;
         let mut marginal = Factor::in_storage(rank(joint), marginal)?;
         base.marginal(&bodies, &mut marginal, rest, row)
+    }
+
+    fn write_loads(&mut self, joint: usize) {
+        let felt = LOADS.iter().skip(LOADS.len() - loads_felt(joint));
+        for (n, (body, parameter)) in felt.enumerate() {
+            let mut direction = [T::zero(); BASE_RANK[0]];
+            self.write_direction(joint, *body, *parameter, &mut direction);
+            let start = loads_before(joint) + n * rank(joint);
+            let to = self.loads.get_mut(start..).unwrap_or(&mut []);
+            to.iter_mut()
+                .zip(direction.iter().take(rank(joint)))
+                .for_each(|(to, from)| *to = *from);
+        }
+    }
+
+    /// By how much a joint's base parameters grow with a standard parameter of a body, per unit of it: a column of P.
+    pub(crate) fn write_direction(
+        &self,
+        joint: usize,
+        body: usize,
+        parameter: usize,
+        direction: &mut [T],
+    ) {
+        let (Some(base), Some(before)) = (self.joint(joint), body.checked_sub(joint)) else {
+            return direction.fill(T::zero());
+        };
+        let column = INERTIAL * before + parameter;
+        for (r, to) in direction.iter_mut().enumerate() {
+            let share = column
+                .checked_sub(r)
+                .and_then(|n| base.combination(r).get(n));
+            *to = share.copied().unwrap_or(T::zero());
+        }
+    }
+
+    /// The directions that a joint's loads give its base parameters, one after the other.
+    pub(super) fn loads(&self, joint: usize) -> &[T] {
+        let start = loads_before(joint);
+        self.loads
+            .get(start..loads_before(joint + 1))
+            .unwrap_or(&[])
+    }
+
+    /// Takes the prior of a body to be worth so much less, for all joints that move it.
+    pub(crate) fn loosen(&mut self, body: usize, share: T) {
+        for trust in self.trust.iter_mut().take(body + 1) {
+            *trust *= share;
+        }
+    }
+
+    /// What is left of the prior's information on a joint's bodies, 0 to 1.
+    pub(crate) fn trust(&self, joint: usize) -> T {
+        self.trust.get(joint).copied().unwrap_or(T::zero())
     }
 
     /// The base parameters of a joint; of no columns before the analysis.

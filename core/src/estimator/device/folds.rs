@@ -9,17 +9,26 @@ use crate::inertia::INERTIAL;
 use crate::scalar::real;
 
 /// Length of a block of time of one fold, µs.
-const BLOCK_US: u64 = 2_000_000;
+pub(super) const BLOCK_US: u64 = 2_000_000;
 
 /// A leg's data in two folds, and windows that wait to be folded in together, which costs less ([`crate::factor`]).
+///
+/// The fold of the present block is kept as it was when the block began: a block in which the robot has changed can be
+/// taken out again ([`restore`](Self::restore)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceFolds<T> {
     storage: [[T; FOLD_LEN]; FOLDS],
     windows: [[T; JOINTS_PER_LEG]; FOLDS],
-    /// The joints' rows of windows that wait; how many they are, and the fold that they go to.
+    /// The joints' rows of windows that wait, and how many they are.
     rows: [[T; ROWS_LEN]; ROWS],
     waiting: usize,
-    next: usize,
+    /// The block of time of what waits, and the present one, once there is one.
+    upcoming: u64,
+    block: u64,
+    begun: bool,
+    /// The present block's fold before it.
+    before: [T; FOLD_LEN],
+    windows_before: [T; JOINTS_PER_LEG],
 }
 
 impl<T: Real> DeviceFolds<T> {
@@ -30,7 +39,11 @@ impl<T: Real> DeviceFolds<T> {
             windows: [[T::ZERO; JOINTS_PER_LEG]; FOLDS],
             rows: [[T::ZERO; ROWS_LEN]; ROWS],
             waiting: 0,
-            next: 0,
+            upcoming: 0,
+            block: 0,
+            begun: false,
+            before: [T::ZERO; FOLD_LEN],
+            windows_before: [T::ZERO; JOINTS_PER_LEG],
         }
     }
 
@@ -38,6 +51,7 @@ impl<T: Real> DeviceFolds<T> {
     pub fn clear(&mut self) {
         self.windows = [[T::zero(); JOINTS_PER_LEG]; FOLDS];
         self.waiting = 0;
+        self.begun = false;
         for storage in &mut self.storage {
             for joint in 0..JOINTS_PER_LEG {
                 let triangle = storage.get_mut(range!(columns, joint)).unwrap_or(&mut []);
@@ -114,8 +128,9 @@ impl<T: Real> DeviceFolds<T> {
         if probe != T::zero() {
             return Err(FactorError::NotFinite);
         }
-        let fold = (rows.span_us[0] / BLOCK_US) as usize % FOLDS;
-        self.next = if slot == 0 { fold } else { self.next };
+        // Divided for every window: the same instructions for each.
+        let block = rows.span_us[0] / BLOCK_US;
+        self.upcoming = if slot == 0 { block } else { self.upcoming };
         self.waiting = slot + 1;
         Ok(())
     }
@@ -130,36 +145,135 @@ impl<T: Real> DeviceFolds<T> {
         self.waiting >= ROWS
     }
 
+    /// Whether what waits is of another block of time than the present one.
+    pub fn is_new_block(&self) -> bool {
+        self.waiting > 0 && !(self.begun && self.upcoming == self.block)
+    }
+
+    /// Begins the block of what waits: the data before it are weighed down to `retention` (1: they are not), and kept as they are.
+    ///
+    /// What the prior knows is not here and so not forgotten; nor is the floor under what nothing is known of.
+    pub fn begin_block(&mut self, retention: T) {
+        (self.block, self.begun) = (self.upcoming, true);
+        if retention < T::one() {
+            self.forget(retention);
+        }
+        let fold = self.fold_of_block();
+        if let (Some(storage), Some(windows)) = (self.storage.get(fold), self.windows.get(fold)) {
+            copy(storage, &mut self.before);
+            self.windows_before = *windows;
+        }
+    }
+
+    /// Weighs all data so far down to `retention` (0 to 1).
+    pub fn forget(&mut self, retention: T) {
+        self.each_factor(|_, factor| {
+            factor.forget(retention);
+            factor.keep_floor(floor());
+            Ok(())
+        });
+    }
+
+    /// Takes the present block's windows out again; how many they were.
+    pub fn restore(&mut self) -> T {
+        let fold = self.fold_of_block();
+        let windows = self.block_windows();
+        if let (Some(storage), Some(now)) = (self.storage.get_mut(fold), self.windows.get_mut(fold))
+        {
+            copy(&self.before, storage);
+            *now = self.windows_before;
+        }
+        windows
+    }
+
+    /// Forgets what all data say of a joint's parameters along `direction`, and nothing else.
+    pub(crate) fn forget_direction(&mut self, joint: usize, direction: &[T]) {
+        self.each_factor(|of, factor| {
+            if of != joint {
+                return Ok(());
+            }
+            let mut scratch = [T::zero(); 2 * columns(0) + 1];
+            factor.forget_direction(direction, floor(), &mut scratch)
+        });
+    }
+
+    /// Windows of the present block.
+    pub fn block_windows(&self) -> T {
+        let now = self.windows.get(self.fold_of_block());
+        now.map_or(T::zero(), |now| now[0] - self.windows_before[0])
+    }
+
+    /// The first instant of the present block, and of the one after it, µs.
+    pub fn block_span(&self) -> [u64; 2] {
+        [self.block, self.block + 1].map(|block| block.saturating_mul(BLOCK_US))
+    }
+
+    /// By how much a joint's least sum of squared residuals has grown in the present block, for each of its windows: N² m² of
+    /// mean torques over windows.
+    ///
+    /// It is the block's error as foretold by the data before it, in units that make up for how well they foretell it: a motion
+    /// that shows something new makes parameters known, and no residual.
+    pub(super) fn growth(&self, joint: usize) -> T {
+        let before = self.before.get(range!(columns, joint)).unwrap_or(&[]);
+        let before = Factor::in_storage(columns(joint), before).map_or(T::zero(), |f| f.residual());
+        let now = self.joint(self.fold_of_block(), joint).residual();
+        (now - before).max(T::zero()) / self.block_windows().max(T::one())
+    }
+
+    fn fold_of_block(&self) -> usize {
+        (self.block % FOLDS as u64) as usize
+    }
+
     /// Folds in the windows that wait, into the fold of the first one's block of time.
     ///
     /// # Errors
     /// As [`take`](Self::take).
     pub fn fold(&mut self) -> Result<(), FactorError> {
-        let waiting = core::mem::take(&mut self.waiting);
-        let (Some(storage), Some(windows)) = (
-            self.storage.get_mut(self.next),
-            self.windows.get_mut(self.next),
-        ) else {
-            return Err(FactorError::Length(self.next));
+        if self.is_new_block() {
+            self.begin_block(T::one());
+        }
+        let (waiting, fold) = (core::mem::take(&mut self.waiting), self.fold_of_block());
+        let (Some(storage), Some(windows)) =
+            (self.storage.get_mut(fold), self.windows.get_mut(fold))
+        else {
+            return Err(FactorError::Length(fold));
         };
         for (joint, windows) in windows.iter_mut().enumerate() {
             let triangle = storage.get_mut(range!(columns, joint)).unwrap_or(&mut []);
             let mut factor = Factor::in_storage(columns(joint), triangle)?;
-            let mut block = [[T::zero(); ROWS]; columns(0) + 1];
+            let mut block = side_by_side(&self.rows, 0..waiting, joint);
             let block = block.get_mut(..=columns(joint)).unwrap_or(&mut []);
-            for (slot, rows) in self.rows.iter().take(waiting).enumerate() {
-                let row = rows.get(entries(joint)).unwrap_or(&[]);
-                for (to, x) in block.iter_mut().zip(row) {
-                    if let Some(to) = to.get_mut(slot) {
-                        *to = *x;
-                    }
-                }
-            }
             factor.fold_block(0, block)?;
             *windows += real(waiting as f64);
         }
         Ok(())
     }
+
+    /// A joint's rows of the windows that wait, from the `first` on: columns in the order of [`joint`](Self::joint), torque.
+    pub(super) fn waiting_rows(&self, joint: usize, first: usize) -> [[T; ROWS]; columns(0) + 1] {
+        side_by_side(&self.rows, first..self.waiting, joint)
+    }
+
+    /// Does something with every joint's factor in every fold. The only error is a storage of the wrong length, which there is not.
+    fn each_factor(
+        &mut self,
+        mut work: impl FnMut(usize, &mut Factor<T, &mut [T]>) -> Result<(), FactorError>,
+    ) {
+        for (storage, windows) in self.storage.iter_mut().zip(&mut self.windows) {
+            for (joint, windows) in windows.iter_mut().enumerate() {
+                let triangle = storage.get_mut(range!(columns, joint)).unwrap_or(&mut []);
+                if let Ok(mut factor) = Factor::from_packed(columns(joint), *windows, triangle) {
+                    let _ = work(joint, &mut factor);
+                    *windows = factor.rows();
+                }
+            }
+        }
+    }
+}
+
+/// Copies as many numbers as both have.
+fn copy<T: Real>(from: &[T], to: &mut [T]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
 }
 
 /// Where a joint's entries lie in what waits of a window.
@@ -191,4 +305,23 @@ impl<T: Real> DeviceRows<T> {
             *to = *from;
         }
     }
+}
+
+/// A joint's rows of some windows, column by column; zero where there is no window.
+fn side_by_side<T: Real>(
+    windows: &[[T; ROWS_LEN]; ROWS],
+    chosen: core::ops::Range<usize>,
+    joint: usize,
+) -> [[T; ROWS]; columns(0) + 1] {
+    let mut block = [[T::zero(); ROWS]; columns(0) + 1];
+    let windows = windows.iter().enumerate();
+    for (slot, rows) in windows.take(chosen.end).skip(chosen.start) {
+        let row = rows.get(entries(joint)).unwrap_or(&[]);
+        for (to, x) in block.iter_mut().zip(row) {
+            if let Some(to) = to.get_mut(slot) {
+                *to = *x;
+            }
+        }
+    }
+    block
 }

@@ -98,7 +98,7 @@ impl Answer {
         let (change, at) = match action {
             Action::AddEffect(at) => ("add", at),
             Action::DropEffect(at) => ("drop", at),
-            Action::Reset => return None,
+            Action::Reset | Action::SetMemory(_) => return None,
         };
         let (joint, effect) = place(at, hello)?;
         Some(Self {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use proprio::device::names::parameters_of;
+use proprio::device::names::{parameters_of, words_of};
 use proprio::estimate::{LEGEND, ParameterEstimate, effect_table};
 use proprio::identify::IdentificationError;
 use proprio::log::{JointId, leg_named};
@@ -51,6 +51,8 @@ pub(super) struct Told {
     estimates: [Option<Estimate>; LEGS],
     diagnoses: Vec<Diagnosis>,
     pub(super) answers: Vec<wire::Answer>,
+    /// What has changed on the way, in words.
+    found: Vec<String>,
     counters: Counters,
 }
 
@@ -65,6 +67,7 @@ impl Told {
             DeviceMessage::Counters(counters) => self.counters = counters,
             DeviceMessage::Diagnosis(diagnosis) => self.diagnoses.push(diagnosis),
             DeviceMessage::Answer(answer) => self.answers.push(answer),
+            DeviceMessage::Change(change) => self.found.extend(words_of(&change)),
             DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) | DeviceMessage::FactorPart(_) => {
             }
         }
@@ -82,6 +85,10 @@ impl Report {
     ) -> Result<Self, Error> {
         let mut parameters = Vec::new();
         let mut reports = Vec::new();
+        let found = told.found.iter();
+        warnings.extend(found.map(|change| {
+            format!("the leg changed on the way, and what it was before is forgotten: {change}")
+        }));
         for &leg in legs {
             let counters = &told.counters.legs[leg.index()];
             let name = leg.name();

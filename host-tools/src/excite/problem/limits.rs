@@ -1,7 +1,7 @@
 //! What a motion must keep to, as constraints that are satisfied where they are not positive.
 
 use super::{Evaluation, Problem, dot};
-use crate::excite::clearance::{Clearance, Distance};
+use crate::excite::clearance::{Clearance, Distances};
 use crate::excite::limb::Instant;
 
 /// What a joint may do.
@@ -101,7 +101,7 @@ impl Problem {
         at: &Instant,
         w: &[f64],
         rigid: &[f64],
-        distances: &[Distance],
+        distances: &Distances,
         share: f64,
         to: &mut Vec<f64>,
     ) {
@@ -124,7 +124,7 @@ impl Problem {
             to.extend([(power + off) / most - 1.0, (off - power) / most - 1.0]);
         }
         let margin = self.limits.margin + (1.0 - share) * DISTANCE;
-        to.extend(distances.iter().map(|d| (margin - d.value) / DISTANCE));
+        to.extend(distances.all.iter().map(|d| (margin - d.value) / DISTANCE));
     }
 
     pub(super) fn push_constraints(
@@ -147,7 +147,7 @@ impl Problem {
             by.q[c] += (push[0] - push[1]) / range;
             by.dq[c] += (push[2] - push[3]) / (limit.velocity * share);
             by.ddq[c] += (push[4] - push[5]) / (limit.acceleration * share);
-            let [torque, off] = self.torque(at, &of.regressors[s], &of.torques[s], c);
+            let [torque, off] = self.torque(at, of.regressor(s), &of.torques[s], c);
             let (most, dq) = (limit.torque * share, at.dq[c]);
             let strongest = limit.power * share;
             by.dq[c] += ((push[8] - push[9]) * torque + (push[8] + push[9]) * off * dq.signum())
@@ -155,7 +155,7 @@ impl Problem {
             let on_torque = (push[6] - push[7]) / most + (push[8] - push[9]) * dq / strongest;
             let on_size = self.limits.uncertainty
                 * ((push[6] + push[7]) / most + (push[8] + push[9]) * dq.abs() / strongest);
-            let row = &of.regressors[s][p * c..p * (c + 1)];
+            let row = &of.regressor(s)[p * c..p * (c + 1)];
             for ((g, w), theta) in g[p * c..p * (c + 1)].iter_mut().zip(row).zip(&self.theta) {
                 *g += theta * (on_torque + on_size * (w * theta).signum());
             }
@@ -166,12 +166,8 @@ impl Problem {
             }
         }
         let own = &pushes[KINDS * self.joints()..];
-        for (push, distance) in own.iter().zip(&of.distances[s]) {
-            if *push != 0.0 {
-                for (by, slope) in by.q.iter_mut().zip(&distance.slopes) {
-                    *by -= push * slope / DISTANCE;
-                }
-            }
+        for (n, push) in own.iter().enumerate().filter(|(_, push)| **push != 0.0) {
+            of.distances[s].push(n, -push / DISTANCE, &mut by.q);
         }
     }
 }

@@ -3,7 +3,7 @@
 mod limits;
 mod slopes;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView};
 use proprio_core::inertia::INERTIAL;
 
 use super::columns::Column;
@@ -52,10 +52,11 @@ pub(super) struct Evaluation {
     pub(super) rows: DMatrix<f64>,
     pub(super) constraints: Vec<f64>,
     instants: Vec<Instant>,
-    regressors: Vec<Vec<f64>>,
+    /// Each sample's torque regressor, row after row.
+    regressors: Vec<f64>,
     torques: Vec<Vec<f64>>,
     effects: Vec<Vec<super::columns::Term>>,
-    distances: Vec<Vec<super::clearance::Distance>>,
+    distances: Vec<super::clearance::Distances>,
 }
 
 impl Problem {
@@ -97,54 +98,55 @@ impl Problem {
     pub(super) fn evaluate(&self, x: &[f64], share: f64) -> Evaluation {
         let (n, p) = (self.joints(), INERTIAL * self.joints());
         let samples = self.basis.samples();
-        let r = self.scale.ncols();
-        let mut rows = DMatrix::zeros(n * samples, r);
         let mut of = Evaluation {
             rows: DMatrix::zeros(0, 0),
             constraints: Vec::with_capacity(self.constraints()),
             instants: Vec::with_capacity(samples),
-            regressors: Vec::with_capacity(samples),
+            regressors: vec![0.0; samples * n * p],
             torques: Vec::with_capacity(samples),
             effects: Vec::with_capacity(samples),
             distances: Vec::with_capacity(samples),
         };
-        let times = self.repeats.sqrt();
         for s in 0..samples {
             let at = self.instant(x, s);
-            let mut w = vec![0.0; n * p];
-            self.limb.regressor(&at, &mut w);
+            let w = &mut of.regressors[n * p * s..n * p * (s + 1)];
+            self.limb.regressor(&at, w);
             let rigid: Vec<f64> = (0..n)
                 .map(|c| dot(&w[p * c..p * (c + 1)], &self.theta))
                 .collect();
-            let terms: Vec<_> = self
-                .columns
-                .iter()
-                .map(|column| self.term(column, &at, &rigid))
-                .collect();
-            for c in 0..n {
-                let weight = self.weights[c] * times;
-                for k in 0..r {
-                    let scale = self.scale.column(k);
-                    let scale = scale.as_slice();
-                    let mut sum = dot(&w[p * c..p * (c + 1)], &scale[..p]);
-                    for (e, column) in self.columns.iter().enumerate() {
-                        if column.joint == c {
-                            sum += terms[e].value * scale[p + e];
-                        }
-                    }
-                    rows[(n * s + c, k)] = weight * sum;
-                }
-            }
+            let terms = self.columns.iter();
+            let terms = terms.map(|column| self.term(column, &at, &rigid)).collect();
             let distances = self.limits.clearance.distances(self.limb.as_ref(), &at.q);
-            self.constrain(&at, &w, &rigid, &distances, share, &mut of.constraints);
+            self.constrain(&at, w, &rigid, &distances, share, &mut of.constraints);
             of.instants.push(at);
-            of.regressors.push(w);
             of.torques.push(rigid);
             of.effects.push(terms);
             of.distances.push(distances);
         }
-        of.rows = rows;
+        of.rows = self.rows(&of);
         of
+    }
+
+    /// The weighted rows of the scaled parameters: one product of matrices, which is several times as fast as scalar products one
+    /// after another.
+    fn rows(&self, of: &Evaluation) -> DMatrix<f64> {
+        let (n, p) = (self.joints(), INERTIAL * self.joints());
+        let count = n * self.basis.samples();
+        let regressors = DMatrixView::from_slice(&of.regressors, p, count);
+        let mut rows = self.scale.rows(0, p).transpose() * regressors;
+        for (m, mut row) in rows.column_iter_mut().enumerate() {
+            let (s, c) = (m / n, m % n);
+            for (e, column) in self.columns.iter().enumerate() {
+                if column.joint == c {
+                    let value = of.effects[s][e].value;
+                    for (row, scale) in row.iter_mut().zip(&self.scale.row(p + e)) {
+                        *row += value * scale;
+                    }
+                }
+            }
+            row *= self.weights[c] * self.repeats.sqrt();
+        }
+        rows.transpose()
     }
 
     /// Whether all constraints hold at the samples, the limits times `share` as in [`Self::evaluate`].
@@ -202,8 +204,16 @@ impl Problem {
     }
 
     /// The triangle of an evaluation's rows and of what earlier logs know.
-    pub(super) fn triangle(&self, of: &Evaluation) -> DMatrix<f64> {
+    fn triangle(&self, of: &Evaluation) -> DMatrix<f64> {
         triangle(&of.rows, self.earlier.as_ref())
+    }
+}
+
+impl Evaluation {
+    /// The torque regressor of sample s.
+    fn regressor(&self, s: usize) -> &[f64] {
+        let size = self.regressors.len() / self.instants.len();
+        &self.regressors[size * s..size * (s + 1)]
     }
 }
 

@@ -16,7 +16,8 @@ impl Problem {
         share: f64,
     ) -> Vec<f64> {
         let (n, p) = (self.joints(), self.theta.len());
-        let by_rows = (&of.rows * m) * self.scale.transpose();
+        // One row's slopes beside each other.
+        let by_rows = &self.scale * (&of.rows * m).transpose();
         let times = self.repeats.sqrt();
         let modes = self.basis.modes();
         let mut slopes = vec![0.0; self.unknowns()];
@@ -27,12 +28,13 @@ impl Problem {
             let at = &of.instants[s];
             for c in 0..n {
                 let weight = self.weights[c] * times;
-                for k in 0..p {
-                    g[p * c + k] = weight * by_rows[(n * s + c, k)];
+                let by_row = by_rows.column(n * s + c);
+                for (g, by) in g[p * c..p * (c + 1)].iter_mut().zip(&by_row) {
+                    *g = weight * by;
                 }
                 for (e, column) in self.columns.iter().enumerate() {
                     if column.joint == c {
-                        let push = weight * by_rows[(n * s + c, p + e)];
+                        let push = weight * by_row[p + e];
                         self.push_term(&of.effects[s][e], push, c, &mut by, &mut g);
                     }
                 }

@@ -72,8 +72,9 @@ pub(super) fn try_out(
 /// The sections of a comparison after those of how the error fell.
 pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section> {
     let name = "model";
+    let ladder: Vec<Step> = ladder.iter().cloned().chain(boxes(comparison)).collect();
     let mut sections = vec![
-        waterfall::section(ladder, comparison.yardsticks.noise_floor_rms).folded(),
+        waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms).folded(),
         torques(&comparison.series, &comparison.baselines, name).folded(),
         residuals(&comparison.series, name).folded(),
         correlations(&comparison.criticism, name).folded(),
@@ -83,6 +84,21 @@ pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section>
         sections.push(parameters::section(&rows).folded());
     }
     sections
+}
+
+/// How far black boxes come beyond the model: a larger one that does no better is the smaller one.
+fn boxes(comparison: &Comparison) -> Vec<Step> {
+    let mut least = f64::INFINITY;
+    let rungs = comparison.black_box.iter().flat_map(|boxes| &boxes.rungs);
+    rungs
+        .map(|rung| {
+            least = least.min(rung.rms);
+            Step {
+                label: format!("black box: {}", rung.sees.in_short()),
+                rms: least.min(comparison.rms),
+            }
+        })
+        .collect()
 }
 
 /// From nothing over the baselines to the model.

@@ -89,6 +89,17 @@ pub(crate) trait Effect: Send {
         memory
     }
 
+    /// Torque on the motor of this joint or of the one that carries it where it turns with `own` and the other with `other`,
+    /// N m.
+    fn coupled_torque(&self, _own: f64, _other: f64) -> f64 {
+        0.0
+    }
+
+    /// Inertia of a rotor that turns with the sum of this joint and the one that carries it, as either feels it, kg m².
+    fn coupled_inertia(&self) -> f64 {
+        0.0
+    }
+
     /// Inertia of the rotor as the joint feels it, kg m².
     fn armature(&self) -> f64 {
         0.0
@@ -183,6 +194,8 @@ impl Parameter {
 pub enum Scope {
     /// At a joint, or on the body it moves.
     Joint,
+    /// At a joint that another one carries.
+    Pair,
     /// At a foot, named by the calf that carries it.
     Foot,
     /// At the base: all legs feel it.
@@ -251,8 +264,16 @@ effects! {
     LoadFriction = load_friction,
     /// Drag that grows with the speed squared.
     QuadraticDrag = quadratic_drag,
+    /// Viscous friction that levels off with speed.
+    SaturatingViscous = saturating_viscous,
     /// Viscous friction that depends on temperature.
     ThermalViscous = thermal_viscous,
+    /// Inertia that turns with two joints.
+    CoupledArmature = coupled_armature,
+    /// Viscous friction of what turns with two joints.
+    CoupledViscous = coupled_viscous,
+    /// Coulomb friction of what turns with two joints.
+    CoupledCoulomb = coupled_coulomb,
     /// A spring beside the joint.
     Spring = spring,
     /// Torque that repeats with the motor's turn.

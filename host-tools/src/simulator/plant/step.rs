@@ -13,7 +13,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use proprio_core::go2::JOINTS_PER_LEG as JOINTS;
 
 use super::super::dry;
-use super::{Last, Loads, Plant, State};
+use super::{Last, Loads, Plant, State, pairs};
 
 /// Passes of a step at most, and the change of v̄ (rad/s) and of dry friction (N m) that ends them.
 const PASSES: usize = 8;
@@ -153,6 +153,17 @@ impl Plant {
             r[m] -= known;
             for (row, column, sign) in [(j, j, 1.0), (m, m, 1.0), (j, m, -1.0), (m, j, -1.0)] {
                 a[(row, column)] += sign * implicit;
+            }
+        }
+        let motor = |j: usize| match self.joints[j].transmission {
+            Some(_) => N - JOINTS + j,
+            None => j,
+        };
+        for j in 1..JOINTS {
+            let inertia = self.joints[j].coupled_inertia;
+            for (row, column) in pairs(j - 1, j) {
+                a[(motor(row), motor(column))] += inertia;
+                r[motor(row)] += inertia * state.motor_dq[column];
             }
         }
         (a, r, sizes)

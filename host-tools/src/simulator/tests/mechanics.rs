@@ -87,7 +87,7 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
     type Formula = fn(f64, f64, f64, f64) -> f64;
     let sign = |dq: f64| (dq / 5e-4).clamp(-1.0, 1.0);
     // Torque from q, q̇, q̈ and the torque that is handed to the link, with the same `sign` of a velocity.
-    let formulas: [(&str, Formula); 12] = [
+    let formulas: [(&str, Formula); 13] = [
         ("viscous:FR_thigh=0.3", |_, dq, _, _| 0.3 * dq),
         ("coulomb:FR_thigh=0.6", |_, dq, _, _| 0.6 * dq.signum()),
         ("armature:FR_thigh=0.01", |_, _, ddq, _| 0.01 * ddq),
@@ -109,6 +109,9 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
         }),
         ("quadratic_drag:FR_thigh=0.1", |_, dq, _, _| {
             0.1 * dq * dq.abs()
+        }),
+        ("saturating_viscous:FR_thigh=0.4,vs=1.5", |_, dq, _, _| {
+            0.4 * (1.0 - (-dq.abs() / 1.5).exp()) * dq.signum()
         }),
         ("spring:FR_thigh=2,q0=0.3", |q, _, _, _| 2.0 * (q - 0.3)),
         ("cogging:FR_thigh=0.3,psi=0.5,k=2", |q, _, _, _| {
@@ -148,6 +151,43 @@ fn the_effects_torque_is_what_inverse_dynamics_leaves() {
             compared += 1;
         }
         assert!(compared > 100, "{text}: {compared}");
+    }
+}
+
+/// What turns with the sum of two joints acts on both alike, and on no other.
+#[test]
+fn a_coupling_acts_on_both_joints() {
+    // Torque from the sum of the velocities and that of the accelerations.
+    type Formula = fn(f64, f64) -> f64;
+    let formulas: [(&str, Formula); 3] = [
+        ("coupled_armature:FR_calf=0.004", |_, ddq| 0.004 * ddq),
+        ("coupled_viscous:FR_calf=0.05", |dq, _| 0.05 * dq),
+        ("coupled_coulomb:FR_calf=0.2", |dq, _| {
+            0.2 * (dq / 0.03).tanh()
+        }),
+    ];
+    for (text, formula) in formulas {
+        let simulation = ideal(&[text]);
+        let mut leg = SimulatedLeg::new(Leg::FR, &simulation, &mut simulation.random(0));
+        let tree = go2::leg::<f64>(Leg::FR);
+        let mut most: f64 = 0.0;
+        for n in 1..150 {
+            leg.advance_to(0.0131 * f64::from(n)).unwrap();
+            let state = *leg.state();
+            let a = leg.accelerations();
+            let k = tree.kinematics(&Transform::identity(), &state.q, &state.dq);
+            let left = leg.report().tau - tree.inverse_dynamics(&k, &state.dq, &a.link);
+            let expected = formula(state.dq[1] + state.dq[2], a.link[1] + a.link[2]);
+            assert!(left[0].abs() < 1e-9, "{text}: {left}");
+            for j in [1, 2] {
+                assert!(
+                    (left[j] - expected).abs() < 1e-9,
+                    "{text}: {left} {expected}"
+                );
+            }
+            most = most.max(expected.abs());
+        }
+        assert!(most > 0.01, "{text}: {most}");
     }
 }
 

@@ -65,6 +65,7 @@ pub fn all() -> Vec<NoisyCase> {
             for size in 0..3 {
                 let place = match effect.scope {
                     Scope::Joint => PLACES[(k + level + size) % 3],
+                    Scope::Pair => PLACES[1 + (k + level + size) % 2],
                     Scope::Foot | Scope::Base => PLACES[2],
                 };
                 let seed = 1 + k * LEVELS.len() + level;

@@ -1,0 +1,216 @@
+//! What black boxes are shown of a limb's motion, window by window: functions of position, velocity, acceleration and the torque that a
+//! model predicts. No measured torque.
+
+use std::ops::Range;
+
+use crate::estimate::limb_data::LimbData;
+
+/// Quantiles at which a function of a joint's own motion may bend, and one of another joint's.
+const OWN_BENDS: [f64; 6] = [0.05, 0.2, 0.4, 0.6, 0.8, 0.95];
+const OTHER_BENDS: [f64; 2] = [0.25, 0.75];
+/// Windows ago that a box with a memory looks at.
+const AGO: [usize; 5] = [1, 2, 3, 5, 8];
+/// A direction of motion is one from this share of the usual speed on.
+const SLOW: f64 = 0.05;
+/// Displacements over which something may have a memory, shares of the root mean square of a joint's position about its mean.
+const MEMORIES: [f64; 3] = [0.01, 0.05, 0.2];
+
+/// The probes of a joint.
+pub(super) struct Probes {
+    /// The windows in which the joint is judged.
+    pub(super) windows: Vec<usize>,
+    /// Of each, a constant and numbers of mean zero and unit variance.
+    pub(super) values: Vec<Vec<f64>>,
+    /// How many of them see the joint, the limb, the past too.
+    pub(super) seen: [usize; 3],
+}
+
+/// What a joint does in all windows: scaled to unit size.
+struct Course {
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    ddq: Vec<f64>,
+    /// What the model predicts.
+    torque: Vec<f64>,
+    /// The direction of motion, −1 to 1.
+    direction: Vec<f64>,
+}
+
+impl Course {
+    fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Self {
+        let n = data.joints();
+        let state = |order: usize| {
+            let mean = |window| {
+                let of = |k: usize| data.motion.joint[joint].state[k][order];
+                data.motion.mean(window, of)
+            };
+            scaled(data.motion.windows.iter().map(mean).collect())
+        };
+        let torque = predicted.iter().skip(joint).step_by(n).copied();
+        let mean_speed = |window| {
+            data.motion
+                .mean(window, |k| data.motion.joint[joint].state[k][1])
+        };
+        let speeds: Vec<f64> = data.motion.windows.iter().map(mean_speed).collect();
+        let usual = root_mean_square(&speeds).max(f64::MIN_POSITIVE);
+        Self {
+            q: state(0),
+            dq: state(1),
+            ddq: state(2),
+            torque: scaled(torque.collect()),
+            direction: speeds
+                .iter()
+                .map(|dq| (dq / (SLOW * usual)).tanh())
+                .collect(),
+        }
+    }
+
+    fn all(&self) -> [&Vec<f64>; 4] {
+        [&self.q, &self.dq, &self.ddq, &self.torque]
+    }
+}
+
+/// The probes of a joint under a model that predicts so.
+pub(super) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Probes {
+    let courses: Vec<Course> = (0..data.joints())
+        .map(|j| Course::of(data, predicted, j))
+        .collect();
+    let own = &courses[joint];
+    let count = data.motion.windows.len();
+    let mut columns = vec![vec![1.0; count]];
+    for x in own.all() {
+        columns.extend(bent(x, &OWN_BENDS));
+    }
+    columns.push(own.direction.clone());
+    for x in [&own.q, &own.dq, &own.ddq] {
+        columns.push(product(&own.direction, x));
+    }
+    columns.push(product(
+        &own.direction,
+        &own.torque.iter().map(|x| x.abs()).collect::<Vec<_>>(),
+    ));
+    columns.push(product(&own.q, &own.dq));
+    columns.push(product(&own.q, &own.torque));
+    columns.push(product(&own.dq, &own.torque));
+    let joint_sees = columns.len();
+    for other in (0..courses.len())
+        .filter(|j| *j != joint)
+        .map(|j| &courses[j])
+    {
+        for x in other.all() {
+            columns.extend(bent(x, &OTHER_BENDS));
+        }
+        columns.push(other.direction.clone());
+        columns.push(product(&other.direction, &own.direction));
+        columns.push(product(&other.dq, &own.dq));
+        columns.push(product(&other.dq, &other.dq));
+        columns.push(product(&other.ddq, &own.q));
+        columns.push(product(&other.torque, &own.direction));
+    }
+    let limb_sees = columns.len();
+    columns.extend(past(data, own));
+    let windows: Vec<usize> = (0..count).filter(|&w| data.counts(w, joint)).collect();
+    let scaled: Vec<Vec<f64>> = (columns.iter().enumerate())
+        .map(|(k, column)| {
+            let chosen: Vec<f64> = windows.iter().map(|&w| column[w]).collect();
+            if k == 0 { chosen } else { scaled(chosen) }
+        })
+        .collect();
+    let row = |n: usize| scaled.iter().map(|column| column[n]).collect();
+    Probes {
+        values: (0..windows.len()).map(row).collect(),
+        windows,
+        seen: [joint_sees, limb_sees, columns.len()],
+    }
+}
+
+/// What came before: the joint some windows ago, how fast and how much more the model's torque changes, and where its displacement was
+/// held by bristles of several lengths (Dahl's, in the limit of a sharp bend).
+fn past(data: &LimbData, own: &Course) -> Vec<Vec<f64>> {
+    let runs = runs(data);
+    let count = own.q.len();
+    let mut columns = Vec::new();
+    for ago in AGO {
+        for x in [&own.dq, &own.ddq, &own.torque, &own.direction] {
+            let mut column = vec![0.0; count];
+            for run in &runs {
+                run.clone()
+                    .for_each(|w| column[w] = x[w.saturating_sub(ago).max(run.start)]);
+            }
+            columns.push(column);
+        }
+    }
+    let slope = change(&own.torque, &runs);
+    let bend = change(&slope, &runs);
+    let bends = MEMORIES.map(|length| {
+        let mut column = vec![0.0; count];
+        for run in &runs {
+            for w in run.clone().skip(1) {
+                column[w] = (column[w - 1] + (own.q[w] - own.q[w - 1]) / length).clamp(-1.0, 1.0);
+            }
+        }
+        column
+    });
+    columns
+        .into_iter()
+        .chain([slope, bend])
+        .chain(bends)
+        .collect()
+}
+
+/// Windows that follow each other without a gap.
+fn runs(data: &LimbData) -> Vec<Range<usize>> {
+    let windows = &data.motion.windows;
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for w in 0..windows.len() {
+        match runs.last_mut() {
+            Some(run) if windows[w - 1].samples[1] == windows[w].samples[0] => run.end = w + 1,
+            _ => runs.push(w..w + 1),
+        }
+    }
+    runs
+}
+
+/// Half the difference of a window's neighbours.
+fn change(x: &[f64], runs: &[Range<usize>]) -> Vec<f64> {
+    let mut column = vec![0.0; x.len()];
+    for run in runs {
+        for w in run.clone() {
+            let [before, after] = [w.saturating_sub(1).max(run.start), (w + 1).min(run.end - 1)];
+            column[w] = 0.5 * (x[after] - x[before]);
+        }
+    }
+    column
+}
+
+/// The straight line, and lines that bend at quantiles.
+fn bent(x: &[f64], bends: &[f64]) -> Vec<Vec<f64>> {
+    let mut sorted = x.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |share: &f64| sorted.get((share * sorted.len() as f64) as usize).copied();
+    let bend = |knot: f64| x.iter().map(|x| (x - knot).max(0.0)).collect();
+    let lines = bends.iter().filter_map(at).map(bend);
+    [x.to_vec()].into_iter().chain(lines).collect()
+}
+
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+fn root_mean_square(x: &[f64]) -> f64 {
+    (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+/// To mean zero and unit variance; what does not vary to nothing.
+fn scaled(mut x: Vec<f64>) -> Vec<f64> {
+    let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
+    x.iter_mut().for_each(|x| *x -= mean);
+    let size = root_mean_square(&x);
+    let scale = if size > 1e-9 * mean.abs() && size > 0.0 {
+        size.recip()
+    } else {
+        0.0
+    };
+    x.iter_mut().for_each(|x| *x *= scale);
+    x
+}

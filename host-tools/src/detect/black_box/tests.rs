@@ -1,0 +1,79 @@
+//! A black box finds what is there to be found, and nothing where there is nothing.
+
+use std::fs::File;
+
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::Leg;
+
+use super::*;
+use crate::equation::values::places;
+use crate::estimate::fit::{How, LimbFit};
+use crate::log::LogWriter;
+use crate::model::{Model, Robot};
+use crate::recording::Recording;
+use crate::simulator::{Hide, Simulation, hidden};
+
+/// What is left of a front right leg of typical friction, with what is hidden in it besides, under the four effects of every drive.
+fn of(hide: &str) -> BlackBox {
+    let legs = [Leg::FR];
+    let mut effects = hidden::typical(&legs);
+    if !hide.is_empty() {
+        effects.extend(hide.parse::<Hide>().unwrap().on(&legs).unwrap());
+    }
+    let simulation = Simulation {
+        duration: 20.0,
+        effects,
+        ..Simulation::new(&legs)
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let mut log = LogWriter::new(File::create(&path).unwrap(), &legs).unwrap();
+    for sample in simulation.samples() {
+        let sample = sample.unwrap();
+        log.row(sample.t, &sample.q, &sample.dq, &sample.tau)
+            .unwrap();
+    }
+    log.finish().unwrap();
+    let mut model = Model::new(Robot::go2());
+    for effect in [
+        EffectKind::Viscous,
+        EffectKind::Coulomb,
+        EffectKind::Armature,
+        EffectKind::Bias,
+    ] {
+        for place in model.robot().place(effect, None).unwrap() {
+            model.add_effect(effect, place);
+        }
+    }
+    let recording = Recording::read(&[path], &model, |_, _| ()).unwrap();
+    let (limb, data) = &recording.limbs[0];
+    let data = LimbData::of(&model, limb, data).unwrap();
+    let own: Vec<_> = places(&model, limb).map(|(place, _)| place).collect();
+    let fit = LimbFit::of(&data, &own, &How::default()).unwrap();
+    let predicted = fit.predicted_held_out().unwrap();
+    BlackBox::of(std::slice::from_ref(&data), &[&predicted]).unwrap()
+}
+
+#[test]
+fn nothing_is_taken_from_noise() {
+    let boxes = of("");
+    let past = boxes.rungs[2].rms;
+    assert!(past > 0.95 * boxes.rms, "{boxes:?}");
+}
+
+/// Drag that grows with the square of the velocity is told by the joint's own motion at that moment.
+#[test]
+fn a_joints_own_friction_needs_no_more_than_the_joint() {
+    let boxes = of("quadratic_drag:FR_thigh=0.1");
+    let [joint, _, past] = [0, 1, 2].map(|n| boxes.rungs[n].rms);
+    assert!(joint < 0.5 * boxes.rms, "{boxes:?}");
+    assert!(joint.powi(2) - past.powi(2) < 0.2 * (boxes.rms.powi(2) - joint.powi(2)));
+}
+
+/// Friction that depends on how far the joint has gone since it turned round needs the past.
+#[test]
+fn presliding_friction_is_a_matter_of_what_came_before() {
+    let boxes = of("presliding:FR_calf=1,zs=0.2");
+    let [joint, limb, past] = [0, 1, 2].map(|n| boxes.rungs[n].rms);
+    assert!(past < 0.8 * limb && past < 0.8 * joint, "{boxes:?}");
+}

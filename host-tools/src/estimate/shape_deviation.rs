@@ -1,0 +1,112 @@
+//! How surely a shape is known that was found by a scan.
+//!
+//! Near the shape s that was found the prediction ŷ is linear in it: with d = ∂ŷ/∂s and d⊥ what of that the joint's own columns cannot
+//! take, the residuals r leave s a standard deviation of σ/|d⊥| if they are independent, and of √Σ(Σ d⊥ r)²/|d⊥|² by the spread of
+//! the inner sums over blocks of time ([`super::deviation`]). No prior of the other parameters counts, which makes it rather too large.
+//!
+//! What depends on a shape is known as badly as the shape lets it: where one is off by its standard deviation, the others are fitted again,
+//! and by how much each of them moves is a part of its own standard deviation.
+
+use proprio_core::effect::EffectKind;
+
+use super::fit::LimbFit;
+use super::groups::{Groups, stacked};
+use super::shapes::{orthonormal, shape_parameter};
+use crate::equation::dot::dot;
+use crate::equation::values::Place;
+
+/// How much more and less of a shape tells how the prediction changes with it, as a share.
+const NEAR: f64 = 0.01;
+
+impl LimbFit<'_> {
+    /// How far the entry's value moves with shapes that are off by one standard deviation each; zero where none is scanned.
+    pub(super) fn moved_by_shapes(&self, entry: usize) -> f64 {
+        let squares = self.moved_by_shapes.get_or_init(|| {
+            let mut squares = vec![0.0; self.columns.entries.len()];
+            let is_scanned = |place: &&Place| {
+                place.0.description().shape().is_some() && place.0 != EffectKind::Saturation
+            };
+            for &place in self.places.iter().filter(is_scanned) {
+                let moved = self.moved_by(place).unwrap_or_default();
+                let both = squares.iter_mut().zip(moved);
+                both.for_each(|(square, by)| *square += by * by);
+            }
+            squares
+        });
+        squares[entry].sqrt()
+    }
+
+    /// By how much each entry of θ moves where the shape of an effect is off by its standard deviation.
+    fn moved_by(&self, place: Place) -> Option<Vec<f64>> {
+        let (data, n) = (self.data, shape_parameter(place.0));
+        let (std, parameter) = (self.shape_std(place)?, place.0.description().parameters[n]);
+        let shape = self.at.get(place, n);
+        let mut at = self.at.clone();
+        // A shape that is hardly known at all does not become another effect.
+        at.set(
+            place,
+            n,
+            (shape + std.min(0.5 * shape)).min(parameter.upper),
+        );
+        let columns = data.columns(&at, &self.places, &[]);
+        let rows = data.rows(&at, &columns);
+        let all = Groups::of_factors(&columns, self.weights.blocks(data, &columns, &rows));
+        let mut problem = self.problem.clone();
+        problem.data = stacked(&all.sum(|_| true), &self.noise);
+        let there = problem.solve_from(&self.solution.theta)?;
+        Some((there.theta - &self.solution.theta).as_slice().to_vec())
+    }
+
+    /// Standard deviation of an effect's shape; `None` where the prediction does not depend on it.
+    pub(crate) fn shape_std(&self, place: Place) -> Option<f64> {
+        if place.0 == EffectKind::Saturation {
+            let (limited, std) = self.limit?;
+            return (limited == place).then_some(std);
+        }
+        let (data, n, joint) = (self.data, self.data.joints(), place.1);
+        let windows: Vec<usize> = (0..data.motion.windows.len())
+            .filter(|&w| data.counts(w, joint))
+            .collect();
+        let parameter = shape_parameter(place.0);
+        let shape = self.values.get(place, parameter);
+        let predicted = |share: f64| {
+            let mut values = self.values.clone();
+            values.set(place, parameter, share * shape);
+            data.predicted(&values, &|_| true)
+        };
+        let [less, here, more] = [1.0 - NEAR, 1.0, 1.0 + NEAR].map(predicted);
+        let at = |w: &usize| w * n + joint;
+        let slope = |w: &usize| (more[at(w)] - less[at(w)]) / (2.0 * NEAR * shape);
+        let rows = data.rows(&self.at, &self.columns);
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for column in 0..self.columns.of_joint[joint].len() {
+            let column = windows
+                .iter()
+                .map(|&w| rows.row(w, joint)[column])
+                .collect();
+            basis.extend(orthonormal(column, &basis));
+        }
+        let slopes: Vec<f64> = windows.iter().map(slope).collect();
+        let size = dot(&slopes, &slopes).sqrt();
+        let taken = |along: &Vec<f64>| dot(along, &slopes);
+        let taken: Vec<f64> = basis.iter().map(taken).collect();
+        let mut own = slopes.clone();
+        for (along, taken) in basis.iter().zip(taken) {
+            own.iter_mut().zip(along).for_each(|(x, b)| *x -= taken * b);
+        }
+        let square = dot(&own, &own);
+        if square.is_nan() || square.sqrt() <= 1e-6 * size {
+            return None;
+        }
+        let mut blocks = vec![0.0; data.blocks.count()];
+        let mut left = 0.0;
+        for (w, own) in windows.iter().zip(&own) {
+            let residual = data.torque[at(w)] - here[at(w)];
+            blocks[data.motion.windows[*w].block] += own * residual;
+            left += residual * residual;
+        }
+        let independent = (left / windows.len() as f64 / square).sqrt();
+        let by_blocks = blocks.iter().map(|x| x * x).sum::<f64>().sqrt() / square;
+        Some(independent.max(by_blocks))
+    }
+}

@@ -1,0 +1,181 @@
+//! What goes wrong around a board, and what becomes of it: listening goes on, counters add up exactly, estimates stay finite and
+//! are right again afterwards. The table of `docs/faults.md` is made here; `PROPRIO_ACCEPT=1` writes it.
+
+mod cases;
+
+use cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
+use proprio::device::replay::cycle;
+use proprio_core::app::{App, Identity, Memory};
+use proprio_core::estimator::LEG_INERTIAL;
+use proprio_core::go2::Leg;
+use proprio_core::wire::{
+    DeviceMessage, Estimate, HostMessage, LegCounters, Losses, MAX_FRAME, Receiver, Sender,
+};
+use proprio_tests::motion::{self, FRICTION};
+
+/// Silent steps at the end, in which all is solved and told.
+const SILENT: u64 = 600;
+
+const IDENTITY: Identity = Identity {
+    firmware: "test",
+    board: "desktop",
+    load_unit: "nothing",
+    budget: u32::MAX,
+    byte_ns: 0,
+};
+
+/// Bytes of the other legs' buses.
+fn others(n: u64) -> [Vec<u8>; 4] {
+    Leg::ALL.map(|leg| match leg {
+        Leg::FR => Vec::new(),
+        _ => cycle(leg, &motion::sample(leg, n)).expect("it fits a frame"),
+    })
+}
+
+/// Checks that all numbers are finite.
+fn finite(told: &Estimate) {
+    let mut numbers = told.values.iter().chain(&told.std).chain(&told.noise);
+    assert!(numbers.all(|x| x.is_finite()), "{told:?}");
+}
+
+/// Plays good steps, BAD ones as `fault` changes them, and good ones again.
+fn play(fault: &mut Fault) -> Outcome {
+    let (mut app, mut memory) = (
+        Box::new(App::<f64>::new(IDENTITY)),
+        Box::new(Memory::<f64>::new()),
+    );
+    let (mut sender, mut receiver) = (Sender::default(), Receiver::<HostMessage>::default());
+    let (mut estimate, mut answers, mut bytes) = (None, 0, 0);
+    let mut losses = Losses::ZERO;
+    for n in 1..=2 * GOOD + BAD + SILENT {
+        let mut step = good(n);
+        if n > GOOD {
+            fault(n, n > GOOD + BAD, &mut step);
+        }
+        let mut buses = others(n);
+        buses[0] = step.bytes;
+        if n > 2 * GOOD + BAD {
+            buses = Default::default();
+        }
+        bytes += buses[0].len() as u64;
+        for (leg, bus) in buses.iter().enumerate() {
+            app.hear(&mut memory, leg, bus, step.time_us);
+        }
+        let mut line = step.garbage;
+        for message in &step.requests {
+            line.extend(sender.encode(message, &mut [0; MAX_FRAME]));
+        }
+        for byte in line {
+            if let Some(Ok(message)) = receiver.push(byte) {
+                app.handle(&mut memory, &message);
+            }
+        }
+        losses.host_frames_bad = receiver.bad();
+        app.record_losses(losses);
+        app.step(&mut memory, step.time_us, &mut |message| {
+            losses.frames_dropped += u32::from(!step.heard);
+            match message {
+                _ if !step.heard => {}
+                DeviceMessage::Estimate(told) => {
+                    finite(told);
+                    if told.leg == 0 {
+                        estimate = Some(told.clone());
+                    }
+                }
+                DeviceMessage::Answer(_) => answers += 1,
+                _ => {}
+            }
+        });
+    }
+    Outcome {
+        legs: app.counters(&memory, 0).legs,
+        losses,
+        bytes,
+        answers,
+        estimate,
+    }
+}
+
+/// Checks that everything that a bus of so many bytes brought was counted once.
+fn adds_up(what: &str, leg: &LegCounters, bytes: u64) {
+    assert_eq!(leg.replies, 3 * leg.samples + leg.unused_replies, "{what}");
+    assert_eq!(leg.samples, leg.used + leg.late + leg.rejected, "{what}");
+    assert_eq!(leg.unfolded + leg.unsolved, 0, "{what}");
+    let framed = 17 * u64::from(leg.commands) + 16 * u64::from(leg.replies);
+    let loose = u64::from(leg.skipped_bytes) + u64::from(leg.lost_bytes);
+    assert_eq!(framed + loose, bytes, "{what}: {leg:?}");
+}
+
+/// Checks what holds whatever happened, and says the fault's line of the table.
+fn line(Case(what, mut fault, check): Case) -> String {
+    let outcome = play(&mut fault);
+    check(&outcome);
+    let [fr, others @ ..] = &outcome.legs;
+    adds_up(what, fr, outcome.bytes);
+    // The other buses never notice.
+    let cycles = (2 * GOOD + BAD) as u32;
+    for leg in others {
+        assert_eq!((leg.replies, leg.samples), (3 * cycles, cycles), "{what}");
+        adds_up(what, leg, u64::from(cycles) * 99);
+    }
+    assert!(fr.used >= (2 * GOOD) as u32 - 60, "{what}: {fr:?}");
+    let estimate = outcome.estimate.as_ref().expect("an estimate");
+    let off = (0..3).flat_map(|joint| {
+        let truth = [FRICTION[joint][0], FRICTION[joint][1], FRICTION[joint][2]];
+        let place = LEG_INERTIAL + 4 * joint;
+        let told = [0, 1, 3].map(|n| f64::from(estimate.values[place + n]));
+        (0..3).map(move |n| (told[n] - truth[n]).abs())
+    });
+    let off = off.fold(0.0, f64::max);
+    assert!(off < 0.05, "{what}: friction off by {off}");
+    let (samples, used, counted) = (fr.samples, fr.used, counted(fr, &outcome.losses));
+    format!("| {what} | {samples} | {used} | {counted} | {off:.3} |\n")
+}
+
+/// What is not zero.
+fn counted(fr: &LegCounters, losses: &Losses) -> String {
+    let counts = [
+        ("bad CRC", fr.bad_crc),
+        ("short", fr.short),
+        ("bytes skipped", fr.skipped_bytes),
+        ("bytes lost", fr.lost_bytes),
+        ("replies unused", fr.unused_replies),
+        ("incomplete", fr.incomplete),
+        ("motor faults", fr.motor_faults),
+        ("overheated", fr.overheated),
+        ("stuck", fr.stuck),
+        ("surplus", fr.surplus),
+        ("late", fr.late),
+        ("rejected", fr.rejected),
+        ("gaps", fr.gaps),
+        ("changes", fr.changes),
+        ("windows left out", fr.forgotten),
+        ("host frames bad", losses.host_frames_bad),
+        ("frames dropped", losses.frames_dropped),
+    ];
+    let counts = counts.iter().filter(|(_, count)| *count > 0);
+    let counts: Vec<_> = counts.map(|(name, n)| format!("{n} {name}")).collect();
+    counts.join(", ")
+}
+
+#[test]
+fn whatever_goes_wrong_is_counted_and_passes() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/faults.md");
+    let lines: String = cases().into_iter().chain(host_cases()).map(line).collect();
+    let text = format!(
+        "# What goes wrong around a board\n\nEach line is 10 s of a good robot, 2 s of the fault on the bus of FR, its clock or \
+         the host's line, and 10 s of a good robot again, heard by the\ndevice's code (`tests/tests/faults/main.rs`, which makes this \
+         table and checks it). Of 11 000 polling cycles so many became samples and were\nused; everything else is in a counter: \
+         replies are three for each sample and those unused, bytes are those of good frames, skipped\nand lost, samples are \
+         used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
+         how far FR's friction is off at the end, in N m and N m s/rad, at most.\n\nNo field of a frame or a request can be NaN: all are integers. \
+         A number that is not finite is refused where one could come in: a sample\nbefore its window, a window before its factor, \
+         a factor before it is merged.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
+         |\n{lines}"
+    );
+    if std::env::var_os("PROPRIO_ACCEPT").is_some() {
+        std::fs::write(path, &text).unwrap();
+    }
+    let committed = std::fs::read_to_string(path).unwrap_or_default();
+    assert_eq!(committed, text, "PROPRIO_ACCEPT=1 writes {path}");
+}
