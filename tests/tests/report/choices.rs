@@ -11,7 +11,7 @@ use proprio_tests::browser::Browser;
 use proprio_tests::command::{done, json, recorded_logs};
 use serde_json::json;
 
-use crate::folder;
+use super::folder;
 
 /// As far as the page's error may be from the command's, N m.
 const SAME: f64 = 1e-6;

@@ -11,7 +11,7 @@ use proprio::report::{candidates, correlation, parameters, residual, torque, wat
 use proprio_tests::browser::Browser;
 use serde_json::from_value;
 
-use crate::{MARKS, folder};
+use super::{MARKS, folder};
 
 /// Names and numbers that a careless page would stumble over.
 #[test]

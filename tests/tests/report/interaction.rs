@@ -4,7 +4,7 @@ use serde_json::{Value, from_value, json};
 
 use proprio_tests::browser::Browser;
 
-use crate::{example, folder, open};
+use super::{example, folder, open};
 
 /// The x range that each torque plot shows.
 fn ranges(browser: &mut Browser) -> Vec<[f64; 2]> {

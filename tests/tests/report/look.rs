@@ -3,7 +3,7 @@
 use proprio_tests::browser::Browser;
 use serde_json::{from_value, json};
 
-use crate::{example, folder, open, pictures};
+use super::{example, folder, open, pictures};
 
 /// Colours of the ground, of a measured line, and of a number at an axis.
 const COLOURS: &str = "[getComputedStyle(document.body).backgroundColor, \

@@ -164,7 +164,7 @@ fn whatever_goes_wrong_is_counted_and_passes() {
     let lines: String = cases().into_iter().chain(host_cases()).map(line).collect();
     let text = format!(
         "# What goes wrong around a board\n\nEach line is 10 s of a good robot, 2 s of the fault on the bus of FR, its clock or \
-         the host's line, and 10 s of a good robot again, heard by the\ndevice's code (`tests/tests/faults/main.rs`, which makes this \
+         the host's line, and 10 s of a good robot again, heard by the\ndevice's code (`tests/tests/faults/mod.rs`, which makes this \
          table and checks it). Of 11 000 polling cycles so many became samples and were\nused; everything else is in a counter: \
          replies are three for each sample and those unused, bytes are those of good frames, skipped\nand lost, samples are \
          used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
