@@ -409,6 +409,9 @@ def leading(effect, values):
     match effect:
         case "elasticity":
             return 1 / value
+        case "contact":
+            # The mean over an episode, as `diagnose` tells it, of half a sine's root.
+            return values["z"] * float(np.mean(np.sin(np.pi * (np.arange(1000) + 0.5) / 1000) ** 0.5))
         case "cogging":
             return values["A"] * float(np.cos(values["psi"]))
         case _:

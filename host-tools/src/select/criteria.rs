@@ -44,6 +44,11 @@ pub(crate) const LEAST_EFFECT: f64 = 0.002;
 pub(crate) const MOST_BY_CHANCE: f64 = 0.5;
 pub(crate) const LEAST_OF_MOST: f64 = 2.0;
 
+/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
+pub(crate) const REACH: f64 = 0.3;
+/// A load that is nearer to where its columns were made stays there, m: a tenth of a Go2's link.
+pub(crate) const NEAR: f64 = 0.02;
+
 /// Longest memory of a noise, s: five times that of a first-order filter of 8 Hz, and a tenth of the slowest motion that an exciting
 /// log is made of. What residuals remember longer is no noise.
 pub(crate) const NOISE_MEMORY: f64 = 0.1;

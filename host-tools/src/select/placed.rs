@@ -9,14 +9,12 @@ use nalgebra::Vector3;
 use proprio_core::effect::EffectKind;
 
 use super::candidate::Candidate;
-use super::possible::REACH;
+use super::criteria;
 use super::screen::Screen;
 use crate::equation::values::{LEAST_LOAD, Place, Values};
 
 /// How often columns are made again: the second trial's place is as near as its error.
 const ROUNDS: usize = 2;
-/// A load that is nearer to where its columns were made stays there, m: a tenth of a Go2's link.
-pub(super) const NEAR: f64 = 0.02;
 
 impl Screen<'_> {
     /// The same with the columns of loads that are there made where they are.
@@ -48,9 +46,9 @@ impl Screen<'_> {
         if mass < LEAST_LOAD || !Candidate::of(place.0, vec![(0, trial)], 1)?.is_there() {
             return None;
         }
-        let away = (moment / mass).cap_magnitude(REACH);
+        let away = (moment / mass).cap_magnitude(criteria::REACH);
         let known = self.at().load_at(place.1, &Vector3::zeros());
-        ((away - known).norm() > NEAR).then_some(away)
+        ((away - known).norm() > criteria::NEAR).then_some(away)
     }
 }
 

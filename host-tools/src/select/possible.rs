@@ -3,13 +3,10 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria;
-use super::placed::NEAR;
 use super::screen::{Screen, Trial};
 use crate::equation::motion::is_derivative;
 use crate::equation::values::Place;
 
-/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
-pub(super) const REACH: f64 = 0.3;
 /// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
 const LEAST_DELAY: f64 = 0.1;
 /// χ² of a mass and its first moment below which a load weighs nothing that is told (99 % of four degrees of freedom): what is only
@@ -37,7 +34,7 @@ pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool 
         let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
         // A load's own inertia is told as well as its place: off by d, m d² is missing.
         let open = match (effect, n) {
-            (EffectKind::Payload, 4) => mass * NEAR * NEAR,
+            (EffectKind::Payload, 4) => mass * criteria::NEAR * criteria::NEAR,
             _ => 0.0,
         };
         value + 2.0 * std + open >= p.lower
@@ -94,7 +91,7 @@ pub(super) fn is_resolved(screen: &Screen, delay: f64) -> bool {
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
-/// a mass is none, nor is an inertia without weight. At most [`REACH`] away.
+/// a mass is none, nor is an inertia without weight. At most [`criteria::REACH`] away.
 fn is_load(told: &[Option<(f64, f64)>]) -> bool {
     let [Some((mass, std)), moments @ ..] = told else {
         return true;
@@ -110,5 +107,5 @@ fn is_load(told: &[Option<(f64, f64)>]) -> bool {
     let smallest: f64 = smallest
         .map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2))
         .sum();
-    heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
+    heaviest > 0.0 && smallest.sqrt() <= criteria::REACH * heaviest
 }

@@ -88,8 +88,8 @@ pub(super) fn judge(
 /// error of their difference, or by less than ln n for each parameter more, n windows, are equals. Among them counts how much the sum
 /// of squares of all data and of the priors falls, less ln n for each parameter (Schwarz 1978, *Annals of Statistics* 6:461). A simpler
 /// rival that is there even beside the best goes before it: a load on a calf swings with it as its rotor turns. Not so where both act by
-/// weight, or as a scale of the torque does, and the simpler one asks bodies to be farther from the CAD than it saves: an offset of an encoder is like another inertia of
-/// what it turns. What a delay too small to be resolved explains better, and all of it, is none.
+/// weight, or as a scale of the torque does, and the simpler one asks bodies to be farther from the CAD than it saves: an offset of an
+/// encoder is like another inertia of what it turns. What a delay too small to be resolved explains better, and all of it, is none.
 pub(super) fn best<'c>(
     screens: &[Screen],
     open: &[&'c Candidate],

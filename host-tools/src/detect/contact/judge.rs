@@ -6,6 +6,9 @@ use super::{Contact, LEAST_EPISODES, Phase, Search, weak};
 
 /// Windows from which on a longer episode is not more evidence: the force may have been the same all the time.
 const ALIKE: f64 = 10.0;
+/// Standard deviation of an episode's length, windows: either end lies anywhere in a window, and in all episodes alike, for a force that
+/// comes slowly is seen late each time.
+const ENDS: f64 = 0.577;
 /// A force in a direction not seen before is expected with this share of the mean square of those seen.
 const LEAST_SPREAD: f64 = 0.01;
 
@@ -36,7 +39,8 @@ impl Search<'_> {
 }
 
 impl Search<'_> {
-    /// Normal force in contact and its standard deviation, from the spread over episodes, each with its length up to 0.2 s as weight, N;
+    /// Normal force in contact and its standard deviation, from the spread over episodes, each with its length up to 0.2 s as weight, and
+    /// from where they end, N;
     /// and how sure it is that all that is no swing pushes rather than pulls, as a normal variable has it.
     fn mean_force(&self, contacts: &[[usize; 2]]) -> [f64; 3] {
         let normal = |run: &[usize; 2]| {
@@ -49,7 +53,9 @@ impl Search<'_> {
             (weight, sum * weight / length)
         };
         let mut runs: Vec<(f64, f64)> = contacts.iter().map(normal).collect();
-        let (force, std) = weighted_mean(&runs);
+        let (force, spread) = weighted_mean(&runs);
+        let windows: usize = contacts.iter().map(|run| run[1] - run[0]).sum();
+        let std = spread.hypot(force * ENDS * contacts.len() as f64 / windows as f64);
         runs.extend(self.episodes(Phase::Other).iter().map(normal));
         let (all, error) = weighted_mean(&runs);
         let z = normal_score(all / error, contacts.len() as f64 - 1.0);

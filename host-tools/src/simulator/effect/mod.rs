@@ -5,7 +5,7 @@
 //! the rigid bodies' plus the effects'. An effect overrides the few methods of [`Effect`] that concern it; the integrator
 //! ([`super::plant`]), the motor and the sensors ask all effects of a joint.
 //!
-//! The last seven are outside the identification's catalogue on purpose: a test of honesty.
+//! The last ones, from `PositionCoulomb` on, are outside the identification's catalogue on purpose: a test of honesty.
 //!
 //! # Adding an effect
 //!
@@ -300,7 +300,6 @@ effects! {
     Saturation = saturation,
     /// Dry friction that depends on position.
     PositionCoulomb = position_coulomb,
-    /// Presliding friction with bristles.
     /// A disturbance tied to time.
     PeriodicTorque = periodic_torque,
     /// A torque constant that falls as the motor warms.
