@@ -8,7 +8,7 @@
 use crate::Real;
 use crate::criticism::{Finding, HeldOut, Nested, work_len};
 use crate::estimator::{
-    Active, BASE_RANK, DEVICE_COLUMNS, DeviceFolds, FOLDS, FRONT, LegBase, effect_prior,
+    Active, BASE_RANK, Beliefs, DEVICE_COLUMNS, DeviceFolds, FOLDS, FRONT, LegBase,
 };
 use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
 use crate::go2::{JOINTS_PER_LEG, LEGS};
@@ -43,6 +43,7 @@ pub(super) struct Evidence<'a, T> {
     pub(super) folds: &'a DeviceFolds<T>,
     pub(super) base: &'a LegBase<T>,
     pub(super) active: &'a Active,
+    pub(super) beliefs: &'a Beliefs,
     /// The joints' noise, N m.
     pub(super) noise: &'a [T; JOINTS_PER_LEG],
 }
@@ -98,6 +99,12 @@ impl<T: Real> Diagnosis<T> {
     /// Begins with the first joint again.
     pub(super) fn restart(&mut self) {
         self.joint = 0;
+        self.stage = Stage::Copy;
+    }
+
+    /// Leaves out what is left of the present leg.
+    pub(super) fn skip_leg(&mut self) {
+        self.joint = (self.leg() + 1) % LEGS * JOINTS_PER_LEG;
         self.stage = Stage::Copy;
     }
 
@@ -188,7 +195,7 @@ impl<T: Real> Diagnosis<T> {
         // A load that was picked up is none of the CAD's.
         work.forget(evidence.base.trust(joint));
         for n in 0..DEVICE_COLUMNS {
-            let prior = effect_prior(joint, n).prior;
+            let prior = evidence.beliefs.prior(joint, n).prior;
             // What is not there is zero: a candidate's mean would be evidence for it.
             let mean = if self.active >> n & 1 == 1 {
                 prior.mean

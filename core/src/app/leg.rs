@@ -6,8 +6,8 @@ use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
-    Active, BlockTest, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior,
-    DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict, plausible,
+    Active, Beliefs, BlockTest, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds,
+    DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict, plausible,
 };
 use crate::factor::{Factor, FactorError};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
@@ -36,6 +36,9 @@ const BEHIND_COST: usize = 8000;
 
 /// Directions that a step forgets: each costs a fifth of a fold.
 const STEP_DIRECTIONS: usize = 2;
+
+/// How well a host may say that a body is known: from a thousandth, where the prior still leaves rounding alone, to nothing.
+const UNCERTAINTIES: core::ops::RangeInclusive<f32> = 1e-3..=1e2;
 
 /// A step of gathering ends where its cost would come beyond this, in numbers rotated.
 const STEP_COST: usize = 1600;
@@ -77,6 +80,7 @@ pub(super) struct LegLine<T: Real> {
     window: Slot<DeviceWindow<T>>,
     active: Active,
     prior: Slot<DevicePrior<T>>,
+    beliefs: Beliefs,
     /// The joints' noise by the last solution, N m.
     noise: [T; JOINTS_PER_LEG],
     /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
@@ -100,6 +104,7 @@ impl<T: Real> LegLine<T> {
             window: Slot::Empty,
             active: Active::NONE,
             prior: Slot::Empty,
+            beliefs: Beliefs::NONE,
             noise: [T::ZERO; JOINTS_PER_LEG],
             memory_s: 0,
             forgetting: Slot::Empty,
@@ -123,6 +128,7 @@ impl<T: Real> LegLine<T> {
         self.stale = false;
         self.changed = Slot::Empty;
         self.active = DEFAULT_ACTIVE;
+        self.beliefs = Beliefs::NONE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
         self.set_prior(which);
         if let Slot::Full(prior) = &self.prior {
@@ -361,8 +367,8 @@ impl<T: Real> LegLine<T> {
             && let Some(body) = prior.cad().get(change.joint).copied()
             && let Some(uncertainty) = change.uncertainty(body.mass())
         {
-            let share = prior.loosen(change.joint, uncertainty);
-            data.base.loosen(change.joint, share);
+            prior.loosen(change.joint, uncertainty);
+            data.base.set_uncertainty(prior.uncertainty());
         }
         self.forgetting = Slot::Full((change, 0));
     }
@@ -445,6 +451,7 @@ impl<T: Real> LegLine<T> {
             folds: &data.folds,
             base: &data.base,
             active: &self.active,
+            beliefs: &self.beliefs,
             noise: &self.noise,
         }
     }
@@ -470,9 +477,40 @@ impl<T: Real> LegLine<T> {
         }
         self.active.set(joint, effect, active);
         if let Some(prior) = self.prior.get_mut() {
-            prior.activate(&self.active);
+            prior.activate(&self.active, &self.beliefs);
         }
         true
+    }
+
+    /// Believes something else of an effect's parameter than the catalogue; false if it cannot be ([`Beliefs::set`]).
+    pub(super) fn believe(&mut self, joint: usize, effect: usize, mean: f32, std: f32) -> bool {
+        let possible = self.beliefs.set(joint, effect, mean, std);
+        if let (true, Some(prior)) = (possible, self.prior.get_mut()) {
+            prior.activate(&self.active, &self.beliefs);
+        }
+        possible
+    }
+
+    /// Takes a body to be within `uncertainty` of the CAD's; false if that is not within [`UNCERTAINTIES`].
+    #[inline(never)]
+    pub(super) fn know_body(
+        &mut self,
+        data: &mut LegData<T>,
+        body: usize,
+        uncertainty: f32,
+    ) -> bool {
+        let possible = UNCERTAINTIES.contains(&uncertainty);
+        if let (true, Some(prior)) = (possible, self.prior.get_mut()) {
+            prior.set_uncertainty(body, real(uncertainty.into()));
+            data.base.set_uncertainty(prior.uncertainty());
+        }
+        possible
+    }
+
+    /// Counts what a bus brought that nobody listens to.
+    pub(super) fn count_unheard(&mut self, bytes: usize) {
+        let unheard = &mut self.counters.unheard_bytes;
+        *unheard = unheard.wrapping_add(bytes as u32);
     }
 }
 

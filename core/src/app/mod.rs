@@ -38,8 +38,8 @@ use crate::estimator::{
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::wire::{
-    self, Action, Answer, Capacities, Counters, DeviceMessage, EffectAt, Estimate, Hello,
-    HostMessage, LegCounters, Load, Losses, Outcome, SCHEMA,
+    self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
+    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, SCHEMA,
 };
 use copy::FactorCopy;
 use diagnosis::{Diagnosis, Verdict};
@@ -58,6 +58,9 @@ pub const HELLO_US: u64 = 1_000_000;
 /// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
 /// step within its budget.
 const REST: u8 = 2;
+
+/// All legs, bit n for the n-th in SDK order.
+const ALL_LEGS: u8 = (1 << LEGS) - 1;
 
 /// What listening may cost in a step that solves or diagnoses as well, instructions by estimate: all that four legs polled at
 /// 1 kHz bring.
@@ -108,6 +111,8 @@ impl<T: Real> Default for Memory<T> {
 pub struct App<T: Real> {
     identity: Slot<Identity>,
     begun: bool,
+    /// Legs that are listened to, bit n for the n-th.
+    listens_to: u8,
     legs: [LegLine<T>; LEGS],
     solver: DeviceSolver<T>,
     gather: Gather<T>,
@@ -141,6 +146,7 @@ impl<T: Real> App<T> {
         Self {
             identity: Slot::Empty,
             begun: false,
+            listens_to: 0,
             legs: [const { LegLine::new() }; LEGS],
             solver: DeviceSolver::empty(),
             gather: Gather::new(),
@@ -166,6 +172,7 @@ impl<T: Real> App<T> {
     /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
     pub fn reset(&mut self, memory: &mut Memory<T>) {
         self.begun = true;
+        self.listens_to = ALL_LEGS;
         let lines = self.legs.iter_mut().zip(&mut memory.0);
         for ((line, data), which) in lines.zip(Leg::ALL) {
             line.reset(which, data, self.solver.storage_mut());
@@ -207,25 +214,76 @@ impl<T: Real> App<T> {
                 self.legs.iter_mut().for_each(|leg| leg.set_memory(seconds));
                 Outcome::Accepted
             }
+            Action::SetEffectPrior(at, belief) => self.believe(at, belief),
+            Action::SetBodyPrior(prior) => self.know_body(memory, prior),
+            Action::SetLegs(legs) if legs & !ALL_LEGS != 0 => Outcome::NoSuchLeg,
+            Action::SetLegs(legs) => {
+                self.listens_to = legs;
+                // Who listens is told by the hello.
+                self.hello_at = 0;
+                Outcome::Accepted
+            }
         };
         let id = request.id;
         self.requests.answer(Answer { id, outcome });
     }
 
+    /// The leg, the joint's place in it, and the effect's in [`COLUMNS`].
+    fn place(&mut self, at: EffectAt) -> Result<(&mut LegLine<T>, usize, usize), Outcome> {
+        let (joint, effect) = (usize::from(at.joint), usize::from(at.effect));
+        match self.legs.get_mut(usize::from(at.leg)) {
+            None => Err(Outcome::NoSuchLeg),
+            Some(_) if joint >= JOINTS_PER_LEG => Err(Outcome::NoSuchJoint),
+            Some(_) if effect >= COLUMNS.len() => Err(Outcome::NoSuchEffect),
+            Some(leg) => Ok((leg, joint, effect)),
+        }
+    }
+
     /// Adds an effect to a joint's model or drops it.
     fn change(&mut self, add: bool, at: EffectAt) -> Outcome {
-        let joint = usize::from(at.joint);
-        let effect = usize::from(at.effect);
-        match self.legs.get_mut(usize::from(at.leg)) {
-            Some(_) if joint >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
-            Some(_) if effect >= COLUMNS.len() => Outcome::NoSuchEffect,
-            Some(leg) => match (leg.set_effect(joint, effect, add), add) {
-                (true, _) => Outcome::Accepted,
-                (false, true) => Outcome::AlreadyActive,
-                (false, false) => Outcome::NotActive,
-            },
-            None => Outcome::NoSuchJoint,
+        let (leg, joint, effect) = match self.place(at) {
+            Ok(place) => place,
+            Err(outcome) => return outcome,
+        };
+        match (leg.set_effect(joint, effect, add), add) {
+            (true, _) => Outcome::Accepted,
+            (false, true) => Outcome::AlreadyActive,
+            (false, false) => Outcome::NotActive,
         }
+    }
+
+    /// Sets what is known of an effect's parameter before any data.
+    fn believe(&mut self, at: EffectAt, belief: Belief) -> Outcome {
+        let (leg, joint, effect) = match self.place(at) {
+            Ok(place) => place,
+            Err(outcome) => return outcome,
+        };
+        match leg.believe(joint, effect, belief.mean - neutral(effect), belief.std) {
+            true => Outcome::Accepted,
+            false => Outcome::OutOfRange,
+        }
+    }
+
+    /// Sets how well a body is known before any data.
+    fn know_body(&mut self, memory: &mut Memory<T>, prior: BodyPrior) -> Outcome {
+        let (leg, body) = (usize::from(prior.leg), usize::from(prior.body));
+        match (self.legs.get_mut(leg), memory.0.get_mut(leg)) {
+            (Some(_), Some(_)) if body >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
+            (Some(leg), Some(data)) => match leg.know_body(data, body, prior.uncertainty) {
+                true => Outcome::Accepted,
+                false => Outcome::OutOfRange,
+            },
+            _ => Outcome::NoSuchLeg,
+        }
+    }
+
+    /// Whether a leg is listened to.
+    fn listens_to(&self, leg: usize) -> bool {
+        u32::from(self.listens_to)
+            .checked_shr(leg as u32)
+            .unwrap_or(0)
+            & 1
+            == 1
     }
 
     /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
@@ -262,12 +320,16 @@ impl<T: Real> App<T> {
     }
 
     /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came: on the clock of the steps. It waits
-    /// for the next steps. What finds no room is counted.
+    /// for the next steps. What finds no room is counted, and so is what a leg's bus brings that is not listened to.
     pub fn hear(&mut self, memory: &mut Memory<T>, leg: usize, bytes: &[u8], end_us: u64) {
         if !self.begun {
             self.reset(memory);
         }
-        if let Some(data) = memory.0.get_mut(leg) {
+        if !self.listens_to(leg) {
+            if let Some(line) = self.legs.get_mut(leg) {
+                line.count_unheard(bytes.len());
+            }
+        } else if let Some(data) = memory.0.get_mut(leg) {
             LegLine::hear(data, bytes, end_us, self.identity().byte_ns);
         }
     }
@@ -332,7 +394,11 @@ impl<T: Real> App<T> {
         }
         self.rest = REST;
         let n = self.diagnosis.leg();
+        if !self.listens_to(n) {
+            self.diagnosis.skip_leg();
+        }
         if !self.solve(memory, now_us)
+            && self.listens_to(n)
             && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
             self.diagnosis.advance(&leg.evidence(data));
@@ -343,6 +409,11 @@ impl<T: Real> App<T> {
     fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
         let Slot::Full((which, time_us, gathering)) = self.solving else {
             let (which, due) = self.next;
+            if !self.listens_to(which.index()) {
+                // Its turn is the next one's, as soon as there is one to be solved.
+                self.next.0 = following(which);
+                return false;
+            }
             let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
             if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
                 return false;
@@ -357,7 +428,7 @@ impl<T: Real> App<T> {
             let due = due
                 .saturating_add(ESTIMATE_US)
                 .max(now_us.saturating_sub(ESTIMATE_US));
-            self.next = (Leg::ALL[(which.index() + 1) % LEGS], due);
+            self.next = (following(which), due);
             return true;
         };
         let leg = &mut self.legs[which.index()];
@@ -437,6 +508,7 @@ impl<T: Real> App<T> {
                 scalar_bits: (8 * size_of::<T>()) as u8,
             },
             load_unit: text(identity.load_unit),
+            listens_to: self.listens_to,
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }
     }
@@ -461,6 +533,11 @@ impl<T: Real> App<T> {
             noise: solver.noise().map(single),
         }
     }
+}
+
+/// The leg after this one.
+fn following(leg: Leg) -> Leg {
+    Leg::ALL[(leg.index() + 1) % LEGS]
 }
 
 /// The value of effect n's parameter at which it does nothing: columns are of what goes beyond it.

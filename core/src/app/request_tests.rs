@@ -3,11 +3,11 @@
 use std::boxed::Box;
 use std::vec::Vec;
 
-use super::tests::{DESKTOP, Whole, motion, play};
+use super::tests::{DESKTOP, Whole, last_estimate, motion, play};
 use super::*;
 use crate::estimator::{DeviceFolds, FOLDS};
 use crate::factor::{Factor, packed_len};
-use crate::wire::{FactorPart, ReadFactor, Request};
+use crate::wire::{Belief, BodyPrior, FactorPart, ReadFactor, Request};
 
 /// An application that moves, and its clock in steps.
 struct Moving {
@@ -193,4 +193,205 @@ fn what_is_no_factor_or_no_copy_has_no_numbers() {
         });
         assert!(messages.contains(&expected), "{read:?}");
     }
+}
+
+/// Viscous friction of FR's hip, whose prior is tried.
+const VISCOUS: EffectAt = EffectAt {
+    leg: 0,
+    joint: 0,
+    effect: 0,
+};
+
+/// Value and standard deviation of that friction, and FR's, as told last of a second and a half.
+fn viscous(app: &mut Moving) -> (f32, f32, Estimate) {
+    let messages = app.run(750);
+    let estimate = last_estimate(&messages, 0).clone();
+    let place = LEG_INERTIAL;
+    (estimate.values[place], estimate.std[place], estimate)
+}
+
+#[test]
+fn a_prior_that_the_host_sets_holds_until_a_reset() {
+    let mut app = Moving::new();
+    let (free, _, _) = viscous(&mut app);
+    assert!((free - 0.7).abs() > 0.1, "the data say {free}");
+    let belief = Belief {
+        mean: 0.7,
+        std: 1e-5,
+    };
+    app.ask(1, Action::SetEffectPrior(VISCOUS, belief));
+    app.ask(1, Action::SetEffectPrior(VISCOUS, belief));
+    let accepted = (1, Outcome::Accepted);
+    assert_eq!(answers(&mut app, 20), [accepted, accepted]);
+    let (held, std, _) = viscous(&mut app);
+    assert!((held - 0.7).abs() < 1e-4 && std < 1.1e-5, "{held} {std}");
+    // Dropping the effect and adding it does not take it back.
+    app.ask(2, Action::DropEffect(VISCOUS));
+    app.ask(3, Action::AddEffect(VISCOUS));
+    assert_eq!(answers(&mut app, 20).len(), 2);
+    let (held, ..) = viscous(&mut app);
+    assert!((held - 0.7).abs() < 1e-4, "{held}");
+    app.ask(4, Action::Reset);
+    let (free, ..) = viscous(&mut app);
+    assert!((free - 0.7).abs() > 0.1, "the data say {free}");
+}
+
+#[test]
+fn a_body_is_known_as_well_as_the_host_says() {
+    let mut app = Moving::new();
+    let (.., loose) = viscous(&mut app);
+    let known = BodyPrior {
+        leg: 0,
+        body: 2,
+        uncertainty: 1e-3,
+    };
+    app.ask(1, Action::SetBodyPrior(known));
+    let (.., tight) = viscous(&mut app);
+    let mass = 2 * crate::inertia::INERTIAL;
+    let cad = leg_masses()[2] as f32;
+    assert!(loose.std[mass] > 5e-3 * cad, "{}", loose.std[mass]);
+    assert!(tight.std[mass] <= 1e-3 * cad * 1.001, "{}", tight.std[mass]);
+    assert!((tight.values[mass] - cad).abs() < 5e-3 * cad);
+    // And as little.
+    let unknown = BodyPrior {
+        uncertainty: 10.0,
+        ..known
+    };
+    app.ask(2, Action::SetBodyPrior(unknown));
+    let (.., vague) = viscous(&mut app);
+    assert!(vague.std[mass] > loose.std[mass], "{}", vague.std[mass]);
+}
+
+fn leg_masses() -> [f64; JOINTS_PER_LEG] {
+    let leg = crate::go2::leg::<f64>(Leg::FR);
+    leg.bodies().map(|body| body.inertia.mass())
+}
+
+#[test]
+fn a_prior_that_cannot_be_is_refused_and_changes_nothing() {
+    let mut app = Moving::new();
+    let (before, ..) = viscous(&mut app);
+    let beliefs = [
+        (f32::NAN, 1.0),
+        (f32::INFINITY, 1.0),
+        (0.1, f32::NAN),
+        (0.1, f32::INFINITY),
+        (0.1, 0.0),
+        (0.1, -1.0),
+        // Viscous friction that drives.
+        (-0.1, 1.0),
+    ];
+    for (id, (mean, std)) in (1..).zip(beliefs) {
+        app.ask(id, Action::SetEffectPrior(VISCOUS, Belief { mean, std }));
+    }
+    for (id, uncertainty) in (8..).zip([f32::NAN, 0.0, -0.1, f32::INFINITY]) {
+        let prior = BodyPrior {
+            leg: 0,
+            body: 0,
+            uncertainty,
+        };
+        app.ask(id, Action::SetBodyPrior(prior));
+    }
+    let answers = answers(&mut app, 40);
+    assert_eq!(answers.len(), 11);
+    let refused = |(_, outcome): &(u32, Outcome)| *outcome == Outcome::OutOfRange;
+    assert!(answers.iter().all(refused), "{answers:?}");
+    let (after, ..) = viscous(&mut app);
+    assert!((after - before).abs() < 0.05, "{before} {after}");
+}
+
+#[test]
+fn what_is_asked_of_no_leg_joint_or_body_is_refused() {
+    let mut app = Moving::new();
+    let belief = Belief {
+        mean: 0.1,
+        std: 0.1,
+    };
+    let body = |leg, body| {
+        Action::SetBodyPrior(BodyPrior {
+            leg,
+            body,
+            uncertainty: 0.1,
+        })
+    };
+    let at = |leg, joint, effect| EffectAt { leg, joint, effect };
+    let asked = [
+        (
+            Action::SetEffectPrior(at(4, 0, 0), belief),
+            Outcome::NoSuchLeg,
+        ),
+        (
+            Action::SetEffectPrior(at(0, 3, 0), belief),
+            Outcome::NoSuchJoint,
+        ),
+        (
+            Action::SetEffectPrior(at(0, 0, 10), belief),
+            Outcome::NoSuchEffect,
+        ),
+        (body(4, 0), Outcome::NoSuchLeg),
+        (body(0, 3), Outcome::NoSuchJoint),
+        (Action::SetLegs(16), Outcome::NoSuchLeg),
+        (Action::AddEffect(at(4, 0, 0)), Outcome::NoSuchLeg),
+    ];
+    for (id, (action, outcome)) in (1..).zip(asked) {
+        app.ask(id, action);
+        assert_eq!(answers(&mut app, 3), [(id, outcome)], "{action:?}");
+    }
+}
+
+/// Legs that the messages' estimates and diagnoses are of.
+fn spoken_of(messages: &[DeviceMessage]) -> (Vec<u8>, Vec<u8>) {
+    let (mut estimates, mut diagnoses) = (Vec::new(), Vec::new());
+    for message in messages {
+        match message {
+            DeviceMessage::Estimate(estimate) => estimates.push(estimate.leg),
+            DeviceMessage::Diagnosis(diagnosis) => diagnoses.push(diagnosis.at.leg),
+            _ => {}
+        }
+    }
+    (estimates, diagnoses)
+}
+
+#[test]
+fn legs_that_are_not_listened_to_are_kept_as_they_are() {
+    let mut app = Moving::new();
+    app.run(3_000);
+    // What waits is heard and folded in, what is under way is told.
+    app.ask(1, Action::SetLegs(0b0010));
+    let messages = app.run(300);
+    let hello = messages.iter().find_map(|message| match message {
+        DeviceMessage::Hello(hello) => Some(hello.listens_to),
+        _ => None,
+    });
+    assert_eq!(hello, Some(0b0010));
+    let counters = |app: &Moving| app.app.app.counters(&app.app.memory, 0).legs;
+    let triangle = |app: &Moving| app.app.memory.0[0].factor(0, 0).packed().to_vec();
+    let (before, held) = (counters(&app), triangle(&app));
+    let (estimates, diagnoses) = spoken_of(&app.run(2_000));
+    let after = counters(&app);
+    // Four seconds, four a second.
+    assert!((15..=16).contains(&estimates.len()), "{estimates:?}");
+    assert!(!diagnoses.is_empty());
+    assert!(estimates.iter().chain(&diagnoses).all(|leg| *leg == 1));
+    for leg in [0, 2, 3] {
+        assert_eq!(before[leg].samples, after[leg].samples);
+        // Three replies a cycle.
+        assert_eq!(
+            after[leg].unheard_bytes,
+            before[leg].unheard_bytes + 2_000 * 48
+        );
+    }
+    assert_eq!(after[1].samples, before[1].samples + 2_000);
+    assert_eq!(held, triangle(&app));
+
+    app.ask(2, Action::SetLegs(0b1111));
+    let (estimates, _) = spoken_of(&app.run(1_000));
+    assert!((0..4).all(|leg| estimates.contains(&leg)), "{estimates:?}");
+    let [fr, ..] = counters(&app);
+    assert_eq!(fr.used, fr.samples);
+    assert_eq!((fr.gaps, fr.late), (1, 0));
+    // Nobody at all.
+    app.ask(3, Action::SetLegs(0));
+    app.run(300);
+    assert_eq!(spoken_of(&app.run(1_000)), (Vec::new(), Vec::new()));
 }

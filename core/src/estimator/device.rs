@@ -14,11 +14,13 @@
 //! folds directly; from there on the solution is the same code.
 
 mod base;
+mod beliefs;
 mod change;
 mod folds;
 mod gather;
 
 pub use base::LegBase;
+pub use beliefs::Beliefs;
 pub use change::{BlockTest, Change, ChangeKind, Verdict};
 pub use folds::DeviceFolds;
 pub use gather::Gather;
@@ -232,7 +234,7 @@ impl Active {
 }
 
 /// What is known before any data of effect n at a joint, and its bounds; of the parameter beyond its neutral value.
-pub(crate) fn effect_prior(joint: usize, n: usize) -> EffectPrior {
+fn effect_prior(joint: usize, n: usize) -> EffectPrior {
     let effect = COLUMNS[n % DEVICE_COLUMNS];
     let parameter = effect.description().parameters.first();
     let (neutral, lower, upper) = parameter.map_or((0.0, f64::NEG_INFINITY, f64::INFINITY), |p| {
@@ -254,13 +256,13 @@ impl<T: Real> DevicePrior<T> {
     pub fn of(which: Leg, active: &Active) -> Self {
         let cad = leg::<T>(which).bodies().map(|body| body.inertia);
         let mut prior = Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], Vec::new());
-        prior.activate(active);
+        prior.activate(active, &Beliefs::NONE);
         prior
     }
 
-    /// Becomes the prior of a model with other effects.
-    pub fn activate(&mut self, active: &Active) {
-        let priors = active.effects().map(|(joint, n)| effect_prior(joint, n));
+    /// Becomes the prior of a model with other effects, or of other beliefs of them.
+    pub fn activate(&mut self, active: &Active, beliefs: &Beliefs) {
+        let priors = active.effects().map(|(joint, n)| beliefs.prior(joint, n));
         // There is room for all effects.
         let mut effects = Vec::new();
         for prior in priors {

@@ -14,11 +14,11 @@ mod prior;
 mod solver;
 
 pub use device::{
-    Active, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds,
-    DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather, LONGEST_TRIANGLE, LegBase,
-    Verdict,
+    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns,
+    DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
+    LONGEST_TRIANGLE, LegBase, Verdict,
 };
-pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS, effect_prior};
+pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS};
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};

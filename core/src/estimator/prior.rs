@@ -59,17 +59,30 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
         self.effects = effects;
     }
 
-    /// Takes a body to be within `uncertainty` of the CAD's from now on, if that is more than before; the share of the prior's
-    /// information that is left.
-    pub(crate) fn loosen(&mut self, b: usize, uncertainty: T) -> T {
-        let (Some(before), Some(body)) = (self.uncertainty.get_mut(b), self.bodies.get_mut(b))
-        else {
-            return T::one();
+    /// How well each body is known, relative to the CAD's.
+    pub(crate) fn uncertainty(&self) -> &[T; B] {
+        &self.uncertainty
+    }
+
+    /// Takes a body to be within `uncertainty` of the CAD's from now on; nothing, where there is no such body.
+    pub(crate) fn set_uncertainty(&mut self, b: usize, uncertainty: T) {
+        let Some(known) = self.cad.get(b).and_then(|cad| cad.prior(uncertainty)) else {
+            return;
         };
-        let share = (*before / uncertainty).min(T::one());
-        *before = before.max(uncertainty);
-        body.forget(share * share);
-        share * share
+        if let (Some(before), Some(body)) = (self.uncertainty.get_mut(b), self.bodies.get_mut(b)) {
+            (*before, *body) = (uncertainty, known);
+        }
+    }
+
+    /// The same, if that is less than was known before.
+    pub(crate) fn loosen(&mut self, b: usize, uncertainty: T) {
+        if self
+            .uncertainty
+            .get(b)
+            .is_some_and(|before| *before < uncertainty)
+        {
+            self.set_uncertainty(b, uncertainty);
+        }
     }
 
     pub(crate) fn effects_mut(&mut self) -> &mut [EffectPrior] {

@@ -16,7 +16,9 @@ mod request;
 mod tests;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
-pub use request::{Action, Answer, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request};
+pub use request::{
+    Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request,
+};
 
 use heapless::{String, Vec};
 use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
@@ -95,6 +97,8 @@ pub struct Hello {
     pub capacities: Capacities,
     /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
     pub load_unit: String<16>,
+    /// Legs that it listens to, bit n for the n-th in SDK order: [`Action::SetLegs`].
+    pub listens_to: u8,
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -259,6 +263,8 @@ pub struct LegCounters {
     pub skipped_bytes: u32,
     /// Bytes that found no room: the bus brought more than steps have time for.
     pub lost_bytes: u32,
+    /// Bytes of a bus that the device was told not to listen to: [`Action::SetLegs`].
+    pub unheard_bytes: u32,
     /// Good replies that are in no sample: of an id that is none of the leg's motors', or of a cycle that is counted in one
     /// of the next five.
     pub unused_replies: u32,
@@ -303,6 +309,7 @@ impl LegCounters {
         short: 0,
         skipped_bytes: 0,
         lost_bytes: 0,
+        unheard_bytes: 0,
         unused_replies: 0,
         incomplete: 0,
         motor_faults: 0,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub const MAX_PART: usize = 64;
 
 /// Something to be done once, however often it is heard: a host that got no answer asks again with the same `id`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Request {
     /// The host's choice, another one for each request. A host begins at a random number, so that a device does not take its
     /// requests for those of the host before.
@@ -17,8 +17,8 @@ pub struct Request {
     pub action: Action,
 }
 
-/// What can be done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+/// What can be done. [`Reset`](Action::Reset) takes back what all others have set.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Action {
     /// Forget all data and counts.
     Reset,
@@ -28,6 +28,34 @@ pub enum Action {
     DropEffect(EffectAt),
     /// Have data of so many seconds ago weigh 1/e from now on, block by block of 2 s; 0, as after a reset: as much as new ones.
     SetMemory(u32),
+    /// Take this to be what is known of an effect's parameter before any data, in place of the catalogue's prior; whether the model has
+    /// the effect or not.
+    SetEffectPrior(EffectAt, Belief),
+    /// Take the CAD's inertial parameters of a body to be known so well.
+    SetBodyPrior(BodyPrior),
+    /// Listen to these legs alone, bit n for the n-th in SDK order, and solve them alone. What is known of the others is kept as it is.
+    SetLegs(u8),
+}
+
+/// What is known of a parameter before any data: a normal distribution.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct Belief {
+    /// Expected value, within the effect's bounds; SI.
+    pub mean: f32,
+    /// Its standard deviation, positive and finite; SI.
+    pub std: f32,
+}
+
+/// How well a body is known before any data.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct BodyPrior {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// The body's place in the leg, its joint's.
+    pub body: u8,
+    /// Relative standard deviation of the CAD's mass, and with it of all inertial parameters:
+    /// [`InertialParameters::prior`](crate::inertia::InertialParameters::prior). 0.001 to 100; 0.1 after a reset.
+    pub uncertainty: f32,
 }
 
 /// What became of a [`Request`]; the same each time that it is asked.
@@ -44,7 +72,9 @@ pub struct Answer {
 pub enum Outcome {
     /// Done: the next estimate of the leg is of the new model.
     Accepted,
-    /// The robot has no such joint.
+    /// The robot has no such leg.
+    NoSuchLeg,
+    /// The robot has no such joint or body.
     NoSuchJoint,
     /// The firmware keeps no columns for such an effect.
     NoSuchEffect,
@@ -52,6 +82,8 @@ pub enum Outcome {
     AlreadyActive,
     /// The model does not have it.
     NotActive,
+    /// A number is not finite, or beyond what its field may be; nothing was changed.
+    OutOfRange,
 }
 
 /// An effect at a joint.

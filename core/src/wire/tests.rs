@@ -28,6 +28,7 @@ fn hello() -> Hello {
             scalar_bits: 255,
         },
         load_unit: String::try_from("1234567890123456").unwrap(),
+        listens_to: 255,
         effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
             String::try_from("123456789012345678901234").unwrap()
         })
@@ -61,6 +62,7 @@ fn largest() -> [DeviceMessage; 8] {
         short: m,
         skipped_bytes: m,
         lost_bytes: m,
+        unheard_bytes: m,
         unused_replies: m,
         incomplete: m,
         motor_faults: m,
@@ -121,7 +123,7 @@ fn largest() -> [DeviceMessage; 8] {
         }),
         DeviceMessage::Answer(Answer {
             id: m,
-            outcome: Outcome::NotActive,
+            outcome: Outcome::OutOfRange,
         }),
         DeviceMessage::FactorPart(FactorPart {
             read: READ,

@@ -6,10 +6,11 @@ use super::{
 };
 use crate::Real;
 use crate::base_parameters::BaseParameters;
-use crate::estimator::LEG_INERTIAL;
+use crate::estimator::{CAD_UNCERTAINTY, LEG_INERTIAL};
 use crate::factor::{Factor, FactorError, packed_len};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
+use crate::scalar::real;
 
 /// The base parameters of a leg's joints, and the CAD prior on them.
 #[derive(Clone, Copy, Debug)]
@@ -152,10 +153,14 @@ impl<T: Real> LegBase<T> {
             .unwrap_or(&[])
     }
 
-    /// Takes the prior of a body to be worth so much less, for all joints that move it.
-    pub(crate) fn loosen(&mut self, body: usize, share: T) {
-        for trust in self.trust.iter_mut().take(body + 1) {
-            *trust *= share;
+    /// Takes the bodies to be known so well, relative to the CAD's. For a joint the prior is worth less by each body that it moves and that is
+    /// known less than when the leg was analysed; one that is known better makes it worth no more, for it is one of several.
+    pub(crate) fn set_uncertainty(&mut self, uncertainty: &[T; JOINTS_PER_LEG]) {
+        let mut left = T::one();
+        for (trust, uncertainty) in self.trust.iter_mut().zip(uncertainty).rev() {
+            let share = (real::<T>(CAD_UNCERTAINTY) / *uncertainty).min(T::one());
+            left *= share * share;
+            *trust = left;
         }
     }
 
