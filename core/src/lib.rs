@@ -18,7 +18,8 @@
 //! 8. [`estimator`]: a limb's factors, its prior and its solution in bounded steps.
 //! 9. [`consistent`]: the solution in which every body could exist and no friction is negative.
 //! 10. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 11. [`app`]: the whole line, one bounded step at a time, with time as an argument.
+//! 11. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
+//!     [`storage`] has a stand-in.
 //!
 //! # The equation
 //!
@@ -55,6 +56,7 @@ pub mod inertia;
 pub mod regressor;
 mod scalar;
 pub mod spatial;
+pub mod storage;
 pub mod tree;
 pub mod window;
 pub mod wire;

@@ -5,6 +5,7 @@
 #![no_std]
 
 pub mod board;
+pub mod crash;
 pub mod stack;
 
 /// What the firmware computes with: both work; feature `single` picks the smaller.
@@ -13,6 +14,9 @@ pub type Scalar = f64;
 /// What the firmware computes with.
 #[cfg(feature = "single")]
 pub type Scalar = f32;
+
+/// The commit that this was built of, with a `+` behind it if the sources were others; empty where there was no git.
+pub const GIT: &str = env!("PROPRIO_GIT");
 
 /// Version told to the host.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

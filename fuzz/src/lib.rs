@@ -19,7 +19,7 @@ use proprio::log::{LogReader, Selection};
 use proprio::model::{Model, Robot};
 use proprio::monitor::{Entry, JournalReader, View};
 use proprio::recording::Recording;
-use proprio_core::app::{App, Identity, Memory};
+use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::bus::{Command, Listener, Queue, Reply};
 use proprio_core::wire::{DeviceMessage, HostMessage, MAX_FRAME, Message, Receiver, Sender};
 
@@ -71,6 +71,7 @@ pub fn step(bytes: &[u8]) {
     let identity = Identity {
         firmware: "fuzz",
         board: "desktop",
+        start: Start::UNKNOWN,
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns: 2500,

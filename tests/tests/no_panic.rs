@@ -169,6 +169,8 @@ fn nothing_that_a_step_reaches_can_panic() {
         let image = Image::read(scalar);
         let ways = image.panics(&["proprio_core", "3app", "App", "4step"]);
         assert!(ways.is_empty(), "{}:\n{}", scalar.name(), ways.join("\n"));
+        let ways = image.panics(&["proprio_core", "3app", "App", "4keep"]);
+        assert!(ways.is_empty(), "{}:\n{}", scalar.name(), ways.join("\n"));
         // What the board does before its first step may: it is how this test would notice.
         let main = image.panics(&["__cortex_m_rt_main"]);
         assert!(main.iter().any(|way| way.contains("panicking")), "{main:?}");

@@ -6,8 +6,9 @@ use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
-    Active, Beliefs, BlockTest, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds,
-    DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict, plausible,
+    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns,
+    DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
+    plausible,
 };
 use crate::factor::{Factor, FactorError};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
@@ -62,6 +63,21 @@ impl<T: Real> LegData<T> {
             test: BlockTest::empty(),
             queue: Queue::new(),
         }
+    }
+
+    /// What is folded in.
+    pub(super) fn folds(&self) -> &DeviceFolds<T> {
+        &self.folds
+    }
+
+    /// What is folded in, to be what it was.
+    pub(super) fn folds_mut(&mut self) -> &mut DeviceFolds<T> {
+        &mut self.folds
+    }
+
+    /// Which columns the joints' factors have.
+    pub(super) fn independent(&self) -> impl Iterator<Item = u8> + '_ {
+        self.base.independent.iter().flatten().copied()
     }
 
     /// A joint's factor in one fold.
@@ -177,6 +193,23 @@ impl<T: Real> LegLine<T> {
             surplus: self.surplus,
             ..self.counters
         }
+    }
+
+    /// Samples, and what should have become some and did not.
+    pub(super) fn health(&self) -> (u32, u32) {
+        let counters = &self.counters;
+        let refused = counters.rejected.wrapping_add(counters.unfolded);
+        let lost = refused
+            .wrapping_add(counters.unsolved)
+            .wrapping_add(self.surplus);
+        let heard = self.listener.get().map_or(0, |listener| {
+            let (frames, cycles) = (listener.frames(), listener.cycles());
+            let faults = cycles.motor_faults.wrapping_add(cycles.overheated);
+            let faults = faults.wrapping_add(cycles.stuck);
+            let frames = frames.bad_crc.wrapping_add(frames.short);
+            faults.wrapping_add(cycles.incomplete).wrapping_add(frames)
+        });
+        (counters.samples, lost.wrapping_add(heard))
     }
 
     pub(super) fn count_unsolved(&mut self) {
@@ -505,6 +538,63 @@ impl<T: Real> LegLine<T> {
             data.base.set_uncertainty(prior.uncertainty());
         }
         possible
+    }
+
+    /// How well a body is known, relative to the CAD's.
+    pub(super) fn uncertainty(&self, body: usize) -> Option<T> {
+        self.prior.get()?.uncertainty().get(body).copied()
+    }
+
+    /// Which effects the joints' models have.
+    pub(super) fn active(&self) -> &Active {
+        &self.active
+    }
+
+    /// What the host has said of effects.
+    pub(super) fn beliefs(&self) -> &Beliefs {
+        &self.beliefs
+    }
+
+    /// The joints' noise by the last solution, N m.
+    pub(super) fn noise(&self) -> &[T; JOINTS_PER_LEG] {
+        &self.noise
+    }
+
+    /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
+    pub(super) fn memory_s(&self) -> u32 {
+        self.memory_s
+    }
+
+    /// Takes a body's uncertainty from a snapshot.
+    pub(super) fn restore_uncertainty(&mut self, body: usize, uncertainty: T) {
+        if let Some(prior) = self.prior.get_mut() {
+            prior.set_uncertainty(body, uncertainty);
+        }
+    }
+
+    /// Takes a joint's effects from a snapshot.
+    pub(super) fn restore_active(&mut self, joint: usize, effects: u32) {
+        (0..COLUMNS.len()).for_each(|n| self.active.set(joint, n, effects >> n & 1 == 1));
+    }
+
+    /// Takes one number of what is believed from a snapshot.
+    pub(super) fn restore_belief(&mut self, n: usize, number: f32) {
+        self.beliefs.set_number(n, number);
+    }
+
+    /// Takes a joint's noise from a snapshot, N m.
+    pub(super) fn restore_noise(&mut self, joint: usize, noise: T) {
+        if let Some(place) = self.noise.get_mut(joint) {
+            *place = noise;
+        }
+    }
+
+    /// Goes on with what was taken from a snapshot.
+    pub(super) fn restored(&mut self, data: &mut LegData<T>) {
+        if let Some(prior) = self.prior.get_mut() {
+            prior.activate(&self.active, &self.beliefs);
+            data.base.set_uncertainty(prior.uncertainty());
+        }
     }
 
     /// Counts what a bus brought that nobody listens to.

@@ -27,6 +27,7 @@ mod leg;
 mod request_tests;
 mod requests;
 mod slot;
+mod snapshot;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -39,14 +40,17 @@ use crate::estimator::{
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
-    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, SCHEMA,
+    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
 };
 use copy::FactorCopy;
 use diagnosis::{Diagnosis, Verdict};
+use embedded_storage::nor_flash::NorFlash;
 use heapless::{String, Vec};
 use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
 use slot::Slot;
+pub use snapshot::SNAPSHOT_US;
+use snapshot::{Snapshots, Source};
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -73,6 +77,8 @@ pub struct Identity {
     pub firmware: &'static str,
     /// Name of the board; 24 bytes at most are told.
     pub board: &'static str,
+    /// Why it runs, and what.
+    pub start: Start,
     /// What [`App::record_cost`] is told; 16 bytes at most.
     pub load_unit: &'static str,
     /// A step that costs more is counted as over budget.
@@ -82,14 +88,44 @@ pub struct Identity {
     pub byte_ns: u32,
 }
 
+/// What a board knows of its start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Start {
+    /// The commit that the firmware was built of; 16 bytes at most are told.
+    pub git: &'static str,
+    /// Why it started.
+    pub reset: Reset,
+    /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
+    pub crash: &'static str,
+}
+
+impl Start {
+    /// Nothing is known of it.
+    pub const UNKNOWN: Self = Self {
+        git: "",
+        reset: Reset::Unknown,
+        crash: "",
+    };
+}
+
 /// Of an application that has not been told who it is.
 const NOBODY: Identity = Identity {
     firmware: "",
     board: "",
+    start: Start::UNKNOWN,
     load_unit: "",
     budget: u32::MAX,
     byte_ns: 0,
 };
+
+/// What is told without a host: sums that grow, and wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Samples of all legs.
+    pub samples: u32,
+    /// What was lost or refused of all buses and of the host link, and steps over budget.
+    pub losses: u32,
+}
 
 /// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
 pub struct Memory<T: Real>([LegData<T>; LEGS], FactorCopy<T>);
@@ -126,6 +162,9 @@ pub struct App<T: Real> {
     /// A solution to be told.
     solved: Slot<(Leg, u64)>,
     requests: Requests,
+    snapshots: Snapshots,
+    /// Another number after each change that the host has made.
+    settings: u32,
     hello_at: u64,
     counters_at: u64,
     load: Load,
@@ -156,6 +195,8 @@ impl<T: Real> App<T> {
             next: (Leg::FR, 0),
             solved: Slot::Empty,
             requests: Requests::new(),
+            snapshots: Snapshots::new(),
+            settings: 0,
             hello_at: 0,
             counters_at: 0,
             load: Load::ZERO,
@@ -203,9 +244,26 @@ impl<T: Real> App<T> {
         let Some(request) = self.requests.next() else {
             return;
         };
-        let outcome = match request.action {
+        let outcome = self.outcome(memory, request.action);
+        let id = request.id;
+        self.requests.answer(Answer { id, outcome });
+    }
+
+    /// Does what is asked.
+    fn outcome(&mut self, memory: &mut Memory<T>, action: Action) -> Outcome {
+        if action == Action::Keep {
+            return match self.snapshots.want() {
+                true => Outcome::Accepted,
+                false => Outcome::NoStorage,
+            };
+        }
+        self.settings = self.settings.wrapping_add(1);
+        match action {
+            Action::Keep => Outcome::Accepted,
             Action::Reset => {
                 self.reset(memory);
+                // Else the next start would bring back what was to be forgotten.
+                self.snapshots.want();
                 Outcome::Accepted
             }
             Action::AddEffect(at) => self.change(true, at),
@@ -223,9 +281,33 @@ impl<T: Real> App<T> {
                 self.hello_at = 0;
                 Outcome::Accepted
             }
+        }
+    }
+
+    /// Becomes what it was when the newest whole snapshot in `flash` was made, if that is of the same schema, robot and model; the
+    /// hello says what became of it. From then on [`keep`](Self::keep) writes snapshots there.
+    ///
+    /// For the start, after [`begin`](Self::begin) and before the first step: it takes as long as reading the flash does.
+    pub fn restore(&mut self, memory: &mut Memory<T>, flash: &mut impl NorFlash) {
+        if !self.begun {
+            self.reset(memory);
+        }
+        self.snapshots.open(flash, &mut self.legs, &mut memory.0);
+    }
+
+    // A symbol of its own, like `step`.
+    /// Does a step of the snapshot that is due, if one is: every [`SNAPSHOT_US`], after a reset, and when the host asks for one. To be called after
+    /// each step, with the flash of [`restore`](Self::restore); four words of 32 bytes at most are written, or one erasure begun.
+    ///
+    /// A flash that is busy, or erases in the background, returns any error: the same is tried with the next call.
+    #[inline(never)]
+    pub fn keep(&mut self, memory: &Memory<T>, flash: &mut impl NorFlash, now_us: u64) {
+        let source = Source {
+            lines: &self.legs,
+            data: &memory.0,
+            settings: self.settings,
         };
-        let id = request.id;
-        self.requests.answer(Answer { id, outcome });
+        self.snapshots.advance(flash, &source, now_us);
     }
 
     /// The leg, the joint's place in it, and the effect's in [`COLUMNS`].
@@ -304,6 +386,7 @@ impl<T: Real> App<T> {
 
     /// Everything counted up to `now_us`.
     pub fn counters(&self, memory: &Memory<T>, now_us: u64) -> Counters {
+        let [snapshots, snapshots_failed] = self.snapshots.counts();
         Counters {
             time_us: now_us,
             legs: core::array::from_fn(|leg| match (self.legs.get(leg), memory.0.get(leg)) {
@@ -315,8 +398,26 @@ impl<T: Real> App<T> {
             frames_dropped: self.losses.frames_dropped,
             buses: self.losses.buses,
             host_line: self.losses.host_line,
+            snapshots,
+            snapshots_failed,
             load: self.load,
         }
+    }
+
+    /// What a board's lights tell.
+    pub fn health(&self) -> Health {
+        let mut health = Health::default();
+        for line in &self.legs {
+            let (samples, losses) = line.health();
+            health.samples = health.samples.wrapping_add(samples);
+            health.losses = health.losses.wrapping_add(losses);
+        }
+        let lines = self.losses.buses.iter().chain([&self.losses.host_line]);
+        let lost = lines.fold(self.load.over_budget, |sum, line| {
+            sum.wrapping_add(line.overruns).wrapping_add(line.errors)
+        });
+        health.losses = health.losses.wrapping_add(lost);
+        health
     }
 
     /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came: on the clock of the steps. It waits
@@ -498,7 +599,10 @@ impl<T: Real> App<T> {
         Hello {
             schema: SCHEMA,
             firmware: text(identity.firmware),
+            git: text(identity.start.git),
             board: text(identity.board),
+            reset: identity.start.reset,
+            crash: text(identity.start.crash),
             capacities: Capacities {
                 legs: LEGS as u8,
                 joints_per_leg: JOINTS_PER_LEG as u8,
@@ -509,6 +613,7 @@ impl<T: Real> App<T> {
             },
             load_unit: text(identity.load_unit),
             listens_to: self.listens_to,
+            kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }
     }

@@ -17,6 +17,7 @@ const SILENT_STEPS: u64 = 600;
 pub(super) const DESKTOP: Identity = Identity {
     firmware: "test",
     board: "desktop",
+    start: Start::UNKNOWN,
     load_unit: "instructions",
     budget: 10,
     byte_ns: 0,
@@ -269,7 +270,7 @@ fn commands_that_make_no_sense_are_refused_with_the_reason() {
     let active = column(EffectKind::Viscous);
     let candidate = column(EffectKind::Delay);
     for (id, (add, at, outcome)) in (7..).zip([
-        (true, at(4, 0, 0), Outcome::NoSuchJoint),
+        (true, at(4, 0, 0), Outcome::NoSuchLeg),
         (true, at(0, 3, 0), Outcome::NoSuchJoint),
         (true, at(0, 0, 11), Outcome::NoSuchEffect),
         (false, at(0, 0, 255), Outcome::NoSuchEffect),

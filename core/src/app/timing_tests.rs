@@ -65,6 +65,7 @@ fn noise_and_share(timing: &Timing) -> ([f64; 3], f64) {
     let identity = Identity {
         firmware: "test",
         board: "desktop",
+        start: Start::UNKNOWN,
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns,

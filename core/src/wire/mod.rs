@@ -91,16 +91,52 @@ pub struct Hello {
     pub schema: [u8; 8],
     /// Version of the firmware.
     pub firmware: String<24>,
+    /// The commit that it was built of, with a `+` behind it if the sources were others; empty where that is not known.
+    pub git: String<16>,
     /// Name of the board.
     pub board: String<24>,
+    /// Why it started.
+    pub reset: Reset,
+    /// What ended the run before, if that was a panic or a fault: where and what, in words; else empty.
+    pub crash: String<64>,
     /// What the device can hold.
     pub capacities: Capacities,
     /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
     pub load_unit: String<16>,
+    /// What has become of what was kept before the start.
+    pub kept: Kept,
     /// Legs that it listens to, bit n for the n-th in SDK order: [`Action::SetLegs`].
     pub listens_to: u8,
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
+}
+
+/// Why a board started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Reset {
+    /// It cannot tell, or none of the following.
+    Unknown,
+    /// The power came, or came back after it was low.
+    Power,
+    /// The reset button, or a programmer.
+    Pin,
+    /// The firmware itself, after a panic or a fault.
+    Software,
+    /// The watchdog: the firmware had stopped.
+    Watchdog,
+}
+
+/// What a device has found in its flash when it started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Kept {
+    /// It has none.
+    NoStorage,
+    /// No whole snapshot.
+    Nothing,
+    /// A snapshot, and it goes on from there.
+    Restored,
+    /// A snapshot of another firmware's messages, another robot or another model: it began anew.
+    OfAnother,
 }
 
 /// Sizes fixed when the firmware was compiled.
@@ -205,6 +241,10 @@ pub struct Counters {
     pub host_line: LineLosses,
     /// Cost of the ticks.
     pub load: Load,
+    /// Snapshots written since the start.
+    pub snapshots: u32,
+    /// Snapshots given up: the flash refused them, or what was to be kept never stood still.
+    pub snapshots_failed: u32,
 }
 
 /// What never got from a line to the application.

@@ -35,6 +35,9 @@ pub enum Action {
     SetBodyPrior(BodyPrior),
     /// Listen to these legs alone, bit n for the n-th in SDK order, and solve them alone. What is known of the others is kept as it is.
     SetLegs(u8),
+    /// Write what is known and what was set to the board's flash now, so that the next start goes on from there. Done when
+    /// [`Counters::snapshots`](super::Counters::snapshots) has grown, some seconds later.
+    Keep,
 }
 
 /// What is known of a parameter before any data: a normal distribution.
@@ -84,6 +87,8 @@ pub enum Outcome {
     NotActive,
     /// A number is not finite, or beyond what its field may be; nothing was changed.
     OutOfRange,
+    /// The board has nowhere to keep it.
+    NoStorage,
 }
 
 /// An effect at a joint.

@@ -28,7 +28,18 @@ fn hello() -> Hello {
             scalar_bits: 255,
         },
         load_unit: String::try_from("1234567890123456").unwrap(),
+        git: String::try_from("1234567890123456").unwrap(),
+        reset: Reset::Watchdog,
+        crash: String::try_from(
+            [b'x'; 64]
+                .map(char::from)
+                .iter()
+                .collect::<std::string::String>()
+                .as_str(),
+        )
+        .unwrap(),
         listens_to: 255,
+        kept: Kept::OfAnother,
         effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
             String::try_from("123456789012345678901234").unwrap()
         })
@@ -111,6 +122,8 @@ fn largest() -> [DeviceMessage; 8] {
             buses: [line; LEGS],
             host_line: line,
             load,
+            snapshots: m,
+            snapshots_failed: m,
         }),
         DeviceMessage::Diagnosis(Diagnosis {
             at: AT,
@@ -123,7 +136,7 @@ fn largest() -> [DeviceMessage; 8] {
         }),
         DeviceMessage::Answer(Answer {
             id: m,
-            outcome: Outcome::OutOfRange,
+            outcome: Outcome::NoStorage,
         }),
         DeviceMessage::FactorPart(FactorPart {
             read: READ,

@@ -5,20 +5,21 @@
 #![no_std]
 #![no_main]
 
-use cortex_m_rt::{ExceptionFrame, entry, exception};
-use cortex_m_semihosting::debug::{EXIT_FAILURE, exit};
+use cortex_m_rt::entry;
 use defmt_semihosting as _;
-use proprio_core::app::{App, Identity, Memory};
+use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::wire::{
-    Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Receiver, Sender,
+    Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Receiver, Reset, Sender,
 };
 use proprio_firmware::board::mps2_an500::Board;
-use proprio_firmware::{Scalar, VERSION, stack::HighWater};
+use proprio_firmware::{GIT, Scalar, VERSION, crash, stack::HighWater};
 use static_cell::ConstStaticCell;
 
+/// Who this is, but for its start.
 const IDENTITY: Identity = Identity {
     firmware: VERSION,
     board: "mps2-an500",
+    start: Start::UNKNOWN,
     load_unit: "instructions",
     budget: 120_000,
     byte_ns: 0,
@@ -62,7 +63,21 @@ fn main() -> ! {
         time_us: 0,
     };
     let mut receiver = Receiver::<HostMessage>::default();
-    listener.app.begin(listener.memory, IDENTITY);
+    let crash = crash::take();
+    let start = Start {
+        git: GIT,
+        // The emulator's reset begins with the power.
+        reset: if crash.is_empty() {
+            Reset::Power
+        } else {
+            Reset::Software
+        },
+        crash,
+    };
+    let identity = Identity { start, ..IDENTITY };
+    listener.app.begin(listener.memory, identity);
+    let flash = &mut listener.board.flash;
+    listener.app.restore(listener.memory, flash);
     listener.step(0, [0; LEGS]);
     loop {
         let Some(byte) = listener.board.host.read() else {
@@ -135,7 +150,7 @@ impl Listener {
         }
     }
 
-    /// One step of the application, its message made a frame; both are counted, the waiting for the UART is not.
+    /// One step of the application and of its snapshot, its message made a frame; all are counted, the waiting for the UART is not.
     fn step(&mut self, time_us: u64, lengths: [u32; LEGS]) {
         self.time_us = time_us;
         let Self {
@@ -151,6 +166,7 @@ impl Listener {
             &buffer[..length]
         });
         let mut told = 0;
+        let flash = &mut self.board.flash;
         let ((), instructions) = self.board.counter.count(|| {
             for (leg, bytes) in buses.into_iter().enumerate() {
                 app.hear(memory, leg, bytes, time_us);
@@ -158,26 +174,9 @@ impl Listener {
             app.step(memory, time_us, &mut |message| {
                 told = sender.encode(message, frame).len()
             });
+            app.keep(memory, flash, time_us);
         });
         self.app.record_cost(instructions, self.stack.bytes());
         self.board.host.write(&self.frame[..told]);
-    }
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    defmt::error!("{}", defmt::Display2Format(info));
-    exit(EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
-    }
-}
-
-#[exception]
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    defmt::error!("hard fault at {:x}", frame.pc());
-    exit(EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
     }
 }

@@ -7,24 +7,28 @@
 
 use defmt_rtt as _;
 use embassy_executor::Spawner;
+use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::{mode::Async, usart::UartTx};
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::{Duration, Instant, Ticker};
-use panic_probe as _;
-use proprio_core::app::{App, Identity, Memory};
-use proprio_core::wire::{HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Receiver, Sender};
-use proprio_firmware::board::nucleo_h743zi2::{
-    BUS_BYTE_NS, Board, CORE_HZ, CycleCounter, Listening, RING,
+use proprio_core::app::{App, Identity, Memory, Start};
+use proprio_core::wire::{
+    HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Receiver, Reset, Sender,
 };
-use proprio_firmware::{Scalar, VERSION, stack::HighWater};
+use proprio_firmware::board::nucleo_h743zi2::{
+    BUS_BYTE_NS, Bank2, Board, CORE_HZ, CycleCounter, Lights, Listening, RING, Watchdog, program,
+};
+use proprio_firmware::{GIT, Scalar, VERSION, crash, stack::HighWater};
 use static_cell::ConstStaticCell;
 
 /// Time between two steps, µs.
 const TICK_US: u64 = 2000;
 
+/// Who this is, but for its start.
 const IDENTITY: Identity = Identity {
     firmware: VERSION,
     board: "nucleo-h743zi2",
+    start: Start::UNKNOWN,
     load_unit: "cycles",
     budget: (CORE_HZ as u64 * TICK_US / 1_000_000) as u32,
     byte_ns: BUS_BYTE_NS,
@@ -42,6 +46,9 @@ static FRAMES: Pipe<CriticalSectionRawMutex, { 4 * MAX_FRAME }> = Pipe::new();
 static SENDING: ConstStaticCell<[u8; 256]> = ConstStaticCell::new([0; 256]);
 
 struct Listener {
+    watchdog: Watchdog,
+    lights: Lights,
+    bank2: Bank2,
     buses: [Listening; LEGS],
     from_host: Listening,
     counter: CycleCounter,
@@ -66,7 +73,14 @@ async fn main(spawner: Spawner) {
         Ok(task) => spawner.spawn(task),
         Err(_) => panic!("the task is spawned once"),
     }
+    match keep(board.flash) {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => panic!("the task is spawned once"),
+    }
     let mut listener = Listener {
+        watchdog: board.watchdog,
+        lights: board.lights,
+        bank2: board.bank2,
         buses: board.buses,
         from_host: board.from_host,
         counter: board.counter,
@@ -80,13 +94,29 @@ async fn main(spawner: Spawner) {
         stack: HighWater::new(),
         frames_dropped: 0,
     };
-    listener.app.begin(listener.memory, IDENTITY);
+    let start = Start {
+        git: GIT,
+        reset: board.reset,
+        crash: crash::take(),
+    };
+    let identity = Identity { start, ..IDENTITY };
+    listener.app.begin(listener.memory, identity);
+    listener.app.restore(listener.memory, &mut listener.bank2);
+    if !start.crash.is_empty() {
+        defmt::error!("the run before ended: {}", start.crash);
+    }
+    listener
+        .lights
+        .crashed(!start.crash.is_empty() || start.reset == Reset::Watchdog);
+    listener.watchdog.unleash();
     let mut ticker = Ticker::every(Duration::from_micros(TICK_US));
     loop {
         ticker.next().await;
         let now_us = Instant::now().as_micros();
         listener.obey();
         listener.step(now_us);
+        listener.watchdog.pet();
+        listener.lights.show(listener.app.health(), now_us);
     }
 }
 
@@ -100,6 +130,12 @@ async fn tell(mut to_host: UartTx<'static, Async>) {
             defmt::warn!("the host link refused {} bytes", length);
         }
     }
+}
+
+/// Erases and writes the flash for snapshots, beside the steps.
+#[embassy_executor::task]
+async fn keep(flash: Flash<'static, flash::Async>) {
+    program(flash).await
 }
 
 /// What a line's driver lost.
@@ -129,13 +165,14 @@ impl Listener {
         });
     }
 
-    /// One step of the application, its message made a frame; both are counted, the copying of the bytes is not.
+    /// One step of the application and of its snapshot, its message made a frame; all are counted, the copying of the bytes is not.
     fn step(&mut self, now_us: u64) {
         let Self {
             app,
             memory,
             sender,
             frame,
+            bank2,
             ..
         } = self;
         for (leg, bus) in self.buses.iter_mut().enumerate() {
@@ -149,6 +186,7 @@ impl Listener {
             app.step(memory, now_us, &mut |message| {
                 told = sender.encode(message, frame).len();
             });
+            app.keep(memory, bank2, now_us);
         });
         self.app.record_cost(cycles, self.stack.bytes());
         self.queue(told);

@@ -19,8 +19,8 @@ use proprio_core::estimator::{
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
-use proprio_firmware::Scalar;
 use proprio_firmware::board::mps2_an500::{Board, InstructionCounter};
+use proprio_firmware::{Scalar, crash};
 use static_cell::{ConstStaticCell, StaticCell};
 
 /// Data sets: legs that rest, that swing at the limit of what is plausible, and others between.
@@ -140,6 +140,12 @@ fn sample(set: usize, n: u64, noise: &mut Noise) -> Sample<Scalar, JOINTS_PER_LE
 
 #[entry]
 fn main() -> ! {
+    // A panic resets the board; the second run says so.
+    let crash = crash::take();
+    if !crash.is_empty() {
+        hprintln!("{}", crash);
+        exit(EXIT_FAILURE);
+    }
     let Some(Board { mut counter, .. }) = Board::take() else {
         panic!("the board is taken once")
     };
@@ -299,15 +305,6 @@ fn main() -> ! {
         .filter(|step| step.2 > 0)
         .for_each(Count::print);
     exit(EXIT_SUCCESS);
-    loop {
-        cortex_m::asm::wfi();
-    }
-}
-
-#[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    hprintln!("{}", info);
-    exit(EXIT_FAILURE);
     loop {
         cortex_m::asm::wfi();
     }

@@ -7,6 +7,7 @@
 //! Registers: Arm DDI 0479, CMSDK APB UART; addresses: Arm DAI 0500.
 
 use cortex_m::peripheral::{NVIC, SYST, syst::SystClkSource};
+use proprio_core::storage::{RamFlash, SECTOR};
 
 /// One of the board's CMSDK UARTs.
 pub struct Uart {
@@ -98,6 +99,17 @@ impl InstructionCounter {
     }
 }
 
+/// Where the board's PSRAM begins, which stands for flash: QEMU can be told to keep it in a file, and then it outlives the emulator as flash
+/// outlives the power.
+const FLASH: usize = 0x6000_0000;
+/// As many sectors as the NUCLEO's second bank has.
+const FLASH_LEN: usize = 8 * SECTOR;
+/// Bytes that a step erases: 64 KiB take half a second, as quick flash does.
+const FLASH_PACE: u32 = 256;
+
+/// RAM that behaves as flash does.
+pub type Flash = RamFlash<&'static mut [u8]>;
+
 /// Everything on the board that the listener uses.
 pub struct Board {
     /// UART0.
@@ -106,6 +118,8 @@ pub struct Board {
     pub buses: [Uart; 4],
     /// SysTick.
     pub counter: InstructionCounter,
+    /// PSRAM.
+    pub flash: Flash,
     nvic: NVIC,
 }
 
@@ -123,10 +137,13 @@ impl Board {
         // SAFETY: with interrupts disabled no handler runs.
         unsafe { nvic.iser[0].write(RECEIVE_IRQS) };
         let counter = InstructionCounter::new(core.SYST);
+        // SAFETY: the linker puts nothing in the PSRAM, and this is the only place that takes it, once: `Peripherals::take` above.
+        let flash = unsafe { core::slice::from_raw_parts_mut(FLASH as *mut u8, FLASH_LEN) };
         Some(Self {
             host,
             buses,
             counter,
+            flash: RamFlash::with_pace(flash, FLASH_PACE),
             nvic,
         })
     }

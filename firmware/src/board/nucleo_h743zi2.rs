@@ -15,21 +15,33 @@
 //! The time of a bus's bytes is noted by the UART's interrupt when the line falls idle, as it does after each frame, with how
 //! far DMA has written: [`Listening::piece`] gives the bytes between two such notes, and when the last of them came.
 //!
+//! Snapshots go to the second bank of the flash while the first is executed from: [`Bank2`]. Neither that nor what the board does after a
+//! word that a power failure left half written has been tried on a board.
+//!
 //! The data cache stays off: the buffers that DMA writes lie in the same SRAM as all data.
 //!
 //! Reference manual: RM0433; pins: UM2407 and the STM32H743xI data sheet.
 
 use core::task::Poll;
 
-use cortex_m::peripheral::{DCB, DWT};
+use cortex_m::peripheral::{DCB, DWT, SCB};
 use embassy_futures::poll_once;
+use embassy_stm32::flash::{self, Flash};
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::interrupt::typelevel::{self, Handler};
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::{self, Error, RingBufferedUartRx, UartRx, UartTx};
+use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Config, bind_interrupts, dma, pac, peripherals, time::Hertz};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
+use embassy_sync::signal::Signal;
 use embassy_time::Instant;
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use proprio_core::app::Health;
+use proprio_core::wire::Reset;
 use static_cell::ConstStaticCell;
 
 /// Frequency of the core and of its cycle counter, Hz.
@@ -120,6 +132,7 @@ bind_interrupts!(struct Interrupts {
     UART5 => NotesTime<2>, usart::InterruptHandler<peripherals::UART5>;
     UART7 => NotesTime<3>, usart::InterruptHandler<peripherals::UART7>;
     USART3 => usart::InterruptHandler<peripherals::USART3>;
+    FLASH => flash::InterruptHandler;
     DMA1_STREAM0 => dma::InterruptHandler<peripherals::DMA1_CH0>;
     DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
     DMA1_STREAM2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
@@ -239,6 +252,192 @@ impl Listening {
     }
 }
 
+/// Where the second bank begins, from the flash's beginning; bytes of a sector and of all.
+const BANK2: u32 = 0x10_0000;
+const SECTOR: usize = 128 * 1024;
+const BANK2_LEN: usize = 8 * SECTOR;
+/// The flash's beginning.
+const FLASH_START: usize = 0x0800_0000;
+
+/// What the flash can be told to do; places are the second bank's.
+#[derive(Clone, Copy, PartialEq)]
+enum Job {
+    Erase { from: u32, to: u32 },
+    Write { offset: u32, bytes: [u8; 32] },
+}
+
+/// The job that the task has not taken yet, and whether it could do the last one.
+static JOB: Signal<CriticalSectionRawMutex, Job> = Signal::new();
+static DONE: Signal<CriticalSectionRawMutex, bool> = Signal::new();
+
+/// The second bank of the flash, which [`program`] erases and writes in the background: what is not done yet is an error, and the same call
+/// is made again in the next step.
+pub struct Bank2 {
+    /// What the task is at.
+    job: Option<Job>,
+}
+
+/// The flash is at something, or refused it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotDone;
+
+impl NorFlashError for NotDone {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for Bank2 {
+    type Error = NotDone;
+}
+
+impl Bank2 {
+    /// Has the task do a job, unless it is at one; `Ok` once this job is done.
+    fn ask(&mut self, job: Job) -> Result<(), NotDone> {
+        let Some(present) = self.job else {
+            self.job = Some(job);
+            JOB.signal(job);
+            return Err(NotDone);
+        };
+        let done = DONE.try_take().ok_or(NotDone)?;
+        self.job = None;
+        // What was done may be what a snapshot that was given up had asked for.
+        if done && present == job {
+            Ok(())
+        } else {
+            Err(NotDone)
+        }
+    }
+}
+
+impl ReadNorFlash for Bank2 {
+    const READ_SIZE: usize = 32;
+
+    /// A word that the power failed in has a wrong checksum of its own, which reading it makes a bus fault (RM0433, 4.7.6): it is read
+    /// with faults masked and ignored, and is an error.
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NotDone> {
+        if self.job.is_some() || offset as usize + bytes.len() > BANK2_LEN {
+            return Err(NotDone);
+        }
+        let bank = pac::FLASH.bank(1);
+        bank.ccr().write(|w| w.set_clr_dbeccerr(true));
+        let address = FLASH_START + BANK2 as usize + offset as usize;
+        cortex_m::interrupt::free(|_| {
+            // SAFETY: the addresses are the second bank's, which no code or data lies in; faults are ignored for these reads alone.
+            unsafe {
+                let ccr = &(*SCB::PTR).ccr;
+                ccr.modify(|ccr| ccr | IGNORE_BUS_FAULTS);
+                core::arch::asm!("cpsid f", "dsb", "isb");
+                for (n, byte) in bytes.iter_mut().enumerate() {
+                    *byte = ((address + n) as *const u8).read_volatile();
+                }
+                core::arch::asm!("dsb", "isb", "cpsie f");
+                ccr.modify(|ccr| ccr & !IGNORE_BUS_FAULTS);
+            }
+        });
+        match bank.sr().read().dbeccerr() {
+            true => Err(NotDone),
+            false => Ok(()),
+        }
+    }
+
+    fn capacity(&self) -> usize {
+        BANK2_LEN
+    }
+}
+
+/// The core's CCR.BFHFNMIGN: bus faults are ignored at priority −1 and −2 (Arm DDI 0403E, B3.2.8).
+const IGNORE_BUS_FAULTS: u32 = 1 << 8;
+
+impl NorFlash for Bank2 {
+    const WRITE_SIZE: usize = 32;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NotDone> {
+        self.ask(Job::Erase { from, to })
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NotDone> {
+        let bytes = bytes.try_into().map_err(|_| NotDone)?;
+        self.ask(Job::Write { offset, bytes })
+    }
+}
+
+/// Erases and writes the second bank, for ever.
+pub async fn program(mut flash: Flash<'static, flash::Async>) -> ! {
+    loop {
+        let done = match JOB.wait().await {
+            Job::Erase { from, to } => flash.erase(BANK2 + from, BANK2 + to).await,
+            Job::Write { offset, bytes } => flash.write(BANK2 + offset, &bytes).await,
+        };
+        DONE.signal(done.is_ok());
+    }
+}
+
+/// Resets the board if no step is done within [`WATCHDOG_US`], whatever the firmware is at: it has a clock of its own and cannot be
+/// stopped. While a debugger holds the core it stands still. **Not tried on a board.**
+pub type Watchdog = IndependentWatchdog<'static, peripherals::IWDG1>;
+
+/// A hundred steps.
+const WATCHDOG_US: u32 = 200_000;
+
+/// Why the board started (RM0433, 8.7.39), the most telling flag first: a watchdog or the firmware pulls the reset pin as well.
+fn reset_reason() -> Reset {
+    let flags = pac::RCC.rsr().read();
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    match flags {
+        flags if flags.iwdg1rstf() || flags.wwdg1rstf() => Reset::Watchdog,
+        flags if flags.sftrstf() => Reset::Software,
+        flags if flags.porrstf() || flags.borrstf() => Reset::Power,
+        flags if flags.pinrstf() => Reset::Pin,
+        _ => Reset::Unknown,
+    }
+}
+
+/// Time between two looks at what the lights tell, µs.
+const LIGHTS_US: u64 = 500_000;
+
+/// The board's three lights, which tell what is what without a host. **Not tried on a board.**
+///
+/// | light | |
+/// |---|---|
+/// | LD1, green (PB0) | changes twice a second: steps are done |
+/// | LD2, yellow (PE1) | samples come, of one leg at least |
+/// | LD3, red (PB14) | lit: something was lost or refused in the last half second. Blinks: the run before ended in a panic, a fault or the watchdog |
+pub struct Lights {
+    green: Output<'static>,
+    yellow: Output<'static>,
+    red: Output<'static>,
+    before: Health,
+    due_us: u64,
+    crashed: bool,
+}
+
+impl Lights {
+    /// Has the red light blink from now on, if the run before ended as it should not.
+    pub fn crashed(&mut self, crashed: bool) {
+        self.crashed = crashed;
+    }
+
+    /// Shows what has happened since the last change; to be called every step.
+    pub fn show(&mut self, health: Health, now_us: u64) {
+        if now_us < self.due_us {
+            return;
+        }
+        self.due_us = now_us + LIGHTS_US;
+        self.green.toggle();
+        let comes = health.samples != self.before.samples;
+        self.yellow.set_level(comes.into());
+        match self.crashed {
+            true => self.red.toggle(),
+            false => self
+                .red
+                .set_level((health.losses != self.before.losses).into()),
+        }
+        self.before = health;
+    }
+}
+
 /// Counts the core's cycles.
 pub struct CycleCounter(());
 
@@ -268,6 +467,16 @@ pub struct Board {
     pub buses: [Listening; 4],
     /// The core's cycles.
     pub counter: CycleCounter,
+    /// Why the board started.
+    pub reset: Reset,
+    /// Not unleashed yet.
+    pub watchdog: Watchdog,
+    /// What can be seen without a host.
+    pub lights: Lights,
+    /// Where snapshots go.
+    pub bank2: Bank2,
+    /// Who writes them there: for [`program`].
+    pub flash: Flash<'static, flash::Async>,
 }
 
 impl Board {
@@ -275,7 +484,9 @@ impl Board {
     pub fn take() -> Option<Self> {
         let mut core = cortex_m::Peripherals::take()?;
         core.SCB.enable_icache();
+        let reset = reset_reason();
         let p = embassy_stm32::init(clocks());
+        pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
         let [fr, fl, rr, rl, host] = RINGS.try_take()?.each_mut();
         let bus = uart(BUS_BAUD);
         let irqs = Interrupts;
@@ -320,6 +531,18 @@ impl Board {
             to_host,
             buses,
             counter: CycleCounter::new(core.DCB, core.DWT),
+            reset,
+            watchdog: IndependentWatchdog::new(p.IWDG1, WATCHDOG_US),
+            lights: Lights {
+                green: Output::new(p.PB0, Level::Low, Speed::Low),
+                yellow: Output::new(p.PE1, Level::Low, Speed::Low),
+                red: Output::new(p.PB14, Level::Low, Speed::Low),
+                before: Health::default(),
+                due_us: 0,
+                crashed: false,
+            },
+            bank2: Bank2 { job: None },
+            flash: Flash::new(p.FLASH, irqs),
         })
     }
 }

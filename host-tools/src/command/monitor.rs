@@ -2,6 +2,7 @@
 
 mod lines;
 mod session;
+mod settings;
 mod terminal;
 mod web;
 
@@ -13,15 +14,17 @@ use clap::Args;
 use clap::error::ErrorKind;
 use proprio::device::serial::SerialDevice;
 use proprio::device::{Desktop, Device, Qemu, image};
+use proprio::log::leg_named;
 use proprio::monitor::web::Server;
-use proprio::monitor::{Ask, Feed, JournalReader, JournalWriter, Robot, Source};
+use proprio::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
 use proprio::output::WriteError;
 use proprio::simulator::Hide;
 use proprio::simulator::hidden::typical;
 use proprio_core::go2::Leg;
-use proprio_core::wire::Action;
+use proprio_core::wire::{Action, Hello};
 
 use session::Session;
+use settings::{Known, KnownBody};
 
 use super::Error;
 
@@ -33,7 +36,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// Shows each joint's friction with errors and its residual against the band of the seconds before, which effects the device finds
 /// missing, what happened, and how bus and link are; a page per leg has all its parameters against the CAD. Keys: a and d add
 /// the chosen effect to the device's model and drop it, r resets, p pauses, s saves a model file, f saves the device's
-/// factors for `identify --factor`, q quits. Without a terminal, or with --lines, lines are printed instead; --web serves the
+/// factors for `identify --factor`, w has the device write what it knows to its flash, q quits. Without a terminal, or with --lines, lines are printed instead; --web serves the
 /// same as a page with live plots.
 ///
 /// `qemu` builds the firmware, boots it on an emulated board and has it hear a simulated robot; `sim` runs its code in this
@@ -45,6 +48,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
   proprio monitor sim --memory 600
+  proprio monitor /dev/ttyACM0 --legs FR,FL --prior viscous:FR_hip=0.04,0.01 --body FR_calf=0.5
   proprio monitor qemu --web
   proprio monitor sim --speed 0 --seconds 30 --json")]
 pub(crate) struct Monitor {
@@ -66,6 +70,15 @@ pub(crate) struct Monitor {
     /// Have the device forget: data of so many seconds ago weigh 1/e; 0: nothing is forgotten
     #[arg(long, value_name = "S")]
     memory: Option<u32>,
+    /// Have the device take this for what is known of an effect's parameter before any data: its value and standard deviation, SI
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE,STD")]
+    prior: Vec<Known>,
+    /// Have the device take the CAD's body behind a joint to be known so well: relative standard deviation of its mass, 0.001 to 100
+    #[arg(long, value_name = "JOINT=STD")]
+    body: Vec<KnownBody>,
+    /// Have the device listen to these legs alone, separated by commas
+    #[arg(long, value_name = "LEG", value_delimiter = ',', value_parser = leg_named)]
+    legs: Vec<Leg>,
     /// Seed of the simulated robot's motion and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -86,6 +99,7 @@ impl Monitor {
         // A port that is taken is said before anything is built or recorded.
         let server = self.web.map(Server::start).transpose()?;
         let source = self.open()?;
+        let settings = self.settings(source.hello())?;
         let journal = self.record.as_deref().map(journal).transpose()?;
         let mut session = Session {
             feed: Feed::start(source, self.speed),
@@ -94,9 +108,7 @@ impl Monitor {
             limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
             ended: false,
         };
-        if let Some(seconds) = self.memory {
-            session.feed.ask(Ask::Action(Action::SetMemory(seconds)));
-        }
+        settings.into_iter().for_each(|action| session.ask(action));
         let on_terminal = stdout().is_terminal() && stdin().is_terminal();
         match (server, on_terminal && !self.lines && !self.json) {
             (Some(server), _) => web::watch(&mut session, &server, &self.source)?,
@@ -107,6 +119,26 @@ impl Monitor {
             true => super::json(&lines::Report::new(&session.view)),
             false => String::new(),
         })
+    }
+
+    /// What the device is to be told at the beginning.
+    fn settings(&self, hello: Option<&Hello>) -> Result<Vec<Action>, Error> {
+        let mut actions: Vec<Action> = self.memory.map(Action::SetMemory).into_iter().collect();
+        if let Some(mask) = settings::mask(&self.legs) {
+            actions.push(Action::SetLegs(mask));
+        }
+        actions.extend(self.body.iter().map(KnownBody::action));
+        for known in &self.prior {
+            match hello {
+                Some(hello) => actions.extend(known.actions(hello)?),
+                None => super::usage_error(
+                    "monitor",
+                    ErrorKind::ArgumentConflict,
+                    "--prior needs a device: a recording can be asked nothing".to_owned(),
+                ),
+            }
+        }
+        Ok(actions)
     }
 
     /// Opens the source; what takes long or fails is said before there is a screen.

@@ -1,7 +1,8 @@
 //! The application in this process, for comparison with a device's.
 
 use proprio_core::Real;
-use proprio_core::app::{App, Identity, Memory};
+use proprio_core::app::{App, Identity, Memory, Start};
+use proprio_core::storage::{RamFlash, SECTOR};
 use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
 
 use super::{BusStep, Device, DeviceError};
@@ -11,19 +12,34 @@ pub struct Desktop<T: Real> {
     app: Box<App<T>>,
     memory: Box<Memory<T>>,
     hello: Hello,
+    flash: RamFlash<Vec<u8>>,
 }
+
+/// Snapshots that the flash has room for.
+const SLOTS: usize = 2;
 
 impl<T: Real> Desktop<T> {
     /// A device that has seen nothing.
     pub fn new() -> Self {
+        Self::start(RamFlash::new(vec![0xFF; SLOTS * SECTOR]))
+    }
+
+    /// The same device after its power was off: what is in its flash is all that is left.
+    pub fn restarted(self) -> Self {
+        Self::start(self.flash)
+    }
+
+    fn start(mut flash: RamFlash<Vec<u8>>) -> Self {
         let mut app = Box::new(App::new(Identity {
             firmware: env!("CARGO_PKG_VERSION"),
             board: "desktop",
+            start: Start::UNKNOWN,
             load_unit: "nothing",
             budget: u32::MAX,
             byte_ns: 0,
         }));
         let mut memory = Box::new(Memory::new());
+        app.restore(&mut memory, &mut flash);
         // Every board does one step at time 0, and it says hello.
         let mut hello = None;
         app.step(&mut memory, 0, &mut |message| {
@@ -32,7 +48,12 @@ impl<T: Real> Desktop<T> {
             }
         });
         let hello = hello.expect("the application says hello in its first step");
-        Self { app, memory, hello }
+        Self {
+            app,
+            memory,
+            hello,
+            flash,
+        }
     }
 }
 
@@ -64,6 +85,7 @@ impl<T: Real> Device for Desktop<T> {
             .step(&mut self.memory, step.time_us, &mut |message| {
                 told(message.clone())
             });
+        self.app.keep(&self.memory, &mut self.flash, step.time_us);
         Ok(())
     }
 

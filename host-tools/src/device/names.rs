@@ -60,3 +60,18 @@ pub fn parameters_of(
     let active = of_masks(leg, &told.effects, hello);
     estimate::of_device(leg, &active, &values, &std)
 }
+
+/// The place of an effect among those that a device keeps columns for.
+///
+/// # Errors
+/// The names of those that it keeps, where this one is none of them.
+pub fn kept(effect: EffectKind, hello: &Hello) -> Result<u8, String> {
+    let mut names = hello.effects.iter().map(|effect| effect.as_str());
+    match names.position(|name| name == effect.name()) {
+        Some(place) => Ok(place as u8),
+        None => {
+            let names: Vec<&str> = hello.effects.iter().map(|name| name.as_str()).collect();
+            Err(names.join(", "))
+        }
+    }
+}

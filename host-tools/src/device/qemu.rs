@@ -20,6 +20,9 @@ use super::{BusStep, Device, DeviceError};
 /// Steps that may be under way. Their bytes, and the answers, must fit the sockets' buffers.
 const IN_FLIGHT: usize = 64;
 
+/// Size of the board's PSRAM, the start of which stands for flash.
+const PSRAM: &str = "16M";
+
 /// Name of the emulator.
 pub const EMULATOR: &str = "qemu-system-arm";
 
@@ -83,11 +86,31 @@ impl Qemu {
     /// # Errors
     /// [`DeviceError`].
     pub fn boot(image: &Path) -> Result<Self, DeviceError> {
+        Self::start(image, None)
+    }
+
+    /// The same, where what stands for the board's flash is in the file `flash`: it outlives the emulator as flash outlives the power. Made
+    /// of zeros if it is not there.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn boot_with(image: &Path, flash: &Path) -> Result<Self, DeviceError> {
+        Self::start(image, Some(flash))
+    }
+
+    fn start(image: &Path, flash: Option<&Path>) -> Result<Self, DeviceError> {
         let directory = tempfile::tempdir()?;
         let sockets: [_; LEGS + 1] =
             std::array::from_fn(|n| directory.path().join(format!("uart{n}")));
         let listeners = sockets.each_ref().map(UnixListener::bind);
         let mut command = machine();
+        if let Some(flash) = flash {
+            let file = flash.display();
+            command.args(["-machine", "memory-backend=flash", "-object"]);
+            command.arg(format!(
+                "memory-backend-file,id=flash,size={PSRAM},share=on,mem-path={file}"
+            ));
+        }
         // A UART takes one byte at a time; behind a multiplexer, which holds 32, a replay takes a third of the time. Its
         // escape character is none that a byte can be.
         command.args(["-echr", "0x100"]);

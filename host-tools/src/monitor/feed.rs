@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Action, DeviceMessage, HostMessage};
+use proprio_core::wire::{Action, DeviceMessage, Hello, HostMessage};
 
 use super::journal::{Entry, JournalError, JournalReader};
 use super::robot::Robot;
@@ -51,6 +51,17 @@ pub enum Source {
     Board(Box<SerialDevice>, String),
     /// A recording.
     Recording(JournalReader),
+}
+
+impl Source {
+    /// What the device says of itself; of a recording, nothing yet.
+    pub fn hello(&self) -> Option<&Hello> {
+        match self {
+            Self::Simulated(device, _) => Some(device.hello()),
+            Self::Board(device, _) => Some(device.hello()),
+            Self::Recording(_) => None,
+        }
+    }
 }
 
 /// What the thread tells.

@@ -195,6 +195,7 @@ fn keys_line(screen: &Screen, area: Rect) -> Line<'static> {
         "r reset",
         "s save",
         "f factors",
+        "w keep",
     ];
     let mut text = String::new();
     for key in keys {

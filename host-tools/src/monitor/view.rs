@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::wire::{
-    Action, Answer, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, LegCounters,
-    Outcome,
+    Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
+    LegCounters, Outcome,
 };
 
 use super::residual::Residual;
@@ -158,8 +158,20 @@ impl View {
                 "{} says hello, firmware {}",
                 hello.board, hello.firmware
             )),
-            Some(before) if before != hello => self.happened("another device".to_owned()),
+            Some(before) if !is_same(before, hello) => self.happened("another device".to_owned()),
+            Some(before) if before.listens_to != hello.listens_to => {
+                self.happened(format!("listens to {}", legs_of(hello.listens_to)));
+            }
             Some(_) => {}
+        }
+        if self.hello.is_none() {
+            match hello.kept {
+                Kept::NoStorage | Kept::Nothing => {}
+                Kept::Restored => self.happened("goes on from its snapshot".to_owned()),
+                Kept::OfAnother => self.happened(
+                    "its snapshot is of another firmware, robot or model: begins anew".to_owned(),
+                ),
+            }
         }
         self.hello = Some(hello.clone());
     }
@@ -227,6 +239,12 @@ impl View {
             let more = over - before.load.over_budget;
             self.happened(format!("{more} steps over budget"));
         }
+        if counters.snapshots > before.snapshots {
+            self.happened("snapshot written".to_owned());
+        }
+        if counters.snapshots_failed > before.snapshots_failed {
+            self.happened("snapshot given up: the flash refuses it".to_owned());
+        }
         let dropped = counters.frames_dropped;
         if dropped > before.frames_dropped {
             let more = dropped - before.frames_dropped;
@@ -269,6 +287,22 @@ impl View {
             Action::DropEffect(at) => self.named("drop", &at),
             Action::SetMemory(0) => "forget nothing".to_owned(),
             Action::SetMemory(seconds) => format!("memory of {seconds} s"),
+            Action::SetEffectPrior(at, belief) => {
+                let (mean, std) = (belief.mean, belief.std);
+                format!("{} = {mean} ± {std}", self.named("prior", &at))
+            }
+            Action::SetBodyPrior(BodyPrior {
+                leg,
+                body,
+                uncertainty,
+            }) => {
+                let joints = Leg::ALL.get(usize::from(leg)).map(|leg| leg.joint_names());
+                let name = joints.and_then(|joints| joints.get(usize::from(body)).copied());
+                let percent = 100.0 * uncertainty;
+                format!("body {} within {percent} %", name.unwrap_or("?"))
+            }
+            Action::SetLegs(legs) => format!("listen to {}", legs_of(legs)),
+            Action::Keep => "snapshot".to_owned(),
         };
         if done && action == Action::Reset {
             self.begin_anew();
@@ -280,10 +314,13 @@ impl View {
         }
         self.happened(match answer.outcome {
             Outcome::Accepted => format!("{what}: done"),
+            Outcome::NoSuchLeg => format!("{what}: no such leg"),
             Outcome::NoSuchJoint => format!("{what}: no such joint"),
             Outcome::NoSuchEffect => format!("{what}: the device does not keep it"),
             Outcome::AlreadyActive => format!("{what}: the model has it already"),
             Outcome::NotActive => format!("{what}: the model does not have it"),
+            Outcome::OutOfRange => format!("{what}: cannot be"),
+            Outcome::NoStorage => format!("{what}: the board has no flash for it"),
         });
     }
 
@@ -323,6 +360,26 @@ impl View {
     pub fn lost(&self, leg: usize) -> u32 {
         self.counters
             .map_or(0, |counters| counters.legs.get(leg).map_or(0, faults))
+    }
+}
+
+/// Whether it is the same device, whatever it was told and has found.
+fn is_same(one: &Hello, other: &Hello) -> bool {
+    let with = Hello {
+        listens_to: other.listens_to,
+        kept: other.kept,
+        ..one.clone()
+    };
+    with == *other
+}
+
+/// The names of legs, bit n for the n-th.
+fn legs_of(mask: u8) -> String {
+    let legs = Leg::ALL.iter().filter(|leg| mask >> leg.index() & 1 == 1);
+    let names: Vec<&str> = legs.map(|leg| leg.name()).collect();
+    match names.is_empty() {
+        true => "no leg".to_owned(),
+        false => names.join(" "),
     }
 }
 

@@ -5,7 +5,7 @@ mod cases;
 
 use cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
 use proprio::device::replay::cycle;
-use proprio_core::app::{App, Identity, Memory};
+use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::estimator::LEG_INERTIAL;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
@@ -19,6 +19,7 @@ const SILENT: u64 = 600;
 const IDENTITY: Identity = Identity {
     firmware: "test",
     board: "desktop",
+    start: Start::UNKNOWN,
     load_unit: "nothing",
     budget: u32::MAX,
     byte_ns: 0,
@@ -168,9 +169,9 @@ fn whatever_goes_wrong_is_counted_and_passes() {
          table and checks it). Of 11 000 polling cycles so many became samples and were\nused; everything else is in a counter: \
          replies are three for each sample and those unused, bytes are those of good frames, skipped\nand lost, samples are \
          used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
-         how far FR's friction is off at the end, in N m and N m s/rad, at most.\n\nNo field of a frame or a request can be NaN: all are integers. \
-         A number that is not finite is refused where one could come in: a sample\nbefore its window, a window before its factor, \
-         a factor before it is merged.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
+         how far FR's friction is off at the end, in N m and N m s/rad, at most.\n\nNo field of a frame can be NaN: all are integers. \
+         A number that is not finite is refused where one could come in: a prior\nthat the host sets, a sample before its window, a window before its \
+         factor, a factor before it is merged.\n\nA power that fails while the device writes to its flash: [the board](board.md#what-outlives-the-power).\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
          |\n{lines}"
     );
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {

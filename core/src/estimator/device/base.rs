@@ -21,7 +21,7 @@ pub struct LegBase<T> {
     trust: [T; JOINTS_PER_LEG],
     loads: [T; LOADS_LEN],
     /// Each joint's independent columns; found once, for they are read for every window.
-    pub(super) independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
+    pub(crate) independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
     known: bool,
 }
 

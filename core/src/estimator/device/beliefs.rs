@@ -42,6 +42,32 @@ impl Beliefs {
         wide && possible
     }
 
+    /// How many numbers [`number`](Self::number) has.
+    pub(crate) const NUMBERS: usize = 2 * DEVICE_COLUMNS * JOINTS_PER_LEG;
+
+    /// The n-th of the numbers that say all that is believed.
+    pub(crate) fn number(&self, n: usize) -> Option<f32> {
+        let (joint, rest) = (n / (2 * DEVICE_COLUMNS), n % (2 * DEVICE_COLUMNS));
+        let belief = self.0.get(joint)?.get(rest / 2)?;
+        Some(if rest % 2 == 0 {
+            belief.mean
+        } else {
+            belief.std
+        })
+    }
+
+    /// Takes the n-th of these numbers.
+    pub(crate) fn set_number(&mut self, n: usize, number: f32) {
+        let (joint, rest) = (n / (2 * DEVICE_COLUMNS), n % (2 * DEVICE_COLUMNS));
+        if let Some(belief) = self.0.get_mut(joint).and_then(|of| of.get_mut(rest / 2)) {
+            let place = match rest % 2 {
+                0 => &mut belief.mean,
+                _ => &mut belief.std,
+            };
+            *place = number;
+        }
+    }
+
     /// What is known of effect n at a joint before any data, and its bounds; of the parameter beyond its neutral value.
     pub(crate) fn prior(&self, joint: usize, n: usize) -> EffectPrior {
         let catalogue = effect_prior(joint, n);

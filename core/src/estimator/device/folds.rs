@@ -29,6 +29,8 @@ pub struct DeviceFolds<T> {
     /// The present block's fold before it.
     before: [T; FOLD_LEN],
     windows_before: [T; JOINTS_PER_LEG],
+    /// Counts whatever changes the data before the present block.
+    revision: u32,
 }
 
 impl<T: Real> DeviceFolds<T> {
@@ -44,6 +46,7 @@ impl<T: Real> DeviceFolds<T> {
             begun: false,
             before: [T::ZERO; FOLD_LEN],
             windows_before: [T::ZERO; JOINTS_PER_LEG],
+            revision: 0,
         }
     }
 
@@ -52,6 +55,7 @@ impl<T: Real> DeviceFolds<T> {
         self.windows = [[T::zero(); JOINTS_PER_LEG]; FOLDS];
         self.waiting = 0;
         self.begun = false;
+        self.revise();
         for storage in &mut self.storage {
             for joint in 0..JOINTS_PER_LEG {
                 let triangle = storage.get_mut(range!(columns, joint)).unwrap_or(&mut []);
@@ -155,6 +159,7 @@ impl<T: Real> DeviceFolds<T> {
     /// What the prior knows is not here and so not forgotten; nor is the floor under what nothing is known of.
     pub fn begin_block(&mut self, retention: T) {
         (self.block, self.begun) = (self.upcoming, true);
+        self.revise();
         if retention < T::one() {
             self.forget(retention);
         }
@@ -188,6 +193,7 @@ impl<T: Real> DeviceFolds<T> {
 
     /// Forgets what all data say of a joint's parameters along `direction`, and nothing else.
     pub(crate) fn forget_direction(&mut self, joint: usize, direction: &[T]) {
+        self.revise();
         self.each_factor(|of, factor| {
             if of != joint {
                 return Ok(());
@@ -196,6 +202,51 @@ impl<T: Real> DeviceFolds<T> {
             factor.forget_direction(direction, floor(), &mut scratch)
         });
     }
+
+    fn revise(&mut self) {
+        self.revision = self.revision.wrapping_add(1);
+    }
+
+    /// Another number after anything that changes the [`settled`](Self::settled) numbers.
+    pub(crate) fn revision(&self) -> u32 {
+        self.revision
+    }
+
+    /// The n-th of the [`SETTLED`](Self::SETTLED) numbers that say all that was folded in before the present block, which has not been
+    /// judged yet: both folds' triangles, then each joint's windows. They stay what they are as long as the block lasts.
+    pub(crate) fn settled(&self, n: usize) -> Option<T> {
+        let fold = n / FOLD_LEN;
+        if fold < FOLDS {
+            let present = self.begun && fold == self.fold_of_block();
+            let storage = match present {
+                true => &self.before,
+                false => self.storage.get(fold)?,
+            };
+            return storage.get(n % FOLD_LEN).copied();
+        }
+        let (fold, joint) = windows_place(n);
+        let present = self.begun && fold == self.fold_of_block();
+        let windows = match present {
+            true => &self.windows_before,
+            false => self.windows.get(fold)?,
+        };
+        windows.get(joint).copied()
+    }
+
+    /// Takes the n-th of the [`SETTLED`](Self::SETTLED) numbers of another device's, into folds that were [`clear`](Self::clear)ed.
+    pub(crate) fn settle(&mut self, n: usize, number: T) {
+        let (fold, joint) = windows_place(n);
+        let place = match self.storage.get_mut(n / FOLD_LEN) {
+            Some(storage) => storage.get_mut(n % FOLD_LEN),
+            None => self.windows.get_mut(fold).and_then(|of| of.get_mut(joint)),
+        };
+        if let Some(place) = place {
+            *place = number;
+        }
+    }
+
+    /// How many numbers [`settled`](Self::settled) has.
+    pub(crate) const SETTLED: usize = FOLDS * (FOLD_LEN + JOINTS_PER_LEG);
 
     /// Windows of the present block.
     pub fn block_windows(&self) -> T {
@@ -269,6 +320,12 @@ impl<T: Real> DeviceFolds<T> {
             }
         }
     }
+}
+
+/// Which fold's and joint's windows the n-th of the settled numbers is, of those behind the triangles.
+fn windows_place(n: usize) -> (usize, usize) {
+    let n = n.saturating_sub(FOLDS * FOLD_LEN);
+    (n / JOINTS_PER_LEG, n % JOINTS_PER_LEG)
 }
 
 /// Copies as many numbers as both have.

@@ -86,6 +86,7 @@ fn obey(key: KeyEvent, session: &mut Session, screen: &mut Screen) -> bool {
         }
         KeyCode::Char('s') => session.save(),
         KeyCode::Char('f') => session.save_factors(),
+        KeyCode::Char('w') => session.ask(Action::Keep),
         _ => {}
     }
     true

@@ -47,5 +47,6 @@ fn obey(session: &mut Session, wish: Wish) {
         Wish::Pause => session.feed.ask(Ask::Pause),
         Wish::Save => session.save(),
         Wish::Factors => session.save_factors(),
+        Wish::Keep => session.ask(Action::Keep),
     }
 }

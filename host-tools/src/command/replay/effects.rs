@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use proprio::device::names::place;
+use proprio::device::names::{self, place};
 use proprio::log::JointId;
 use proprio::model::UnknownName;
 use proprio::parameter;
@@ -76,15 +76,12 @@ impl Wish {
     /// As the device is asked.
     pub(super) fn action(&self, hello: &Hello) -> Result<Action, Error> {
         let name = self.effect.name();
-        let kept = || hello.effects.iter().map(|effect| effect.as_str());
-        let Some(effect) = kept().position(|effect| effect == name) else {
-            let kept = kept().collect::<Vec<_>>().join(", ");
-            return Err(Error::NotOnDevice { effect: name, kept });
-        };
+        let effect = names::kept(self.effect, hello)
+            .map_err(|kept| Error::NotOnDevice { effect: name, kept })?;
         let at = EffectAt {
             leg: self.joint.leg().index() as u8,
             joint: self.joint.place() as u8,
-            effect: effect as u8,
+            effect,
         };
         Ok(match self.add {
             true => Action::AddEffect(at),
@@ -98,7 +95,12 @@ impl Answer {
         let (change, at) = match action {
             Action::AddEffect(at) => ("add", at),
             Action::DropEffect(at) => ("drop", at),
-            Action::Reset | Action::SetMemory(_) => return None,
+            Action::Reset
+            | Action::SetMemory(_)
+            | Action::SetEffectPrior(..)
+            | Action::SetBodyPrior(_)
+            | Action::SetLegs(_)
+            | Action::Keep => return None,
         };
         let (joint, effect) = place(at, hello)?;
         Some(Self {
@@ -109,8 +111,11 @@ impl Answer {
                 Outcome::Accepted => "accepted",
                 Outcome::AlreadyActive => "already active",
                 Outcome::NotActive => "not active",
+                Outcome::NoSuchLeg => "no such leg",
                 Outcome::NoSuchJoint => "no such joint",
                 Outcome::NoSuchEffect => "no such effect",
+                Outcome::OutOfRange => "out of range",
+                Outcome::NoStorage => "no storage",
             },
         })
     }

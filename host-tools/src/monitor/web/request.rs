@@ -23,6 +23,8 @@ pub enum Wish {
     Save,
     /// Write the device's factors.
     Factors,
+    /// Have the device write a snapshot to its flash.
+    Keep,
 }
 
 impl Wish {
@@ -44,6 +46,7 @@ impl Wish {
             "reset" => Self::Reset,
             "save" => Self::Save,
             "factors" => Self::Factors,
+            "keep" => Self::Keep,
             _ => return None,
         })
     }

@@ -157,7 +157,7 @@ function turn(to) {
 }
 
 for (const name of ["robot", ...LEGS]) at(`tab-${name}`).addEventListener("click", () => turn(name));
-for (const name of ["pause", "save", "factors"]) at(name).addEventListener("click", () => ask(name));
+for (const name of ["pause", "save", "factors", "keep"]) at(name).addEventListener("click", () => ask(name));
 // Once asks, twice does it.
 at("reset").addEventListener("click", () => {
   const sure = at("reset").textContent !== "forget all data";

@@ -1,0 +1,148 @@
+//! What a device is told at the beginning: priors, and the legs that it listens to.
+
+use std::str::FromStr;
+
+use proprio::device::names;
+use proprio::log::JointId;
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::Leg;
+use proprio_core::wire::{Action, Belief, BodyPrior, EffectAt, Hello};
+
+use crate::command::Error;
+
+/// What is known of an effect's parameter, at a joint or at every one.
+#[derive(Debug, Clone)]
+pub(super) struct Known {
+    effect: EffectKind,
+    joint: Option<JointId>,
+    belief: Belief,
+}
+
+/// How well a body is known.
+#[derive(Debug, Clone)]
+pub(super) struct KnownBody {
+    joint: JointId,
+    uncertainty: f32,
+}
+
+fn joint_named(name: &str) -> Result<JointId, String> {
+    let mut joints = Leg::ALL.into_iter().flat_map(JointId::of);
+    let found = joints.find(|joint| joint.name() == name);
+    found.ok_or_else(|| format!("no joint is called {name}; joints are FR_hip to RL_calf"))
+}
+
+fn number(text: &str) -> Result<f32, String> {
+    let number = text.trim().parse().ok().filter(|x: &f32| x.is_finite());
+    number.ok_or_else(|| format!("{text} is no number"))
+}
+
+impl FromStr for Known {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = || "write it as viscous:FR_hip=0.04,0.01".to_owned();
+        let (place, numbers) = text.split_once('=').ok_or_else(form)?;
+        let (mean, std) = numbers.split_once(',').ok_or_else(form)?;
+        let (effect, joint) = match place.split_once(':') {
+            Some((effect, joint)) => (effect, Some(joint_named(joint)?)),
+            None => (place, None),
+        };
+        let unknown = || format!("no effect is called {effect}: `proprio effects` lists them");
+        Ok(Self {
+            effect: EffectKind::from_name(effect).ok_or_else(unknown)?,
+            joint,
+            belief: Belief {
+                mean: number(mean)?,
+                std: number(std)?,
+            },
+        })
+    }
+}
+
+impl FromStr for KnownBody {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let form = || "write it as FR_calf=0.5".to_owned();
+        let (joint, uncertainty) = text.split_once('=').ok_or_else(form)?;
+        Ok(Self {
+            joint: joint_named(joint)?,
+            uncertainty: number(uncertainty)?,
+        })
+    }
+}
+
+impl Known {
+    /// As the device is asked, once for each joint.
+    pub(super) fn actions(&self, hello: &Hello) -> Result<Vec<Action>, Error> {
+        let effect = names::kept(self.effect, hello).map_err(|kept| Error::NotOnDevice {
+            effect: self.effect.name(),
+            kept,
+        })?;
+        let all = || Leg::ALL.into_iter().flat_map(JointId::of).collect();
+        let joints = self.joint.map_or_else(all, |joint| vec![joint]);
+        let at = |joint: &JointId| EffectAt {
+            leg: joint.leg().index() as u8,
+            joint: joint.place() as u8,
+            effect,
+        };
+        let actions = joints
+            .iter()
+            .map(|joint| Action::SetEffectPrior(at(joint), self.belief));
+        Ok(actions.collect())
+    }
+}
+
+impl KnownBody {
+    /// As the device is asked.
+    pub(super) fn action(&self) -> Action {
+        Action::SetBodyPrior(BodyPrior {
+            leg: self.joint.leg().index() as u8,
+            body: self.joint.place() as u8,
+            uncertainty: self.uncertainty,
+        })
+    }
+}
+
+/// The legs as bits; none where nothing was said.
+pub(super) fn mask(legs: &[Leg]) -> Option<u8> {
+    let bits = legs.iter().map(|leg| 1 << leg.index());
+    bits.reduce(|mask: u8, bit| mask | bit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_effects_bodies_and_legs_is_read() {
+        let known: Known = "viscous:FL_calf=0.04,0.01".parse().unwrap();
+        assert_eq!(known.effect, EffectKind::Viscous);
+        assert_eq!(known.joint.map(JointId::name), Some("FL_calf"));
+        assert_eq!((known.belief.mean, known.belief.std), (0.04, 0.01));
+        let body: KnownBody = "RL_hip=0.5".parse().unwrap();
+        let prior = BodyPrior {
+            leg: 3,
+            body: 0,
+            uncertainty: 0.5,
+        };
+        assert_eq!(body.action(), Action::SetBodyPrior(prior));
+        assert_eq!(mask(&[Leg::FL, Leg::RL]), Some(0b1010));
+        assert_eq!(mask(&[]), None);
+    }
+
+    #[test]
+    fn what_is_neither_is_said() {
+        for (text, word) in [
+            ("viscous", "write it as"),
+            ("viscous=1", "write it as"),
+            ("viscous=1,NaN", "no number"),
+            ("honey=1,1", "no effect"),
+            ("viscous:tail=1,1", "no joint"),
+        ] {
+            let error = text.parse::<Known>().unwrap_err();
+            assert!(error.contains(word), "{text}: {error}");
+        }
+        assert!("tail=1".parse::<KnownBody>().is_err());
+    }
+}
