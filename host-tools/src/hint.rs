@@ -152,6 +152,9 @@ fn of_device(error: &DeviceError) -> Option<String> {
         DeviceError::NoEmulator => "or play into this process: --to desktop",
         DeviceError::Build(_) => "`tests/run` installs what the firmware's build needs",
         DeviceError::Emulator(..) => "`tests/run` checks the emulator and the image",
+        DeviceError::Crashed(_) => {
+            "it is proprio's fault: please report these words, the version, and what was played"
+        }
         DeviceError::Silent(_) => {
             "check the port, that the board is powered, and that it runs proprio's firmware"
         }

@@ -34,6 +34,7 @@ mod no_panic;
 mod other_robot;
 mod pinocchio;
 mod qemu;
+mod qemu_crashes;
 mod qemu_snapshots;
 mod readme;
 mod real_chirps;

@@ -122,6 +122,8 @@ fn a_first_time_user_sees_what_is_missing_and_adds_it_with_keys() {
     driven.until("keys", |s| s.contains("q quit"));
     driven.press("rr");
     driven.until("reset", |s| s.contains("reset: done"));
+    driven.press("w");
+    driven.until("snapshot", |s| s.contains("snapshot: done"));
     driven.press("p");
     driven.until("pause", |s| s.contains("PAUSED"));
     driven.press("p");
@@ -185,6 +187,41 @@ fn without_a_terminal_lines_are_printed_and_a_recording_gives_them_again() {
     let bias = parameter(&other, "bias:FL_hip");
     let off = bias["value"].as_f64().unwrap() - 0.4;
     assert!(off.abs() < 0.1, "{bias}");
+}
+
+#[test]
+fn a_device_is_told_priors_and_legs() {
+    let folder = folder();
+    let told = "monitor sim --speed 0 --seconds 12 --json --legs FR,RL --body FR_calf=0.001 \
+                --prior viscous:FR_hip=0.3,0.00001 --prior bias=0,NAN";
+    let refused = proprio(folder.path(), &told.split_whitespace().collect::<Vec<_>>());
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("NAN is no number"));
+    let told = told.replace("--prior bias=0,NAN", "--prior bias=0,-1");
+    let report = json(&done(
+        folder.path(),
+        &told.split_whitespace().collect::<Vec<_>>(),
+    ));
+    let legs = report["legs"].as_array().unwrap().iter();
+    let legs: Vec<&str> = legs.map(|leg| leg["leg"].as_str().unwrap()).collect();
+    assert_eq!(legs, ["FR", "RL"]);
+    let number = |name: &str, key: &str| parameter(&report, name)[key].as_f64().unwrap();
+    assert!((number("viscous:FR_hip", "value") - 0.3).abs() < 1e-3);
+    // A thousandth of the calf's mass.
+    assert!(number("m:FR_calf", "std") < 2.1e-4);
+    let events = report["events"].to_string();
+    for event in [
+        "listen to FR RL: done",
+        "prior viscous:FR_hip = 0.3",
+        "body FR_calf within 0.1 %: done",
+        "-1: cannot be",
+    ] {
+        assert!(events.contains(event), "{event}: {events}");
+    }
+    let counters = &report["counters"]["legs"];
+    // A request a step is obeyed, from the first on.
+    assert!(counters[1]["samples"].as_u64().unwrap() < 5, "{counters}");
+    assert!(counters[1]["unheard_bytes"].as_u64().unwrap() > 100_000);
 }
 
 #[test]

@@ -85,6 +85,8 @@ fn learn(device: &mut dyn Device) -> Heard {
     assert_eq!(heard.answers, [Outcome::Accepted]);
     let counters = &heard.counters;
     assert_eq!((counters.snapshots, counters.snapshots_failed), (1, 0));
+    println!("{:?}", counters.load);
+    assert_eq!(counters.load.over_budget, 0);
     heard
 }
 

@@ -567,7 +567,7 @@ impl<T: Real> LegLine<T> {
 
     /// Takes a body's uncertainty from a snapshot.
     pub(super) fn restore_uncertainty(&mut self, body: usize, uncertainty: T) {
-        if let Some(prior) = self.prior.get_mut() {
+        if let (true, Some(prior)) = (uncertainty > T::zero(), self.prior.get_mut()) {
             prior.set_uncertainty(body, uncertainty);
         }
     }

@@ -64,13 +64,14 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
         &self.uncertainty
     }
 
-    /// Takes a body to be within `uncertainty` of the CAD's from now on; nothing, where there is no such body.
+    /// Takes a body to be within `uncertainty` (positive) of the CAD's from now on; nothing, where there is no such body.
+    ///
+    /// The prior's rows are in units of the uncertainty: to multiply them is a fiftieth of the work of making them anew, which with a
+    /// fold would be more than a step may do.
     pub(crate) fn set_uncertainty(&mut self, b: usize, uncertainty: T) {
-        let Some(known) = self.cad.get(b).and_then(|cad| cad.prior(uncertainty)) else {
-            return;
-        };
         if let (Some(before), Some(body)) = (self.uncertainty.get_mut(b), self.bodies.get_mut(b)) {
-            (*before, *body) = (uncertainty, known);
+            body.scale(*before / uncertainty);
+            *before = uncertainty;
         }
     }
 

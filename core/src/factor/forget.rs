@@ -12,6 +12,12 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         self.rows *= retention;
     }
 
+    /// Weighs everything folded in so far by `scale` squared, more or less than before: as if its rows had been multiplied by `scale`.
+    pub(crate) fn scale(&mut self, scale: T) {
+        self.storage.as_mut().iter_mut().for_each(|x| *x *= scale);
+        self.rows *= scale * scale;
+    }
+
     /// Raises the diagonal to `floor` where forgetting has taken it below: no parameter is known worse than ± 1/`floor`.
     pub(crate) fn keep_floor(&mut self, floor: T) {
         for k in 0..self.columns {

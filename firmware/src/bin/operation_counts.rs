@@ -9,6 +9,8 @@
 use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{EXIT_FAILURE, EXIT_SUCCESS, exit};
 use cortex_m_semihosting::hprintln;
+// A crash logs.
+use defmt_semihosting as _;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
 use proprio_core::consistent::LegConsistentSolver;
 use proprio_core::estimator::{

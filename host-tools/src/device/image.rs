@@ -75,6 +75,14 @@ pub fn operation_counts(scalar: Scalar) -> Result<PathBuf, DeviceError> {
     Ok(build(scalar)?.with_file_name(format!("operation_counts-{}", scalar.name())))
 }
 
+/// Builds the images and says where the one is that crashes on purpose; [`super::qemu::run`] runs it.
+///
+/// # Errors
+/// As [`build`].
+pub fn crashes(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    Ok(build(scalar)?.with_file_name(format!("crashes-{}", scalar.name())))
+}
+
 /// The clone this program was built in, or else the one around the current directory.
 fn workspace() -> Option<PathBuf> {
     let built_in = Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -35,6 +35,12 @@ impl<S: Read + Write> Link<S> {
         Ok(())
     }
 
+    /// Sends bytes that need be no message.
+    pub(super) fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.stream.write_all(bytes)?;
+        Ok(())
+    }
+
     /// Reads what has come, up to one buffer; false if nothing came within the stream's timeout. Damaged frames are only
     /// counted: the sequence numbers tell that a message is missing.
     pub(super) fn receive(

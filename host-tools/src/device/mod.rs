@@ -97,6 +97,9 @@ pub enum DeviceError {
     /// The emulator ended or never came up.
     #[error("the emulator ended ({0}); its output: {1}")]
     Emulator(String, String),
+    /// The firmware panicked or faulted; it has begun anew, and what was played is lost.
+    #[error("the firmware crashed: {0}")]
+    Crashed(String),
     /// The device says nothing.
     #[error("the device has said nothing for {0} s")]
     Silent(u64),

@@ -147,6 +147,14 @@ impl Qemu {
         })
     }
 
+    /// Sends bytes that need be no message, as a host that fails does.
+    ///
+    /// # Errors
+    /// [`DeviceError::Link`].
+    pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
+        self.link.send_bytes(bytes)
+    }
+
     /// Receives until at most `allowed` steps are under way.
     fn wait(
         &mut self,
@@ -156,10 +164,17 @@ impl Qemu {
         let mut heard = Instant::now();
         while self.in_flight > allowed {
             let in_flight = &mut self.in_flight;
+            let mut crash = None;
             let came = self.link.receive(&mut |message| match message {
                 DeviceMessage::Advanced(_) => *in_flight = in_flight.saturating_sub(1),
+                DeviceMessage::Hello(hello) if !hello.crash.is_empty() => {
+                    crash = Some(hello.crash.to_string());
+                }
                 message => told(message),
             });
+            if let Some(crash) = crash {
+                return Err(DeviceError::Crashed(crash));
+            }
             match came.map_err(|error| self.child.explain(error))? {
                 true => heard = Instant::now(),
                 false if heard.elapsed() > PATIENCE => {

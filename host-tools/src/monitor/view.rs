@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
-    LegCounters, Outcome,
+    LegCounters, Outcome, Reset,
 };
 
 use super::residual::Residual;
@@ -154,26 +154,41 @@ impl View {
 
     fn hello(&mut self, hello: &Hello) {
         match &self.hello {
-            None => self.happened(format!(
-                "{} says hello, firmware {}",
-                hello.board, hello.firmware
-            )),
+            None => {
+                let (board, firmware, git) = (&hello.board, &hello.firmware, &hello.git);
+                self.happened(match git.is_empty() {
+                    true => format!("{board} says hello, firmware {firmware}"),
+                    false => format!("{board} says hello, firmware {firmware} ({git})"),
+                });
+                self.start_of(hello);
+            }
             Some(before) if !is_same(before, hello) => self.happened("another device".to_owned()),
+            Some(before) if before.reset != hello.reset || before.crash != hello.crash => {
+                self.start_of(hello);
+            }
             Some(before) if before.listens_to != hello.listens_to => {
                 self.happened(format!("listens to {}", legs_of(hello.listens_to)));
             }
             Some(_) => {}
         }
-        if self.hello.is_none() {
-            match hello.kept {
-                Kept::NoStorage | Kept::Nothing => {}
-                Kept::Restored => self.happened("goes on from its snapshot".to_owned()),
-                Kept::OfAnother => self.happened(
-                    "its snapshot is of another firmware, robot or model: begins anew".to_owned(),
-                ),
-            }
-        }
         self.hello = Some(hello.clone());
+    }
+
+    /// What a device tells of its start that its user should know.
+    fn start_of(&mut self, hello: &Hello) {
+        if !hello.crash.is_empty() {
+            self.happened(format!("the run before ended: {}", hello.crash));
+        }
+        if hello.reset == Reset::Watchdog {
+            self.happened("its watchdog has reset it".to_owned());
+        }
+        match hello.kept {
+            Kept::NoStorage | Kept::Nothing => {}
+            Kept::Restored => self.happened("goes on from its snapshot".to_owned()),
+            Kept::OfAnother => self.happened(
+                "its snapshot is of another firmware, robot or model: begins anew".to_owned(),
+            ),
+        }
     }
 
     fn estimate(&mut self, estimate: &Estimate) {
@@ -368,6 +383,8 @@ fn is_same(one: &Hello, other: &Hello) -> bool {
     let with = Hello {
         listens_to: other.listens_to,
         kept: other.kept,
+        reset: other.reset,
+        crash: other.crash.clone(),
         ..one.clone()
     };
     with == *other

@@ -2,6 +2,7 @@
 //! are right again afterwards. The table of `docs/faults.md` is made here; `PROPRIO_ACCEPT=1` writes it.
 
 mod cases;
+mod emulated;
 
 use cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
 use proprio::device::replay::cycle;
@@ -120,6 +121,14 @@ fn line(Case(what, mut fault, check): Case) -> String {
         adds_up(what, leg, u64::from(cycles) * 99);
     }
     assert!(fr.used >= (2 * GOOD) as u32 - 60, "{what}: {fr:?}");
+    let off = friction_off(&outcome);
+    assert!(off < 0.05, "{what}: friction off by {off}");
+    let (samples, used, counted) = (fr.samples, fr.used, counted(fr, &outcome.losses));
+    format!("| {what} | {samples} | {used} | {counted} | {off:.3} |\n")
+}
+
+/// How far FR's friction is off at the end, N m and N m s/rad, at most.
+fn friction_off(outcome: &Outcome) -> f64 {
     let estimate = outcome.estimate.as_ref().expect("an estimate");
     let off = (0..3).flat_map(|joint| {
         let truth = [FRICTION[joint][0], FRICTION[joint][1], FRICTION[joint][2]];
@@ -127,10 +136,7 @@ fn line(Case(what, mut fault, check): Case) -> String {
         let told = [0, 1, 3].map(|n| f64::from(estimate.values[place + n]));
         (0..3).map(move |n| (told[n] - truth[n]).abs())
     });
-    let off = off.fold(0.0, f64::max);
-    assert!(off < 0.05, "{what}: friction off by {off}");
-    let (samples, used, counted) = (fr.samples, fr.used, counted(fr, &outcome.losses));
-    format!("| {what} | {samples} | {used} | {counted} | {off:.3} |\n")
+    off.fold(0.0, f64::max)
 }
 
 /// What is not zero.
@@ -171,7 +177,10 @@ fn whatever_goes_wrong_is_counted_and_passes() {
          used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
          how far FR's friction is off at the end, in N m and N m s/rad, at most.\n\nNo field of a frame can be NaN: all are integers. \
          A number that is not finite is refused where one could come in: a prior\nthat the host sets, a sample before its window, a window before its \
-         factor, a factor before it is merged.\n\nA power that fails while the device writes to its flash: [the board](board.md#what-outlives-the-power).\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
+         factor, a factor before it is merged.\n\nA power that fails while the device writes to its flash: [the board](board.md#what-outlives-the-power).\n\nSeven of the lines are \
+         played to the firmware's image in the emulator as well (`tests/tests/faults/emulated.rs`): five of the bus and the clock, after \
+         which\nits counters and estimates are those of the desktop to the bit, and the host that floods or sends random bytes. No step \
+         of theirs is over\nits budget.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
          |\n{lines}"
     );
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {

@@ -141,9 +141,6 @@ fn what_is_kept_comes_back_and_goes_on() {
     assert_eq!(old.effects, new.effects);
     // The block that was not judged yet is not kept; as many windows came since.
     assert!(new.windows > 350, "{}", new.windows);
-    for (old, (new, std)) in old.values.iter().zip(new.values.iter().zip(&new.std)) {
-        assert!((old - new).abs() < 3.0 * std + 1e-6, "{old} {new} ± {std}");
-    }
     let place = LEG_INERTIAL + 4;
     let told = last_estimate(&told, 2);
     assert!(
