@@ -19,8 +19,6 @@ pub struct LegBase<T> {
     /// What is left of the prior's information on each joint's bodies, 0 to 1.
     trust: [T; JOINTS_PER_LEG],
     loads: [T; LOADS_LEN],
-    /// Each joint's independent columns; found once, for they are read for every window.
-    pub(super) independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
     known: bool,
 }
 
@@ -32,7 +30,6 @@ impl<T: Real> LegBase<T> {
             marginal: [T::ZERO; MARGINAL_LEN],
             trust: [T::ZERO; JOINTS_PER_LEG],
             loads: [T::ZERO; LOADS_LEN],
-            independent: [[0; BASE_RANK[0]]; JOINTS_PER_LEG],
             known: false,
         }
     }
@@ -73,13 +70,9 @@ impl<T: Real> LegBase<T> {
         let row = work.get_mut(..=standard(joint)).ok_or(error)?;
         let storage = self.reduced.get_mut(range!(standard, joint)).ok_or(error)?;
         let tree = leg(which);
-        let base = BaseParameters::of_joint::<JOINTS_PER_LEG, JOINTS_PER_LEG, LEG_INERTIAL>(
+        BaseParameters::of_joint::<JOINTS_PER_LEG, JOINTS_PER_LEG, LEG_INERTIAL>(
             &tree, joint, storage, row,
         )?;
-        let columns = base.independent_columns();
-        for (to, from) in self.independent[joint].iter_mut().zip(columns) {
-            *to = from as u8;
-        }
         Ok(())
     }
 
