@@ -183,8 +183,7 @@ impl<T: Real> DeviceWindow<T> {
         let momenta: [T; MOMENTA] =
             core::array::from_fn(|n| (end.momenta[n] - start.momenta[n]) * per_second);
         let rates = sum.inertial.map(|x| x * per_second);
-        let mut columns = leg_columns::COLUMNS.iter();
-        let mut to = self.rows.numbers.iter_mut();
+        let (mut columns, mut numbers) = (&leg_columns::COLUMNS[..], &mut self.rows.numbers[..]);
         for j in 0..JOINTS_PER_LEG {
             let mut effects = [T::zero(); DEVICE_COLUMNS];
             for (n, rate) in RATED.iter().zip(&sum.effects[j]) {
@@ -194,16 +193,24 @@ impl<T: Real> DeviceWindow<T> {
             for (n, (end, start)) in BOUNDARY.iter().zip(boundaries) {
                 effects[*n] = (*end - *start) * per_second;
             }
-            let (front, back) = effects.split_at(FRONT);
-            let base = columns.by_ref().take(rank(j));
-            let base = base.map(|column| column.of(&momenta, &rates));
-            let row = front.iter().copied().chain(base);
-            let row = row.chain(back.iter().copied());
-            let row = row.chain([sum.torque[j] * per_second]);
-            to.by_ref()
-                .take(rank(j) + DEVICE_COLUMNS + 1)
-                .zip(row)
-                .for_each(|(to, from)| *to = from);
+            // Slices of known lengths: a chain of iterators would ask at each number which of them it is in.
+            let (own, others) = columns.split_at(rank(j).min(columns.len()));
+            let (front, rest) = numbers.split_at_mut(FRONT.min(numbers.len()));
+            let (base, rest) = rest.split_at_mut(rank(j).min(rest.len()));
+            let (back, rest) = rest.split_at_mut((DEVICE_COLUMNS - FRONT).min(rest.len()));
+            let (torque, rest) = rest.split_at_mut(rest.len().min(1));
+            let (front_effects, back_effects) = effects.split_at(FRONT);
+            for (to, from) in front.iter_mut().zip(front_effects) {
+                *to = *from;
+            }
+            for (to, column) in base.iter_mut().zip(own) {
+                *to = column.of(&momenta, &rates);
+            }
+            for (to, from) in back.iter_mut().zip(back_effects) {
+                *to = *from;
+            }
+            torque.fill(sum.torque[j] * per_second);
+            (columns, numbers) = (others, rest);
         }
     }
 }
