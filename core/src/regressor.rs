@@ -20,6 +20,7 @@
 //! Beside each there is a function that returns a matrix; its `P` must be 10 `B`.
 
 mod block;
+pub(crate) mod leg;
 
 use crate::Real;
 use crate::dynamics::{Acceleration, accelerate_free};

@@ -24,6 +24,7 @@ use crate::spatial::Transform;
 use crate::tree::{Kinematics, Tree};
 use crate::{Real, scalar::real};
 use nalgebra::{SMatrix, SVector};
+use sequence::{Link, Sequence};
 
 /// One measurement of `B` joints; SI, joint side.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,12 +201,7 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [
     tree: Tree<T, B, B>,
     base: Transform<T>,
     effects: L,
-    plausible: [Plausible<T>; B],
-    settings: Settings,
-    /// The last sample used, if any since the last [`clear`](Self::clear).
-    last: Option<Sample<T, B>>,
-    /// When the sample that was skipped last came, if it was late and none was used since.
-    late_us: Option<u64>,
+    sequence: Sequence<T, B>,
     kinematics: Kinematics<T, B, B>,
     /// The integrand at the last sample, and half the time between it and the one before in this window (s): what of its
     /// trapezia lies before it.
@@ -215,7 +211,6 @@ pub struct Window<T: Real, const B: usize, const P: usize, const E: usize, L = [
     /// The edges of the window, and whether its end is the first of them: the end of one window is the next one's start.
     edges: [Edge<T, B, E>; 2],
     ends_first: bool,
-    start_us: u64,
     rows: Rows<T, B, P, E>,
 }
 
@@ -234,17 +229,13 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
             tree,
             base,
             effects,
-            plausible,
-            settings,
-            last: None,
-            late_us: None,
+            sequence: Sequence::new(plausible, settings),
             kinematics: Kinematics::new(),
             integrand: Integrand::zero(),
             half_step: T::zero(),
             integral: Integrand::zero(),
             edges: [Edge::zero(); 2],
             ends_first: true,
-            start_us: 0,
             rows: Rows {
                 span_us: [0; 2],
                 inertial: SMatrix::zeros(),
@@ -256,8 +247,7 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
 
     /// Forgets the open window and the last sample.
     pub fn clear(&mut self) {
-        self.last = None;
-        self.late_us = None;
+        self.sequence.clear();
     }
 
     /// The rows of the window closed last; of use after [`Push::Closed`].
@@ -271,53 +261,32 @@ impl<T: Real, const B: usize, const P: usize, const E: usize, L: EffectList<E>>
     /// but after that of the one skipped, time goes on from there: the clock was set back, by as much as nobody knows, and
     /// what was measured before is not bridged.
     pub fn push(&mut self, sample: &Sample<T, B>) -> Push {
-        if let Some(reason) = implausible(&self.plausible, sample) {
-            return Push::Rejected(reason);
-        }
-        let step_us = match &self.last {
-            None => None,
-            Some(last) if sample.time_us <= last.time_us => {
-                let before = self.late_us.replace(sample.time_us);
-                if before.is_none_or(|before| sample.time_us <= before) {
-                    return Push::Late;
-                }
-                Some(u64::MAX)
-            }
-            Some(last) if self.settings.skip_repeated && repeats(sample, last) => {
-                return Push::Repeated;
-            }
-            Some(last) => Some(sample.time_us - last.time_us),
+        let link = match self.sequence.admit(sample) {
+            Ok(link) => link,
+            Err(skipped) => return skipped,
         };
-        self.late_us = None;
-        let bridged = step_us.filter(|step| *step <= self.settings.max_gap_us);
-        if let Some(step_us) = bridged {
-            // A sample's share of the trapezia on both of its sides: half the time from the one before to the next.
-            let half = microseconds::<T>(step_us) * real(0.5);
+        if let Link::Bridged { half_step, .. } = link {
             self.integral
-                .add(&self.tree, &self.integrand, self.half_step + half);
-            self.half_step = half;
+                .add(&self.tree, &self.integrand, self.half_step + half_step);
+            self.half_step = half_step;
         }
-        self.last = Some(*sample);
         self.measure(sample);
-        match (step_us, bridged) {
-            (Some(_), Some(_)) if sample.time_us - self.start_us < self.settings.window_us => {
-                return Push::Used;
-            }
-            (Some(_), Some(_)) => {
+        let push = match link {
+            Link::Bridged { closes: false, .. } => return Push::Used,
+            Link::Bridged { closes: true, .. } => {
                 self.set_end(sample);
                 self.close();
+                Push::Closed
             }
-            _ => self.set_end(sample),
-        }
+            Link::Broken(push) => {
+                self.set_end(sample);
+                push
+            }
+        };
         self.ends_first = !self.ends_first;
-        self.start_us = sample.time_us;
         self.integral.clear();
         self.half_step = T::zero();
-        match (step_us, bridged) {
-            (_, Some(_)) => Push::Closed,
-            (Some(_), None) => Push::Gap,
-            (None, None) => Push::Used,
-        }
+        push
     }
 
     /// The kinematics and the integrand at a sample.
@@ -394,66 +363,21 @@ impl<T: Real, const B: usize, const P: usize, const E: usize> Rows<T, B, P, E> {
     }
 }
 
-/// Why a sample cannot be true, if it cannot.
-fn implausible<T: Real, const B: usize>(
-    plausible: &[Plausible<T>; B],
-    sample: &Sample<T, B>,
-) -> Option<Implausible> {
-    let (mut within, mut probe) = (true, T::zero());
-    for (b, limit) in plausible.iter().enumerate() {
-        let (q, dq, tau) = (sample.q[b], sample.dq[b], sample.tau[b]);
-        // x·0 is NaN for what is not finite; limits may be infinite.
-        probe += q * T::zero() + dq * T::zero() + tau * T::zero();
-        within &= (q >= limit.position[0]) & (q <= limit.position[1]);
-        within &= (dq.abs() <= limit.speed) & (tau.abs() <= limit.torque);
-    }
-    if within && probe == T::zero() {
-        None
-    } else {
-        Some(reason(plausible, sample))
-    }
-}
-
-/// Why an implausible sample cannot be true.
-#[cold]
-fn reason<T: Real, const B: usize>(
-    plausible: &[Plausible<T>; B],
-    sample: &Sample<T, B>,
-) -> Implausible {
-    let finite = |x: &[T; B]| x.iter().all(|x| x.is_finite());
-    if !(finite(&sample.q) && finite(&sample.dq) && finite(&sample.tau)) {
-        return Implausible::NotFinite;
-    }
-    for (b, limit) in plausible.iter().enumerate() {
-        if sample.q[b] < limit.position[0] || sample.q[b] > limit.position[1] {
-            return Implausible::Position;
-        }
-        if sample.dq[b].abs() > limit.speed {
-            return Implausible::Speed;
-        }
-        if sample.tau[b].abs() > limit.torque {
-            return Implausible::Torque;
-        }
-    }
-    Implausible::Torque
-}
-
-/// Whether all readings are the same.
-fn repeats<T: Real, const B: usize>(sample: &Sample<T, B>, last: &Sample<T, B>) -> bool {
-    sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau
-}
-
 /// What an effect sees of joint b.
-fn joint_state<T: Real, const B: usize>(sample: &Sample<T, B>, b: usize) -> JointState<T> {
+pub(crate) fn joint_state<T: Real, const B: usize>(
+    sample: &Sample<T, B>,
+    b: usize,
+) -> JointState<T> {
     JointState::reported(sample.q[b], sample.dq[b], sample.tau[b])
 }
 
 /// Whole microseconds as seconds.
-fn microseconds<T: Real>(time: u64) -> T {
+pub(crate) fn microseconds<T: Real>(time: u64) -> T {
     real(time as f64 * 1e-6)
 }
 
 mod free_base;
+pub(crate) mod sequence;
 
 pub use free_base::{FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow};
 

@@ -6,15 +6,14 @@ use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
-    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns,
-    DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
-    plausible,
+    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceFolds,
+    DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
 };
 use crate::factor::{Factor, FactorError};
-use crate::go2::{JOINTS_PER_LEG, Leg, leg};
+use crate::go2::{JOINTS_PER_LEG, Leg};
 use crate::scalar::{exp_minus, real};
 use crate::spatial::Transform;
-use crate::window::{Push, Sample, Settings, Window};
+use crate::window::{Push, Sample, Settings};
 use crate::wire::{self, LegCounters};
 
 /// A motor answers when it is asked: the same numbers again are a measurement, not a message read twice.
@@ -163,14 +162,7 @@ impl<T: Real> LegLine<T> {
     /// An empty window. Not inlined, so that what it takes of the stack is given back before the prior takes its own.
     #[inline(never)]
     fn open(&mut self, which: Leg) {
-        let (upright, settings) = (Transform::identity(), SETTINGS);
-        self.window = Slot::Full(Window::new(
-            leg(which),
-            upright,
-            DeviceColumns,
-            plausible(which),
-            settings,
-        ));
+        self.window = Slot::Full(DeviceWindow::new(which, &Transform::identity(), SETTINGS));
     }
 
     pub(super) fn counters(&self, data: &LegData<T>) -> LegCounters {
@@ -285,7 +277,7 @@ impl<T: Real> LegLine<T> {
         if data.folds.is_full() {
             // The factors are not what they should be before a change is forgotten.
             increment(&mut self.counters.forgotten);
-        } else if data.folds.take(window.rows(), &data.base).is_err() {
+        } else if data.folds.take(window.rows()).is_err() {
             increment(&mut self.counters.unfolded);
         }
     }

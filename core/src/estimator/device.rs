@@ -18,12 +18,14 @@ mod beliefs;
 mod change;
 mod folds;
 mod gather;
+mod window;
 
 pub use base::LegBase;
 pub use beliefs::Beliefs;
 pub use change::{BlockTest, Change, ChangeKind, Verdict};
 pub use folds::DeviceFolds;
 pub use gather::Gather;
+pub use window::{DeviceRows, DeviceWindow};
 
 use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
@@ -32,7 +34,7 @@ use crate::effect::{EffectKind, Form, JointState, Prior, Term};
 use crate::factor::packed_len;
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
-use crate::window::{EffectList, Rows, Window};
+use crate::window::EffectList;
 use crate::{Real, scalar::real};
 use heapless::Vec;
 
@@ -68,6 +70,10 @@ columns! {
     Viscous, Coulomb, Armature, Bias,
     AsymmetricCoulomb, Stribeck, LoadFriction, QuadraticDrag, Spring, Delay,
 }
+
+/// Of [`COLUMNS`] those that are integrals of a rate, and those that are differences between a window's ends.
+const RATED: [usize; 7] = [1, 3, 4, 5, 6, 7, 8];
+const BOUNDARY: [usize; 3] = [0, 2, 9];
 
 /// [`COLUMNS`] as a type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -173,15 +179,16 @@ const ROWS_LEN: usize = {
     }
     len
 };
+/// Where a joint's entries lie in the rows of a window.
+fn entries(joint: usize) -> core::ops::Range<usize> {
+    let start = (0..joint).map(|joint| columns(joint) + 1).sum();
+    start..start + columns(joint) + 1
+}
 /// Numbers of the longest triangle of a joint in a fold, the hip's.
 pub const LONGEST_TRIANGLE: usize = packed_len(columns(0));
 const BASE_LEN: usize = range!(standard, JOINTS_PER_LEG - 1).end;
 const MARGINAL_LEN: usize = range!(rank, JOINTS_PER_LEG - 1).end;
 
-/// The window of a leg with all columns of the device.
-pub type DeviceWindow<T> = Window<T, JOINTS_PER_LEG, LEG_INERTIAL, DEVICE_COLUMNS, DeviceColumns>;
-/// The rows of that window.
-pub type DeviceRows<T> = Rows<T, JOINTS_PER_LEG, LEG_INERTIAL, DEVICE_COLUMNS>;
 /// The solver of a leg with any of the effects active.
 pub type DeviceSolver<T> = Solver<
     T,

@@ -33,7 +33,8 @@ use crate::inertia::INERTIAL;
 use crate::regressor::RegressorRows;
 use crate::spatial::{Motion, Transform};
 use crate::tree::{Kinematics, Tree};
-use crate::window::{EffectList, Sample, implausible};
+use crate::window::sequence::implausible;
+use crate::window::{EffectList, Sample};
 use crate::{Real, scalar::real};
 use nalgebra::{SMatrix, SVector, Vector3};
 

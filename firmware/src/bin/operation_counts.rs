@@ -14,9 +14,8 @@ use defmt_semihosting as _;
 use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
 use proprio_core::consistent::LegConsistentSolver;
 use proprio_core::estimator::{
-    BlockTest, DEFAULT_ACTIVE, DeviceColumns, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow,
-    EFFECTS, Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow,
-    plausible,
+    BlockTest, DEFAULT_ACTIVE, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, EFFECTS,
+    Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow, plausible,
 };
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
@@ -181,13 +180,7 @@ fn main() -> ! {
     let mut noise = Noise(1);
     for set in 0..SETS {
         let upright = Transform::identity();
-        let mut window: DeviceWindow<Scalar> = Window::new(
-            leg(Leg::FR),
-            upright,
-            DeviceColumns,
-            plausible(Leg::FR),
-            Settings::default(),
-        );
+        let mut window = DeviceWindow::<Scalar>::new(Leg::FR, &upright, Settings::default());
         let mut leg_window: LegWindow<Scalar> = Window::new(
             leg(Leg::FR),
             upright,
@@ -241,7 +234,7 @@ fn main() -> ! {
             match pushed {
                 Push::Closed => {
                     close.add(cost);
-                    let (taken, cost) = counter.count(|| folds.take(window.rows(), base));
+                    let (taken, cost) = counter.count(|| folds.take(window.rows()));
                     take.add(cost);
                     if taken.is_err() {
                         hprintln!("a window was not taken");

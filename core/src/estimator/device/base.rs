@@ -20,7 +20,7 @@ pub struct LegBase<T> {
     /// What is left of the prior's information on each joint's bodies, 0 to 1.
     trust: [T; JOINTS_PER_LEG],
     loads: [T; LOADS_LEN],
-    /// Each joint's independent columns; found once, for they are read for every window.
+    /// Each joint's independent columns: what a snapshot's numbers are of.
     pub(crate) independent: [[u8; BASE_RANK[0]]; JOINTS_PER_LEG],
     known: bool,
 }

@@ -1,11 +1,10 @@
 //! A leg's windows folded into two sets of factors.
 
-use super::{DeviceRows, FOLD_LEN, FOLDS, FRONT, LegBase, ROWS_LEN, columns, range, rank};
+use super::{DeviceRows, FOLD_LEN, FOLDS, ROWS_LEN, columns, entries, range};
 use crate::Real;
 use crate::estimator::joints::floor;
 use crate::factor::{Factor, FactorError, ROWS, packed_len};
 use crate::go2::JOINTS_PER_LEG;
-use crate::inertia::INERTIAL;
 use crate::scalar::real;
 
 /// Length of a block of time of one fold, µs.
@@ -115,20 +114,17 @@ impl<T: Real> DeviceFolds<T> {
     ///
     /// # Errors
     /// [`FactorError::NotFinite`], and then nothing of the window is taken; [`FactorError::Length`] if there is no room.
-    pub fn take(&mut self, rows: &DeviceRows<T>, base: &LegBase<T>) -> Result<(), FactorError> {
+    pub fn take(&mut self, rows: &DeviceRows<T>) -> Result<(), FactorError> {
         let slot = self.waiting;
         let Some(waiting) = self.rows.get_mut(slot) else {
             return Err(FactorError::Length(slot));
         };
-        for joint in 0..JOINTS_PER_LEG {
-            let independent = base.independent[joint].get(..rank(joint)).unwrap_or(&[]);
-            let row = waiting.get_mut(entries(joint)).unwrap_or(&mut []);
-            rows.write_base_row(joint, independent, row);
-        }
         // x·0 is NaN exactly for the numbers that must not enter.
-        let probe = waiting
-            .iter()
-            .fold(T::zero(), |sum, x| sum + *x * T::zero());
+        let mut probe = T::zero();
+        for (to, from) in waiting.iter_mut().zip(&rows.numbers) {
+            probe += *from * T::zero();
+            *to = *from;
+        }
         if probe != T::zero() {
             return Err(FactorError::NotFinite);
         }
@@ -331,37 +327,6 @@ fn windows_place(n: usize) -> (usize, usize) {
 /// Copies as many numbers as both have.
 fn copy<T: Real>(from: &[T], to: &mut [T]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
-}
-
-/// Where a joint's entries lie in what waits of a window.
-fn entries(joint: usize) -> core::ops::Range<usize> {
-    let start = (0..joint).map(|joint| columns(joint) + 1).sum();
-    start..start + columns(joint) + 1
-}
-
-impl<T: Real> DeviceRows<T> {
-    /// Joint b's row as a fold takes it: effects, base columns, other effects, torque.
-    fn write_base_row(&self, joint: usize, independent: &[u8], row: &mut [T]) {
-        let (effects, entries) = (&self.effects[joint], self.inertial.as_slice());
-        let (front, rest) = row.split_at_mut(row.len().min(FRONT));
-        let (base, rest) = rest.split_at_mut(rest.len().min(independent.len()));
-        for (to, from) in front.iter_mut().zip(effects) {
-            *to = *from;
-        }
-        // Column after column, one entry per joint.
-        let first = JOINTS_PER_LEG * INERTIAL * joint + joint;
-        for (to, column) in base.iter_mut().zip(independent) {
-            let entry = entries.get(first + JOINTS_PER_LEG * usize::from(*column));
-            *to = entry.copied().unwrap_or(T::zero());
-        }
-        let back = effects.get(FRONT..).unwrap_or(&[]);
-        for (to, from) in rest
-            .iter_mut()
-            .zip(back.iter().chain([&self.torque[joint]]))
-        {
-            *to = *from;
-        }
-    }
 }
 
 /// A joint's rows of some windows, column by column; zero where there is no window.
