@@ -187,18 +187,21 @@ impl<T: Real> DeviceWindow<T> {
         for j in 0..JOINTS_PER_LEG {
             let mut effects = [T::zero(); DEVICE_COLUMNS];
             for (n, rate) in RATED.iter().zip(&sum.effects[j]) {
-                effects[*n] = *rate * per_second;
+                if let Some(effect) = effects.get_mut(*n) {
+                    *effect = *rate * per_second;
+                }
             }
             let boundaries = end.effects[j].iter().zip(&start.effects[j]);
             for (n, (end, start)) in BOUNDARY.iter().zip(boundaries) {
-                effects[*n] = (*end - *start) * per_second;
+                if let Some(effect) = effects.get_mut(*n) {
+                    *effect = (*end - *start) * per_second;
+                }
             }
             // Slices of known lengths: a chain of iterators would ask at each number which of them it is in.
-            let (own, others) = columns.split_at(rank(j).min(columns.len()));
-            let (front, rest) = numbers.split_at_mut(FRONT.min(numbers.len()));
-            let (base, rest) = rest.split_at_mut(rank(j).min(rest.len()));
-            let (back, rest) = rest.split_at_mut((DEVICE_COLUMNS - FRONT).min(rest.len()));
-            let (torque, rest) = rest.split_at_mut(rest.len().min(1));
+            let own = columns.split_off(..rank(j)).unwrap_or_default();
+            let mut next = |count| numbers.split_off_mut(..count).unwrap_or_default();
+            let (front, base) = (next(FRONT), next(rank(j)));
+            let (back, torque) = (next(DEVICE_COLUMNS - FRONT), next(1));
             let (front_effects, back_effects) = effects.split_at(FRONT);
             for (to, from) in front.iter_mut().zip(front_effects) {
                 *to = *from;
@@ -210,7 +213,6 @@ impl<T: Real> DeviceWindow<T> {
                 *to = *from;
             }
             torque.fill(sum.torque[j] * per_second);
-            (columns, numbers) = (others, rest);
         }
     }
 }
