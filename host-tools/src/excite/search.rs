@@ -182,50 +182,77 @@ pub(super) fn search(
             .collect();
         search.each(problem, goal, &points, Effort::AGAIN);
     }
-    let (_, point) = search.ranked().into_iter().next()?;
+    let ranked = search.ranked();
+    let mut best: Option<(Point, Motion)> = None;
+    // One that cannot be proved gives way to the next: made so small that it can, it would tell much less.
+    for (_, point) in ranked.iter().take(closer) {
+        let found = best.as_ref().map_or(f64::INFINITY, |(best, _)| best.cost);
+        if found <= point.cost || (best.is_some() && search.stop()) {
+            break;
+        }
+        let next = proved(problem, goal, point.clone(), repeats, &search);
+        best = next.filter(|(next, _)| next.cost < found).or(best);
+    }
+    let (point, motion, violations) = match best {
+        Some((point, motion)) => (point, motion, Vec::new()),
+        None => shrunk(problem, goal, ranked.into_iter().next()?.1, repeats)?,
+    };
     let history = search.lock().history.clone();
-    proved(problem, goal, point, repeats, &search, history)
+    Some(Found {
+        point,
+        motion,
+        violations,
+        history,
+    })
 }
 
-/// The motion with its proof; where that fails, the same motion a little smaller if that costs little, else the next best
-/// within limits drawn in further, and at last the same motion much smaller: towards rest in a pose that is within the limits,
-/// every motion is.
+/// A motion that is proved to be within the limits: this one, or the same a little smaller if that costs little, or the next best within
+/// limits drawn in further; none if a proof fails even then.
 fn proved(
     problem: &Problem,
     goal: &Cost,
     mut point: Point,
     repeats: u32,
     watch: &Search<'_>,
-    history: Vec<Progress>,
-) -> Option<Found> {
-    let mut tries = 0;
-    loop {
+) -> Option<(Point, Motion)> {
+    for tries in 0..=TRIES {
         let motion = problem.motion(&point.x, repeats);
-        let violations = proof::violations(problem, &motion);
-        if violations.is_empty() || tries > TRIES + SHRUNK {
-            return Some(Found {
-                point,
-                motion,
-                violations,
-                history,
-            });
+        if proof::violations(problem, &motion).is_empty() {
+            return Some((point, motion));
         }
         if tries == 0
             && let Some(nudged) = nudged(problem, goal, &point)
         {
             point = nudged;
-            tries += 1;
             continue;
         }
-        tries += 1;
-        let share = SHARE - DRAWN_IN * tries as f64;
-        let again = if tries <= TRIES && !watch.stop() {
-            optimise::from(problem, goal, &point.x, share, Effort::AGAIN, watch)
-        } else {
-            None
-        };
+        let share = SHARE - DRAWN_IN * (tries + 1) as f64;
+        let again = (!watch.stop())
+            .then(|| optimise::from(problem, goal, &point.x, share, Effort::AGAIN, watch))
+            .flatten();
         point = again.or_else(|| smaller(problem, goal, &point, SMALLER))?;
     }
+    None
+}
+
+/// The same motion, so much smaller that it is proved, and what a proof still finds: towards rest in a pose that is within the limits,
+/// every motion is.
+fn shrunk(
+    problem: &Problem,
+    goal: &Cost,
+    mut point: Point,
+    repeats: u32,
+) -> Option<(Point, Motion, Vec<Violation>)> {
+    for _ in 0..SHRUNK {
+        point = smaller(problem, goal, &point, SMALLER)?;
+        let motion = problem.motion(&point.x, repeats);
+        if proof::violations(problem, &motion).is_empty() {
+            return Some((point, motion, Vec::new()));
+        }
+    }
+    let motion = problem.motion(&point.x, repeats);
+    let violations = proof::violations(problem, &motion);
+    Some((point, motion, violations))
 }
 
 /// The same motion, so much smaller that it is within the limits; `None` if no motion is.
