@@ -8,6 +8,7 @@
 mod black_box;
 pub mod csv;
 mod feet;
+mod free_base;
 mod nested;
 mod ranking;
 mod summary;
@@ -21,6 +22,7 @@ use serde::Serialize;
 
 use feet::Feet;
 pub use feet::FootForce;
+pub use free_base::{CoordinateError, FreeBaseComparison, compare_free_base};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;

@@ -1,6 +1,7 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
 mod contact;
+mod free_base;
 mod path;
 mod report;
 mod summary;
@@ -21,6 +22,7 @@ use crate::model::Model;
 use crate::recording::{Recording, RecordingError};
 use crate::select::search::{Found, search};
 use crate::select::state::how;
+pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
 use report::report;
 pub(crate) use summary::NEW_MODEL;
 

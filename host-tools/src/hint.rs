@@ -11,7 +11,8 @@ use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
 use proprio::excite::earlier::EarlierError;
 use proprio::factors::FactorsError;
-use proprio::identify::{FreeBaseError, IdentificationError};
+use proprio::free_base::FreeBaseError;
+use proprio::identify::IdentificationError;
 use proprio::log::{LEAST_RATE, LogError, Problem};
 use proprio::monitor::web::WebError;
 use proprio::monitor::{FeedError, JournalError};
@@ -53,7 +54,7 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::FreeBase(FreeBaseError::NoWindows(_)) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
-        Error::FreeBase(FreeBaseError::Unsolvable) => None,
+        Error::FreeBase(_) => None,
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
         Error::Capture(error) => of_capture(error),
         Error::Factors(error) => of_factors(error),

@@ -1,8 +1,8 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], [`recording`],
-//! `equation`, `predict`, [`estimate`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`], [`compare`] and
-//! [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]. The [`simulator`] is truth, independent of them.
+//! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
+//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]. The [`simulator`] is truth, independent of them.
 
 pub mod advise;
 pub mod capture;
@@ -14,6 +14,7 @@ mod equation;
 pub mod estimate;
 pub mod excite;
 pub mod factors;
+pub mod free_base;
 pub mod gate;
 pub mod identifiability;
 pub mod identify;

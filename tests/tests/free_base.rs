@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use proprio::estimate::Constraint;
-use proprio::identify::{FreeBaseError, FreeBaseIdentification, identify_free_base};
+use proprio::free_base::FreeBaseError;
+use proprio::identify::{FreeBaseIdentification, identify_free_base};
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 

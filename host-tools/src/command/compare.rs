@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use proprio::compare::{Comparison, ValuesFrom, compare, compare_with, csv};
+use proprio::compare::{Comparison, ValuesFrom, compare, compare_free_base, compare_with, csv};
 use proprio::model::{Model, UnknownName};
 use proprio::output::{AtomicFile, WriteError};
 use proprio::recording::{Recording, gate_words};
@@ -25,6 +25,7 @@ use crate::progress::{Progress, Underway};
   proprio compare chirp.csv --model go2.toml --html report.html
   proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
   proprio compare chirp.csv --model go2.toml -o torque.csv
+  proprio compare --free-base walk.csv --model go2.toml
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
@@ -39,6 +40,9 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
+    /// The robot walks, sways or is swung: a Go2's equations that contact forces leave, from logs with gyro/ and acc/ columns
+    #[arg(long, conflicts_with_all = ["at_rest", "with", "without", "html", "output"])]
+    free_base: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with_all = ["fit", "with", "without"])]
     at_rest: bool,
@@ -77,22 +81,19 @@ pub(crate) struct Compare {
 
 impl Compare {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if self.free_base {
+            return self.run_free_base();
+        }
         let model = super::model_or_default(self.model.as_deref(), false)?;
         let mut progress = Progress::new("Reading");
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
-        let values = match (self.fit, self.given, self.at_rest) {
-            (true, ..) => ValuesFrom::Fitted,
-            (false, _, true) => ValuesFrom::GivenAlsoAtRest,
-            (false, true, false) => ValuesFrom::Given,
-            (false, false, false) => ValuesFrom::Auto,
-        };
         let changed = self.changed(&model)?;
         let underway = Underway::new("Comparing");
         let comparison = match &changed {
             Some(changed) => compare_with(&recording, &model, changed)?,
-            None => compare(&recording, &model, values)?,
+            None => compare(&recording, &model, self.values())?,
         };
         drop(underway);
         for warning in &comparison.warnings {
@@ -118,6 +119,32 @@ impl Compare {
         } else {
             self.text(&comparison)
         })
+    }
+
+    /// The whole Go2, moving and in contact.
+    fn run_free_base(&self) -> Result<String, Error> {
+        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut progress = Progress::new("Reading");
+        let told = |done, total| progress.set(done, total);
+        let comparison = compare_free_base(&self.logs, &model, self.values(), told)?;
+        drop(progress);
+        for warning in &comparison.warnings {
+            eprintln!("warning: {warning}");
+        }
+        Ok(if self.json {
+            json(&comparison)
+        } else {
+            comparison.to_string()
+        })
+    }
+
+    fn values(&self) -> ValuesFrom {
+        match (self.fit, self.given, self.at_rest) {
+            (true, ..) => ValuesFrom::Fitted,
+            (false, _, true) => ValuesFrom::GivenAlsoAtRest,
+            (false, true, false) => ValuesFrom::Given,
+            (false, false, false) => ValuesFrom::Auto,
+        }
     }
 
     /// The first screen, or all of it.

@@ -6,7 +6,7 @@ use clap::Args;
 use proprio::advise::{at_the_end, closing};
 use proprio::compare::ValuesFrom;
 use proprio::compare::compare;
-use proprio::diagnose::{Diagnosis, diagnose};
+use proprio::diagnose::{Diagnosis, diagnose, diagnose_free_base};
 use proprio::model::Model;
 use proprio::recording::LogGates;
 use proprio::recording::{Recording, gate_words};
@@ -29,6 +29,7 @@ use crate::progress::{Progress, Underway};
   proprio diagnose chirp_*.csv --apply
   proprio diagnose chirp.csv --model go2.toml --html report.html
   proprio diagnose chirp.csv --model go2.toml --json
+  proprio diagnose --free-base walk.csv --model go2.toml
   proprio diagnose chirp.csv --apply -m go2.toml && proprio compare chirp.csv -m go2.toml")]
 pub(crate) struct Diagnose {
     /// Logs: CSV, plain or gzip-compressed
@@ -40,6 +41,11 @@ pub(crate) struct Diagnose {
     /// Show every step to a model that lacks nothing and, with --model, add its effects to the model file
     #[arg(long)]
     apply: bool,
+    /// The robot walks, sways or is swung: what the model lacks of friction, rotors, torque offsets and loads on bodies, the trunk's too
+    ///
+    /// Logs have gyro/ and acc/ columns, as for `identify --free-base`. With --apply the values found are written to the model.
+    #[arg(long, conflicts_with = "html")]
+    free_base: bool,
     /// Tell every candidate, not the most important ones only
     #[arg(short, long)]
     verbose: bool,
@@ -53,6 +59,9 @@ pub(crate) struct Diagnose {
 
 impl Diagnose {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if self.free_base {
+            return self.run_free_base();
+        }
         let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let mut progress = Progress::new("Reading");
         let recording =
@@ -108,6 +117,42 @@ impl Diagnose {
                 format!("{gates}{summary}{open}{gap}{more}\n")
             }
         })
+    }
+}
+
+impl Diagnose {
+    /// The whole Go2, moving and in contact.
+    fn run_free_base(&self) -> Result<String, Error> {
+        let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
+        let mut progress = Progress::new("Reading");
+        let told = |done, total| progress.set(done, total);
+        let underway = Underway::new("Trying friction and loads");
+        let diagnosis = diagnose_free_base(&self.logs, &model, told)?;
+        drop((underway, progress));
+        for warning in &diagnosis.diagnosis.warnings {
+            eprintln!("warning: {warning}");
+        }
+        let written = match (self.apply, &self.model) {
+            (true, Some(path)) => {
+                diagnosis.apply(&mut model)?;
+                model.save(path)?;
+                true
+            }
+            _ => false,
+        };
+        if self.json {
+            return Ok(json(&diagnosis));
+        }
+        if self.verbose {
+            return Ok(diagnosis.diagnosis.to_string());
+        }
+        let summary = diagnosis.summary(model.robot(), self.model.as_deref(), written);
+        let ladder = if self.apply {
+            diagnosis.diagnosis.ladder() + "\n"
+        } else {
+            String::new()
+        };
+        Ok(format!("{ladder}{summary}"))
     }
 }
 

@@ -41,7 +41,7 @@ pub(crate) const SAME_CORRELATION: f64 = 0.03;
 /// stated uncertainty are nearer (χ² of ten degrees of freedom).
 const FARTHEST: f64 = 23.2;
 /// Times that bodies are held nearer.
-const HOLD_ROUNDS: usize = 5;
+pub(crate) const HOLD_ROUNDS: usize = 5;
 
 /// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on six simulated logs with gaps
 /// of 2 to 15 mrad the gaps found were 9 to 25 % off, 17 % rms; hips with 20 mrad, 52 and 68 %, which this does not cover.
@@ -379,7 +379,7 @@ impl<'a> LimbFit<'a> {
 }
 
 /// Holds those bodies nearer that are farther from the CAD than bodies are. Whether there is one.
-fn hold(problem: &mut Problem, solution: &Solution, tightness: &mut [f64]) -> bool {
+pub(crate) fn hold(problem: &mut Problem, solution: &Solution, tightness: &mut [f64]) -> bool {
     let mut far = false;
     for (b, (cad, relative)) in problem.bodies.iter_mut().enumerate() {
         let body = super::bounded::body(&solution.theta, b);

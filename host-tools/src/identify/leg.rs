@@ -11,8 +11,8 @@ use proprio_core::spatial::Transform;
 use proprio_core::window::{Implausible, Push, Sample, Settings, Window};
 
 use super::IdentificationError;
-use super::result::Samples;
 use crate::estimate::{self, Constraint, ParameterEstimate};
+use crate::log::Samples;
 
 /// Windows of the estimator, here and on the device.
 pub(super) const SETTINGS: Settings = Settings::DEFAULT;

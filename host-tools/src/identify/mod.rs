@@ -20,17 +20,17 @@ use proprio_core::go2::{LEGS, Leg};
 use crate::estimate::Constraint;
 pub use crate::estimate::Method;
 pub use crate::estimate::stages::{Stage, StageParameter};
-use crate::log::{LogError, LogReader, Selection, Warning};
-pub use free_base::{
-    FreeBaseError, FreeBaseIdentification, Quantity, StanceShares, Windows, identify_free_base,
-};
+use crate::log::{LogError, LogReader, Samples, Selection, Warning};
+pub(crate) use free_base::walk_parameters;
+pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
 use leg::LegIdentifier;
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
     fit_model, fit_runs,
 };
-pub use result::{Identification, JointFit, Samples};
+pub use result::{Identification, JointFit};
 pub use runs::{Consistency, Run, RunValue};
+pub(crate) use to_model::set_joint;
 pub use to_model::{NotAModel, set_possible};
 
 /// How to identify.

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::leg::{LegFit, Misfit};
 use crate::estimate::{self, LEGEND, ParameterEstimate, Status};
-use crate::log::JointId;
+use crate::log::{JointId, Samples};
 use crate::parameter;
 
 /// The robot's parameters with what is known of their errors.
@@ -47,21 +47,6 @@ pub struct JointFit {
     pub urdf_rms: f64,
     /// The same on blocks of time that the fit has not seen.
     pub held_out_rms: Option<f64>,
-}
-
-/// What became of the samples.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Samples {
-    /// All.
-    pub total: u64,
-    /// Equal to the one before: skipped.
-    pub repeated: u64,
-    /// Not after the one before: skipped.
-    pub late: u64,
-    /// Beyond what the robot can do: skipped.
-    pub rejected: u64,
-    /// Silences that no window bridges.
-    pub gaps: u64,
 }
 
 fn serialize_name<S: serde::Serializer>(joint: &JointId, to: S) -> Result<S::Ok, S::Error> {
@@ -105,18 +90,6 @@ impl Identification {
 impl Misfit {
     fn held_out_rms(&self) -> Option<f64> {
         (self.held_out_windows > 0.0).then(|| (self.held_out / self.held_out_windows).sqrt())
-    }
-}
-
-impl Samples {
-    pub(super) fn plus(self, other: &Self) -> Self {
-        Self {
-            total: self.total + other.total,
-            repeated: self.repeated + other.repeated,
-            late: self.late + other.late,
-            rejected: self.rejected + other.rejected,
-            gaps: self.gaps + other.gaps,
-        }
     }
 }
 

@@ -68,7 +68,7 @@ pub fn set_possible(parameters: &[ParameterEstimate], model: &mut Model) -> Vec<
 }
 
 /// Sets a body, and what its joint has, to what was identified of them.
-pub(super) fn set_joint(
+pub(crate) fn set_joint(
     parameters: &[ParameterEstimate],
     model: &mut Model,
     joint: usize,

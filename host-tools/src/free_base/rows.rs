@@ -5,8 +5,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::estimator::plausible;
 use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
-use proprio_core::inertia::INERTIAL;
-use proprio_core::spatial::Transform;
+use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::tree::Tree;
 use proprio_core::window::{
     FreeBasePush, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample, Settings,
@@ -17,20 +16,20 @@ use super::stance::Stance;
 use super::walk::Walk;
 
 /// Bodies, the base first.
-pub(super) const BODIES: usize = JOINTS + 1;
+pub(crate) const BODIES: usize = JOINTS + 1;
 /// Velocity coordinates.
-pub(super) const COORDINATES: usize = JOINTS + 6;
+pub(crate) const COORDINATES: usize = JOINTS + 6;
 /// The effects of every joint, in the order of their columns.
-pub(super) const EFFECTS: [EffectKind; 4] = [
+pub(crate) const EFFECTS: [EffectKind; 4] = [
     EffectKind::Viscous,
     EffectKind::Coulomb,
     EffectKind::Armature,
     EffectKind::Bias,
 ];
 /// Inertial columns, the effects' and the accelerometer's.
-pub(super) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + 3;
+pub(crate) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + 3;
 /// Where the accelerometer's columns begin.
-pub(super) const ACC: usize = COLUMNS - 3;
+pub(crate) const ACC: usize = COLUMNS - 3;
 
 type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [EffectKind; 4]>;
 /// A factor over all columns.
@@ -79,14 +78,60 @@ pub(super) struct Block {
     pub(super) factor: WholeFactor,
     /// Equations in it.
     pub(super) equations: f64,
+    /// Of which walk, and which of its blocks.
+    pub(super) of: (usize, usize),
 }
 
-/// What the rows are made with.
+impl Block {
+    pub(super) fn empty() -> Self {
+        Self {
+            factor: empty(),
+            equations: 0.0,
+            of: (0, 0),
+        }
+    }
+}
+
+/// What the equations are multiplied by, so that their noise is alike: moments on the base (1), forces on it (m), joints' torques (1).
+pub(super) const SCALE: [f64; COORDINATES] = {
+    let mut scale = [1.0; COORDINATES];
+    let mut c = 0;
+    while c < 6 {
+        scale[c] = if c < 3 { 0.3 } else { 0.06 };
+        c += 1;
+    }
+    scale
+};
+
+/// What the rows are made with: the accelerometer's columns are derivatives at these masses and this bias.
 pub(super) struct RowSetup {
-    pub(super) tree: Tree<f64, BODIES, COORDINATES>,
-    pub(super) imu: Transform<f64>,
-    pub(super) scale: [f64; COORDINATES],
-    pub(super) acc_bias: Vector3<f64>,
+    tree: Tree<f64, BODIES, COORDINATES>,
+    acc_bias: Vector3<f64>,
+}
+
+impl RowSetup {
+    /// At these bodies, the base first, and this bias of the accelerometer, m/s².
+    pub(super) fn at(bodies: &[InertialParameters<f64>; BODIES], acc_bias: Vector3<f64>) -> Self {
+        Self {
+            tree: go2::free().with_inertia(bodies),
+            acc_bias,
+        }
+    }
+
+    fn window(&self, period: f64) -> Window {
+        Window::new(
+            self.tree,
+            EFFECTS,
+            FreeBaseSetup {
+                imu: super::imu(),
+                feet: go2::feet(),
+                scale: SCALE,
+                plausible: all_plausible(),
+                settings: settings(period),
+                acc_bias: self.acc_bias,
+            },
+        )
+    }
 }
 
 pub(super) fn empty() -> WholeFactor {
@@ -94,31 +139,30 @@ pub(super) fn empty() -> WholeFactor {
         .expect("the storage has the length asked for")
 }
 
-/// Folds a walk into blocks of `seconds`, and counts.
-pub(super) fn fold(
+/// One row of a closed window.
+pub(super) struct Row<'a> {
+    /// When its window began, s.
+    pub(super) start: f64,
+    /// Equations of its window that contact forces leave.
+    pub(super) rank: usize,
+    /// Which coordinate's equation, times [`RowSetup::scale`].
+    pub(super) coordinate: usize,
+    /// All columns, then the right-hand side.
+    pub(super) numbers: &'a mut [f64],
+}
+
+/// Tells a walk's windows row by row, and counts.
+pub(super) fn each_row(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
-    seconds: f64,
-) -> (Vec<Block>, Windows) {
-    let settings = settings(walk.period);
-    let mut window = Box::new(Window::new(
-        setup.tree,
-        EFFECTS,
-        FreeBaseSetup {
-            imu: setup.imu,
-            feet: go2::feet(),
-            scale: setup.scale,
-            plausible: all_plausible(),
-            settings,
-            acc_bias: setup.acc_bias,
-        },
-    ));
+    mut tell: impl FnMut(Row<'_>),
+) -> Windows {
+    let mut window = Box::new(setup.window(walk.period));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
         .collect();
-    let mut blocks: Vec<Block> = Vec::new();
     let mut counts = Windows::default();
     let mut open = false;
     let mut row = vec![0.0; COLUMNS + 1];
@@ -136,23 +180,19 @@ pub(super) fn fold(
         match push {
             FreeBasePush::Closed => {
                 let rows = window.rows();
-                let block = (rows.span_us[0] as f64 * 1e-6 / seconds) as usize;
-                while blocks.len() <= block {
-                    blocks.push(Block {
-                        factor: empty(),
-                        equations: 0.0,
-                    });
-                }
-                for c in 0..COORDINATES {
-                    rows.write_row(c, &mut row);
+                for coordinate in 0..COORDINATES {
+                    rows.write_row(coordinate, &mut row);
                     // The column is of what the bias is beyond the one taken off: of the whole bias with this on the right.
                     row[COLUMNS] += (0..3)
                         .map(|n| row[ACC + n] * setup.acc_bias[n])
                         .sum::<f64>();
-                    // Samples are checked to be finite, so the rows are, and no fold refuses them.
-                    let _ = blocks[block].factor.update(&mut row);
+                    tell(Row {
+                        start: rows.span_us[0] as f64 * 1e-6,
+                        rank: rows.rank,
+                        coordinate,
+                        numbers: &mut row,
+                    });
                 }
-                blocks[block].equations += rows.rank as f64;
                 counts.used += 1;
                 counts.equations += rows.rank as u64;
                 counts.by_feet[LEGS - (rows.rank - 6).div_ceil(3).min(LEGS)] += 1;
@@ -163,6 +203,26 @@ pub(super) fn fold(
             FreeBasePush::Used | FreeBasePush::Repeated | FreeBasePush::Late => {}
         }
     }
+    counts
+}
+
+/// Folds a walk into blocks of `seconds`, and counts.
+pub(super) fn fold(
+    walk: &Walk,
+    stance: &Stance,
+    setup: &RowSetup,
+    seconds: f64,
+) -> (Vec<Block>, Windows) {
+    let mut blocks: Vec<Block> = Vec::new();
+    let counts = each_row(walk, stance, setup, |row| {
+        let block = (row.start / seconds) as usize;
+        blocks.resize_with(blocks.len().max(block + 1), Block::empty);
+        // Samples are checked to be finite, so the rows are, and no fold refuses them.
+        let _ = blocks[block].factor.update(row.numbers);
+        if row.coordinate == 0 {
+            blocks[block].equations += row.rank as f64;
+        }
+    });
     (blocks, counts)
 }
 

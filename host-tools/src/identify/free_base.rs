@@ -1,24 +1,40 @@
-//! What an identification of a walking robot says, for machines and for humans.
+//! What `proprio identify --free-base` does: a walking robot's parameters, for machines and for humans.
 
 use std::fmt;
 use std::path::PathBuf;
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use proprio_core::go2::{JOINT_NAMES, LEGS, Leg};
 use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
-use super::fit::Fit;
-use super::rows::{ACC, BODIES, COLUMNS, EFFECTS, Windows};
-use super::stance::{Stance, StanceShares};
-use super::walk::Walk;
-use crate::estimate::{self, LEGEND, ParameterEstimate, Status};
-use crate::identify::to_model::set_joint;
-use crate::identify::{NotAModel, Samples};
-use crate::log::JointId;
+use super::NotAModel;
+use super::to_model::set_joint;
+use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
+use crate::free_base::data::Data;
+use crate::free_base::fit::{Deviations, Fit, bare, rms};
+use crate::free_base::rows::{ACC, BODIES, COLUMNS, EFFECTS};
+use crate::free_base::structure::ModelStructure;
+use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
+use crate::log::{JointId, Samples};
 use crate::model::{BASE, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
 use crate::table::{Table, with_std};
+
+/// Identifies a Go2 from logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+///
+/// # Errors
+/// [`FreeBaseError`]; the first bad log stops the work.
+pub fn identify_free_base(
+    logs: &[PathBuf],
+    constraint: Constraint,
+    progress: impl FnMut(u64, u64),
+) -> Result<FreeBaseIdentification, FreeBaseError> {
+    let walks = Walks::read(logs, progress)?;
+    let structure = ModelStructure::whole(constraint);
+    let data = Data::of(&walks, &structure)?;
+    FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
+}
 
 /// What follows from several parameters.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -64,29 +80,22 @@ pub struct FreeBaseIdentification {
 }
 
 impl FreeBaseIdentification {
-    pub(super) fn new(
-        logs: &[PathBuf],
-        walks: &[(Walk, Stance)],
-        fit: &Fit,
-        mut warnings: Vec<String>,
-    ) -> Self {
-        for (walk, stance) in walks {
-            warnings.extend(warning(walk, stance));
-        }
-        let samples = walks.iter().map(|(walk, _)| &walk.samples);
-        Self {
-            quantities: quantities(fit),
-            parameters: parameters(fit),
-            rms: fit.rms,
-            held_out_rms: fit.held_out_rms,
-            cad_rms: fit.cad_rms,
-            windows: fit.windows,
-            stance: walks.iter().map(|(_, stance)| stance.shares).collect(),
-            samples: samples.fold(Samples::default(), |sum, one| sum.plus(one)),
-            blocks: fit.blocks,
+    fn of(logs: &[PathBuf], walks: Walks, data: &Data, structure: &ModelStructure) -> Option<Self> {
+        let fit = data.fit(structure)?;
+        let deviations = data.deviations(&fit);
+        Some(Self {
+            quantities: quantities(&fit, &deviations),
+            parameters: walk_parameters(&fit, &deviations),
+            rms: data.rms(fit.theta()),
+            held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
+            cad_rms: data.rms(&bare(&fit.problem)),
+            windows: data.windows,
+            stance: walks.stance(),
+            samples: walks.samples(),
+            blocks: data.block_count(),
             logs: logs.to_vec(),
-            warnings,
-        }
+            warnings: walks.warnings,
+        })
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
@@ -119,35 +128,8 @@ impl FreeBaseIdentification {
     }
 }
 
-/// The rate below which a sampled step of a gait is not what happened in between, Hz.
-const LEAST_RATE: f64 = 200.0;
-
-fn warning(walk: &Walk, stance: &Stance) -> Vec<String> {
-    let (mut told, path) = (Vec::new(), walk.path.display());
-    let rate = 1.0 / walk.period.max(1e-6);
-    if rate < LEAST_RATE {
-        told.push(format!(
-            "{path}: {rate:.0} samples a second: between two of them a foot takes up the robot's weight, and the accelerometer \
-             shows what was at one instant; what follows is worth less than its errors say"
-        ));
-    }
-    let air: f64 = stance.shares.air.iter().sum();
-    if air == 0.0 {
-        told.push(format!(
-            "{path}: no foot is ever surely in the air: six equations of eighteen are left, and the legs' bodies are hardly told"
-        ));
-    }
-    told
-}
-
-fn std(fit: &Fit, combination: &DVector<f64>) -> f64 {
-    let roots = fit.roots.iter();
-    roots
-        .map(|root| root.tr_mul(combination).norm())
-        .fold(0.0, f64::max)
-}
-
-fn quantities(fit: &Fit) -> Vec<Quantity> {
+fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
+    let (theta, prior) = (fit.theta(), fit.problem.start());
     let at = |entries: &[(usize, f64)]| {
         let mut combination = DVector::zeros(COLUMNS);
         entries.iter().for_each(|(k, x)| combination[*k] = *x);
@@ -159,9 +141,9 @@ fn quantities(fit: &Fit) -> Vec<Quantity> {
         Quantity {
             name,
             unit: "kg",
-            value: combination.dot(&fit.theta),
-            std: std(fit, &combination),
-            prior: combination.dot(&fit.prior),
+            value: combination.dot(theta),
+            std: deviations.of_combination(&combination),
+            prior: combination.dot(&prior),
         }
     };
     let mut all = vec![
@@ -174,13 +156,14 @@ fn quantities(fit: &Fit) -> Vec<Quantity> {
     {
         let com = |theta: &DVector<f64>| theta[1 + axis] / theta[0];
         // c = h/m: ∂c = (∂h − c ∂m)/m.
-        let (value, mass) = (com(&fit.theta), fit.theta[0]);
+        let (value, mass) = (com(theta), theta[0]);
+        let change = at(&[(0, -value / mass), (1 + axis, 1.0 / mass)]);
         all.push(Quantity {
             name,
             unit: "m",
             value,
-            std: std(fit, &at(&[(0, -value / mass), (1 + axis, 1.0 / mass)])),
-            prior: com(&fit.prior),
+            std: deviations.of_combination(&change),
+            prior: com(&prior),
         });
     }
     all
@@ -206,19 +189,24 @@ fn names() -> impl Iterator<Item = (String, &'static str)> {
     inertial.chain(effects).chain(bias)
 }
 
-fn parameters(fit: &Fit) -> Vec<ParameterEstimate> {
+pub(crate) fn walk_parameters(fit: &Fit, deviations: &Deviations) -> Vec<ParameterEstimate> {
+    let norms = |root: DMatrix<f64>| DVector::from_fn(root.nrows(), |k, _| root.row(k).norm());
+    let prior = fit.problem.start();
+    // The prior as it looks from the CAD, and from the estimate: for what the motion shows.
+    let prior_std = norms(fit.problem.prior_root(&prior));
+    let prior_there = norms(fit.problem.prior_root(fit.theta()));
     let of = |(k, (name, unit)): (usize, (String, &'static str))| {
-        let [independent, blocks] = [0, 1].map(|n: usize| fit.roots[n].row(k).norm());
+        let [independent, blocks] = deviations.of_parameter(k);
         let std = independent.max(blocks);
         ParameterEstimate {
             name,
             unit,
-            value: fit.theta[k],
+            value: fit.theta()[k],
             std,
-            prior: fit.prior[k],
-            prior_std: fit.prior_std[k],
-            status: Status::there(std, fit.prior_std[k], independent, fit.prior_there[k]),
-            at_bound: fit.held[k],
+            prior: prior[k],
+            prior_std: prior_std[k],
+            status: Status::there(std, prior_std[k], independent, prior_there[k]),
+            at_bound: fit.solution.held[k],
         }
     };
     names().enumerate().map(of).collect()

@@ -8,8 +8,7 @@ use proprio_core::go2::{JOINTS, LEGS, Leg};
 use nalgebra::{Rotation3, Vector3};
 
 use super::{FreeBaseError, speed};
-use crate::identify::Samples;
-use crate::log::Log;
+use crate::log::{Log, Samples};
 
 /// The accelerometer's mean forgets over this (s): several steps of a gait.
 const TIME_CONSTANT: f64 = 2.0;
@@ -21,7 +20,7 @@ const VERTICAL_SPEED: f64 = 0.2;
 const GRAVITY: f64 = 9.81;
 
 /// The samples of a log, without those that repeat the one before.
-pub(super) struct Walk {
+pub(crate) struct Walk {
     pub(super) path: PathBuf,
     pub(super) time_us: Vec<u64>,
     pub(super) q: Vec<[f64; JOINTS]>,

@@ -49,7 +49,7 @@ pub struct StanceShares {
 }
 
 /// Which feet may carry a force, sample by sample.
-pub(super) struct Stance {
+pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,

@@ -1,0 +1,88 @@
+//! What `proprio diagnose --free-base` does: what a model of a walking robot lacks, an effect at a joint or a load on a body.
+//!
+//! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
+//! 2. `candidate`: what may be missing, and what each would take away to first order.
+//! 3. `search`: the most promising ones fitted, judged on time that the fit has not seen, added as long as anything is there.
+//! 4. `words`: what was found, as a [`Diagnosis`].
+
+mod candidate;
+mod search;
+mod words;
+
+use std::path::PathBuf;
+
+use proprio_core::go2::JOINT_NAMES;
+use serde::Serialize;
+
+use super::Diagnosis;
+use crate::estimate::ParameterEstimate;
+use crate::free_base::data::Data;
+use crate::free_base::structure::ModelStructure;
+use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
+use crate::identify::{NotAModel, set_joint, walk_parameters};
+use crate::log::Samples;
+use crate::model::{BASE, Model};
+
+/// What `proprio diagnose --free-base` says.
+#[derive(Debug, Clone, Serialize)]
+pub struct FreeBaseDiagnosis {
+    /// As of a robot that hangs: errors are of the equations that contact forces leave.
+    #[serde(flatten)]
+    pub diagnosis: Diagnosis,
+    /// What became of the windows.
+    pub windows: Windows,
+    /// Why feet were projected out, log by log.
+    pub stance: Vec<StanceShares>,
+    /// What became of the samples; one sample is all of the robot's.
+    pub samples: Samples,
+    /// What the model has at the end.
+    #[serde(skip)]
+    found: Vec<ParameterEstimate>,
+}
+
+/// Diagnoses what a Go2's `model` lacks on logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+///
+/// # Errors
+/// [`FreeBaseError`]: a log that is bad or too short, or a model that walks are not judged with.
+pub fn diagnose_free_base(
+    logs: &[PathBuf],
+    model: &Model,
+    progress: impl FnMut(u64, u64),
+) -> Result<FreeBaseDiagnosis, FreeBaseError> {
+    let structure = ModelStructure::of(model)?;
+    let walks = Walks::read(logs, progress)?;
+    let data = Data::of(&walks, &structure.with_everything())?;
+    if !data.can_hold_out() {
+        return Err(FreeBaseError::TooShort);
+    }
+    let unsolvable = || FreeBaseError::Unsolvable;
+    let found = search::search(&data, &structure).ok_or_else(unsolvable)?;
+    let diagnosis =
+        words::diagnosis(logs, &walks, &data, &structure, &found).ok_or_else(unsolvable)?;
+    let all = walk_parameters(&found.fit, &data.deviations(&found.fit));
+    let has = |p: &ParameterEstimate| p.is_inertial() || found.structure.has(&p.name);
+    Ok(FreeBaseDiagnosis {
+        diagnosis,
+        windows: data.windows,
+        stance: walks.stance(),
+        samples: walks.samples(),
+        found: all.into_iter().filter(has).collect(),
+    })
+}
+
+impl FreeBaseDiagnosis {
+    /// Gives a model the bodies and effects at the end of the path, with their standard deviations.
+    ///
+    /// # Errors
+    /// [`NotAModel`] if a value cannot be.
+    pub fn apply(&self, model: &mut Model) -> Result<(), NotAModel> {
+        let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
+        for (body, of) in bodies {
+            set_joint(&self.found, model, body, of).map_err(|fault| NotAModel {
+                of: of.to_owned(),
+                fault,
+            })?;
+        }
+        Ok(())
+    }
+}

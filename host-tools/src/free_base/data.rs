@@ -1,0 +1,204 @@
+//! All walks' windows as factors: one per block of time, all together, and all but each part of the time.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use proprio_core::go2;
+use proprio_core::inertia::InertialParameters;
+
+use super::rows::{
+    ACC, BODIES, Block, COLUMNS, COORDINATES, RowSetup, SCALE, WholeFactor, Windows, each_row,
+    empty, fold,
+};
+use super::stance::Stance;
+use super::structure::ModelStructure;
+use super::walk::Walk;
+use super::{FreeBaseError, Walks};
+use crate::estimate::bounded::body;
+use crate::estimate::robot::side_by_side;
+
+/// Length of a block of time, s, and how many blocks a short log is cut into at least.
+const BLOCK: f64 = 1.0;
+const LEAST_BLOCKS: f64 = 12.0;
+/// Parts of the time that are predicted by the others.
+pub(crate) const PARTS: usize = 5;
+
+/// Blocks taken together.
+pub(super) struct Sum {
+    pub(super) factor: WholeFactor,
+    /// The factor's triangle, the right-hand side last.
+    pub(super) rows: DMatrix<f64>,
+    pub(super) equations: f64,
+}
+
+impl Sum {
+    fn of<'a>(blocks: impl Iterator<Item = &'a Block>) -> Self {
+        let (mut factor, mut equations) = (empty(), 0.0);
+        let mut scratch = vec![0.0; COLUMNS + 1];
+        for block in blocks {
+            // Same columns and finite numbers: cannot fail.
+            let _ = factor.merge(&block.factor, |c| c, 1.0, &mut scratch);
+            equations += block.equations;
+        }
+        Self {
+            rows: dense(&factor),
+            factor,
+            equations,
+        }
+    }
+
+    /// Sum of squares that these parameters leave, N² m².
+    pub(super) fn squares(&self, theta: &DVector<f64>) -> f64 {
+        self.factor.sum_of_squares(theta.as_slice())
+    }
+}
+
+/// A part of the time, and all blocks that share no noise with it.
+pub(super) struct Part {
+    pub(super) own: Sum,
+    pub(super) others: Sum,
+}
+
+/// What the walks say of all columns.
+pub(crate) struct Data {
+    /// What gravity's length tells of the accelerometer's bias, one row per walk, in units of its noise.
+    pub(super) gravity: DMatrix<f64>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) all: Sum,
+    /// None of logs that are too short.
+    pub(super) parts: Vec<Part>,
+    pub(crate) windows: Windows,
+    setup: RowSetup,
+}
+
+impl Data {
+    /// Makes the rows twice: the accelerometer's columns are derivatives, at first at the model's masses, then at those of the fit of
+    /// `structure`.
+    pub(crate) fn of(walks: &Walks, structure: &ModelStructure) -> Result<Self, FreeBaseError> {
+        let cad = go2::free::<f64>().bodies().map(|body| body.inertia);
+        let setup = RowSetup::at(&cad, Vector3::zeros());
+        let gravity = gravity_rows(&walks.walks);
+        let first = Self::made(walks, setup, gravity.clone(), false)?;
+        let fit = first.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+        Self::made(walks, setup_at(fit.theta()), gravity, true)
+    }
+
+    fn made(
+        walks: &Walks,
+        setup: RowSetup,
+        gravity: DMatrix<f64>,
+        parts: bool,
+    ) -> Result<Self, FreeBaseError> {
+        let (mut blocks, mut windows) = (Vec::new(), Windows::default());
+        for (n, (walk, stance)) in walks.walks.iter().enumerate() {
+            let (own, counts) = fold(walk, stance, &setup, seconds(walk));
+            let own = own.into_iter().enumerate().map(|(k, mut block)| {
+                block.of = (n, k);
+                block
+            });
+            blocks.extend(own.filter(|block| block.equations > 0.0));
+            windows = windows.plus(&counts);
+        }
+        if blocks.is_empty() {
+            return Err(FreeBaseError::NoWindows(windows));
+        }
+        Ok(Self {
+            gravity,
+            all: Sum::of(blocks.iter()),
+            parts: if parts { parts_of(&blocks) } else { Vec::new() },
+            blocks,
+            windows,
+            setup,
+        })
+    }
+
+    /// Root mean square that these parameters leave, N m.
+    pub(crate) fn rms(&self, theta: &DVector<f64>) -> f64 {
+        (self.all.squares(theta) / self.all.equations.max(1.0)).sqrt()
+    }
+
+    /// Each coordinate's root mean square under each of several models, with one set of parameters for each part of the time or one for
+    /// all, in its own unit: moments on the base (N m), forces on
+    /// it (N), torques of the joints (N m).
+    pub(crate) fn by_coordinate(
+        &self,
+        walks: &Walks,
+        thetas: &[Vec<&DVector<f64>>],
+    ) -> Vec<[f64; COORDINATES]> {
+        let mut squares = vec![[0.0; COORDINATES]; thetas.len()];
+        for (n, (walk, stance)) in walks.walks.iter().enumerate() {
+            let seconds = seconds(walk);
+            each_row(walk, stance, &self.setup, |row| {
+                let block = (n, (row.start / seconds) as usize);
+                let at = self.blocks.partition_point(|b| b.of < block);
+                for (sum, parts) in squares.iter_mut().zip(thetas) {
+                    let theta = parts[at * parts.len() / self.blocks.len()];
+                    let predicted: f64 = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a).sum();
+                    let left = (row.numbers[COLUMNS] - predicted) / SCALE[row.coordinate];
+                    sum[row.coordinate] += left * left;
+                }
+            });
+        }
+        let windows = self.windows.used.max(1) as f64;
+        let rms = |sums: [f64; COORDINATES]| sums.map(|sum| (sum / windows).sqrt());
+        squares.into_iter().map(rms).collect()
+    }
+}
+
+/// Length of a walk's blocks, s.
+fn seconds(walk: &Walk) -> f64 {
+    BLOCK.min(walk.duration() / LEAST_BLOCKS)
+}
+
+/// Rows made at these parameters.
+fn setup_at(theta: &DVector<f64>) -> RowSetup {
+    let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(theta, b));
+    RowSetup::at(&bodies, theta.fixed_rows::<3>(ACC).into_owned())
+}
+
+/// The parts of the time, each with the blocks that are not its neighbours: those share its noise.
+fn parts_of(blocks: &[Block]) -> Vec<Part> {
+    let count = blocks.len();
+    if count < 2 * PARTS {
+        return Vec::new();
+    }
+    let parts: Vec<usize> = (0..PARTS).collect();
+    side_by_side(&parts, |&part| {
+        let own = |k: usize| k * PARTS / count == part;
+        let near = |k: usize| own(k) || own(k + 1) || (k > 0 && own(k - 1));
+        let chosen = |which: &dyn Fn(usize) -> bool| {
+            let blocks = blocks.iter().enumerate();
+            Sum::of(blocks.filter(|(k, _)| which(*k)).map(|(_, block)| block))
+        };
+        Part {
+            own: chosen(&own),
+            others: chosen(&|k| !near(k)),
+        }
+    })
+}
+
+/// What gravity's length tells of the accelerometer's bias, one row per walk.
+fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
+    let told: Vec<_> = walks
+        .iter()
+        .filter_map(|(walk, _)| walk.gravity())
+        .collect();
+    let mut rows = DMatrix::zeros(told.len(), COLUMNS + 1);
+    for (r, gravity) in told.iter().enumerate() {
+        for n in 0..3 {
+            rows[(r, ACC + n)] = gravity.up[n] / gravity.std;
+        }
+        rows[(r, COLUMNS)] = gravity.excess / gravity.std;
+    }
+    rows
+}
+
+/// A factor's triangle as a matrix, the right-hand side last.
+pub(super) fn dense(factor: &WholeFactor) -> DMatrix<f64> {
+    let n = factor.columns();
+    let mut rows = DMatrix::zeros(n, n + 1);
+    for k in 0..n {
+        for (c, x) in factor.row(k).iter().enumerate() {
+            rows[(k, k + c)] = *x;
+        }
+    }
+    rows
+}

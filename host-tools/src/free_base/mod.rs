@@ -1,0 +1,141 @@
+//! Trunk and legs of a robot that walks, from encoders, motor torques, gyro and accelerometer alone: what `identify --free-base`,
+//! `diagnose --free-base` and `compare --free-base` share.
+//!
+//! 1. `walk`: the log, gravity's direction, what its length tells of the accelerometer. `speed`: joint velocities from the quieter of
+//!    two channels.
+//! 2. `stance`: which feet may carry a force; those are projected out.
+//! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
+//! 4. `data`: the rows as one factor per block of time.
+//! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and the
+//!    accelerometer's bias.
+
+pub(crate) mod data;
+pub(crate) mod fit;
+pub(crate) mod rows;
+mod speed;
+mod stance;
+pub(crate) mod structure;
+mod walk;
+
+use std::path::PathBuf;
+
+use nalgebra::Vector3;
+use proprio_core::go2;
+use proprio_core::spatial::Transform;
+
+use crate::log::{LogError, Samples};
+pub use rows::Windows;
+use stance::Stance;
+pub use stance::StanceShares;
+use walk::Walk;
+
+/// Why no parameters come out of a walk.
+#[derive(Debug, thiserror::Error)]
+pub enum FreeBaseError {
+    /// A log is bad.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A log lacks what a moving base needs.
+    #[error("{}: a free base needs {what}, and the log does not have it", .path.display())]
+    Missing {
+        /// The log.
+        path: PathBuf,
+        /// What it lacks.
+        what: &'static str,
+    },
+    /// Nothing is left between gaps, touch-downs and faults.
+    #[error(
+        "no window is left: {} were cut by touch-downs and lift-offs, {} lost to impacts, {} to gaps; {} samples cannot be true",
+        .0.cut, .0.impact, .0.gap, .0.rejected
+    )]
+    NoWindows(Windows),
+    /// Walks are of a Go2.
+    #[error("--free-base knows a Go2 alone, and the model is another robot's")]
+    NotAGo2,
+    /// An effect that walks are not judged with.
+    #[error(
+        "--free-base knows viscous, coulomb, armature and bias, and the model has {effect} at {place}; `proprio remove {effect}:{place}` \
+         takes it out"
+    )]
+    Effect {
+        /// Which.
+        effect: &'static str,
+        /// Its joint, or the base.
+        place: String,
+    },
+    /// A log too short to be told apart from itself.
+    #[error("too short to hold a part of the time out: walk for ten seconds at least")]
+    TooShort,
+    /// The linear algebra refused; the data passed every check before it.
+    #[error("the parameters cannot be solved for: the logs' numbers overflow")]
+    Unsolvable,
+}
+
+/// Logs of a robot that walks, and which of its feet may carry a force.
+pub(crate) struct Walks {
+    pub(crate) walks: Vec<(Walk, Stance)>,
+    /// What a user should know about the logs.
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Walks {
+    /// Reads logs. `progress` hears of logs read, and of how many in all.
+    pub(crate) fn read(
+        logs: &[PathBuf],
+        mut progress: impl FnMut(u64, u64),
+    ) -> Result<Self, FreeBaseError> {
+        let (mut walks, mut warnings) = (Vec::new(), Vec::new());
+        for (n, path) in logs.iter().enumerate() {
+            let (walk, told) = Walk::read(path)?;
+            warnings.extend(told);
+            let stance = Stance::of(&walk, &imu());
+            walks.push((walk, stance));
+            progress(n as u64 + 1, logs.len() as u64);
+        }
+        for (walk, stance) in &walks {
+            warnings.extend(doubts(walk, stance));
+        }
+        Ok(Self { walks, warnings })
+    }
+
+    /// What became of the samples; one sample is all of the robot's.
+    pub(crate) fn samples(&self) -> Samples {
+        let samples = self.walks.iter().map(|(walk, _)| &walk.samples);
+        samples.fold(Samples::default(), |sum, one| sum.plus(one))
+    }
+
+    /// Why feet were projected out, log by log.
+    pub(crate) fn stance(&self) -> Vec<StanceShares> {
+        self.walks.iter().map(|(_, stance)| stance.shares).collect()
+    }
+}
+
+/// The IMU in the base.
+fn imu() -> Transform<f64> {
+    Transform::from_translation(Vector3::from(go2::IMU))
+}
+
+/// The rate below which a sampled step of a gait is not what happened in between, Hz.
+const LEAST_RATE: f64 = 200.0;
+
+/// Why what follows may be worth less than its errors say.
+fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
+    let (mut told, path) = (Vec::new(), walk.path.display());
+    let rate = 1.0 / walk.period.max(1e-6);
+    if rate < LEAST_RATE {
+        told.push(format!(
+            "{path}: {rate:.0} samples a second: between two of them a foot takes up the robot's weight, and the accelerometer \
+             shows what was at one instant; what follows is worth less than its errors say"
+        ));
+    }
+    let air: f64 = stance.shares.air.iter().sum();
+    if air == 0.0 {
+        told.push(format!(
+            "{path}: no foot is ever surely in the air: six equations of eighteen are left, and the legs' bodies are hardly told"
+        ));
+    }
+    told
+}
+
+#[cfg(test)]
+mod tests;
