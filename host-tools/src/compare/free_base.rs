@@ -9,7 +9,7 @@ use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
 use super::ValuesFrom;
-use crate::free_base::data::Data;
+use crate::free_base::data::{Data, Left};
 use crate::free_base::fit::bare;
 use crate::free_base::rows::{BODIES, COLUMNS, COORDINATES, EFFECTS};
 use crate::free_base::structure::{ModelStructure, effect_column};
@@ -122,7 +122,7 @@ fn given(model: &Model) -> DVector<f64> {
     theta
 }
 
-fn coordinates(rms: &[[f64; COORDINATES]]) -> Vec<CoordinateError> {
+fn coordinates(left: &[Left]) -> Vec<CoordinateError> {
     let name = |c: usize| match c {
         0..6 => format!(
             "{}_{}:base",
@@ -134,9 +134,9 @@ fn coordinates(rms: &[[f64; COORDINATES]]) -> Vec<CoordinateError> {
     let of = |c: usize| CoordinateError {
         name: name(c),
         unit: if (3..6).contains(&c) { "N" } else { "N m" },
-        rms: rms[0][c],
-        cad_rms: rms[1][c],
-        zero_rms: rms[2][c],
+        rms: left[0].rms[c],
+        cad_rms: left[1].rms[c],
+        zero_rms: left[2].rms[c],
     };
     (0..COORDINATES).map(of).collect()
 }

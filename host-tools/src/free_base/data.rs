@@ -115,31 +115,57 @@ impl Data {
         (self.all.squares(theta) / self.all.equations.max(1.0)).sqrt()
     }
 
-    /// Each coordinate's root mean square under each of several models, with one set of parameters for each part of the time or one for
-    /// all, in its own unit: moments on the base (N m), forces on
-    /// it (N), torques of the joints (N m).
-    pub(crate) fn by_coordinate(
-        &self,
-        walks: &Walks,
-        thetas: &[Vec<&DVector<f64>>],
-    ) -> Vec<[f64; COORDINATES]> {
-        let mut squares = vec![[0.0; COORDINATES]; thetas.len()];
+    /// What each of several models leaves of each coordinate's equation, with one set of parameters for each part of the time or one for
+    /// all.
+    pub(crate) fn by_coordinate(&self, walks: &Walks, thetas: &[Vec<&DVector<f64>>]) -> Vec<Left> {
+        let mut sums = vec![Sums::default(); thetas.len()];
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let seconds = seconds(walk);
             each_row(walk, stance, &self.setup, |row| {
                 let block = (n, (row.start / seconds) as usize);
                 let at = self.blocks.partition_point(|b| b.of < block);
-                for (sum, parts) in squares.iter_mut().zip(thetas) {
+                for (sums, parts) in sums.iter_mut().zip(thetas) {
                     let theta = parts[at * parts.len() / self.blocks.len()];
                     let predicted: f64 = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a).sum();
                     let left = (row.numbers[COLUMNS] - predicted) / SCALE[row.coordinate];
-                    sum[row.coordinate] += left * left;
+                    sums.add(row.coordinate, left);
                 }
             });
         }
         let windows = self.windows.used.max(1) as f64;
-        let rms = |sums: [f64; COORDINATES]| sums.map(|sum| (sum / windows).sqrt());
-        squares.into_iter().map(rms).collect()
+        sums.iter().map(|sums| sums.told(windows)).collect()
+    }
+}
+
+/// What a model leaves of each coordinate's equation: moments on the base (N m), forces on it (N), torques of the joints (N m).
+pub(crate) struct Left {
+    /// Root mean square.
+    pub(crate) rms: [f64; COORDINATES],
+    /// Correlation of neighbouring windows.
+    pub(crate) correlation: [f64; COORDINATES],
+}
+
+#[derive(Clone, Default)]
+struct Sums {
+    squares: [f64; COORDINATES],
+    products: [f64; COORDINATES],
+    last: [f64; COORDINATES],
+}
+
+impl Sums {
+    fn add(&mut self, coordinate: usize, left: f64) {
+        self.squares[coordinate] += left * left;
+        self.products[coordinate] += left * self.last[coordinate];
+        self.last[coordinate] = left;
+    }
+
+    fn told(&self, windows: f64) -> Left {
+        Left {
+            rms: self.squares.map(|sum| (sum / windows).sqrt()),
+            correlation: std::array::from_fn(|c| {
+                self.products[c] / self.squares[c].max(f64::MIN_POSITIVE)
+            }),
+        }
     }
 }
 

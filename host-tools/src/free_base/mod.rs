@@ -20,7 +20,7 @@ mod walk;
 use std::path::PathBuf;
 
 use nalgebra::Vector3;
-use proprio_core::go2;
+use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
 
 use crate::log::{LogError, Samples};
@@ -102,6 +102,13 @@ impl Walks {
     pub(crate) fn samples(&self) -> Samples {
         let samples = self.walks.iter().map(|(walk, _)| &walk.samples);
         samples.fold(Samples::default(), |sum, one| sum.plus(one))
+    }
+
+    /// Root mean square of each joint's torque, N m.
+    pub(crate) fn torque_rms(&self) -> [f64; JOINTS] {
+        let samples = || self.walks.iter().flat_map(|(walk, _)| &walk.tau);
+        let count = samples().count().max(1) as f64;
+        std::array::from_fn(|j| (samples().map(|tau| tau[j] * tau[j]).sum::<f64>() / count).sqrt())
     }
 
     /// Why feet were projected out, log by log.

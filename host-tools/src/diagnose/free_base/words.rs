@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::go2::JOINT_NAMES;
+use proprio_core::go2::{JOINT_NAMES, JOINTS};
 
 use super::FreeBaseDiagnosis;
 use super::search::{Found, Tried, Value};
@@ -10,12 +10,13 @@ use crate::diagnose::{
     Alternative, CandidateReport, Diagnosis, JointError, ParameterReport, PathStep, Verdict,
 };
 use crate::free_base::Walks;
-use crate::free_base::data::Data;
-use crate::free_base::fit::{HeldOut, rms};
+use crate::free_base::data::{Data, Left};
+use crate::free_base::fit::rms;
 use crate::free_base::rows::EFFECTS;
 use crate::free_base::structure::ModelStructure;
 use crate::model::Robot;
-use crate::summary::{Summary, typed, word};
+use crate::select::criteria::{LEAST_Z, RESOLUTION, STRUCTURE};
+use crate::summary::{Summary, joints_in_words, torque, typed, word};
 use crate::table::with_std;
 
 use super::candidate::Candidate;
@@ -35,12 +36,20 @@ pub(super) fn diagnosis(
     let [before, after, floor] = [given, &found.structure, &given.with_everything()]
         .map(|structure| data.held_out(structure));
     let (before, after, floor) = (before?, after?, floor?);
+    let thetas: Vec<Vec<_>> = [&before, &after, &floor]
+        .iter()
+        .map(|parts| parts.iter().map(|part| &part.theta).collect())
+        .collect();
+    let left = data.by_coordinate(walks, &thetas);
+    let outside_catalogue = outside(&left[1], data.windows.used, &walks.torque_rms());
     let first: Vec<&Tried> = found.first.iter().collect();
     let candidates: Vec<CandidateReport> = first.iter().map(|t| report(t, &first)).collect();
-    let missing = !found.path.is_empty();
+    let missing = !found.path.is_empty() || !outside_catalogue.is_empty();
     let (reason, next) = match found.path.first() {
         Some(step) => {
-            let name = format!("{}:{}", step.candidate.effect(), step.candidate.places().join(","));
+            let all = JOINT_NAMES.map(str::to_owned);
+            let places = joints_in_words(&step.candidate.places(), &all);
+            let name = format!("{}, {places},", step.candidate.effect());
             let of = first.iter().find(|t| t.candidate == step.candidate);
             let told = of.map_or(String::new(), |t| format!(": {}", values(t)));
             (
@@ -48,6 +57,10 @@ pub(super) fn diagnosis(
                 format!("proprio identify --free-base {} --physical -o {NEW_MODEL}", typed(logs, None)),
             )
         }
+        None if missing => (
+            "something is missing that is neither friction, a rotor, an offset nor a load".to_owned(),
+            "look at where the rest of the error lives: `proprio compare --free-base` tells it joint by joint".to_owned(),
+        ),
         None => (
             "neither friction, rotors and torque offsets nor a load on a body make the error on unseen time smaller beyond its own error"
                 .to_owned(),
@@ -76,29 +89,42 @@ pub(super) fn diagnosis(
             .collect(),
         held_out_rms: found.start_rms,
         log_rms: Vec::new(),
-        noise_floor_rms: rms(&floor),
-        joints: joints(walks, data, [&before, &after, &floor]),
-        outside_catalogue: Vec::new(),
+        // A model of everything learns some of the noise by heart.
+        noise_floor_rms: rms(&floor).min(rms(&after)),
+        joints: joints(&left, data.windows.used),
+        outside_catalogue,
         logs: logs.to_vec(),
         warnings: walks.warnings.clone(),
     })
 }
 
 /// Each joint's held-out errors.
-fn joints(walks: &Walks, data: &Data, parts: [&[HeldOut]; 3]) -> Vec<JointError> {
-    let thetas: Vec<Vec<_>> = parts
-        .iter()
-        .map(|parts| parts.iter().map(|part| &part.theta).collect())
-        .collect();
-    let rms = data.by_coordinate(walks, &thetas);
+fn joints(left: &[Left], windows: u64) -> Vec<JointError> {
     let error = |(j, name): (usize, &str)| JointError {
         joint: name.to_owned(),
-        n: usize::try_from(data.windows.used).unwrap_or(usize::MAX),
-        before: rms[0][6 + j],
-        after: rms[1][6 + j],
-        floor: rms[2][6 + j],
+        n: usize::try_from(windows).unwrap_or(usize::MAX),
+        before: left[0].rms[6 + j],
+        after: left[1].rms[6 + j],
+        floor: left[2].rms[6 + j],
     };
     JOINT_NAMES.into_iter().enumerate().map(error).collect()
+}
+
+/// The joints of which what is left goes on from window to window, as noise does not, and is more than a sampled log's errors.
+fn outside(left: &Left, windows: u64, torque_rms: &[f64; JOINTS]) -> Vec<String> {
+    let least = (LEAST_Z / (windows.max(1) as f64).sqrt()).max(STRUCTURE);
+    let joints = JOINT_NAMES.into_iter().enumerate();
+    let goes_on = joints.filter(|&(j, _)| {
+        left.correlation[6 + j] > least && left.rms[6 + j] > RESOLUTION * torque_rms[j]
+    });
+    let told = goes_on.map(|(j, name)| {
+        format!(
+            "{name}: of the {} N m that are left neighbouring windows share {:.0} %: neither friction, rotors and offsets nor a load explain that",
+            torque(left.rms[6 + j]),
+            100.0 * left.correlation[6 + j]
+        )
+    });
+    told.collect()
 }
 
 fn report(tried: &Tried, all: &[&Tried]) -> CandidateReport {
@@ -177,7 +203,7 @@ fn values(tried: &Tried) -> String {
             let unit = EFFECTS[*effect].description().parameters[0].unit;
             match joints.len() {
                 1 => format!("{value} {unit}"),
-                n => format!("{value} {unit} at the first of {n}"),
+                _ => format!("{value} {unit} at {}", JOINT_NAMES[joints[0]]),
             }
         }
         _ => String::new(),
