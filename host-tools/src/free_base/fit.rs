@@ -16,6 +16,15 @@ use crate::estimate::robot::side_by_side;
 /// The noise of an equation before a fit tells it, and the least that is believed, N m.
 const FIRST_NOISE: f64 = 0.1;
 const LEAST_NOISE: f64 = 1e-4;
+/// Noises that differ by a smaller share weigh the prior alike.
+const SAME_NOISE: f64 = 0.01;
+
+/// A known fit that another may be near: its parameters and its noise, N m.
+#[derive(Clone, Copy)]
+struct Near<'a> {
+    theta: &'a DVector<f64>,
+    noise: f64,
+}
 
 /// A model fitted to walks, or to a part of them.
 pub(crate) struct Fit {
@@ -31,14 +40,22 @@ impl Fit {
         &self.solution.theta
     }
 
-    fn of(sum: &Sum, gravity: &DMatrix<f64>, structure: &ModelStructure) -> Option<Self> {
+    fn of(
+        sum: &Sum,
+        gravity: &DMatrix<f64>,
+        structure: &ModelStructure,
+        near: Option<Near<'_>>,
+    ) -> Option<Self> {
         // A body with a load may be as far from the model's as it likes.
         let tightness = |loaded: bool| if loaded { f64::INFINITY } else { 1.0 };
         let bodies = structure.bodies.iter();
         let mut tightness: Vec<f64> = bodies.map(|body| tightness(body.loaded)).collect();
-        let mut problem = problem(weighed(&sum.rows, gravity, FIRST_NOISE), structure);
-        let mut noise = FIRST_NOISE;
-        let mut solution = problem.solve()?;
+        let mut noise = near.map_or(FIRST_NOISE, |near| near.noise);
+        let mut problem = problem(weighed(&sum.rows, gravity, noise), structure);
+        let mut solution = match near {
+            Some(near) => problem.solve_from(near.theta)?,
+            None => problem.solve()?,
+        };
         let rounds = if structure.hold_bodies {
             HOLD_ROUNDS
         } else {
@@ -46,19 +63,21 @@ impl Fit {
         };
         // The noise is what the fit leaves, and the fit weighs the prior by it.
         for round in 0..=rounds {
-            noise = noise_of(sum, &solution.theta);
-            problem.data = weighed(&sum.rows, gravity, noise);
-            solution = problem.solve_from(&solution.theta)?;
+            let now = noise_of(sum, &solution.theta);
+            if (now / noise - 1.0).abs() > SAME_NOISE {
+                noise = now;
+                problem.data = weighed(&sum.rows, gravity, noise);
+                solution = problem.solve_from(&solution.theta)?;
+            }
             if round == rounds || !hold(&mut problem, &solution, &mut tightness) {
                 break;
             }
             solution = problem.solve_from(&solution.theta)?;
         }
-        noise = noise.max(noise_of(sum, &solution.theta));
         Some(Self {
+            noise: noise.max(noise_of(sum, &solution.theta)),
             problem,
             solution,
-            noise,
         })
     }
 
@@ -96,6 +115,7 @@ pub(crate) struct HeldOut {
     pub(crate) equations: f64,
     /// The parameters that predicted it.
     pub(crate) theta: DVector<f64>,
+    noise: f64,
 }
 
 /// Root mean square over all parts, N m.
@@ -130,7 +150,16 @@ impl Deviations {
 impl Data {
     /// The fit of a model to all walks; none if numbers overflow.
     pub(crate) fn fit(&self, structure: &ModelStructure) -> Option<Fit> {
-        Fit::of(&self.all, &self.gravity, structure)
+        Fit::of(&self.all, &self.gravity, structure, None)
+    }
+
+    /// The same, looked for from the fit of another model.
+    pub(crate) fn fit_from(&self, structure: &ModelStructure, near: &Fit) -> Option<Fit> {
+        let near = Near {
+            theta: near.theta(),
+            noise: near.noise,
+        };
+        Fit::of(&self.all, &self.gravity, structure, Some(near))
     }
 
     /// What a model's fit minimises at this noise of an equation, N m; no body is held.
@@ -166,15 +195,31 @@ impl Data {
 
     /// Residuals of each part of the time under the fit to the others; none for short logs.
     pub(crate) fn held_out(&self, structure: &ModelStructure) -> Option<Vec<HeldOut>> {
-        let of = |part: &super::data::Part| {
-            let fit = Fit::of(&part.others, &self.gravity, structure)?;
+        self.held_out_from(structure, &[])
+    }
+
+    /// The same, looked for from the fits of another model.
+    pub(crate) fn held_out_from(
+        &self,
+        structure: &ModelStructure,
+        near: &[HeldOut],
+    ) -> Option<Vec<HeldOut>> {
+        let numbers: Vec<usize> = (0..self.parts.len()).collect();
+        let of = |&n: &usize| {
+            let part = &self.parts[n];
+            let near = near.get(n).map(|near| Near {
+                theta: &near.theta,
+                noise: near.noise,
+            });
+            let fit = Fit::of(&part.others, &self.gravity, structure, near)?;
             Some(HeldOut {
                 squares: part.own.squares(fit.theta()),
                 equations: part.own.equations,
+                noise: fit.noise,
                 theta: fit.solution.theta,
             })
         };
-        let parts: Option<Vec<HeldOut>> = side_by_side(&self.parts, of).into_iter().collect();
+        let parts: Option<Vec<HeldOut>> = side_by_side(&numbers, of).into_iter().collect();
         parts.filter(|parts| !parts.is_empty())
     }
 

@@ -232,7 +232,8 @@ fn asked(walk: &Walk) -> Vec<(&'static str, Option<Told>)> {
         let before = walk.log.with_file_name("").join("../trot/trot.csv.gz");
         let of_trot = identify_free_base(&[before], Constraint::Physical, |_, _| ()).ok();
         let known = of_trot.and_then(|found| {
-            let provenance = proprio::model::Provenance::of(std::slice::from_ref(&walk.log)).ok()?;
+            let provenance =
+                proprio::model::Provenance::of(std::slice::from_ref(&walk.log)).ok()?;
             found.to_model(provenance).ok()
         });
         asked.push((

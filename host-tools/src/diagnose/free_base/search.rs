@@ -169,6 +169,7 @@ fn tried(data: &Data, structure: &ModelStructure, held_out: &[HeldOut]) -> Optio
     let trial = Trial {
         data,
         structure,
+        now: &now,
         held_out,
         count,
     };
@@ -179,6 +180,7 @@ fn tried(data: &Data, structure: &ModelStructure, held_out: &[HeldOut]) -> Optio
 struct Trial<'a> {
     data: &'a Data,
     structure: &'a ModelStructure,
+    now: &'a Fit,
     held_out: &'a [HeldOut],
     /// How many there are.
     count: usize,
@@ -187,8 +189,8 @@ struct Trial<'a> {
 impl Trial<'_> {
     fn of(&self, candidate: Candidate) -> Option<Tried> {
         let structure = candidate.added_to(self.structure);
-        let fit = self.data.fit(&structure)?;
-        let held_out = self.data.held_out(&structure)?;
+        let fit = self.data.fit_from(&structure, self.now)?;
+        let held_out = self.data.held_out_from(&structure, self.held_out)?;
         let before: f64 = self.held_out.iter().map(|part| part.squares).sum();
         let parts = self.held_out.iter().zip(&held_out);
         let parts: Vec<f64> = parts.map(|(a, b)| a.squares - b.squares).collect();
@@ -198,6 +200,7 @@ impl Trial<'_> {
             Candidate::Load { body } => self.load(*body, &structure, &fit)?,
         };
         let significant = told.in_bounds
+            && told.is_told
             && told.z >= least_z(self.count)
             && gain > error
             && gain >= LEAST_SHARE * before;
@@ -237,6 +240,7 @@ impl Trial<'_> {
             z: size.z(),
             // At its bound an effect does nothing.
             in_bounds: columns.iter().any(|k| !fit.solution.held[*k]),
+            is_told: true,
         }
     }
 
@@ -246,7 +250,7 @@ impl Trial<'_> {
         let free = |structure: &ModelStructure| {
             let mut structure = structure.clone();
             structure.hold_bodies = false;
-            self.data.fit(&structure)
+            self.data.fit_from(&structure, fit)
         };
         let (without, with) = (free(self.structure)?, free(structure)?);
         let fallen = without.cost(self.data, without.noise) - with.cost(self.data, without.noise);
@@ -256,9 +260,11 @@ impl Trial<'_> {
             tried: 1.0,
         };
         let values = self.load_values(body, fit);
-        let mass = values[0].value;
+        let mass = values[0];
         Some(Told {
-            in_bounds: mass > 0.0,
+            in_bounds: mass.value > 0.0,
+            // A body whose mass is elsewhere carries no load.
+            is_told: mass.value > LEAST_VALUE * mass.std,
             z: size.z(),
             values,
         })
@@ -309,4 +315,6 @@ struct Told {
     values: Vec<Value>,
     z: f64,
     in_bounds: bool,
+    /// Whether the value is beyond its error.
+    is_told: bool,
 }
