@@ -150,11 +150,24 @@ pub struct JointError {
     pub floor: f64,
 }
 
-/// Diagnoses what `model` lacks on a recording.
+/// Diagnoses what `model` lacks on a recording. Where more than one foot carries a force, the base moves, which the model takes as
+/// pinned: then that is told, and no leg judged.
 ///
 /// # Errors
 /// [`RecordingError`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
+    judge(recording, model, false)
+}
+
+/// The same, but legs are judged by their swing also where the base may move.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_swing(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
+    judge(recording, model, true)
+}
+
+fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis, RecordingError> {
     let too_short = || RecordingError::TooShort {
         duration: recording.duration,
     };
@@ -174,7 +187,9 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Recor
         return Err(RecordingError::at_rest(recording));
     }
     let stands = |foot: &Option<LeftOut>| foot.as_ref().is_some_and(|foot| foot.too_little_swing);
-    let judged: Vec<usize> = (0..all.len()).filter(|&n| !stands(&feet[n])).collect();
+    let base_moves = !swing && feet.iter().flatten().count() > 1;
+    let hangs = |&n: &usize| !base_moves && !stands(&feet[n]);
+    let judged: Vec<usize> = (0..all.len()).filter(hangs).collect();
     // Then velocities: what positions tell comes before what torques do.
     let velocity: Vec<Vec<(usize, VelocityGain)>> =
         judged.iter().map(|&n| wrong_velocities(&all[n])).collect();
@@ -196,6 +211,7 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Recor
         recording,
         feet: &feet,
         all: &all,
+        base_moves,
         judged: &judged,
         velocity: &velocity,
         before: before.flatten(),
@@ -211,6 +227,8 @@ struct Diagnosed<'a> {
     /// All limbs, their stance left out, and what was found at their feet.
     all: &'a [LimbData<'a>],
     feet: &'a [Option<LeftOut>],
+    /// Whether no limb is judged because the base moves.
+    base_moves: bool,
     /// The limbs that swing enough to be judged.
     judged: &'a [usize],
     /// Of those the joints whose velocity is reported wrong.

@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr};
 
 use proprio::capture::CaptureError;
+use proprio::detect::mismatch::Mismatch;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
@@ -55,6 +56,12 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(_) => None,
+        Error::Mismatch { wrong, walks } => Some(match (wrong.first(), walks) {
+            (Some(Mismatch::NoBetterThanNothing(_)), true) => {
+                "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
+            }
+            _ => "mend the log, or go on with --anyway".to_owned(),
+        }),
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
         Error::Capture(error) => of_capture(error),
         Error::Factors(error) => of_factors(error),

@@ -58,7 +58,7 @@ pub(crate) fn joints_in_words(joints: &[String], all: &[String]) -> String {
 }
 
 /// Logs, and the option that names the model, as they are typed.
-pub(crate) fn typed(logs: &[PathBuf], model: Option<&Path>) -> String {
+pub fn typed(logs: &[PathBuf], model: Option<&Path>) -> String {
     let mut words: Vec<String> = logs.iter().map(|log| word(log)).collect();
     if let Some(model) = model {
         words.extend(["-m".to_owned(), word(model)]);

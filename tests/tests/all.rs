@@ -28,6 +28,7 @@ mod faults;
 mod free_base;
 mod hidden_effect;
 mod identify_model;
+mod mismatch;
 mod model;
 mod mujoco_logs;
 mod no_panic;

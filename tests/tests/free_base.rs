@@ -374,7 +374,7 @@ fn friction_that_is_hidden_in_one_calf_is_named() {
     );
     let error = number(&best["value"]) - number(&truth("trot")["effects"]["coulomb:RL_calf"]);
     assert!(error.abs() < 2.0 * number(&best["std"]), "{best}");
-    assert!(number(&path[0]["held_out_rms"]) < 0.7 * number(&found["held_out_rms"]));
+    assert!(number(&path[0]["held_out_rms"]) < 0.75 * number(&found["held_out_rms"]));
 }
 
 /// Whatever their masses, of robots with four effects everywhere nothing is missing.

@@ -119,7 +119,9 @@ fn the_reports_commands_run() {
 #[test]
 fn the_walks_commands_run() {
     let folder = tempfile::tempdir().unwrap();
-    let walk = root().join("tests/oracle/walk/trot.csv.gz");
-    fs::copy(walk, folder.path().join("walk.csv")).unwrap();
+    for (log, name) in [("trot", "walk.csv"), ("load", "next.csv")] {
+        let walk = root().join(format!("tests/oracle/walk/{log}.csv.gz"));
+        fs::copy(walk, folder.path().join(name)).unwrap();
+    }
     all_run("docs/walking.md", folder.path());
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use proprio::compare::{Comparison, ValuesFrom, compare, compare_free_base, compare_with, csv};
+use proprio::detect::mismatch::mismatches;
 use proprio::model::{Model, UnknownName};
 use proprio::output::{AtomicFile, WriteError};
 use proprio::recording::{Recording, gate_words};
@@ -89,6 +90,9 @@ impl Compare {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
+        for wrong in mismatches(&recording, &model) {
+            eprintln!("warning: {wrong}");
+        }
         let changed = self.changed(&model)?;
         let underway = Underway::new("Comparing");
         let comparison = match &changed {

@@ -6,11 +6,14 @@ use clap::Args;
 use proprio::advise::{at_the_end, closing};
 use proprio::compare::ValuesFrom;
 use proprio::compare::compare;
-use proprio::diagnose::{Diagnosis, diagnose, diagnose_free_base};
+use proprio::detect::mismatch::mismatches;
+use proprio::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
+use proprio::free_base::has_imu;
 use proprio::model::Model;
 use proprio::recording::LogGates;
 use proprio::recording::{Recording, gate_words};
 use proprio::report::pages;
+use proprio::summary::typed;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
@@ -46,6 +49,9 @@ pub(crate) struct Diagnose {
     /// Logs have gyro/ and acc/ columns, as for `identify --free-base`. With --apply the values found are written to the model.
     #[arg(long, conflicts_with = "html")]
     free_base: bool,
+    /// Go on where the log is not what the model says (signs, units, exchanged joints, a base that moves)
+    #[arg(long)]
+    anyway: bool,
     /// Tell every candidate, not the most important ones only
     #[arg(short, long)]
     verbose: bool,
@@ -67,8 +73,16 @@ impl Diagnose {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
+        let wrong = mismatches(&recording, &model);
+        if !wrong.is_empty() && !self.anyway {
+            let walks = self.logs.iter().all(|log| has_imu(log));
+            return Err(Error::Mismatch { wrong, walks });
+        }
         let underway = Underway::new("Trying the catalogue");
-        let mut diagnosis = diagnose(&recording, &model)?;
+        let mut diagnosis = match self.anyway {
+            true => diagnose_swing(&recording, &model)?,
+            false => diagnose(&recording, &model)?,
+        };
         drop(underway);
         if let Some(path) = &self.model {
             let path = path.display().to_string();
@@ -104,12 +118,19 @@ impl Diagnose {
             }));
         }
         let file = self.model.as_deref();
-        let gates = gate_words(&recording.gates);
+        let mut gates = gate_words(&recording.gates);
+        wrong
+            .iter()
+            .for_each(|wrong| gates += &format!("Data: {wrong}\n"));
         Ok(match (self.apply, self.verbose) {
             (true, _) => gates + &diagnosis.ladder() + &closing(&model, file, &self.logs),
             (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
             (false, false) => {
-                let summary = diagnosis.summary(given.robot(), file);
+                let mut summary = diagnosis.summary(given.robot(), file);
+                if diagnosis.joints.is_empty() && self.logs.iter().all(|log| has_imu(log)) {
+                    let logs = typed(&self.logs, file);
+                    summary.next = vec![format!("proprio diagnose --free-base {logs}")];
+                }
                 let limbs = recording.limbs.len();
                 let open = at_the_end(&given, file, &self.logs, limbs);
                 let gap = if open.is_empty() { "\n" } else { "" };
@@ -127,8 +148,12 @@ impl Diagnose {
         let mut progress = Progress::new("Reading");
         let told = |done, total| progress.set(done, total);
         let underway = Underway::new("Trying friction and loads");
-        let diagnosis = diagnose_free_base(&self.logs, &model, told)?;
+        let mut diagnosis = diagnose_free_base(&self.logs, &model, told)?;
         drop((underway, progress));
+        let told = &mut diagnosis.diagnosis;
+        if let Some(path) = &self.model {
+            told.next = told.next.replace("MODEL", &path.display().to_string());
+        }
         for warning in &diagnosis.diagnosis.warnings {
             eprintln!("warning: {warning}");
         }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use proprio::advise::{at_the_end, closing};
 use proprio::compare::{ValuesFrom, compare, series_of};
+use proprio::detect::mismatch::mismatches;
 use proprio::estimate::Constraint;
 use proprio::identify::{
     FitOptions, Method, Options, check_reproduced, fit_runs, identify, identify_free_base,
@@ -128,6 +129,9 @@ impl Identify {
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         let fitted = fit_runs(&recording, &model, options)?;
         drop(progress);
+        for wrong in mismatches(&recording, &model) {
+            eprintln!("warning: {wrong}");
+        }
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
         }

@@ -28,6 +28,7 @@ use std::path::{Path, PathBuf};
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use proprio::capture::CaptureError;
+use proprio::detect::mismatch::Mismatch;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
@@ -149,6 +150,9 @@ pub(crate) enum Error {
     Identification(#[from] IdentificationError),
     #[error(transparent)]
     FreeBase(#[from] FreeBaseError),
+    /// A log that is not what the model says; whether it has an IMU's columns.
+    #[error("the log is not what the model says: {}", told(.wrong))]
+    Mismatch { wrong: Vec<Mismatch>, walks: bool },
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(transparent)]
@@ -235,6 +239,12 @@ fn model_or_default(path: Option<&Path>, make: bool) -> Result<Model, Error> {
         Some(path) if path.exists() || !make => Ok(Model::load(path)?),
         _ => Ok(Model::default()),
     }
+}
+
+/// What is wrong between a log and the model.
+fn told(wrong: &[Mismatch]) -> String {
+    let told: Vec<String> = wrong.iter().map(ToString::to_string).collect();
+    told.join("; ")
 }
 
 /// A log that was there and is no more.

@@ -59,7 +59,7 @@ pub(super) fn told(
             leg,
         });
     }
-    (forces, words(&left_out))
+    (forces, words(&left_out, false))
 }
 
 /// Takes back what a criticism cannot know beside such forces: of a leg with too little swing all but its scores; and where

@@ -3,6 +3,7 @@
 pub mod black_box;
 pub(crate) mod bursts;
 pub(crate) mod contact;
+pub mod mismatch;
 pub mod residual;
 pub(crate) mod series;
 

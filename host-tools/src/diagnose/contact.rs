@@ -41,7 +41,7 @@ impl Contact {
 }
 
 /// Why contact is the verdict, and what to do next.
-pub(crate) fn reason(candidates: &[CandidateReport]) -> (String, String) {
+pub(crate) fn reason(candidates: &[CandidateReport], base_moves: bool) -> (String, String) {
     let contacts: Vec<String> = candidates
         .iter()
         .filter(|c| c.effect == EffectKind::Contact.name())
@@ -55,6 +55,10 @@ pub(crate) fn reason(candidates: &[CandidateReport]) -> (String, String) {
         "contact is missing: a force pushes on the foot at {}, and no friction or load explains it",
         contacts.join(", ")
     );
-    let next = "record the robot hung in the air, or judge the rest by the swing alone as here";
+    let next = if base_moves {
+        "record the robot hung in the air; a Go2 that walks is for --free-base, which wants gyro/ and acc/ columns; --anyway judges the swing"
+    } else {
+        "record the robot hung in the air, or judge the rest by the swing alone as here"
+    };
     (why, next.to_owned())
 }

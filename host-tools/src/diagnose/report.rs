@@ -43,7 +43,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
     };
     let by_contact = (candidates.first()).is_some_and(|c| c.effect == EffectKind::Contact.name());
     let (reason, next) = if by_contact {
-        contact::reason(&candidates)
+        contact::reason(&candidates, d.base_moves)
     } else {
         words::reason(verdict, &candidates, &outside_catalogue, &still)
     };
@@ -65,7 +65,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         outside_catalogue,
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
-            .chain(contact_words(&stands))
+            .chain(contact_words(&stands, d.base_moves))
             .collect(),
     }
 }

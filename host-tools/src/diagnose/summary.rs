@@ -58,14 +58,17 @@ impl Diagnosis {
             .path
             .last()
             .map_or(self.held_out_rms, |step| step.held_out_rms);
-        let mut text = torque(self.held_out_rms);
-        if !self.path.is_empty() {
-            text += &format!(" → {}", torque(after));
+        let mut text = String::new();
+        if !self.joints.is_empty() {
+            text += &torque(self.held_out_rms);
+            if !self.path.is_empty() {
+                text += &format!(" → {}", torque(after));
+            }
+            text += &format!(
+                " N m on unseen data; floor {}; ",
+                torque(self.noise_floor_rms)
+            );
         }
-        text += &format!(
-            " N m on unseen data; floor {}; ",
-            torque(self.noise_floor_rms)
-        );
         let all = self.joint_names();
         let mut names: Vec<String> = missing
             .iter()
@@ -139,6 +142,9 @@ impl Diagnosis {
 
     /// What is left at the end.
     fn rest(&self) -> String {
+        if self.joints.is_empty() {
+            return format!("no leg is judged; {}", self.next);
+        }
         match (self.outside_catalogue.as_slice(), self.verdict) {
             ([], Verdict::Insufficient) => self.reason.clone(),
             ([], _) => "what is left follows nothing beyond the noise".to_owned(),

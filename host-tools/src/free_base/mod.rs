@@ -17,13 +17,13 @@ mod stance;
 pub(crate) mod structure;
 mod walk;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
 
-use crate::log::{LogError, Samples};
+use crate::log::{Log, LogError, Samples};
 pub use rows::Windows;
 use stance::Stance;
 pub use stance::StanceShares;
@@ -115,6 +115,11 @@ impl Walks {
     pub(crate) fn stance(&self) -> Vec<StanceShares> {
         self.walks.iter().map(|(_, stance)| stance.shares).collect()
     }
+}
+
+/// Whether a log has what a moving base needs.
+pub fn has_imu(log: &Path) -> bool {
+    Log::read(log).is_ok_and(|log| log.imu.gyro.is_some() && log.imu.acc.is_some())
 }
 
 /// The IMU in the base.

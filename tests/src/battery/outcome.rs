@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Mutex;
 
 use proprio::compare::{ValuesFrom, compare};
+use proprio::detect::mismatch::mismatches;
 use proprio::diagnose::Verdict;
 use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::log::JointId;
@@ -101,6 +102,8 @@ impl Bench {
     pub fn run(&self, case: &Case) -> Outcome {
         let recording = record(case);
         let model = case.model();
+        // What is hidden is for the catalogue to say.
+        assert_eq!(mismatches(&recording, &model), [], "{case}");
         let diagnosis = diagnose(&recording, &model).expect("20 s are long enough");
         let noise = self.noise(case);
         let bounds = bounds(case, &noise);

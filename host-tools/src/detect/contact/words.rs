@@ -3,7 +3,8 @@
 use super::LeftOut;
 
 /// What a user should know of the rest; each limb in contact with the joint that carries its foot.
-pub(crate) fn words(limbs: &[(String, LeftOut)]) -> Vec<String> {
+/// `unjudged`: no leg is judged where more than one carries a force.
+pub(crate) fn words(limbs: &[(String, LeftOut)], unjudged: bool) -> Vec<String> {
     let mut words = Vec::new();
     let names = |chosen: &dyn Fn(&LeftOut) -> bool| -> String {
         let names = limbs.iter().filter(|(_, left)| chosen(left));
@@ -13,6 +14,11 @@ pub(crate) fn words(limbs: &[(String, LeftOut)]) -> Vec<String> {
             .join(", ")
     };
     let all = names(&|_| true);
+    if unjudged {
+        return vec![format!(
+            "{all}: more than one foot carries a force: the robot stands or walks, its base moves, and no leg counts as hung; nothing else is judged"
+        )];
+    }
     if !all.is_empty() {
         words.push(format!(
             "{all}: windows in which the foot carries a force are left out; every other effect is judged in swing only"

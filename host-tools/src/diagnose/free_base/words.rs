@@ -45,28 +45,7 @@ pub(super) fn diagnosis(
     let first: Vec<&Tried> = found.first.iter().collect();
     let candidates: Vec<CandidateReport> = first.iter().map(|t| report(t, &first)).collect();
     let missing = !found.path.is_empty() || !outside_catalogue.is_empty();
-    let (reason, next) = match found.path.first() {
-        Some(step) => {
-            let all = JOINT_NAMES.map(str::to_owned);
-            let places = joints_in_words(&step.candidate.places(), &all);
-            let name = format!("{}, {places},", step.candidate.effect());
-            let of = first.iter().find(|t| t.candidate == step.candidate);
-            let told = of.map_or(String::new(), |t| format!(": {}", values(t)));
-            (
-                format!("{name} is missing{told}"),
-                format!("proprio identify --free-base {} --physical -o {NEW_MODEL}", typed(logs, None)),
-            )
-        }
-        None if missing => (
-            "something is missing that is neither friction, a rotor, an offset nor a load".to_owned(),
-            "look at where the rest of the error lives: `proprio compare --free-base` tells it joint by joint".to_owned(),
-        ),
-        None => (
-            "neither friction, rotors and torque offsets nor a load on a body make the error on unseen time smaller beyond its own error"
-                .to_owned(),
-            "nothing: of what can be told of a walk the model explains all".to_owned(),
-        ),
-    };
+    let (reason, next) = reason(found, missing, logs);
     Some(Diagnosis {
         verdict: if missing {
             Verdict::Missing
@@ -96,6 +75,34 @@ pub(super) fn diagnosis(
         logs: logs.to_vec(),
         warnings: walks.warnings.clone(),
     })
+}
+
+/// Why the verdict, and what to do next.
+fn reason(found: &Found, missing: bool, logs: &[PathBuf]) -> (String, String) {
+    let Some(step) = found.path.first() else {
+        return if missing {
+            (
+                "something is missing that is neither friction, a rotor, an offset nor a load".to_owned(),
+                "look at where the error lives: `proprio compare --free-base` tells it joint by joint".to_owned(),
+            )
+        } else {
+            (
+                "no friction, rotor, offset or load makes the error on unseen time smaller beyond its own error".to_owned(),
+                "nothing: of what a walk can tell the model explains all".to_owned(),
+            )
+        };
+    };
+    let all = JOINT_NAMES.map(str::to_owned);
+    let places = joints_in_words(&step.candidate.places(), &all);
+    let of = found.first.iter().find(|t| t.candidate == step.candidate);
+    let told = of.map_or(String::new(), |t| format!(": {}", values(t)));
+    (
+        format!("{}, {places}, is missing{told}", step.candidate.effect()),
+        format!(
+            "proprio diagnose --free-base {} -m MODEL --apply, then compare --free-base",
+            typed(logs, None)
+        ),
+    )
 }
 
 /// Each joint's held-out errors.

@@ -1,0 +1,311 @@
+//! Whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain.
+//!
+//! Of each joint the mean torque of each window is set beside the model's rigid body and the plainest friction, y = P + a q̇ + b sign q̇ +
+//! c Δq̇/T with a, b, c ≥ 0 and no offset, which hides what gravity says. The share of Σ y² that this leaves is small where the log is
+//! the model's, whatever its friction; where another reading of the same log (the sign turned, legs or joints exchanged, the
+//! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
+//! such thing: it leaves less as it is than in any other reading.
+
+mod reading;
+mod words;
+
+use crate::model::{Limb, Model};
+use crate::recording::{LimbRecording, Recording};
+use reading::{JointReading, Reading, shifts};
+
+/// Another reading is named if it leaves less than this share of what the log leaves as it is, and less than so much of the torque's
+/// square: of real chirps and of every log of the battery other readings leave more than the log as it is.
+const FAR_BETTER: f64 = 0.4;
+const GOOD: f64 = 0.5;
+/// A log that leaves less than this as it is, as real chirps do before any friction is known, is the model's, but for its torque's time.
+const FITS: f64 = 0.15;
+/// What leaves so much tells no more than no model.
+const POOR: f64 = 0.9;
+/// Of orders of limbs that leave so much more than the best one, the one that moves the fewest is meant: front and hind legs are nearly alike.
+const AS_GOOD: f64 = 1.25;
+/// Torque below this share of the model's own is nothing.
+const NOTHING: f64 = 0.02;
+/// A factor between torque and model from which the unit is another one, and within which all joints agree on it.
+const OTHER_UNIT: f64 = 5.0;
+const AGREED: f64 = 2.0;
+/// Least time by which a torque may be late, s: less is an effect of the catalogue.
+const LEAST_LATE: f64 = 0.006;
+/// At its right time torque leaves less than this share of what it leaves as it is, and three of four joints say at least half of that time.
+const AT_ITS_TIME: f64 = 0.75;
+/// Most joints of a limb whose order is tried in every way.
+const MOST_ORDERED: usize = 4;
+
+/// What is wrong between a log and the model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Mismatch {
+    /// The torque is zero, or next to nothing beside the model's: of these joints, of all if there are none.
+    NoTorque(Vec<String>),
+    /// The torque has the other sign at these joints, at all if there are none.
+    Sign(Vec<String>),
+    /// The torque is so many times the model's at all joints.
+    Unit(f64),
+    /// The columns of these limbs are those of others: recorded as, is.
+    Limbs(Vec<[String; 2]>),
+    /// The columns of joints are exchanged within each limb: recorded as, is.
+    Joints(Vec<[String; 2]>),
+    /// The torque is so many seconds late at all joints, or early if negative.
+    Late(f64),
+    /// The model's rigid body, with whatever friction, leaves this share of the torque's square.
+    NoBetterThanNothing(f64),
+    /// These two logs hold the same numbers.
+    Twice([String; 2]),
+}
+
+/// What is wrong between a recording and `model`, the plainest first; empty where nothing is.
+pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
+    let mut found: Vec<Mismatch> = twice(recording).into_iter().collect();
+    let as_is: Vec<Reading> = (recording.limbs.iter())
+        .filter_map(|(limb, samples)| Reading::of(model, limb, samples, true))
+        .collect();
+    if as_is.iter().all(|reading| reading.joints.is_empty()) {
+        return found;
+    }
+    if let Some(nothing) = no_torque(&as_is) {
+        found.push(nothing);
+        return found;
+    }
+    let now = share(&as_is, &|joint| joint.left());
+    if now < FITS {
+        found.extend(late(&as_is, now).map(|(_, reading)| reading));
+        return found;
+    }
+    let readings = [
+        sign(&as_is),
+        unit(&as_is),
+        limbs(recording, model, now),
+        joints(recording, model, now),
+        late(&as_is, now),
+    ];
+    let best = readings
+        .into_iter()
+        .flatten()
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    match best {
+        Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => found.push(reading),
+        _ if now > POOR => found.push(Mismatch::NoBetterThanNothing(now)),
+        _ => {}
+    }
+    found
+}
+
+/// The mean over all joints of what each leaves.
+fn share(readings: &[Reading], of: &dyn Fn(&JointReading) -> f64) -> f64 {
+    let joints = readings.iter().flat_map(|reading| &reading.joints);
+    let (sum, count) = joints.fold((0.0, 0.0), |(sum, count), joint| {
+        (sum + of(joint), count + 1.0)
+    });
+    sum / f64::max(count, 1.0)
+}
+
+fn no_torque(readings: &[Reading]) -> Option<Mismatch> {
+    let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
+    let joints = || readings.iter().flat_map(|reading| &reading.joints);
+    let nothing = |joint: &&JointReading| {
+        let torque = rms(&joint.torque);
+        torque == 0.0 || torque < NOTHING * rms(&joint.rigid)
+    };
+    let names: Vec<String> = joints()
+        .filter(nothing)
+        .map(|joint| joint.name.clone())
+        .collect();
+    let all = names.len() == joints().count();
+    (!names.is_empty()).then(|| Mismatch::NoTorque(if all { Vec::new() } else { names }))
+}
+
+/// What is left with the sign turned wherever that is far better.
+fn sign(readings: &[Reading]) -> Option<(f64, Mismatch)> {
+    let turned = |joint: &JointReading| {
+        let other: Vec<f64> = joint.torque.iter().map(|x| -x).collect();
+        let left = joint.left_of(&other, 1.0);
+        (left < FAR_BETTER * joint.left()).then_some(left)
+    };
+    let joints = || readings.iter().flat_map(|reading| &reading.joints);
+    let names: Vec<String> = joints()
+        .filter(|joint| turned(joint).is_some())
+        .map(|joint| joint.name.clone())
+        .collect();
+    let left = share(readings, &|joint| {
+        turned(joint).unwrap_or_else(|| joint.left())
+    });
+    let all = names.len() == joints().count();
+    (!names.is_empty()).then(|| (left, Mismatch::Sign(if all { Vec::new() } else { names })))
+}
+
+/// What is left in another unit, the same at all joints.
+fn unit(readings: &[Reading]) -> Option<(f64, Mismatch)> {
+    let joints = readings.iter().flat_map(|reading| &reading.joints);
+    let mut factors: Vec<f64> = joints.map(JointReading::factor).collect();
+    factors.sort_by(f64::total_cmp);
+    let middle = *factors.get(factors.len() / 2)?;
+    let [low, high] = [factors[factors.len() / 4], factors[factors.len() * 3 / 4]];
+    let agreed = low > 0.0 && high / low < AGREED;
+    let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&middle);
+    let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));
+    (agreed && other).then_some((left, Mismatch::Unit(middle)))
+}
+
+/// What is left with limbs exchanged in the best way.
+fn limbs(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismatch)> {
+    let recorded = &recording.limbs;
+    let alike = recorded
+        .iter()
+        .all(|(limb, _)| limb.bodies.len() == recorded[0].0.bodies.len());
+    if !(2..=MOST_ORDERED).contains(&recorded.len()) || !alike {
+        return None;
+    }
+    let left = |model_of: &Limb, samples: &LimbRecording| {
+        let reading = Reading::of(model, model_of, samples, false);
+        reading.map_or(f64::INFINITY, |reading| {
+            share(&[reading], &JointReading::left)
+        })
+    };
+    let table: Vec<Vec<f64>> = (recorded.iter())
+        .map(|(_, samples)| {
+            recorded
+                .iter()
+                .map(|(limb, _)| left(limb, samples))
+                .collect()
+        })
+        .collect();
+    let count = recorded.len();
+    let sum = |order: &[usize]| {
+        order
+            .iter()
+            .enumerate()
+            .map(|(own, is)| table[own][*is])
+            .sum::<f64>()
+            / count as f64
+    };
+    let moves = |order: &[usize]| {
+        order
+            .iter()
+            .enumerate()
+            .filter(|(own, is)| own != *is)
+            .count()
+    };
+    let all = orders(count);
+    let least = all
+        .iter()
+        .map(|order| sum(order))
+        .fold(f64::INFINITY, f64::min);
+    let good = all
+        .into_iter()
+        .filter(|order| sum(order) <= AS_GOOD * least);
+    let best = good.min_by_key(|order| moves(order))?;
+    let moved = best.iter().enumerate().filter(|(own, is)| own != *is);
+    let name = |n: usize| recorded[n].0.name.clone();
+    let pairs: Vec<[String; 2]> = moved.map(|(own, is)| [name(own), name(*is)]).collect();
+    (!pairs.is_empty() && sum(&best) < now).then(|| (sum(&best), Mismatch::Limbs(pairs)))
+}
+
+/// What is left with the joints of each limb exchanged in the best way, the same in all limbs.
+fn joints(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismatch)> {
+    let count = recording
+        .limbs
+        .iter()
+        .map(|(limb, _)| limb.bodies.len())
+        .max()?;
+    let alike = recording
+        .limbs
+        .iter()
+        .all(|(limb, _)| limb.bodies.len() == count);
+    if !(2..=MOST_ORDERED).contains(&count) || !alike {
+        return None;
+    }
+    let left = |order: &Vec<usize>| {
+        let readings = recording.limbs.iter().filter_map(|(limb, samples)| {
+            Reading::of(model, limb, &exchanged(samples, order), false)
+        });
+        share(&readings.collect::<Vec<_>>(), &JointReading::left)
+    };
+    let orders = orders(count).into_iter().map(|order| (left(&order), order));
+    let (left, best) = orders.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let first = recording.limbs[0].0.bodies.start;
+    let name = |j: usize| model.joint_name(first + j).to_owned();
+    let moved = best.iter().enumerate().filter(|(is, own)| is != *own);
+    let pairs: Vec<[String; 2]> = moved.map(|(is, own)| [name(*own), name(is)]).collect();
+    (!pairs.is_empty() && left < now).then_some((left, Mismatch::Joints(pairs)))
+}
+
+/// A limb's samples with joint j's columns those of joint `order[j]`.
+fn exchanged(samples: &LimbRecording, order: &[usize]) -> LimbRecording {
+    let mut other = samples.clone();
+    let n = samples.joints;
+    for (to, from) in [
+        (&mut other.q, &samples.q),
+        (&mut other.dq, &samples.dq),
+        (&mut other.tau, &samples.tau),
+        (&mut other.temperature, &samples.temperature),
+    ] {
+        for (own, row) in to.chunks_exact_mut(n).zip(from.chunks_exact(n)) {
+            own.iter_mut().zip(order).for_each(|(x, j)| *x = row[*j]);
+        }
+    }
+    other
+}
+
+/// What is left with the torque at another time, the same at all joints.
+fn late(readings: &[Reading], now: f64) -> Option<(f64, Mismatch)> {
+    let period = readings.first()?.period;
+    let left = |shift: i64| {
+        share(readings, &|joint| {
+            joint
+                .shifted
+                .get(&shift)
+                .map_or(f64::INFINITY, |torque| joint.left_of(torque, 1.0))
+        })
+    };
+    let all = shifts(period).map(|shift| (left(shift), shift));
+    let (left, shift) = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let agrees = |joint: &&JointReading| {
+        let at = |torque: &Vec<f64>| joint.left_of(torque, 1.0);
+        let best = joint
+            .shifted
+            .iter()
+            .min_by(|a, b| at(a.1).total_cmp(&at(b.1)));
+        best.is_some_and(|(own, _)| own.signum() == shift.signum() && 2 * own.abs() >= shift.abs())
+    };
+    let joints = || readings.iter().flat_map(|reading| &reading.joints);
+    let agreed = 4 * joints().filter(agrees).count() >= 3 * joints().count();
+    let seconds = shift as f64 * period;
+    let late = seconds.abs() >= LEAST_LATE && left < AT_ITS_TIME * now && agreed;
+    late.then_some((left, Mismatch::Late(seconds)))
+}
+
+/// All orders of so many things.
+fn orders(count: usize) -> Vec<Vec<usize>> {
+    let mut orders = vec![Vec::new()];
+    for n in 0..count {
+        let insert = |order: &Vec<usize>| -> Vec<Vec<usize>> {
+            let at = |k: usize| {
+                let mut longer = order.clone();
+                longer.insert(k, n);
+                longer
+            };
+            (0..=order.len()).map(at).collect()
+        };
+        orders = orders.iter().flat_map(insert).collect();
+    }
+    orders
+}
+
+/// Two logs with the same bytes.
+fn twice(recording: &Recording) -> Option<Mismatch> {
+    let logs = &recording.logs;
+    let read = |n: usize| {
+        std::fs::read(&logs[n])
+            .ok()
+            .filter(|bytes| !bytes.is_empty())
+    };
+    let length = |n: usize| std::fs::metadata(&logs[n]).map_or(0, |of| of.len());
+    let pairs = (0..logs.len()).flat_map(|a| (0..a).map(move |b| [b, a]));
+    let mut same = pairs
+        .filter(|[a, b]| length(*a) == length(*b) && read(*a).is_some() && read(*a) == read(*b));
+    same.next()
+        .map(|pair| Mismatch::Twice(pair.map(|n| logs[n].display().to_string())))
+}

@@ -1,0 +1,219 @@
+//! A log that is not what the model says is told as what it is, with exit status 1, before any effect has to explain it.
+
+use std::fs;
+use std::path::Path;
+
+use proprio::detect::mismatch::mismatches;
+use proprio::model::Model;
+use proprio::recording::Recording;
+use proprio_tests::command::{done, proprio, recorded_logs, simulated, stderr};
+
+/// A log's cells, heads first.
+type Cells = Vec<Vec<String>>;
+
+fn cells(path: &Path) -> Cells {
+    let text = fs::read_to_string(path).unwrap();
+    let row = |line: &str| line.split(',').map(str::to_owned).collect();
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(row)
+        .collect()
+}
+
+fn write(path: &Path, cells: &Cells) {
+    let lines: Vec<String> = cells.iter().map(|row| row.join(",")).collect();
+    fs::write(path, lines.join("\n") + "\n").unwrap();
+}
+
+/// Heads changed.
+fn renamed(log: &Cells, name: impl Fn(&str) -> String) -> Cells {
+    let mut log = log.clone();
+    log[0].iter_mut().for_each(|head| *head = name(head));
+    log
+}
+
+/// Torques changed, of joints whose names hold `of`; `f` is given the sample's number.
+fn torques(log: &Cells, of: &str, f: impl Fn(usize, &dyn Fn(usize) -> f64) -> f64) -> Cells {
+    let mut changed = log.clone();
+    for column in 0..log[0].len() {
+        let head = &log[0][column];
+        if !head.starts_with("tau/") || !head.contains(of) {
+            continue;
+        }
+        let at = |n: usize| log[1 + n.min(log.len() - 2)][column].parse().unwrap();
+        for n in 0..log.len() - 1 {
+            changed[1 + n][column] = format!("{:.4}", f(n, &at));
+        }
+    }
+    changed
+}
+
+fn exchanged(name: &str, a: &str, b: &str) -> String {
+    name.replace(a, "\u{1}").replace(b, a).replace('\u{1}', b)
+}
+
+/// Changes of a log and what is said of it.
+fn changes(log: &Cells) -> Vec<(&'static str, Cells, &'static str)> {
+    vec![
+        (
+            "legs",
+            renamed(log, |name| exchanged(name, "FR_", "FL_")),
+            "limbs look exchanged, the log fits far better if FR's columns are FL's, FL's columns are FR's",
+        ),
+        (
+            "joints",
+            renamed(log, |name| exchanged(name, "_hip", "_thigh")),
+            "joints look exchanged in each limb, the log fits far better if FR_thigh's columns are FR_hip's",
+        ),
+        (
+            "sign",
+            torques(log, "", |n, at| -at(n)),
+            "the torque of all joints has the other sign",
+        ),
+        (
+            "one sign",
+            torques(log, "FL_thigh", |n, at| -at(n)),
+            "the torque of FL_thigh has the other sign",
+        ),
+        (
+            "zero",
+            torques(log, "", |_, _| 0.0),
+            "the torque of all joints is zero",
+        ),
+        (
+            "dead",
+            torques(log, "FL_calf", |_, _| 0.0),
+            "the torque of FL_calf is zero",
+        ),
+        (
+            "rotor side",
+            torques(log, "", |n, at| at(n) / 9.0),
+            "times the model's at all joints: it is to be in N m",
+        ),
+        (
+            "late",
+            torques(log, "", |n, at| at(n.saturating_sub(50))),
+            "100 ms later than their motion",
+        ),
+        (
+            "a little late",
+            torques(log, "", |n, at| at(n.saturating_sub(5))),
+            "later than their motion",
+        ),
+        (
+            "early",
+            torques(log, "", |n, at| at(n + 25)),
+            "50 ms ahead of their motion",
+        ),
+    ]
+}
+
+fn refused(folder: &Path, arguments: &[&str], words: &str) {
+    let output = proprio(folder, arguments);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{words}: {said}");
+    assert!(
+        said.contains("the log is not what the model says"),
+        "{said}"
+    );
+    assert!(said.contains(words), "{words}: {said}");
+    assert!(said.contains("--anyway"), "{said}");
+}
+
+/// Two legs whose bodies are off the CAD and whose friction nobody knows.
+#[test]
+fn what_a_person_would_see_at_once_is_told() {
+    let folder = simulated("--typical --legs FR,FL --duration 10 --inertia-error 0.1 --seed 3");
+    let log = cells(&folder.path().join("log.csv"));
+    done(folder.path(), &["diagnose", "log.csv"]);
+    for (name, changed, words) in changes(&log) {
+        write(&folder.path().join("changed.csv"), &changed);
+        println!("{name}");
+        refused(folder.path(), &["diagnose", "changed.csv"], words);
+        let compared = proprio(folder.path(), &["compare", "changed.csv"]);
+        assert!(compared.status.success(), "{name}: compare goes on");
+        assert!(
+            stderr(&compared).contains(words),
+            "{name}: {}",
+            stderr(&compared)
+        );
+    }
+    refused(
+        folder.path(),
+        &["diagnose", "log.csv", "log.csv"],
+        "are the same log",
+    );
+}
+
+/// The same of a recorded robot, all its legs and all that nobody knows of it.
+#[test]
+fn what_a_person_would_see_at_once_is_told_of_a_real_log() {
+    let Some(logs) = recorded_logs() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let log = cells(&logs.join("go2_air_chirp_7.0hz_p25d5.0.csv"));
+    let model = Model::default();
+    for (name, changed, words) in changes(&log) {
+        write(&folder.path().join("changed.csv"), &changed);
+        println!("{name}");
+        // The recorded torque is 2 ms ahead of the motion itself.
+        let words = if words.contains(" ms ") {
+            "their motion"
+        } else {
+            words
+        };
+        let recording = Recording::read(&[folder.path().join("changed.csv")], &model, |_, _| ());
+        let said: Vec<String> = mismatches(&recording.unwrap(), &model)
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        assert!(
+            said.len() == 1 && said[0].contains(words),
+            "{name}: {said:?}"
+        );
+    }
+}
+
+/// Walks: the base moves. Where the log has an IMU the way on is named.
+#[test]
+fn a_robot_that_walks_is_not_judged_as_if_it_hung() {
+    let Some(logs) = recorded_logs() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for name in [
+        "go2_walk_1",
+        "go2_walk_gaps",
+        "go2_walk_imu_standard-replay-position",
+    ] {
+        let log = logs.join(format!("{name}.csv")).display().to_string();
+        refused(
+            folder.path(),
+            &["diagnose", &log],
+            "or a robot that stands or walks",
+        );
+        let said = stderr(&proprio(folder.path(), &["diagnose", &log]));
+        assert_eq!(
+            said.contains("proprio diagnose --free-base"),
+            name.contains("imu"),
+            "{said}"
+        );
+        let anyway = done(folder.path(), &["diagnose", &log, "--anyway"]);
+        assert!(anyway.contains("Data: the model's rigid body"), "{anyway}");
+    }
+}
+
+/// Robots on which nothing is wrong; of every case of the battery a test of its own asks.
+#[test]
+fn real_logs_of_hung_robots_are_not_doubted() {
+    let Some(logs) = recorded_logs() else { return };
+    let model = Model::default();
+    let mut chirps: Vec<_> = fs::read_dir(&logs)
+        .unwrap()
+        .flatten()
+        .map(|e| e.path())
+        .collect();
+    chirps.retain(|path| path.to_string_lossy().contains("air_chirp"));
+    assert!(chirps.len() >= 5);
+    for log in chirps {
+        let recording = Recording::read(&[log], &model, |_, _| ()).unwrap();
+        assert_eq!(mismatches(&recording, &model), [], "{:?}", recording.logs);
+    }
+}
