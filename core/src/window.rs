@@ -371,9 +371,9 @@ pub(crate) fn joint_state<T: Real, const B: usize>(
     JointState::reported(sample.q[b], sample.dq[b], sample.tau[b])
 }
 
-/// Whole microseconds as seconds.
+/// Whole microseconds as seconds; an hour and more as 72 minutes. From 32 bits, which a microcontroller's FPU converts itself.
 pub(crate) fn microseconds<T: Real>(time: u64) -> T {
-    real(time as f64 * 1e-6)
+    real(f64::from(time.min(u32::MAX.into()) as u32) * 1e-6)
 }
 
 mod free_base;

@@ -4,7 +4,7 @@
 //! it is and who it is. A step
 //!
 //! 1. obeys at most one request of the host (`requests`);
-//! 2. folds one leg's windows into its factors, if four of them wait; or closes a block of 2 s, looks whether the leg has
+//! 2. folds one leg's windows into its factors, if six of them wait; or closes a block of 2 s, looks whether the leg has
 //!    changed in it ([`crate::estimator::BlockTest`]), and forgets what no longer holds, bit by bit;
 //! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
 //!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;

@@ -91,12 +91,13 @@ impl Queue {
             space.copy_from_slice(kept);
             self.end = end;
         }
-        let after_us = lost.len() as u64 * u64::from(byte_ns) / 1000;
+        // In 32 bits: a division of 64 is a library's on a microcontroller.
+        let after_us = (lost.len() as u32).saturating_mul(byte_ns) / 1000;
         let waiting = self.end - self.start;
         if let Some(piece) = self.pieces.get_mut((self.first + self.count) % PIECES) {
             *piece = Piece {
                 end: self.taken.wrapping_add(waiting as u32),
-                end_us: end_us.saturating_sub(after_us),
+                end_us: end_us.saturating_sub(after_us.into()),
             };
             self.count += 1;
         }

@@ -5,7 +5,7 @@
 //! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost.
 //! Nothing is lost: the rows of all columns are those of the independent ones times P.
 //!
-//! Windows go to the fold of their block of time, in turn, four at a time. All data are the two folds together; each fold alone judges what
+//! Windows go to the fold of their block of time, in turn, six at a time. All data are the two folds together; each fold alone judges what
 //! was fitted to the other ([`crate::criticism`]). There is no guard between blocks: it would cost the estimate its data or
 //! the board a third set of factors, and windows that remember the block before are few (residuals are forgotten within
 //! 0.1 s of 2 s).

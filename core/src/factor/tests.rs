@@ -42,7 +42,7 @@ fn well_posed(w: &DMatrix<f64>) -> bool {
     s[s.len() - 1] > 1e-2 * s[0]
 }
 
-/// The triangle of the same rows, four at a time; the last block is filled up with rows of zeros.
+/// The triangle of the same rows, a block at a time; the last block is filled up with rows of zeros.
 fn folded_in_blocks(rows: &[[f64; P + 1]]) -> Six<f64> {
     let mut factor = Six::new::<P>();
     for rows in rows.chunks(ROWS) {
@@ -88,7 +88,7 @@ proptest! {
     }
 
     #[test]
-    fn a_block_with_a_run_of_zeros_is_folded_past_it(first in problem(8..9), rows in problem(4..5)) {
+    fn a_block_with_a_run_of_zeros_is_folded_past_it(first in problem(8..9), rows in problem(ROWS..ROWS + 1)) {
         // Columns 0 and 1, then 4 and 5: what is known of 2 and 3 is apart from them.
         let apart = |row: &[f64; P + 1]| [row[0], row[1], 0.0, 0.0, row[4], row[5], row[6]];
         let mut before: Vec<[f64; P + 1]> = first.iter().map(apart).collect();

@@ -8,8 +8,10 @@ use crate::{Real, scalar::real};
 pub(crate) struct Sequence<T, const B: usize> {
     plausible: [Plausible<T>; B],
     settings: Settings,
-    /// The last sample used, if any since the last [`clear`](Self::clear).
-    last: Option<Sample<T, B>>,
+    /// When the last sample that was used came, if any since the last [`clear`](Self::clear).
+    last_us: Option<u64>,
+    /// Its readings, kept where they are asked for: positions, velocities, torques.
+    last: [[T; B]; 3],
     /// When the sample that was skipped last came, if it was late and none was used since.
     late_us: Option<u64>,
     /// When the open window began.
@@ -30,7 +32,8 @@ impl<T: Real, const B: usize> Sequence<T, B> {
         Self {
             plausible,
             settings,
-            last: None,
+            last_us: None,
+            last: [[T::ZERO; B]; 3],
             late_us: None,
             start_us: 0,
         }
@@ -38,7 +41,7 @@ impl<T: Real, const B: usize> Sequence<T, B> {
 
     /// Forgets the open window and the last sample.
     pub(crate) fn clear(&mut self) {
-        self.last = None;
+        self.last_us = None;
         self.late_us = None;
     }
 
@@ -48,22 +51,25 @@ impl<T: Real, const B: usize> Sequence<T, B> {
         if let Some(reason) = implausible(&self.plausible, sample) {
             return Err(Push::Rejected(reason));
         }
-        let step_us = match &self.last {
+        let step_us = match self.last_us {
             None => None,
-            Some(last) if sample.time_us <= last.time_us => {
+            Some(last_us) if sample.time_us <= last_us => {
                 let before = self.late_us.replace(sample.time_us);
                 if before.is_none_or(|before| sample.time_us <= before) {
                     return Err(Push::Late);
                 }
                 Some(u64::MAX)
             }
-            Some(last) if self.settings.skip_repeated && repeats(sample, last) => {
+            Some(_) if self.settings.skip_repeated && self.last == readings(sample) => {
                 return Err(Push::Repeated);
             }
-            Some(last) => Some(sample.time_us - last.time_us),
+            Some(last_us) => Some(sample.time_us - last_us),
         };
         self.late_us = None;
-        self.last = Some(*sample);
+        self.last_us = Some(sample.time_us);
+        if self.settings.skip_repeated {
+            self.last = readings(sample);
+        }
         let link = match step_us {
             None => Link::Broken(Push::Used),
             Some(step_us) if step_us > self.settings.max_gap_us => Link::Broken(Push::Gap),
@@ -126,7 +132,7 @@ fn reason<T: Real, const B: usize>(
     Implausible::Torque
 }
 
-/// Whether all readings are the same.
-fn repeats<T: Real, const B: usize>(sample: &Sample<T, B>, last: &Sample<T, B>) -> bool {
-    sample.q == last.q && sample.dq == last.dq && sample.tau == last.tau
+/// What was measured.
+fn readings<T: Real, const B: usize>(sample: &Sample<T, B>) -> [[T; B]; 3] {
+    [sample.q, sample.dq, sample.tau]
 }

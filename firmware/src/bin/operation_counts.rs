@@ -27,7 +27,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 /// Data sets: legs that rest, that swing at the limit of what is plausible, and others between.
 const SETS: usize = 12;
 /// Samples of each.
-const SAMPLES: u64 = 45;
+const SAMPLES: u64 = 65;
 
 /// At least as many steps as a solution takes.
 const SOLVER_STEPS: usize = 40;

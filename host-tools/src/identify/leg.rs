@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use proprio_core::estimator::{
-    EFFECTS, LEG_INERTIAL, LegFactors, LegPrior, LegRows, LegWindow, plausible,
+    DeviceRows, DeviceWindow, LEG_INERTIAL, LegBase, LegFactors, LegPrior,
 };
 use proprio_core::factor::FactorError;
-use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_core::spatial::Transform;
-use proprio_core::window::{Implausible, Push, Sample, Settings, Window};
+use proprio_core::window::{Implausible, Push, Sample, Settings};
 
 use super::IdentificationError;
+use super::base_rows::{BaseRows, analysis};
 use crate::estimate::{self, Constraint, ParameterEstimate};
 use crate::log::Samples;
 
@@ -27,11 +28,11 @@ const FOLDS: usize = 2;
 /// Gathers one leg's data.
 pub(super) struct LegIdentifier {
     leg: Leg,
-    window: LegWindow<f64>,
-    /// All windows, folded in as they come: then the result is the device's to the last bit, which that of a merge of the
-    /// folds is not.
-    all: LegFactors<f64>,
-    folds: [LegFactors<f64>; FOLDS],
+    /// The device's: of the columns that a base parameter has, which are a third of the work and say as much.
+    window: DeviceWindow<f64>,
+    base: LegBase<f64>,
+    /// The windows of each fold, and then those of none.
+    parts: [BaseRows; FOLDS + 1],
     samples: Samples,
     /// The same of the log being read, and the first sample of it that was rejected.
     in_log: Samples,
@@ -59,13 +60,11 @@ pub(super) struct Misfit {
 
 impl LegIdentifier {
     pub(super) fn new(leg: Leg) -> Self {
-        let base = Transform::identity();
-        let window = Window::new(go2::leg(leg), base, EFFECTS, plausible(leg), SETTINGS);
         Self {
             leg,
-            window,
-            all: LegFactors::default(),
-            folds: [LegFactors::default(); FOLDS],
+            window: DeviceWindow::new(leg, &Transform::identity(), SETTINGS),
+            base: analysis(leg),
+            parts: std::array::from_fn(|_| BaseRows::new()),
             samples: Samples::default(),
             in_log: Samples::default(),
             rejected: None,
@@ -122,11 +121,8 @@ impl LegIdentifier {
             Push::Used => {}
             Push::Closed => {
                 let rows = self.window.rows();
-                // Samples are checked to be finite, so the rows are, and no fold refuses them.
-                self.windows += u64::from(self.all.fold_window(rows).is_ok());
-                if let Some(fold) = fold(rows) {
-                    let _ = self.folds[fold].fold_window(rows);
-                }
+                self.parts[fold(rows).unwrap_or(FOLDS)].take(rows);
+                self.windows += 1;
             }
             Push::Gap => samples.gaps += 1,
             Push::Repeated => samples.repeated += 1,
@@ -140,17 +136,23 @@ impl LegIdentifier {
 
     pub(super) fn fit(&self, constraint: Constraint) -> Result<LegFit, FactorError> {
         let prior = LegPrior::of(self.leg);
-        let solution = estimate::solve(&prior, &self.all, constraint)?;
+        let mut parts = self.parts.clone();
+        parts.iter_mut().for_each(BaseRows::finish);
+        let mut whole = parts[FOLDS].clone();
+        parts[..FOLDS].iter().for_each(|fold| whole.merge(fold));
+        let all = whole.factors(&self.base)?;
+        let solution = estimate::solve(&prior, &all, constraint)?;
 
         let mut urdf = estimate::solve(&prior, &LegFactors::default(), Constraint::Free)?.values;
         urdf[LEG_INERTIAL..].fill(0.0);
         let mut joints = [Misfit::default(); JOINTS_PER_LEG];
         for (joint, misfit) in joints.iter_mut().enumerate() {
-            misfit.fit = self.all.sum_of_squares(joint, &solution.values);
-            misfit.urdf = self.all.sum_of_squares(joint, &urdf);
+            misfit.fit = all.sum_of_squares(joint, &solution.values);
+            misfit.urdf = all.sum_of_squares(joint, &urdf);
         }
+        let folds = [parts[0].factors(&self.base)?, parts[1].factors(&self.base)?];
         for fold in 0..FOLDS {
-            let (train, test) = (&self.folds[1 - fold], &self.folds[fold]);
+            let (train, test) = (&folds[1 - fold], &folds[fold]);
             if train.windows() == 0.0 {
                 continue;
             }
@@ -173,7 +175,7 @@ impl LegIdentifier {
 }
 
 /// Which fold a window belongs to; none near the start of a block.
-fn fold(rows: &LegRows<f64>) -> Option<usize> {
+fn fold(rows: &DeviceRows<f64>) -> Option<usize> {
     let start = rows.span_us[0];
     (start % BLOCK_US >= GUARD_US).then_some((start / BLOCK_US) as usize % FOLDS)
 }

@@ -4,6 +4,7 @@
 //! with the log. Time is cut into blocks that fall into two folds by turns, with a guard between blocks that belongs to
 //! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
 
+mod base_rows;
 mod bus;
 mod free_base;
 mod leg;

@@ -6,7 +6,8 @@ use super::{
 };
 use crate::Real;
 use crate::base_parameters::BaseParameters;
-use crate::estimator::{CAD_UNCERTAINTY, LEG_INERTIAL};
+use crate::estimator::joints::floor;
+use crate::estimator::{CAD_UNCERTAINTY, EFFECTS, JointFactors, LEG, LEG_INERTIAL, LegFactors};
 use crate::factor::{Factor, FactorError, packed_len};
 use crate::go2::{JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
@@ -174,6 +175,67 @@ impl<T: Real> LegBase<T> {
         let known = self.known && joint < JOINTS_PER_LEG;
         let packed = known.then(|| self.reduced.get(range!(standard, joint)))??;
         BaseParameters::from_packed(standard(joint), rank(joint), packed).ok()
+    }
+
+    /// Writes row k of R P, which is over all standard columns, into `data`: R is a joint's factor of effects and base columns; returns
+    /// the cost.
+    pub(super) fn expand_row<D>(
+        &self,
+        joint: usize,
+        factor: &Factor<T, &[T]>,
+        k: usize,
+        data: &mut JointFactors<T, D, JOINTS_PER_LEG>,
+    ) -> Result<usize, FactorError>
+    where
+        D: AsRef<[T]> + AsMut<[T]>,
+    {
+        let base = self.joint(joint).ok_or(FactorError::Length(0))?;
+        let effects = factor.columns().saturating_sub(rank(joint));
+        let Some((z, entries)) = factor.row(k).split_last() else {
+            return Err(FactorError::Length(k));
+        };
+        let (own, entries) = entries.split_at(effects.saturating_sub(k).min(entries.len()));
+        let first = k.saturating_sub(effects);
+        let mut row = [T::zero(); LEG_INERTIAL];
+        let inertial = row.get_mut(..standard(joint)).unwrap_or(&mut []);
+        base.expand(first, entries, inertial);
+        let place = if k < effects {
+            k
+        } else {
+            effects + base.independent(first).unwrap_or(standard(joint))
+        };
+        let inertial = inertial.get(place.saturating_sub(effects)..).unwrap_or(&[]);
+        let row = own.iter().chain(inertial).chain([z]);
+        data.with_joint(joint, |factor| factor.write_row(place, row.copied()))?;
+        Ok(entries.len() * standard(joint) / 2 + 2 * standard(joint))
+    }
+
+    /// The factors of [`EFFECTS`] and all standard parameters from each joint's of the same effects and its base columns, which say as much.
+    /// Where the data leave a combination to rounding, the floor that all factors have keeps it from taking errors away.
+    ///
+    /// # Errors
+    /// [`FactorError::Length`] before the analysis, or if a factor has other columns.
+    pub fn standard_factors(
+        &self,
+        joints: [Factor<T, &mut [T]>; JOINTS_PER_LEG],
+    ) -> Result<LegFactors<T>, FactorError> {
+        let mut factors = LegFactors::default();
+        factors.reset_to(LEG, joints[0].rows());
+        for (joint, mut factor) in joints.into_iter().enumerate() {
+            let columns = factor.columns();
+            if columns != EFFECTS.len() + rank(joint) {
+                return Err(FactorError::Length(columns));
+            }
+            let mut scratch = [T::zero(); EFFECTS.len() + BASE_RANK[0] + 1];
+            let scratch = scratch.get_mut(..=columns).unwrap_or(&mut []);
+            for column in 0..columns {
+                factor.add_prior(column, T::zero(), T::one() / floor(), scratch)?;
+            }
+            for k in 0..=columns {
+                self.expand_row(joint, &factor.view(), k, &mut factors)?;
+            }
+        }
+        Ok(factors)
     }
 
     /// The CAD prior on a joint's base parameters, as a factor.

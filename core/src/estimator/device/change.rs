@@ -259,10 +259,8 @@ impl<T: Real> BlockTest<T> {
     /// Looks at the windows that wait and that it has not seen yet.
     pub fn look(&mut self, folds: &DeviceFolds<T>, base: &LegBase<T>) {
         for joint in 0..JOINTS_PER_LEG {
-            let rows = folds.waiting_rows(joint, self.seen);
-            let rows = rows.get(..=columns(joint)).unwrap_or(&[]);
             // Finite numbers, as the folds have found, and of the right length.
-            let _ = self.see(joint, rows, base.loads(joint));
+            let _ = self.see(joint, folds.waiting_rows(joint), base.loads(joint));
         }
         self.seen = folds.waiting();
     }
@@ -307,6 +305,11 @@ impl<T: Real> BlockTest<T> {
         }
         let last = tested(joint);
         *block.get_mut(last).ok_or(error)? = innovation;
+        // Windows that were looked at before are in the triangle already.
+        for column in &mut block {
+            let seen = column.iter_mut().take(self.seen);
+            seen.for_each(|x| *x = T::zero());
+        }
         let triangle = self.triangles.get_mut(place(joint)).ok_or(error)?;
         let mut factor = Factor::in_storage(last, triangle)?;
         factor.fold_block(0, block.get_mut(..=last).ok_or(error)?)

@@ -3,7 +3,7 @@
 use super::{DeviceRows, FOLD_LEN, FOLDS, ROWS_LEN, columns, entries, range};
 use crate::Real;
 use crate::estimator::joints::floor;
-use crate::factor::{Factor, FactorError, ROWS, packed_len};
+use crate::factor::{Block, Factor, FactorError, ROWS, packed_len};
 use crate::go2::JOINTS_PER_LEG;
 use crate::scalar::real;
 
@@ -18,8 +18,9 @@ pub(super) const BLOCK_US: u64 = 2_000_000;
 pub struct DeviceFolds<T> {
     storage: [[T; FOLD_LEN]; FOLDS],
     windows: [[T; JOINTS_PER_LEG]; FOLDS],
-    /// The joints' rows of windows that wait, and how many they are.
-    rows: [[T; ROWS_LEN]; ROWS],
+    /// The rows of windows that wait, joint after joint, each number of them side by side as a block has them; zero where no window is. And
+    /// how many wait.
+    rows: [[T; ROWS]; ROWS_LEN],
     waiting: usize,
     /// The block of time of what waits, and the present one, once there is one.
     upcoming: u64,
@@ -38,7 +39,7 @@ impl<T: Real> DeviceFolds<T> {
         Self {
             storage: [[T::ZERO; FOLD_LEN]; FOLDS],
             windows: [[T::ZERO; JOINTS_PER_LEG]; FOLDS],
-            rows: [[T::ZERO; ROWS_LEN]; ROWS],
+            rows: [[T::ZERO; ROWS]; ROWS_LEN],
             waiting: 0,
             upcoming: 0,
             block: 0,
@@ -52,6 +53,7 @@ impl<T: Real> DeviceFolds<T> {
     /// Forgets all data.
     pub fn clear(&mut self) {
         self.windows = [[T::zero(); JOINTS_PER_LEG]; FOLDS];
+        self.rows.as_flattened_mut().fill(T::zero());
         self.waiting = 0;
         self.begun = false;
         self.revise();
@@ -116,16 +118,17 @@ impl<T: Real> DeviceFolds<T> {
     /// [`FactorError::NotFinite`], and then nothing of the window is taken; [`FactorError::Length`] if there is no room.
     pub fn take(&mut self, rows: &DeviceRows<T>) -> Result<(), FactorError> {
         let slot = self.waiting;
-        let Some(waiting) = self.rows.get_mut(slot) else {
+        if slot >= ROWS {
             return Err(FactorError::Length(slot));
-        };
+        }
         // x·0 is NaN exactly for the numbers that must not enter.
         let mut probe = T::zero();
-        for (to, from) in waiting.iter_mut().zip(&rows.numbers) {
+        for (to, from) in self.rows.iter_mut().zip(&rows.numbers) {
             probe += *from * T::zero();
-            *to = *from;
+            to[slot] = *from;
         }
         if probe != T::zero() {
+            self.rows.iter_mut().for_each(|to| to[slot] = T::zero());
             return Err(FactorError::NotFinite);
         }
         // Divided for every window: the same instructions for each.
@@ -274,7 +277,7 @@ impl<T: Real> DeviceFolds<T> {
     /// Folds in the windows that wait, into the fold of the first one's block of time.
     ///
     /// # Errors
-    /// As [`take`](Self::take).
+    /// [`FactorError::Length`] of a storage of the wrong length, which there is not.
     pub fn fold(&mut self) -> Result<(), FactorError> {
         if self.is_new_block() {
             self.begin_block(T::one());
@@ -288,17 +291,17 @@ impl<T: Real> DeviceFolds<T> {
         for (joint, windows) in windows.iter_mut().enumerate() {
             let triangle = storage.get_mut(range!(columns, joint)).unwrap_or(&mut []);
             let mut factor = Factor::in_storage(columns(joint), triangle)?;
-            let mut block = side_by_side(&self.rows, 0..waiting, joint);
-            let block = block.get_mut(..=columns(joint)).unwrap_or(&mut []);
-            factor.fold_block(0, block)?;
+            let block = self.rows.get_mut(entries(joint)).unwrap_or(&mut []);
+            factor.reflect_in(0, block)?;
             *windows += real(waiting as f64);
         }
+        self.rows.as_flattened_mut().fill(T::zero());
         Ok(())
     }
 
-    /// A joint's rows of the windows that wait, from the `first` on: columns in the order of [`joint`](Self::joint), torque.
-    pub(super) fn waiting_rows(&self, joint: usize, first: usize) -> [[T; ROWS]; columns(0) + 1] {
-        side_by_side(&self.rows, first..self.waiting, joint)
+    /// A joint's rows of the windows that wait: columns in the order of [`joint`](Self::joint), torque; zero where there is no window.
+    pub(super) fn waiting_rows(&self, joint: usize) -> &Block<T> {
+        self.rows.get(entries(joint)).unwrap_or(&[])
     }
 
     /// Does something with every joint's factor in every fold. The only error is a storage of the wrong length, which there is not.
@@ -327,23 +330,4 @@ fn windows_place(n: usize) -> (usize, usize) {
 /// Copies as many numbers as both have.
 fn copy<T: Real>(from: &[T], to: &mut [T]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
-}
-
-/// A joint's rows of some windows, column by column; zero where there is no window.
-fn side_by_side<T: Real>(
-    windows: &[[T; ROWS_LEN]; ROWS],
-    chosen: core::ops::Range<usize>,
-    joint: usize,
-) -> [[T; ROWS]; columns(0) + 1] {
-    let mut block = [[T::zero(); ROWS]; columns(0) + 1];
-    let windows = windows.iter().enumerate();
-    for (slot, rows) in windows.take(chosen.end).skip(chosen.start) {
-        let row = rows.get(entries(joint)).unwrap_or(&[]);
-        for (to, x) in block.iter_mut().zip(row) {
-            if let Some(to) = to.get_mut(slot) {
-                *to = *x;
-            }
-        }
-    }
-    block
 }

@@ -2,10 +2,9 @@
 
 use super::{
     Active, DEFAULT_ACTIVE, DEVICE_COLUMNS, DeviceFolds, DeviceSolver, FOLDS, FRONT, LegBase,
-    columns, rank, standard,
+    columns, rank,
 };
 use crate::Real;
-use crate::estimator::LEG_INERTIAL;
 use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
 use crate::go2::JOINTS_PER_LEG;
 
@@ -130,29 +129,9 @@ impl<T: Real> Gather<T> {
         base: &LegBase<T>,
         solver: &mut DeviceSolver<T>,
     ) -> Result<usize, FactorError> {
-        let (k, base) = (self.row, base.joint(joint).ok_or(FactorError::Length(0))?);
-        let effects = kept - rank(joint);
         let storage = self.work.get(..packed_len(kept)).unwrap_or(&[]);
         let gathered = Factor::in_storage(kept, storage)?;
-        let Some((z, entries)) = gathered.row(k).split_last() else {
-            return Err(FactorError::Length(k));
-        };
-        let (own, entries) = entries.split_at(effects.saturating_sub(k).min(entries.len()));
-        let first = k.saturating_sub(effects);
-        let mut row = [T::zero(); LEG_INERTIAL];
-        let inertial = row.get_mut(..standard(joint)).unwrap_or(&mut []);
-        base.expand(first, entries, inertial);
-        let place = if k < effects {
-            k
-        } else {
-            effects + base.independent(first).unwrap_or(standard(joint))
-        };
-        let inertial = inertial.get(place.saturating_sub(effects)..).unwrap_or(&[]);
-        let row = own.iter().chain(inertial).chain([z]);
-        solver
-            .data_mut()
-            .with_joint(joint, |factor| factor.write_row(place, row.copied()))?;
-        Ok(entries.len() * standard(joint) / 2 + 2 * standard(joint))
+        base.expand_row(joint, &gathered, self.row, solver.data_mut())
     }
 }
 
