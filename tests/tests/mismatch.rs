@@ -173,6 +173,35 @@ fn what_a_person_would_see_at_once_is_told_of_a_real_log() {
     }
 }
 
+/// Torque that a program computed from the commanded positions, whatever the gains and however late.
+#[test]
+fn torque_that_was_computed_from_commands_is_told() {
+    let Some(logs) = recorded_logs() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut log = cells(&logs.join("go2_air_chirp_7.0hz_p25d5.0.csv"));
+    let heads = log[0].clone();
+    let column = |name: String| heads.iter().position(|head| *head == name).unwrap();
+    for head in heads.iter().filter(|head| head.starts_with("tau/")) {
+        let joint = head.trim_start_matches("tau/");
+        let [q, dq, asked, tau] =
+            ["q", "dq", "q_des", "tau"].map(|c| column(format!("{c}/{joint}")));
+        let number = |row: &Vec<String>, column: usize| row[column].parse::<f64>().unwrap();
+        let computed = |row: &Vec<String>| {
+            25.0 * (number(row, asked) - number(row, q)) - 5.0 * number(row, dq)
+        };
+        let torque: Vec<f64> = log[1..].iter().map(computed).collect();
+        for (n, row) in log[1..].iter_mut().enumerate() {
+            row[tau] = format!("{:.3}", torque[n.saturating_sub(5)]);
+        }
+    }
+    write(&folder.path().join("changed.csv"), &log);
+    refused(
+        folder.path(),
+        &["diagnose", "changed.csv"],
+        "is what was commanded",
+    );
+}
+
 /// Walks: the base moves. Where the log has an IMU the way on is named.
 #[test]
 fn a_robot_that_walks_is_not_judged_as_if_it_hung() {

@@ -6,6 +6,7 @@
 //! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
 //! such thing: it leaves less as it is than in any other reading.
 
+mod commanded;
 mod reading;
 mod words;
 
@@ -52,6 +53,8 @@ pub enum Mismatch {
     Late(f64),
     /// The model's rigid body, with whatever friction, leaves this share of the torque's square.
     NoBetterThanNothing(f64),
+    /// The torque of this log is what was commanded.
+    Commanded(String),
     /// These two logs hold the same numbers.
     Twice([String; 2]),
 }
@@ -59,6 +62,7 @@ pub enum Mismatch {
 /// What is wrong between a recording and `model`, the plainest first; empty where nothing is.
 pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
     let mut found: Vec<Mismatch> = twice(recording).into_iter().collect();
+    found.extend(commanded::commanded(recording, model));
     let as_is: Vec<Reading> = (recording.limbs.iter())
         .filter_map(|(limb, samples)| Reading::of(model, limb, samples, true))
         .collect();

@@ -135,7 +135,7 @@ pub(super) fn shifts(period: f64) -> impl Iterator<Item = i64> {
 }
 
 /// Coefficients of columns, and the sum of squares that they leave.
-fn least_squares(columns: &[&[f64]], torque: &[f64]) -> (DVector<f64>, f64) {
+pub(super) fn least_squares(columns: &[&[f64]], torque: &[f64]) -> (DVector<f64>, f64) {
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     let n = columns.len();
     if n == 0 {

@@ -57,6 +57,10 @@ impl fmt::Display for Mismatch {
                  base, or a robot that stands or walks",
                 100.0 * left
             ),
+            Self::Commanded(log) => write!(
+                f,
+                "the torque of {log} is what was commanded, kp (q_des - q) - kd dq, to the last digit: record what the motors report (tau_est)"
+            ),
             Self::Twice([a, b]) => write!(f, "{a} and {b} are the same log: give it once"),
         }
     }

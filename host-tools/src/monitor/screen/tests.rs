@@ -38,7 +38,7 @@ fn drawn(view: &View, screen: &Screen, width: u16, height: u16) -> Vec<String> {
 
 #[test]
 fn everything_fits_a_terminal_of_80_by_24() {
-    let view = watched(&Leg::ALL, 14);
+    let view = watched(&Leg::ALL, 20);
     let screen = Screen {
         source: "sim".to_owned(),
         ..Screen::default()
