@@ -56,7 +56,7 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(_) => None,
-        Error::Mismatch { wrong, walks } => Some(match (wrong.first(), walks) {
+        Error::Mismatch { wrong, has_imu, .. } => Some(match (wrong.first(), has_imu) {
             (Some(Mismatch::NoBetterThanNothing(_)), true) => {
                 "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
             }

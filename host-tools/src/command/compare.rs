@@ -90,16 +90,17 @@ impl Compare {
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
-        for wrong in mismatches(&recording, &model) {
-            eprintln!("warning: {wrong}");
-        }
         let changed = self.changed(&model)?;
         let underway = Underway::new("Comparing");
-        let comparison = match &changed {
+        let mut comparison = match &changed {
             Some(changed) => compare_with(&recording, &model, changed)?,
             None => compare(&recording, &model, self.values())?,
         };
         drop(underway);
+        let wrong = mismatches(&recording, &model);
+        comparison
+            .warnings
+            .extend(wrong.iter().map(ToString::to_string));
         for warning in &comparison.warnings {
             eprintln!("warning: {warning}");
         }

@@ -75,8 +75,11 @@ impl Diagnose {
         drop(progress);
         let wrong = mismatches(&recording, &model);
         if !wrong.is_empty() && !self.anyway {
-            let walks = self.logs.iter().all(|log| has_imu(log));
-            return Err(Error::Mismatch { wrong, walks });
+            return Err(Error::Mismatch {
+                logs: typed(&self.logs, None),
+                wrong,
+                has_imu: self.logs.iter().all(|log| has_imu(log)),
+            });
         }
         let underway = Underway::new("Trying the catalogue");
         let mut diagnosis = match self.anyway {
@@ -84,6 +87,9 @@ impl Diagnose {
             false => diagnose(&recording, &model)?,
         };
         drop(underway);
+        diagnosis
+            .warnings
+            .extend(wrong.iter().map(ToString::to_string));
         if let Some(path) = &self.model {
             let path = path.display().to_string();
             diagnosis.next = diagnosis.next.replace("MODEL", &path);
@@ -118,10 +124,7 @@ impl Diagnose {
             }));
         }
         let file = self.model.as_deref();
-        let mut gates = gate_words(&recording.gates);
-        wrong
-            .iter()
-            .for_each(|wrong| gates += &format!("Data: {wrong}\n"));
+        let gates = gate_words(&recording.gates);
         Ok(match (self.apply, self.verbose) {
             (true, _) => gates + &diagnosis.ladder() + &closing(&model, file, &self.logs),
             (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
@@ -139,17 +142,13 @@ impl Diagnose {
             }
         })
     }
-}
 
-impl Diagnose {
     /// The whole Go2, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
         let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
-        let mut progress = Progress::new("Reading");
-        let told = |done, total| progress.set(done, total);
         let underway = Underway::new("Trying friction and loads");
-        let mut diagnosis = diagnose_free_base(&self.logs, &model, told)?;
-        drop((underway, progress));
+        let mut diagnosis = diagnose_free_base(&self.logs, &model, |_, _| ())?;
+        drop(underway);
         let told = &mut diagnosis.diagnosis;
         if let Some(path) = &self.model {
             told.next = told.next.replace("MODEL", &path.display().to_string());

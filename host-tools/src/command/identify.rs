@@ -127,11 +127,12 @@ impl Identify {
         let mut progress = Progress::new("Identifying");
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
-        let fitted = fit_runs(&recording, &model, options)?;
+        let mut fitted = fit_runs(&recording, &model, options)?;
+        let wrong = mismatches(&recording, &model);
+        fitted
+            .warnings
+            .extend(wrong.iter().map(ToString::to_string));
         drop(progress);
-        for wrong in mismatches(&recording, &model) {
-            eprintln!("warning: {wrong}");
-        }
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
         }

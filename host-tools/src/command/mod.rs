@@ -150,9 +150,13 @@ pub(crate) enum Error {
     Identification(#[from] IdentificationError),
     #[error(transparent)]
     FreeBase(#[from] FreeBaseError),
-    /// A log that is not what the model says; whether it has an IMU's columns.
-    #[error("the log is not what the model says: {}", told(.wrong))]
-    Mismatch { wrong: Vec<Mismatch>, walks: bool },
+    /// Logs that are not what the model says, and whether they have an IMU's columns.
+    #[error("{logs}: not what the model says: {}", told(.wrong))]
+    Mismatch {
+        logs: String,
+        wrong: Vec<Mismatch>,
+        has_imu: bool,
+    },
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(transparent)]

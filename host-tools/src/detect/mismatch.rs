@@ -1,7 +1,7 @@
 //! Whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain.
 //!
-//! Of each joint the mean torque of each window is set beside the model's rigid body and the plainest friction, y = P + a q̇ + b sign q̇ +
-//! c Δq̇/T with a, b, c ≥ 0 and no offset, which hides what gravity says. The share of Σ y² that this leaves is small where the log is
+//! Of each joint the mean torque of each window is set beside what the model gives, P (its bodies, and effects that have a value), and the
+//! plainest friction, y = P + a q̇ + b sign q̇ + c Δq̇/T with a, b, c ≥ 0 and no offset, which hides what gravity says. The share of Σ y² that this leaves is small where the log is
 //! the model's, whatever its friction; where another reading of the same log (the sign turned, legs or joints exchanged, the
 //! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
 //! such thing: it leaves less as it is than in any other reading.
@@ -51,7 +51,7 @@ pub enum Mismatch {
     Joints(Vec<[String; 2]>),
     /// The torque is so many seconds late at all joints, or early if negative.
     Late(f64),
-    /// The model's rigid body, with whatever friction, leaves this share of the torque's square.
+    /// What the model gives, with whatever friction, leaves this share of the torque's square.
     NoBetterThanNothing(f64),
     /// The torque of this log is what was commanded.
     Commanded(String),
@@ -75,6 +75,8 @@ pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
     }
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
+        // One joint of many hardly shows in what all leave.
+        found.extend(sign(&as_is).map(|(_, reading)| reading));
         found.extend(late(&as_is, now).map(|(_, reading)| reading));
         return found;
     }
@@ -111,7 +113,7 @@ fn no_torque(readings: &[Reading]) -> Option<Mismatch> {
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let nothing = |joint: &&JointReading| {
         let torque = rms(&joint.torque);
-        torque == 0.0 || torque < NOTHING * rms(&joint.rigid)
+        torque == 0.0 || torque < NOTHING * rms(&joint.predicted)
     };
     let names: Vec<String> = joints()
         .filter(nothing)
@@ -125,8 +127,8 @@ fn no_torque(readings: &[Reading]) -> Option<Mismatch> {
 fn sign(readings: &[Reading]) -> Option<(f64, Mismatch)> {
     let turned = |joint: &JointReading| {
         let other: Vec<f64> = joint.torque.iter().map(|x| -x).collect();
-        let left = joint.left_of(&other, 1.0);
-        (left < FAR_BETTER * joint.left()).then_some(left)
+        let (left, now) = (joint.left_of(&other, 1.0), joint.left());
+        (now > POOR && left < GOOD && left < FAR_BETTER * now).then_some(left)
     };
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let names: Vec<String> = joints()

@@ -117,7 +117,7 @@ impl Walks {
     }
 }
 
-/// Whether a log has what a moving base needs.
+/// Whether a Go2's log has `gyro/` and `acc/` columns, which a moving base needs; no of one that cannot be read.
 pub fn has_imu(log: &Path) -> bool {
     Log::read(log).is_ok_and(|log| log.imu.gyro.is_some() && log.imu.acc.is_some())
 }

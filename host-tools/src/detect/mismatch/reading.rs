@@ -1,4 +1,4 @@
-//! A limb's log beside the model's rigid body and the plainest friction.
+//! A limb's log beside what the model gives and the plainest friction.
 
 use std::collections::BTreeMap;
 
@@ -24,12 +24,12 @@ pub(super) struct Reading {
 /// A joint's windows in which it moves.
 pub(super) struct JointReading {
     pub(super) name: String,
-    /// Mean torque measured, N m, and at other times: so many samples later.
+    /// Mean torque measured, N m; and so many samples later, across gaps too, which are few.
     pub(super) torque: Vec<f64>,
     pub(super) shifted: BTreeMap<i64, Vec<f64>>,
-    /// What the model's rigid body needs, N m.
-    pub(super) rigid: Vec<f64>,
-    /// Mean velocity, mean direction, mean acceleration.
+    /// What the model gives, its bodies and the effects that have a value, N m.
+    pub(super) predicted: Vec<f64>,
+    /// Mean velocity (rad/s), mean direction (−1 to 1), mean acceleration (rad/s²).
     friction: [Vec<f64>; 3],
 }
 
@@ -42,13 +42,14 @@ impl Reading {
         at_times: bool,
     ) -> Option<Self> {
         let data = LimbData::of(model, limb, samples)?;
-        let rigid = data.predicted(&Values::bodies_of(model, limb), &|_| true);
+        let predicted = data.predicted(&Values::given(model, limb), &|_| true);
         let period = samples.period();
         let times: Vec<i64> = match at_times {
             true => shifts(period).collect(),
             false => Vec::new(),
         };
-        let joint = |(j, name): (usize, String)| JointReading::of(&data, j, name, &rigid, &times);
+        let joint =
+            |(j, name): (usize, String)| JointReading::of(&data, j, name, &predicted, &times);
         let joints = data.joint_names().into_iter().enumerate().map(joint);
         let joints = joints.filter(|joint| joint.torque.len() >= LEAST_WINDOWS);
         Some(Self {
@@ -59,7 +60,7 @@ impl Reading {
 }
 
 impl JointReading {
-    fn of(data: &LimbData, j: usize, name: String, rigid: &[f64], times: &[i64]) -> Self {
+    fn of(data: &LimbData, j: usize, name: String, predicted: &[f64], times: &[i64]) -> Self {
         let (n, samples, motion) = (data.joints(), data.recording, &data.motion);
         let windows: Vec<usize> = (0..motion.windows.len())
             .filter(|w| data.counts(*w, j))
@@ -83,7 +84,7 @@ impl JointReading {
             name,
             torque: at(0),
             shifted: times.iter().map(|shift| (*shift, at(*shift))).collect(),
-            rigid: windows.iter().map(|w| rigid[w * n + j]).collect(),
+            predicted: windows.iter().map(|w| predicted[w * n + j]).collect(),
             friction: [
                 mean(&velocity),
                 mean(&|k| velocity(k).signum()),
@@ -102,7 +103,7 @@ impl JointReading {
         let total: f64 = torque.iter().map(|x| x * x).sum();
         let beyond: Vec<f64> = torque
             .iter()
-            .zip(&self.rigid)
+            .zip(&self.predicted)
             .map(|(x, p)| x / times - p)
             .collect();
         let mut columns: Vec<&[f64]> = self.friction.iter().map(Vec::as_slice).collect();
@@ -120,7 +121,7 @@ impl JointReading {
     /// By how much the model's torque would have to be multiplied, friction beside it.
     pub(super) fn factor(&self) -> f64 {
         let columns: Vec<&[f64]> = (self.friction.iter().map(Vec::as_slice))
-            .chain([self.rigid.as_slice()])
+            .chain([self.predicted.as_slice()])
             .collect();
         let (found, _) = least_squares(&columns, &self.torque);
         found[3]

@@ -53,7 +53,7 @@ impl fmt::Display for Mismatch {
             ),
             Self::NoBetterThanNothing(left) => write!(
                 f,
-                "the model's rigid body, with whatever friction, leaves {:.0} % of the torque's square: another robot, another mounting of its \
+                "what the model gives, with whatever friction, leaves {:.0} % of the torque's square: another robot, another mounting of its \
                  base, or a robot that stands or walks",
                 100.0 * left
             ),

@@ -1,7 +1,6 @@
 //! Forward selection with a backward pass at its end: what takes most of the error away first, as long as anything is there beyond
 //! chance.
 
-use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
 use super::candidate::{Candidate, Screen, combination};
@@ -29,7 +28,7 @@ pub(super) struct Tried {
     pub(super) candidate: Candidate,
     /// Of an effect its value at each joint; of a load its mass (kg) and its place from the body's origin (x, y, z, m).
     pub(super) values: Vec<Value>,
-    /// The largest value that is told, in standard deviations of a normal variable.
+    /// Size in units of its standard deviation: as unlikely as a normal variable so far from zero.
     pub(super) z: f64,
     /// Whether its values can be.
     pub(super) in_bounds: bool,
@@ -278,17 +277,14 @@ impl Trial<'_> {
         let first = INERTIAL * body;
         let more = |k: usize| theta[first + k] - model.inertia.0[k];
         // The model's body is not known better than it says.
-        let prior = self
-            .data
-            .problem(self.structure, fit.noise)
-            .prior_root(&self.model());
+        let problem = self.data.problem(self.structure, fit.noise);
+        let prior = problem.prior_root(&problem.start());
         let std = |entries: &[(usize, f64)]| {
             let entries: Vec<(usize, f64)> = entries.iter().map(|(k, x)| (first + k, *x)).collect();
             let combination = combination(&entries);
-            let known: &DMatrix<f64> = &prior;
             deviations
                 .of_combination(&combination)
-                .hypot(known.tr_mul(&combination).norm())
+                .hypot(prior.tr_mul(&combination).norm())
         };
         let mass = more(0);
         let place = (1..4).map(|axis| {
@@ -303,11 +299,6 @@ impl Trial<'_> {
             std: std(&[(0, 1.0)]),
         };
         std::iter::once(mass).chain(place).collect()
-    }
-
-    /// The model's bodies and priors.
-    fn model(&self) -> DVector<f64> {
-        self.data.problem(self.structure, 1.0).start()
     }
 }
 

@@ -218,8 +218,8 @@ fn values(tried: &Tried) -> String {
 }
 
 impl FreeBaseDiagnosis {
-    /// The first screen: as [`Diagnosis::summary`], but what adds what is missing is an identification of the walk. `written`: the model
-    /// file has it.
+    /// The first screen: as [`Diagnosis::summary`], but what is missing is added with its value, by `--apply`. `written`: the model file has
+    /// it.
     pub fn summary(&self, robot: &Robot, model: Option<&Path>, written: bool) -> Summary {
         let mut summary = self.diagnosis.summary(robot, model);
         if self.diagnosis.path.is_empty() {
