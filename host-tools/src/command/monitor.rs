@@ -102,13 +102,12 @@ impl Monitor {
         let settings = self.settings(source.hello())?;
         let journal = self.record.as_deref().map(journal).transpose()?;
         let mut session = Session {
-            feed: Feed::start(source, self.speed),
+            feed: Feed::start(source, self.speed, settings),
             journal: journal.zip(self.record.clone()),
             view: Default::default(),
             limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
             ended: false,
         };
-        settings.into_iter().for_each(|action| session.ask(action));
         let on_terminal = stdout().is_terminal() && stdin().is_terminal();
         match (server, on_terminal && !self.lines && !self.json) {
             (Some(server), _) => web::watch(&mut session, &server, &self.source)?,

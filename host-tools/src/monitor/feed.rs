@@ -96,10 +96,15 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Begins; a simulated robot or a recording runs `speed` times as fast as real time at most, 0: as fast as it goes.
-    pub fn start(source: Source, speed: f64) -> Self {
+    /// Begins, with `first` asked before anything else; a simulated robot or a recording runs `speed` times as fast as real time at
+    /// most, 0: as fast as it goes.
+    pub fn start(source: Source, speed: f64, first: Vec<Action>) -> Self {
         let (told, heard) = sync_channel(WAITING);
         let (asks, asked) = channel();
+        for action in first {
+            // A simulated robot makes its first step when the thread runs, whoever is quicker.
+            let _ = asks.send(Ask::Action(action));
+        }
         let thread = std::thread::spawn(move || {
             let mut listener = Listener::new(told, asked, speed);
             let ended = match source {
