@@ -12,7 +12,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
-use crate::equation::values::Place;
+use crate::detect::twist::Twist;
+use crate::equation::values::{Place, places};
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -48,6 +49,9 @@ pub struct Diagnosis {
     pub noise_floor_rms: f64,
     /// Each joint's error.
     pub joints: Vec<JointError>,
+    /// What second encoders show of gears that give way and the model does not know, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub second_encoder: Vec<String>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
     /// The logs.
@@ -206,7 +210,10 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
             .into_iter()
             .collect::<Option<Vec<Squares>>>()
     });
+    let twists = mended.iter().zip(&found.end.fits).zip(&given);
+    let twists = twists.map(|((data, fit), given)| unknown_twists(data, fit, given));
     let diagnosed = Diagnosed {
+        twists: twists.collect(),
         model,
         recording,
         feet: &feet,
@@ -233,6 +240,8 @@ struct Diagnosed<'a> {
     judged: &'a [usize],
     /// Of those the joints whose velocity is reported wrong.
     velocity: &'a [Vec<(usize, VelocityGain)>],
+    /// Of those the gears that second encoders show and the model does not have.
+    twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
     before: Option<Vec<Squares>>,
     found: Found<'a>,
@@ -246,6 +255,20 @@ fn wrong_velocities(data: &LimbData) -> Vec<(usize, VelocityGain)> {
     };
     let unknown = |joint: &usize| data.velocity_gain[*joint] == 1.0;
     (0..data.joints()).filter(unknown).filter_map(of).collect()
+}
+
+/// The gears that second encoders show to give way, where the model lacks that.
+fn unknown_twists(data: &LimbData, fit: &LimbFit, given: &[Place]) -> Vec<Twist> {
+    let known: Vec<Place> = places(data.model, data.limb)
+        .map(|(place, _)| place)
+        .collect();
+    (0..data.joints())
+        .filter_map(|joint| Twist::of(data, &fit.values, joint))
+        .filter(|twist| {
+            let mut own = twist.effects().into_iter();
+            !own.all(|(place, _)| known.contains(&place) || given.contains(&place))
+        })
+        .collect()
 }
 
 /// A limb's data with wrong velocities put right.

@@ -6,7 +6,7 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr};
 
 use proprio::capture::CaptureError;
-use proprio::detect::mismatch::Mismatch;
+use proprio::detect::mismatch::MismatchKind;
 use proprio::device::DeviceError;
 use proprio::device::replay::ReplayError;
 use proprio::excite::ExciteError;
@@ -56,8 +56,8 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(_) => None,
-        Error::Mismatch { wrong, has_imu, .. } => Some(match (wrong.first(), has_imu) {
-            (Some(Mismatch::NoBetterThanNothing(_)), true) => {
+        Error::Mismatch { wrong, has_imu, .. } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
+            (Some(MismatchKind::NoBetterThanNothing(_)), true) => {
                 "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
             }
             _ => "mend the log, or go on with --anyway".to_owned(),

@@ -108,6 +108,7 @@ mod tests {
         let sample = |k: u32| {
             let t = 0.002 * f64::from(k);
             SimulatedSample {
+                q_link: None,
                 t,
                 q: vec![0.0, 0.9, -1.7],
                 dq: vec![(7.0 * t).sin(), 0.0, 0.0],

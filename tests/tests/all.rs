@@ -47,6 +47,7 @@ mod recordings;
 mod report;
 mod round_trip;
 mod same_numbers;
+mod second_encoder;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]

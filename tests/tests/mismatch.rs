@@ -142,6 +142,37 @@ fn what_a_person_would_see_at_once_is_told() {
     );
 }
 
+/// One log of three is of a robot whose legs' columns were exchanged: it is the one that is named.
+#[test]
+fn of_several_logs_the_wrong_one_is_named() {
+    let folder = simulated("--typical --legs FR,FL --duration 10 --inertia-error 0.1 --seed 3");
+    let log = cells(&folder.path().join("log.csv"));
+    let halves = [
+        [&log[..1], &log[1..2501]].concat(),
+        [&log[..1], &log[2501..]].concat(),
+    ];
+    write(&folder.path().join("first.csv"), &halves[0]);
+    write(&folder.path().join("second.csv"), &halves[1]);
+    done(folder.path(), &["diagnose", "first.csv", "second.csv"]);
+    let wrong = renamed(&halves[1], |name| exchanged(name, "FR_", "FL_"));
+    write(&folder.path().join("second.csv"), &wrong);
+    refused(
+        folder.path(),
+        &["diagnose", "first.csv", "second.csv", "log.csv"],
+        "says: second.csv: limbs look exchanged",
+    );
+    // Where all are, no log has to be named.
+    write(
+        &folder.path().join("first.csv"),
+        &renamed(&halves[0], |name| exchanged(name, "FR_", "FL_")),
+    );
+    refused(
+        folder.path(),
+        &["diagnose", "first.csv", "second.csv"],
+        "says: limbs look exchanged",
+    );
+}
+
 /// The same of a recorded robot, all its legs and all that nobody knows of it.
 #[test]
 fn what_a_person_would_see_at_once_is_told_of_a_real_log() {

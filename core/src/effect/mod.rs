@@ -31,6 +31,7 @@ mod coupled_coulomb;
 mod coupled_viscous;
 mod delay;
 mod description;
+mod elastic_hysteresis;
 mod elasticity;
 mod encoder_offset;
 mod load_friction;
@@ -264,6 +265,8 @@ catalogue! {
     Contact = contact,
     /// A spring between motor and link.
     Elasticity = elasticity,
+    /// Friction inside a gear that gives way.
+    ElasticHysteresis = elastic_hysteresis,
     /// Play between motor and link.
     Backlash = backlash,
     /// Less torque than reported.
@@ -377,6 +380,7 @@ mod tests {
                 | EffectKind::Payload
                 | EffectKind::Contact
                 | EffectKind::Elasticity
+                | EffectKind::ElasticHysteresis
                 | EffectKind::Backlash => unreachable!("no columns of their own"),
             }
         };
@@ -436,7 +440,9 @@ mod tests {
         let state = JointState::reported(0.3, 0.7, 0.1);
         for effect in EffectKind::ALL {
             let moves = effect.motion(&state) != [0.0; 2];
-            assert_eq!(moves, effect.description().form == Form::Motion);
+            // Hysteresis moves the link by f/k: of elasticity's k an effect does not know.
+            let own = *effect != EffectKind::ElasticHysteresis;
+            assert_eq!(moves, own && effect.description().form == Form::Motion);
             assert_eq!(
                 effect.columns() > 0,
                 effect.description().form == Form::Columns

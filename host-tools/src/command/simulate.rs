@@ -8,7 +8,7 @@ use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use proprio::log::{LogWriter, UnknownName, leg_named};
+use proprio::log::{Channel, LogWriter, UnknownName, leg_named};
 use proprio::output::{self, AtomicFile, WriteError};
 use proprio::parameter;
 use proprio::simulator::hidden::typical;
@@ -46,6 +46,9 @@ pub(crate) struct Simulate {
     /// Log motor temperatures; they are always logged if an effect depends on them
     #[arg(long)]
     temperature: bool,
+    /// Give each joint a second encoder, at its link: q_link/ columns
+    #[arg(long)]
+    second_encoder: bool,
     /// Begin with a Go2's typical friction, rotor inertia and torque offsets instead of a rigid body
     #[arg(long)]
     typical: bool,
@@ -144,6 +147,7 @@ impl Simulate {
             effects: self.effects(),
             inertia_error: self.inertia_error,
             temperature: self.temperature,
+            second_encoder: self.second_encoder,
             sensors: Sensors {
                 noise: self.noise,
                 quantised: !self.unquantised,
@@ -235,18 +239,16 @@ fn record_to<W: Write>(
     unwritable: impl Fn(io::Error) -> WriteError + Copy,
 ) -> Result<(W, u64), Error> {
     let mut progress = Progress::new("Simulating");
-    let thermal = simulation.logs_temperature();
-    let log = if thermal {
-        LogWriter::with_temperature(out, &simulation.legs)
-    } else {
-        LogWriter::new(out, &simulation.legs)
-    };
-    let mut log = log.map_err(unwritable)?;
+    let temperature = (simulation.logs_temperature()).then_some(Channel::Temp);
+    let q_link = simulation.second_encoder.then_some(Channel::QLink);
+    let more: Vec<Channel> = temperature.into_iter().chain(q_link).collect();
+    let mut log = LogWriter::with(out, &simulation.legs, &more).map_err(unwritable)?;
     let mut samples = 0;
     for sample in simulation.samples() {
         let sample = sample?;
-        let temp = sample.temp.as_deref().unwrap_or(&[]);
-        log.row_with_temperature(sample.t, &sample.q, &sample.dq, &sample.tau, temp)
+        let more = [&sample.temp, &sample.q_link].into_iter().flatten();
+        let more: Vec<&[f64]> = more.map(Vec::as_slice).collect();
+        log.row_with(sample.t, [&sample.q, &sample.dq, &sample.tau], &more)
             .map_err(unwritable)?;
         samples += 1;
         progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);

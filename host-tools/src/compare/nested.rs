@@ -102,10 +102,8 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
 /// The effects that the model lacks and that need no search.
 fn candidates(data: &LimbData) -> Vec<(EffectKind, usize)> {
     let there = places_of(data);
-    let all = EffectKind::ALL
-        .iter()
-        .filter(|effect| data.can_tell(**effect));
+    let all = EffectKind::ALL.iter();
     let all = all.flat_map(|&effect| (0..data.joints()).map(move |joint| (effect, joint)));
-    all.filter(|place| can_be_put_in(place) && !there.contains(place))
+    all.filter(|place| data.can_tell(*place) && can_be_put_in(place) && !there.contains(place))
         .collect()
 }

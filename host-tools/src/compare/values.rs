@@ -4,6 +4,7 @@ use proprio_core::effect::{EffectKind, Form};
 use serde::Serialize;
 
 use crate::detect::contact::LeftOut;
+use crate::detect::twist::Twist;
 use crate::equation::values::{Place, places};
 use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::LimbFit;
@@ -84,6 +85,19 @@ fn fitted(
 ) -> (Option<f64>, Option<f64>) {
     if place.0 == EffectKind::VelocityGain {
         return (Some(fit.data.velocity_gain[place.1]), None);
+    }
+    let between = [
+        EffectKind::Elasticity,
+        EffectKind::Backlash,
+        EffectKind::ElasticHysteresis,
+    ];
+    if between.contains(&place.0) && fit.data.motion.link(place.1).is_some() {
+        let twist = Twist::of(fit.data, &fit.values, place.1);
+        let effects = twist.map(|twist| twist.effects()).unwrap_or_default();
+        let own = effects.into_iter().find(|(shown, _)| *shown == place);
+        return own.map_or((None, None), |(_, values)| {
+            (Some(values[n][0]), Some(values[n][1]))
+        });
     }
     let entries = fit.columns.of_effect(place.0, place.1);
     let entry = entries

@@ -10,6 +10,9 @@ mod commanded;
 mod reading;
 mod words;
 
+use std::mem::discriminant;
+use std::path::PathBuf;
+
 use crate::model::{Limb, Model};
 use crate::recording::{LimbRecording, Recording};
 use reading::{JointReading, Reading, shifts};
@@ -36,9 +39,18 @@ const AT_ITS_TIME: f64 = 0.75;
 /// Most joints of a limb whose order is tried in every way.
 const MOST_ORDERED: usize = 4;
 
-/// What is wrong between a log and the model.
+/// What is wrong between logs and the model.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Mismatch {
+pub struct Mismatch {
+    /// The log of which it is true; all that are given, if none.
+    pub log: Option<PathBuf>,
+    /// What it is.
+    pub kind: MismatchKind,
+}
+
+/// What can be wrong between a log and the model.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MismatchKind {
     /// The torque is zero, or next to nothing beside the model's: of these joints, of all if there are none.
     NoTorque(Vec<String>),
     /// The torque has the other sign at these joints, at all if there are none.
@@ -59,26 +71,50 @@ pub enum Mismatch {
     Twice([String; 2]),
 }
 
-/// What is wrong between a recording and `model`, the plainest first; empty where nothing is.
+/// What is wrong between a recording and `model`, the plainest first; empty where nothing is. Of several logs each is judged alone, so that a
+/// wrong one does not hide among right ones.
 pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
-    let mut found: Vec<Mismatch> = twice(recording).into_iter().collect();
-    found.extend(commanded::commanded(recording, model));
+    let of_all = |kind| Mismatch { log: None, kind };
+    let mut found: Vec<Mismatch> = twice(recording).into_iter().map(of_all).collect();
+    found.extend(commanded::commanded(recording, model).map(of_all));
+    let logs = recording.gates.len();
+    let kinds = |kinds: &[MismatchKind]| kinds.iter().map(discriminant).collect::<Vec<_>>();
+    let each: Vec<Vec<MismatchKind>> = match logs {
+        0 | 1 => Vec::new(),
+        _ => (0..logs)
+            .map(|n| of_motion(&recording.of_log(n), model))
+            .collect(),
+    };
+    let whole = of_motion(recording, model);
+    if each.iter().all(|own| kinds(own) == kinds(&whole)) {
+        found.extend(whole.into_iter().map(of_all));
+    } else {
+        for (own, gates) in each.into_iter().zip(&recording.gates) {
+            found.extend(own.into_iter().map(|kind| Mismatch {
+                log: Some(gates.log.clone()),
+                kind,
+            }));
+        }
+    }
+    found
+}
+
+/// What is wrong between what is measured and what the model gives of the same motion.
+fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     let as_is: Vec<Reading> = (recording.limbs.iter())
         .filter_map(|(limb, samples)| Reading::of(model, limb, samples, true))
         .collect();
     if as_is.iter().all(|reading| reading.joints.is_empty()) {
-        return found;
+        return Vec::new();
     }
     if let Some(nothing) = no_torque(&as_is) {
-        found.push(nothing);
-        return found;
+        return vec![nothing];
     }
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
         // One joint of many hardly shows in what all leave.
-        found.extend(sign(&as_is).map(|(_, reading)| reading));
-        found.extend(late(&as_is, now).map(|(_, reading)| reading));
-        return found;
+        let found = sign(&as_is).into_iter().chain(late(&as_is, now));
+        return found.map(|(_, reading)| reading).collect();
     }
     let readings = [
         sign(&as_is),
@@ -92,11 +128,10 @@ pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
         .flatten()
         .min_by(|a, b| a.0.total_cmp(&b.0));
     match best {
-        Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => found.push(reading),
-        _ if now > POOR => found.push(Mismatch::NoBetterThanNothing(now)),
-        _ => {}
+        Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => vec![reading],
+        _ if now > POOR => vec![MismatchKind::NoBetterThanNothing(now)],
+        _ => Vec::new(),
     }
-    found
 }
 
 /// The mean over all joints of what each leaves.
@@ -108,7 +143,7 @@ fn share(readings: &[Reading], of: &dyn Fn(&JointReading) -> f64) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-fn no_torque(readings: &[Reading]) -> Option<Mismatch> {
+fn no_torque(readings: &[Reading]) -> Option<MismatchKind> {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let nothing = |joint: &&JointReading| {
@@ -120,11 +155,11 @@ fn no_torque(readings: &[Reading]) -> Option<Mismatch> {
         .map(|joint| joint.name.clone())
         .collect();
     let all = names.len() == joints().count();
-    (!names.is_empty()).then(|| Mismatch::NoTorque(if all { Vec::new() } else { names }))
+    (!names.is_empty()).then(|| MismatchKind::NoTorque(if all { Vec::new() } else { names }))
 }
 
 /// What is left with the sign turned wherever that is far better.
-fn sign(readings: &[Reading]) -> Option<(f64, Mismatch)> {
+fn sign(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let turned = |joint: &JointReading| {
         let other: Vec<f64> = joint.torque.iter().map(|x| -x).collect();
         let (left, now) = (joint.left_of(&other, 1.0), joint.left());
@@ -139,11 +174,16 @@ fn sign(readings: &[Reading]) -> Option<(f64, Mismatch)> {
         turned(joint).unwrap_or_else(|| joint.left())
     });
     let all = names.len() == joints().count();
-    (!names.is_empty()).then(|| (left, Mismatch::Sign(if all { Vec::new() } else { names })))
+    (!names.is_empty()).then(|| {
+        (
+            left,
+            MismatchKind::Sign(if all { Vec::new() } else { names }),
+        )
+    })
 }
 
 /// What is left in another unit, the same at all joints.
-fn unit(readings: &[Reading]) -> Option<(f64, Mismatch)> {
+fn unit(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let joints = readings.iter().flat_map(|reading| &reading.joints);
     let mut factors: Vec<f64> = joints.map(JointReading::factor).collect();
     factors.sort_by(f64::total_cmp);
@@ -152,11 +192,11 @@ fn unit(readings: &[Reading]) -> Option<(f64, Mismatch)> {
     let agreed = low > 0.0 && high / low < AGREED;
     let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&middle);
     let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));
-    (agreed && other).then_some((left, Mismatch::Unit(middle)))
+    (agreed && other).then_some((left, MismatchKind::Unit(middle)))
 }
 
 /// What is left with limbs exchanged in the best way.
-fn limbs(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismatch)> {
+fn limbs(recording: &Recording, model: &Model, now: f64) -> Option<(f64, MismatchKind)> {
     let recorded = &recording.limbs;
     let alike = recorded
         .iter()
@@ -206,11 +246,11 @@ fn limbs(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismatc
     let moved = best.iter().enumerate().filter(|(own, is)| own != *is);
     let name = |n: usize| recorded[n].0.name.clone();
     let pairs: Vec<[String; 2]> = moved.map(|(own, is)| [name(own), name(*is)]).collect();
-    (!pairs.is_empty() && sum(&best) < now).then(|| (sum(&best), Mismatch::Limbs(pairs)))
+    (!pairs.is_empty() && sum(&best) < now).then(|| (sum(&best), MismatchKind::Limbs(pairs)))
 }
 
 /// What is left with the joints of each limb exchanged in the best way, the same in all limbs.
-fn joints(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismatch)> {
+fn joints(recording: &Recording, model: &Model, now: f64) -> Option<(f64, MismatchKind)> {
     let count = recording
         .limbs
         .iter()
@@ -235,7 +275,7 @@ fn joints(recording: &Recording, model: &Model, now: f64) -> Option<(f64, Mismat
     let name = |j: usize| model.joint_name(first + j).to_owned();
     let moved = best.iter().enumerate().filter(|(is, own)| is != *own);
     let pairs: Vec<[String; 2]> = moved.map(|(is, own)| [name(*own), name(is)]).collect();
-    (!pairs.is_empty() && left < now).then_some((left, Mismatch::Joints(pairs)))
+    (!pairs.is_empty() && left < now).then_some((left, MismatchKind::Joints(pairs)))
 }
 
 /// A limb's samples with joint j's columns those of joint `order[j]`.
@@ -247,6 +287,7 @@ fn exchanged(samples: &LimbRecording, order: &[usize]) -> LimbRecording {
         (&mut other.dq, &samples.dq),
         (&mut other.tau, &samples.tau),
         (&mut other.temperature, &samples.temperature),
+        (&mut other.q_link, &samples.q_link),
     ] {
         for (own, row) in to.chunks_exact_mut(n).zip(from.chunks_exact(n)) {
             own.iter_mut().zip(order).for_each(|(x, j)| *x = row[*j]);
@@ -256,7 +297,7 @@ fn exchanged(samples: &LimbRecording, order: &[usize]) -> LimbRecording {
 }
 
 /// What is left with the torque at another time, the same at all joints.
-fn late(readings: &[Reading], now: f64) -> Option<(f64, Mismatch)> {
+fn late(readings: &[Reading], now: f64) -> Option<(f64, MismatchKind)> {
     let period = readings.first()?.period;
     let left = |shift: i64| {
         share(readings, &|joint| {
@@ -280,7 +321,7 @@ fn late(readings: &[Reading], now: f64) -> Option<(f64, Mismatch)> {
     let agreed = 4 * joints().filter(agrees).count() >= 3 * joints().count();
     let seconds = shift as f64 * period;
     let late = seconds.abs() >= LEAST_LATE && left < AT_ITS_TIME * now && agreed;
-    late.then_some((left, Mismatch::Late(seconds)))
+    late.then_some((left, MismatchKind::Late(seconds)))
 }
 
 /// All orders of so many things.
@@ -301,7 +342,7 @@ fn orders(count: usize) -> Vec<Vec<usize>> {
 }
 
 /// Two logs with the same bytes.
-fn twice(recording: &Recording) -> Option<Mismatch> {
+fn twice(recording: &Recording) -> Option<MismatchKind> {
     let logs = &recording.logs;
     let read = |n: usize| {
         std::fs::read(&logs[n])
@@ -313,5 +354,5 @@ fn twice(recording: &Recording) -> Option<Mismatch> {
     let mut same = pairs
         .filter(|[a, b]| length(*a) == length(*b) && read(*a).is_some() && read(*a) == read(*b));
     same.next()
-        .map(|pair| Mismatch::Twice(pair.map(|n| logs[n].display().to_string())))
+        .map(|pair| MismatchKind::Twice(pair.map(|n| logs[n].display().to_string())))
 }

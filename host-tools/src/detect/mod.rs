@@ -6,5 +6,6 @@ pub(crate) mod contact;
 pub mod mismatch;
 pub mod residual;
 pub(crate) mod series;
+pub(crate) mod twist;
 
 pub use series::JointSeries;

@@ -3,6 +3,8 @@
 use proprio_core::effect::EffectKind;
 
 use super::{Diagnosed, PathStep};
+use crate::detect::twist::Twist;
+use crate::equation::values::{Place, places};
 use crate::estimate::limb_data::Squares;
 use crate::select::candidate::Member;
 
@@ -24,6 +26,9 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
     if !wrong.is_empty() {
         steps.push(d.step(EffectKind::VelocityGain, wrong, &d.found.start, false));
     }
+    for (effect, joints) in d.shown_by_encoders() {
+        steps.push(d.step(effect, joints, &d.found.start, false));
+    }
     for step in &d.found.steps {
         let mut names: Vec<String> = Vec::new();
         for (limb, place) in &step.members {
@@ -38,6 +43,36 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
 }
 
 impl Diagnosed<'_> {
+    /// What second encoders show that the model lacks, each effect with its joints.
+    pub(super) fn shown_by_encoders(&self) -> Vec<(EffectKind, Vec<String>)> {
+        let mut shown: Vec<(EffectKind, Vec<String>)> = Vec::new();
+        for (limb, twist) in self.each_twist() {
+            for (place, _) in twist.effects() {
+                if self.has(limb, place) {
+                    continue;
+                }
+                let name = self.name(limb, place.1);
+                match shown.iter_mut().find(|(effect, _)| *effect == place.0) {
+                    Some((_, joints)) => joints.push(name),
+                    None => shown.push((place.0, vec![name])),
+                }
+            }
+        }
+        shown
+    }
+
+    /// All gears that second encoders show, with their limbs.
+    pub(super) fn each_twist(&self) -> impl Iterator<Item = (usize, &Twist)> {
+        let limbs = self.twists.iter().enumerate();
+        limbs.flat_map(|(limb, twists)| twists.iter().map(move |twist| (limb, twist)))
+    }
+
+    /// Whether the model as it was given has an effect.
+    pub(super) fn has(&self, limb: usize, place: Place) -> bool {
+        let data = &self.all[self.judged[limb]];
+        places(data.model, data.limb).any(|(known, _)| known == place)
+    }
+
     fn step(
         &self,
         effect: EffectKind,

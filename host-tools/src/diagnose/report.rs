@@ -62,11 +62,47 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         noise_floor_rms: (floor / windows.max(1.0)).sqrt(),
         path,
         joints,
+        second_encoder: (d.each_twist())
+            .map(|(limb, twist)| words::twist(&d.name(limb, twist.joint), twist))
+            .collect(),
         outside_catalogue,
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
             .chain(contact_words(&stands, d.base_moves))
             .collect(),
+    }
+}
+
+/// What positions tell and no torque: the share of what is measured that it takes away, with its error, and its parameters.
+fn measured(
+    effect: EffectKind,
+    joint: String,
+    [held_out_gain, held_out_gain_error]: [f64; 2],
+    values: &[[f64; 2]],
+) -> CandidateReport {
+    let described = effect.description().parameters.iter().zip(values);
+    let parameters: Vec<ParameterReport> = described
+        .map(|(parameter, [value, std])| ParameterReport {
+            symbol: parameter.symbol,
+            unit: parameter.unit,
+            value: *value,
+            std: *std,
+        })
+        .collect();
+    let [value, std] = values.first().copied().unwrap_or_default();
+    CandidateReport {
+        effect: effect.name(),
+        joints: vec![joint],
+        held_out_gain,
+        held_out_gain_error,
+        z: value.abs() / std.max(f64::MIN_POSITIVE),
+        value,
+        std,
+        parameters,
+        torque_error_percent: 0.0,
+        in_bounds: true,
+        significant: true,
+        alternatives: Vec::new(),
     }
 }
 
@@ -103,7 +139,15 @@ impl Diagnosed<'_> {
             wrong.extend(joints.iter().map(of));
         }
         wrong.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
-        // Faults of the data are told apart; among the candidates they stand after what torques miss beyond chance.
+        for (limb, twist) in self.each_twist() {
+            let own = twist.effects().into_iter();
+            let lacking = own.filter(|(place, _)| !self.has(limb, *place));
+            wrong.extend(lacking.map(|(place, values)| {
+                let joint = self.name(limb, place.1);
+                measured(place.0, joint, twist.told, &values)
+            }));
+        }
+        // Faults of the data, and what encoders tell, are told apart; among the candidates they stand after what torques miss beyond chance.
         let at = all.iter().position(|c| !c.significant).unwrap_or(all.len());
         all.splice(at..at, wrong);
         all
@@ -170,25 +214,16 @@ impl Diagnosed<'_> {
         joint: usize,
         gain: &VelocityGain,
     ) -> CandidateReport {
-        let parameter = &EffectKind::VelocityGain.description().parameters[0];
+        let joint = self.name(limb, joint);
+        let told = [gain.held_out_gain, gain.error];
         CandidateReport {
-            effect: EffectKind::VelocityGain.name(),
-            joints: vec![self.name(limb, joint)],
-            held_out_gain: gain.held_out_gain,
-            held_out_gain_error: gain.error,
             z: gain.z(),
-            value: gain.value,
-            std: gain.std,
-            parameters: vec![ParameterReport {
-                symbol: parameter.symbol,
-                unit: parameter.unit,
-                value: gain.value,
-                std: gain.std,
-            }],
-            torque_error_percent: 0.0,
-            in_bounds: true,
-            significant: true,
-            alternatives: Vec::new(),
+            ..measured(
+                EffectKind::VelocityGain,
+                joint,
+                told,
+                &[[gain.value, gain.std]],
+            )
         }
     }
 

@@ -28,7 +28,10 @@ impl Diagnosis {
     /// named.
     pub fn summary(&self, robot: &Robot, model: Option<&Path>) -> Summary {
         let missing = self.missing();
-        let mut points: Vec<String> = Vec::new();
+        let mut points: Vec<String> = self.second_encoder.iter().take(1).cloned().collect();
+        if let Some(more @ 1..) = self.second_encoder.len().checked_sub(1) {
+            points[0] += &format!(" (and {more} more)");
+        }
         let all = self.joint_names();
         for one in missing
             .iter()

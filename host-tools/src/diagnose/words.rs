@@ -6,6 +6,7 @@ use proprio_core::effect::EffectKind;
 
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::detect::black_box::{Sees, Taken};
+use crate::detect::twist::{Beside, Twist};
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::table::{Table, with_std};
@@ -70,6 +71,9 @@ impl Diagnosis {
             Verdict::Insufficient => "INSUFFICIENT",
         };
         let mut text = format!("{verdict}: {}\nNext: {}\n", self.reason, self.next);
+        for sentence in &self.second_encoder {
+            text += &format!("{sentence}\n");
+        }
         for sentence in &self.outside_catalogue {
             text += sentence;
             text.push('\n');
@@ -168,6 +172,27 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
         100.0 * candidate.held_out_gain,
         with_std(candidate.value, candidate.std),
         candidate.parameters[0].unit,
+    )
+}
+
+/// What a joint's two encoders say of its gear.
+pub(super) fn twist(joint: &str, twist: &Twist) -> String {
+    let number = |[value, std]: [f64; 2], unit: &str| format!("{} {unit}", with_std(value, std));
+    let spring = || format!("a spring of {}", number(twist.stiffness, "N m/rad"));
+    let gear = match twist.beside {
+        None => spring(),
+        Some(Beside::Hysteresis { friction, way }) => format!(
+            "{} with friction of {} inside it, built up over {}",
+            spring(),
+            number(friction, "N m"),
+            number(way, "rad")
+        ),
+        Some(Beside::Play { gap }) => format!("a play of {}", number(gap, "rad")),
+    };
+    format!(
+        "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} tells {:.0} % of it",
+        1e3 * twist.rms,
+        100.0 * twist.told[0]
     )
 }
 

@@ -229,8 +229,15 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
         Form::Coupled => (0..description.parameters.len())
             .map(|n| (n, Column::Coupled { joint, effect, n }))
             .collect(),
-        // Positions tell it: it is taken out of the motion.
-        Form::Motion if effect == EffectKind::VelocityGain => Vec::new(),
+        // Positions tell them.
+        Form::Motion
+            if matches!(
+                effect,
+                EffectKind::VelocityGain | EffectKind::ElasticHysteresis
+            ) =>
+        {
+            Vec::new()
+        }
         Form::Motion => vec![(0, Column::Motion { joint, effect })],
         Form::Gravity => vec![(0, Column::Gravity(0)), (1, Column::Gravity(1))],
         Form::Inertia => (0..description.parameters.len())

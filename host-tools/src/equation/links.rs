@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use proprio_core::effect::{EffectKind, JointState};
 
-use super::motion::{Load, Motion, Needs};
+use super::hysteresis::hysteresis;
+use super::motion::{Load, Motion, Needs, Trajectories};
 use super::play::play;
 use super::spring::spring;
 use super::values::Values;
@@ -46,9 +47,20 @@ impl Motion {
             }
             for &j in &needs.spring {
                 let compliance = values.get((EffectKind::Elasticity, j), 0);
+                let [friction, width] =
+                    [0, 1].map(|n| values.get((EffectKind::ElasticHysteresis, j), n));
                 let on = |compliance: f64| {
                     self.moved(load, stretch, j, &|t, torque, inertia| {
-                        spring(t, torque, inertia, compliance)
+                        let free = spring(t, torque, inertia, compliance);
+                        if friction <= 0.0 || width <= 0.0 {
+                            return free;
+                        }
+                        // The way that the link goes without it tells well enough in which state it is.
+                        let state = hysteresis(free.iter().map(|x| x[0]), width);
+                        let held: Vec<f64> = (torque.iter().zip(state))
+                            .map(|(torque, z)| torque + friction * z)
+                            .collect();
+                        spring(t, &held, inertia, compliance)
                     })
                 };
                 // A spring that gives way against the load is none, but a fit may pass by it.
@@ -73,6 +85,18 @@ impl Motion {
             }
         }
         links
+    }
+
+    /// What second encoders say of links against their motors takes the place of what a model says.
+    pub(super) fn measure_links(&self, of: &Trajectories, links: &mut Vec<[f64; 2]>) {
+        let n = self.joints;
+        for (j, (motor, link)) in of.motors.iter().zip(of.links).enumerate() {
+            let Some(link) = link else { continue };
+            links.resize(n * self.time.len(), [0.0; 2]);
+            for (k, (link, motor)) in link.state.iter().zip(&motor.state).enumerate() {
+                links[k * n + j] = [link[0] - motor[0], link[1] - motor[1]];
+            }
+        }
     }
 
     /// How a joint's link moves in a stretch by its load and its inertia: where in the list of all samples and joints, and what `by`

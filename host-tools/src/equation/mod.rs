@@ -1,7 +1,7 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
 //! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
-//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
+//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`, `hysteresis`) and `presliding`,
 //!    what effects see of it under a model.
 //! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
@@ -12,6 +12,7 @@ mod channels;
 pub(crate) mod column;
 pub(crate) mod folds;
 pub(crate) mod foot;
+pub(crate) mod hysteresis;
 pub(crate) mod integrals;
 mod links;
 pub(crate) mod motion;

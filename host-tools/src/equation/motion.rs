@@ -40,8 +40,10 @@ pub(crate) struct Motion {
     pub(crate) time: Vec<f64>,
     /// Samples without a gap between them.
     pub(crate) stretches: Vec<Range<usize>>,
-    /// Of each joint.
+    /// Of each joint, at its motor.
     pub(crate) joint: Vec<Trajectory>,
+    /// Of each joint's link, where a second encoder was recorded all the time.
+    links: Vec<Option<Trajectory>>,
     /// Motor temperature, °C, sample by sample, joint by joint; not a number where not recorded.
     pub(crate) temperature: Vec<f64>,
     /// The windows, in the order of time.
@@ -63,6 +65,12 @@ pub(crate) struct Window {
     pub(crate) moves: Vec<bool>,
 }
 
+/// Motors and, where a second encoder tells them, links.
+pub(super) struct Trajectories<'a> {
+    pub(super) motors: &'a [Trajectory],
+    pub(super) links: &'a [Option<Trajectory>],
+}
+
 /// What the gears transmit under a model's bodies, whatever its effects.
 pub(crate) struct Load {
     /// Sample by sample, joint by joint, N m.
@@ -81,6 +89,13 @@ pub(crate) struct States {
     pub(crate) q: Vec<f64>,
     /// The link's velocity, rad/s.
     pub(crate) dq: Vec<f64>,
+}
+
+impl Load {
+    /// What a joint's gear transmits at a sample by the straight line that smooths it, N m; of so many joints.
+    pub(crate) fn smooth(&self, sample: usize, joint: usize, joints: usize) -> f64 {
+        self.line[sample * joints + joint][0]
+    }
 }
 
 impl Motion {
@@ -110,12 +125,15 @@ impl Motion {
             };
             Trajectory::of(&stretches.iter().map(of).collect::<Vec<_>>(), period)
         };
-        let joint = (0..n).map(trajectory).collect();
+        let joint: Vec<Trajectory> = (0..n).map(trajectory).collect();
+        let link = |j: usize| link(recording, j, &joint[j], (&time, &stretches), period);
+        let links = (0..n).map(link).collect();
         let mut motion = Self {
             joints: n,
             time,
             stretches,
             joint,
+            links,
             temperature: recording.temperature.clone(),
             windows: Vec::new(),
         };
@@ -151,6 +169,18 @@ impl Motion {
             }
         }
         windows
+    }
+
+    fn trajectories(&self) -> Trajectories<'_> {
+        Trajectories {
+            motors: &self.joint,
+            links: &self.links,
+        }
+    }
+
+    /// The trajectory of a joint's link, where a second encoder tells it.
+    pub(crate) fn link(&self, joint: usize) -> Option<&Trajectory> {
+        self.links[joint].as_ref()
     }
 
     /// Whether a joint is not held up for long between two samples.
@@ -229,15 +259,19 @@ impl Motion {
         // A drive's torque is made of all effects that the model has.
         let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
         let seen = if needs.torque { &all } else { made };
-        let late: Vec<Trajectory>;
-        let joints = if delay == 0.0 {
-            &self.joint
+        let late: (Vec<Trajectory>, Vec<Option<Trajectory>>);
+        let of = if delay == 0.0 {
+            self.trajectories()
         } else {
-            late = (self.joint.iter())
-                .map(|joint| joint.delayed(&self.time, &self.stretches, delay))
-                .collect();
-            &late
+            let delayed = |joint: &Trajectory| joint.delayed(&self.time, &self.stretches, delay);
+            let links = self.links.iter().map(|link| link.as_ref().map(delayed));
+            late = (self.joint.iter().map(delayed).collect(), links.collect());
+            Trajectories {
+                motors: &late.0,
+                links: &late.1,
+            }
         };
+        let joints = of.motors;
         let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * self.time.len()];
         for (j, joint) in joints.iter().enumerate() {
             let offset = values.get((EffectKind::EncoderOffset, j), 0);
@@ -258,7 +292,7 @@ impl Motion {
         let mut links = Vec::new();
         if needs.load {
             let loose = !needs.play.is_empty() || !needs.spring.is_empty();
-            let made = || self.load_of(body, joints, values, (loose, asked));
+            let made = || self.load_of(body, &of, values, (loose, asked));
             let known = load.is_none().then(made);
             if let Some(load) = load.or(known.as_ref()) {
                 links = self.fill_load(load, values, &needs, &mut states);
@@ -267,6 +301,7 @@ impl Motion {
         if needs.torque {
             self.fill_torque(joints, values, columns, &mut states);
         }
+        self.measure_links(&of, &mut links);
         let moved = |of: &dyn Fn(&JointState<f64>) -> f64, n: usize| -> Vec<f64> {
             let mut all: Vec<f64> = states.iter().map(of).collect();
             all.iter_mut()
@@ -296,13 +331,13 @@ impl Motion {
     pub(crate) fn load(&self, body: &LimbBody, values: &Values) -> Option<Load> {
         let late = (0..self.joints).any(|j| values.delay(j) != 0.0);
         let all = vec![true; self.time.len()];
-        (!late).then(|| self.load_of(body, &self.joint, values, (true, &all)))
+        (!late).then(|| self.load_of(body, &self.trajectories(), values, (true, &all)))
     }
 
     /// The inertia that a joint turns, the mean over all poses, kg m².
     pub(crate) fn mean_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
         let all = vec![true; self.time.len()];
-        let load = self.load_of(body, &self.joint, values, (true, &all));
+        let load = self.load_of(body, &self.trajectories(), values, (true, &all));
         let own = load.inertia.iter().skip(joint).step_by(self.joints);
         own.sum::<f64>() / self.time.len().max(1) as f64
     }
@@ -310,7 +345,7 @@ impl Motion {
     fn load_of(
         &self,
         body: &LimbBody,
-        joints: &[Trajectory],
+        of: &Trajectories,
         values: &Values,
         (loose, asked): (bool, &[bool]),
     ) -> Load {
@@ -322,7 +357,7 @@ impl Motion {
         let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
         for k in (0..self.time.len()).filter(|&k| asked[k]) {
             for j in 0..n {
-                let [q, dq, ddq, _] = joints[j].state[k];
+                let [q, dq, ddq, _] = of.links[j].as_ref().unwrap_or(&of.motors[j]).state[k];
                 motion[0][j] = q - values.get((EffectKind::EncoderOffset, j), 0);
                 (motion[1][j], motion[2][j]) = (dq, ddq);
             }
@@ -473,6 +508,42 @@ pub(crate) fn is_derivative(effect: EffectKind) -> bool {
 /// Whether an effect is one of all joints at `joint`.
 pub(crate) fn is_shared(joint: usize) -> bool {
     joint == BASE
+}
+
+/// The trajectory of a link by its own encoder; its velocity by the motor's, and by how the two move against each other.
+fn link(
+    recording: &LimbRecording,
+    joint: usize,
+    motor: &Trajectory,
+    (time, stretches): (&[f64], &[Range<usize>]),
+    period: f64,
+) -> Option<Trajectory> {
+    let n = recording.joints;
+    let q: Vec<f64> = (recording.q_link.iter().skip(joint).step_by(n).copied()).collect();
+    if q.is_empty() || q.iter().any(|q| !q.is_finite()) {
+        return None;
+    }
+    let twist: Vec<f64> = (q.iter().zip(&motor.state))
+        .map(|(q, motor)| q - motor[0])
+        .collect();
+    let velocity = |stretch: &Range<usize>| {
+        let (t, twist) = (&time[stretch.clone()], &twist[stretch.clone()]);
+        let slope = |k: usize| local_line(t, twist, k, around(t, k))[1];
+        let motor = motor.state[stretch.clone()].iter().enumerate();
+        motor
+            .map(|(k, motor)| motor[1] + slope(k))
+            .collect::<Vec<_>>()
+    };
+    let dq: Vec<f64> = stretches.iter().flat_map(velocity).collect();
+    let of = |s: &Range<usize>| Stretch {
+        t: &time[s.clone()],
+        q: &q[s.clone()],
+        dq: &dq[s.clone()],
+    };
+    Some(Trajectory::of(
+        &stretches.iter().map(of).collect::<Vec<_>>(),
+        period,
+    ))
 }
 
 /// How many samples lie within [`REACH`] on either side of sample k: the same number on both.

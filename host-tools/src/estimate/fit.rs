@@ -409,14 +409,15 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
             values.remove(place);
         }
     }
-    for &place in places.iter().filter(|place| data.can_tell(place.0)) {
+    let held = |place: &Place| data.can_tell(*place) || data.is_given(*place);
+    for &place in places.iter().filter(|place| held(place)) {
         if values.has(place) {
             continue;
         }
         values.insert(place);
         for (n, parameter) in place.0.description().parameters.iter().enumerate() {
-            let (mean, _) = data.prior(place, n);
-            values.set(place, n, mean.clamp(parameter.lower, parameter.upper));
+            let begin = data.begins_at(place, n);
+            values.set(place, n, begin.clamp(parameter.lower, parameter.upper));
         }
     }
     values

@@ -238,14 +238,28 @@ impl<'a> LimbData<'a> {
         (prior.mean, prior.std)
     }
 
-    /// Whether the recording can tell an effect at all.
-    pub(crate) fn can_tell(&self, effect: EffectKind) -> bool {
+    /// Whether the recorded torque can tell an effect at a joint at all.
+    pub(crate) fn can_tell(&self, (effect, joint): Place) -> bool {
         match effect {
             EffectKind::ThermalViscous => self.motion.temperature.iter().all(|t| t.is_finite()),
-            // Positions tell the velocity's gain.
-            EffectKind::VelocityGain => false,
+            // Positions tell the velocity's gain, and with a second encoder what lies between motor and link.
+            EffectKind::VelocityGain | EffectKind::ElasticHysteresis => false,
+            EffectKind::Elasticity | EffectKind::Backlash => self.motion.link(joint).is_none(),
             _ => effect.description().form != Form::Force,
         }
+    }
+
+    /// Whether an effect is as the model gives it, whatever the torque: what hardly shows in one.
+    pub(crate) fn is_given(&self, (effect, joint): Place) -> bool {
+        effect == EffectKind::ElasticHysteresis && self.motion.link(joint).is_none()
+    }
+
+    /// An effect's parameter where a fit begins: as given where the torque does not tell it, else as expected.
+    pub(crate) fn begins_at(&self, place: Place, n: usize) -> f64 {
+        let known = places(self.model, self.limb).find(|(known, _)| *known == place);
+        let given = known.and_then(|(_, e)| e.estimates[n]);
+        let given = given.filter(|_| self.is_given(place));
+        given.map_or_else(|| self.prior(place, n).0, |given| given.value)
     }
 
     /// The entries of an effect. What a candidate might be is as likely on either side of nothing.

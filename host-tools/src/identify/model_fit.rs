@@ -3,10 +3,11 @@
 mod result;
 mod words;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::UNITS;
 
 use super::runs::{self, Run};
+use crate::detect::twist::Twist;
 use crate::equation::motion::is_shared;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
@@ -16,7 +17,7 @@ use crate::estimate::robot;
 use crate::estimate::shapes::has_shape;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
-use crate::model::Model;
+use crate::model::{Model, ModelEffect};
 use crate::recording::{Recording, RecordingError};
 pub use result::{Fitted, FittedJoint, FittedParameter, Where};
 
@@ -176,7 +177,8 @@ fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
 /// The effects that a model has at a limb and that a fit gives values to.
 pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
     let all = places(data.model, data.limb).map(|(place, _)| place);
-    all.filter(|place| data.can_tell(place.0)).collect()
+    all.filter(|place| data.can_tell(*place) || data.is_given(*place))
+        .collect()
 }
 
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
@@ -216,7 +218,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
         })
         .collect();
     all.extend(shapes(fit));
-    all.extend(velocity_gains(fit));
+    all.extend(told_by_positions(fit));
     all
 }
 
@@ -235,7 +237,7 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
             fit.data.model,
             (place.0, body, n),
             (fit.values.get(place, n), std),
-            proprio_core::effect::Prior { mean, std: prior },
+            Prior { mean, std: prior },
         );
         shape.estimate.status = Status::of(std, prior);
         shape.place = Where::Shape(place.0, body, n);
@@ -244,23 +246,39 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
     shaped.filter_map(of).collect()
 }
 
-/// The velocity gains, which positions tell.
-fn velocity_gains(fit: &LimbFit) -> Vec<FittedParameter> {
+/// What positions tell and no column: velocity gains, and gears with an encoder on either side.
+fn told_by_positions(fit: &LimbFit) -> Vec<FittedParameter> {
     let data = fit.data;
-    let of = |(place, _): (Place, _)| {
-        if place.0 != EffectKind::VelocityGain {
-            return None;
-        }
+    let of = |(place, effect): (Place, &ModelEffect)| -> Vec<FittedParameter> {
         let body = data.body_of(place.1);
-        let prior = data.model.effect_prior(place.0, body).prior;
-        let gain = VelocityGain::of(data.recording, place.1, &data.blocks);
-        let told = gain.map_or((prior.mean, prior.std), |gain| (gain.value, gain.std));
-        Some(FittedParameter::of_effect(
-            data.model,
-            (place.0, body, 0),
-            told,
-            prior,
-        ))
+        let measured: Option<Vec<[f64; 2]>> = match place.0 {
+            EffectKind::VelocityGain => VelocityGain::of(data.recording, place.1, &data.blocks)
+                .map(|gain| vec![[gain.value, gain.std]]),
+            EffectKind::Elasticity | EffectKind::Backlash if data.can_tell(place) => {
+                return Vec::new();
+            }
+            EffectKind::Elasticity | EffectKind::Backlash | EffectKind::ElasticHysteresis => {
+                let twist = Twist::of(data, &fit.values, place.1);
+                let effects = twist.map(|twist| twist.effects()).unwrap_or_default();
+                let own = effects.into_iter().find(|(shown, _)| *shown == place);
+                own.map(|(_, values)| values)
+            }
+            _ => return Vec::new(),
+        };
+        let parameters = place.0.description().parameters.iter().enumerate();
+        let told = parameters.map(|(n, _)| {
+            let (mean, std) = data.prior(place, n);
+            let given = effect.estimates[n].filter(|_| data.is_given(place));
+            let given = given.map(|e| [e.value, e.std.unwrap_or(std)]);
+            let [value, deviation] = measured
+                .as_ref()
+                .map(|values| values[n])
+                .or(given)
+                .unwrap_or([mean, std]);
+            let prior = Prior { mean, std };
+            FittedParameter::of_effect(data.model, (place.0, body, n), (value, deviation), prior)
+        });
+        told.collect()
     };
-    places(data.model, data.limb).filter_map(of).collect()
+    places(data.model, data.limb).flat_map(of).collect()
 }

@@ -11,6 +11,7 @@ use proprio_core::go2::Leg;
 /// Writes a log of the motion of one or more legs.
 pub struct LogWriter<W: Write> {
     out: W,
+    more: Vec<Channel>,
 }
 
 impl<W: Write> LogWriter<W> {
@@ -19,27 +20,23 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W, legs: &[Leg]) -> io::Result<Self> {
-        Self::with_header(out, legs, &Channel::MOTION)
+        Self::with(out, legs, &[])
     }
 
-    /// Begins a log that has motor temperatures too: its rows are [`row_with_temperature`](Self::row_with_temperature).
+    /// Begins a log that has `more` channels than those of the motion: its rows are [`row_with`](Self::row_with).
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn with_temperature(out: W, legs: &[Leg]) -> io::Result<Self> {
-        let [q, dq, tau] = Channel::MOTION;
-        Self::with_header(out, legs, &[q, dq, tau, Channel::Temp])
-    }
-
-    fn with_header(mut out: W, legs: &[Leg], channels: &[Channel]) -> io::Result<Self> {
+    pub fn with(mut out: W, legs: &[Leg], more: &[Channel]) -> io::Result<Self> {
         write!(out, "t")?;
-        for channel in channels {
+        for channel in Channel::MOTION.iter().chain(more) {
             for joint in legs.iter().flat_map(|&leg| JointId::of(leg)) {
                 write!(out, ",{}", channel.column(joint))?;
             }
         }
         writeln!(out)?;
-        Ok(Self { out })
+        let more = more.to_vec();
+        Ok(Self { out, more })
     }
 
     /// Adds a row: time in s, then positions (rad), velocities (rad/s) and torques (N m) of the legs' joints, as many
@@ -48,28 +45,24 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// Those of the output.
     pub fn row(&mut self, t: f64, q: &[f64], dq: &[f64], tau: &[f64]) -> io::Result<()> {
-        self.row_with_temperature(t, q, dq, tau, &[])
+        self.row_with(t, [q, dq, tau], &[])
     }
 
-    /// [`row`](Self::row) with motor temperatures, °C.
+    /// [`row`](Self::row) with the values of the further channels, in the header's order.
     ///
     /// # Errors
     /// Those of the output.
-    pub fn row_with_temperature(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        dq: &[f64],
-        tau: &[f64],
-        temp: &[f64],
-    ) -> io::Result<()> {
+    pub fn row_with(&mut self, t: f64, motion: [&[f64]; 3], more: &[&[f64]]) -> io::Result<()> {
         // Six decimals hold microseconds, and are finer than every quantum of the motor bus.
         write!(self.out, "{t:.6}")?;
-        for value in q.iter().chain(dq).chain(tau) {
+        for value in motion.into_iter().flatten() {
             write!(self.out, ",{value:.7}")?;
         }
-        for value in temp {
-            write!(self.out, ",{value:.2}")?;
+        for (channel, values) in self.more.iter().zip(more) {
+            let decimals = if *channel == Channel::Temp { 2 } else { 7 };
+            for value in *values {
+                write!(self.out, ",{value:.decimals$}")?;
+            }
         }
         writeln!(self.out)
     }

@@ -21,6 +21,8 @@ pub struct LimbRecording {
     pub tau: Vec<f64>,
     /// Motor temperature, °C; not a number where not recorded.
     pub temperature: Vec<f64>,
+    /// Position of a second encoder, at the link, rad; not a number where a joint has none, empty where none has.
+    pub q_link: Vec<f64>,
     /// The foot's sensor, in its own unit, where recorded.
     pub foot: Vec<f64>,
     /// Samples that repeat the one before, left out.
@@ -65,10 +67,11 @@ impl LimbRecording {
         time / steps.max(1) as f64
     }
 
-    /// Adds a sample; `new_log` where nothing is continuous with what came before.
-    pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 4], foot: f64, new_log: bool) {
+    /// Adds a sample: positions, velocities, torques, temperatures, positions of second encoders (nothing where there are none);
+    /// `new_log` where nothing is continuous with what came before.
+    pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 5], foot: f64, new_log: bool) {
         let n = self.joints;
-        let [q, dq, tau, temperature] = sample;
+        let [q, dq, tau, temperature, q_link] = sample;
         if let Some(&last) = self.time_us.last() {
             let same = |old: &[f64], new: &[f64]| old[old.len() - n..] == *new;
             if time_us <= last {
@@ -95,6 +98,12 @@ impl LimbRecording {
         self.dq.extend_from_slice(dq);
         self.tau.extend_from_slice(tau);
         self.temperature.extend_from_slice(temperature);
+        if !q_link.is_empty() || !self.q_link.is_empty() {
+            // Logs before, or this one, may have no second encoder.
+            self.q_link.resize(n * (self.time_us.len() - 1), f64::NAN);
+            self.q_link.extend_from_slice(q_link);
+            self.q_link.resize(n * self.time_us.len(), f64::NAN);
+        }
         self.foot.push(foot);
     }
 
@@ -123,6 +132,7 @@ impl LimbRecording {
             &mut self.dq,
             &mut self.tau,
             &mut self.temperature,
+            &mut self.q_link,
         ] {
             retain(channel, &kept, n);
         }
@@ -153,7 +163,8 @@ mod tests {
             let time = 2_000 * k + if k < 7 { 0 } else { 50_000 };
             let x = k as f64;
             let pair = [x, -x];
-            limb.push(time, [&pair; 4], x, false);
+            let q_link: &[f64] = if k < 5 { &[] } else { &pair };
+            limb.push(time, [&pair, &pair, &pair, &pair, q_link], x, false);
         }
         assert_eq!(limb.starts, [0, 7]);
         assert!((limb.period() - 0.002).abs() < 1e-12);
@@ -169,6 +180,8 @@ mod tests {
         assert_eq!(limb.starts, [0, 4, 6]);
         assert!((limb.period() - 0.002).abs() < 1e-12);
         assert_eq!(limb.dq[14..], [13.0, -13.0]);
+        assert!(limb.q_link[3].is_nan());
+        assert_eq!(limb.q_link[4..], limb.dq[4..]);
         assert_eq!(limb.time_us.len(), limb.len());
         limb.keep(|_| false);
         assert!(limb.is_empty() && limb.starts.is_empty());

@@ -113,6 +113,32 @@ impl Recording {
         (&gates.log, t - gates.start)
     }
 
+    /// What of it is of its log `n`, in the order in which they were given; times stay the recording's.
+    pub fn of_log(&self, n: usize) -> Self {
+        let start_us = |n: usize| (self.gates[n].start * 1e6).round() as u64;
+        let end_us = match n + 1 < self.gates.len() {
+            true => start_us(n + 1),
+            false => u64::MAX,
+        };
+        let time = start_us(n)..end_us;
+        let limbs = self.limbs.iter().filter_map(|(limb, samples)| {
+            let mut samples = samples.clone();
+            samples.keep(|time_us| time.contains(&time_us));
+            samples.log_starts.retain(|time_us| time.contains(time_us));
+            (!samples.is_empty()).then(|| (limb.clone(), samples))
+        });
+        let limbs: Vec<_> = limbs.collect();
+        let last = limbs.iter().filter_map(|(_, limb)| limb.time_us.last());
+        let length_us = last.max().map_or(0, |last| last - time.start);
+        Self {
+            logs: vec![self.gates[n].log.clone()],
+            limbs,
+            warnings: Vec::new(),
+            duration: length_us as f64 * 1e-6,
+            gates: vec![self.gates[n].clone()],
+        }
+    }
+
     /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
     /// which a joint is not among them, or of more than eight joints, is left out.
     pub fn from_samples<'a>(
@@ -136,7 +162,8 @@ impl Recording {
                 let unknown = || vec![f64::NAN; own.len()];
                 let temperature = sample.temp.as_deref().map_or_else(unknown, of);
                 let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
-                let channels = [&q[..], &dq[..], &tau[..], &temperature[..]];
+                let q_link = sample.q_link.as_deref().map_or_else(Vec::new, of);
+                let channels = [&q[..], &dq[..], &tau[..], &temperature[..], &q_link[..]];
                 let limb = &mut recording.limbs[*place].1;
                 limb.push(time_us, channels, f64::NAN, false);
             }
@@ -226,7 +253,7 @@ impl Pass<'_> {
         let mut gates = Gates::new(self.model, &self.recording.limbs, &found);
         let mut limbs = self.in_log(found);
         let (mut first, mut last_us, mut rows) = (None, 0, 0u64);
-        let mut buffer = [const { Vec::new() }; 4];
+        let mut buffer = [const { Vec::new() }; 5];
         let efforts: Vec<f64> = joints.iter().map(|(name, _)| self.effort(name)).collect();
         let indices: Vec<usize> = joints.iter().map(|(_, j)| *j).collect();
         let mut beyond = vec![0u64; efforts.len()];
@@ -285,11 +312,14 @@ impl Pass<'_> {
     }
 
     /// Takes a limb's sample, if it is whole.
-    fn take(&mut self, row: &Row, time_us: u64, limb: &mut LimbInLog, buffer: &mut [Vec<f64>; 4]) {
-        let channels = [row.q(), row.dq(), row.tau(), row.temp()];
+    fn take(&mut self, row: &Row, time_us: u64, limb: &mut LimbInLog, buffer: &mut [Vec<f64>; 5]) {
+        let channels = [row.q(), row.dq(), row.tau(), row.temp(), row.q_link()];
         for (to, from) in buffer.iter_mut().zip(channels) {
             to.clear();
             to.extend(limb.joints.iter().map(|&j| from[j]));
+        }
+        if buffer[4].iter().all(|q| q.is_nan()) {
+            buffer[4].clear();
         }
         let sample = buffer.each_ref().map(Vec::as_slice);
         if sample[..3].iter().all(|x| x.iter().all(|x| x.is_finite())) {

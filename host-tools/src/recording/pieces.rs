@@ -59,7 +59,9 @@ mod tests {
         for k in 0..samples {
             if pieces.keep(k * step) {
                 let x = [k as f64];
-                limbs[0].1.push(k * step, [&x; 4], x[0], false);
+                limbs[0]
+                    .1
+                    .push(k * step, [&x, &x, &x, &x, &[]], x[0], false);
             }
             pieces.thin(&mut limbs);
         }

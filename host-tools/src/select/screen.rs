@@ -361,26 +361,22 @@ impl<'a> Screen<'a> {
 pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
-    let places = EffectKind::ALL
-        .iter()
-        .filter(|e| fit.data.can_tell(**e))
-        .flat_map(|&effect| {
-            let shared = (effect.description().form == Form::Gravity
-                || effect == EffectKind::Delay)
-                .then_some(BASE);
-            let form = effect.description().form;
-            let own = (form != Form::Gravity).then_some(0..joints);
-            let own = own.into_iter().flatten().filter(move |&joint| {
-                form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
-            });
-            shared
-                .into_iter()
-                .chain(own)
-                .map(move |joint| (effect, joint))
+    let places = EffectKind::ALL.iter().flat_map(|&effect| {
+        let shared = (effect.description().form == Form::Gravity || effect == EffectKind::Delay)
+            .then_some(BASE);
+        let form = effect.description().form;
+        let own = (form != Form::Gravity).then_some(0..joints);
+        let own = own.into_iter().flatten().filter(move |&joint| {
+            form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
         });
+        shared
+            .into_iter()
+            .chain(own)
+            .map(move |joint| (effect, joint))
+    });
     let moves = |joint: usize| joint == BASE || moves(fit.data, joint);
     places
-        .filter(|place| !has(place) && moves(place.1))
+        .filter(|place| fit.data.can_tell(*place) && !has(place) && moves(place.1))
         // Beside Coulomb friction it is a bias, beside a bias Coulomb friction, with one parameter more.
         .filter(|&(effect, joint)| {
             let parts = [EffectKind::Coulomb, EffectKind::Bias];

@@ -51,6 +51,8 @@ pub(super) struct Report {
     pub(super) dq: Vector3<f64>,
     pub(super) tau: Vector3<f64>,
     pub(super) temperature: Vector3<f64>,
+    /// Position of the link, rad.
+    pub(super) link: Vector3<f64>,
 }
 
 impl SimulatedLeg {
@@ -99,6 +101,7 @@ impl SimulatedLeg {
             dq,
             tau,
             temperature: self.state.temperature,
+            link: self.state.q,
         }
     }
 

@@ -62,6 +62,8 @@ pub struct Simulation {
     pub mount: [f64; 3],
     /// Whether the motors' temperatures are logged; they are if an effect depends on them.
     pub temperature: bool,
+    /// Whether each joint has a second encoder, at its link.
+    pub second_encoder: bool,
     /// What lies between the motion and the log.
     pub sensors: Sensors,
     /// Chooses the reference and all that is random.
@@ -81,6 +83,8 @@ pub struct SimulatedSample {
     pub tau: Vec<f64>,
     /// Motor temperature, °C, where it is logged.
     pub temp: Option<Vec<f64>>,
+    /// Position of a second encoder at the link, rad, where it is logged.
+    pub q_link: Option<Vec<f64>>,
 }
 
 /// A simulation that left the real numbers: an effect that has no motion, such as a body of no inertia.
@@ -106,6 +110,7 @@ impl Simulation {
             inertia_error: 0.0,
             mount: [0.0; 3],
             temperature: false,
+            second_encoder: false,
             sensors: Sensors::default(),
             seed: 1,
         }
@@ -132,7 +137,7 @@ impl Simulation {
                 return None;
             }
             let t = self.sensors.sampling_time(k, self.rate, &mut rng);
-            let sample = sample(&mut legs, t, thermal).map(|truth| {
+            let sample = sample(&mut legs, t, thermal, self.second_encoder).map(|truth| {
                 let (sensors, joints) = (&self.sensors, truth.tau.len());
                 noise = sensors.torque_noise_after(&noise, joints, self.rate, &mut rng);
                 let measured = sensors.measure(truth, &noise, previous.as_ref(), &mut rng);
@@ -229,7 +234,12 @@ impl Simulation {
 }
 
 /// All legs at time `t`, s.
-fn sample(legs: &mut [SimulatedLeg], t: f64, thermal: bool) -> Result<SimulatedSample, Diverged> {
+fn sample(
+    legs: &mut [SimulatedLeg],
+    t: f64,
+    thermal: bool,
+    second_encoder: bool,
+) -> Result<SimulatedSample, Diverged> {
     let joints = JOINTS_PER_LEG * legs.len();
     let empty = || Vec::with_capacity(joints);
     let mut sample = SimulatedSample {
@@ -238,6 +248,7 @@ fn sample(legs: &mut [SimulatedLeg], t: f64, thermal: bool) -> Result<SimulatedS
         dq: empty(),
         tau: empty(),
         temp: thermal.then(empty),
+        q_link: second_encoder.then(empty),
     };
     for leg in legs {
         leg.advance_to(t)?;
@@ -247,6 +258,9 @@ fn sample(legs: &mut [SimulatedLeg], t: f64, thermal: bool) -> Result<SimulatedS
         sample.tau.extend(report.tau.iter());
         if let Some(temp) = &mut sample.temp {
             temp.extend(report.temperature.iter());
+        }
+        if let Some(q_link) = &mut sample.q_link {
+            q_link.extend(report.link.iter());
         }
     }
     Ok(sample)

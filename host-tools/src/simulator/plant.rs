@@ -50,6 +50,8 @@ pub(super) struct State {
     pub(super) temperature: Vector3<f64>,
     /// Memories of the effects that have one, joint by joint.
     pub(super) memory: [[f64; MEMORIES]; JOINTS],
+    /// State of the friction inside each joint's spring, from −1 to 1.
+    pub(super) inside: [f64; JOINTS],
 }
 
 impl State {
@@ -63,6 +65,7 @@ impl State {
             motor_dq: dq,
             temperature,
             memory: [[0.0; MEMORIES]; JOINTS],
+            inside: [0.0; JOINTS],
         }
     }
 }
@@ -220,7 +223,9 @@ impl Plant {
     }
 
     /// Torque of the spring between motor and link of joint `j`, N m, with its stiffness and damping; zero within the play.
-    fn spring(&self, j: usize, stretch: f64, rate: f64) -> (f64, f64, f64) {
+    fn spring(&self, j: usize, state: &State) -> (f64, f64, f64) {
+        let stretch = state.motor_q[j] - state.q[j];
+        let rate = state.motor_dq[j] - state.dq[j];
         let Some(between) = self.joints[j].transmission else {
             return (0.0, 0.0, 0.0);
         };
@@ -230,7 +235,11 @@ impl Plant {
         }
         let (k, d) = (between.stiffness, between.damping);
         let taut = stretch - slack * stretch.signum();
-        (k * taut + d * rate, k, d)
+        (
+            k * taut + d * rate + between.friction * state.inside[j],
+            k,
+            d,
+        )
     }
 
     /// Accelerations at `state` under the motors' true torques: the right-hand side of the equations of motion.
@@ -249,9 +258,7 @@ impl Plant {
                 let joint = &self.joints[j];
                 let free = tau[j] - loads.motor[j] - dry::friction(loads.dry[j], state.motor_dq[j]);
                 if joint.transmission.is_some() {
-                    let stretch = state.motor_q[j] - state.q[j];
-                    let rate = state.motor_dq[j] - state.dq[j];
-                    let (spring, _, _) = self.spring(j, stretch, rate);
+                    let (spring, _, _) = self.spring(j, state);
                     torque[j] += spring;
                     motor[j] = (free - spring) / joint.armature;
                 } else {

@@ -127,6 +127,9 @@ impl Sensors {
                 round_to(q, &mut measured.q[joint]);
                 round_to(dq, &mut measured.dq[joint]);
                 round_to(tau, &mut measured.tau[joint]);
+                if let Some(q_link) = &mut measured.q_link {
+                    round_to(q, &mut q_link[joint]);
+                }
             }
         }
         if let (true, Some(temperatures)) = (self.quantised, &mut measured.temp) {

@@ -28,7 +28,7 @@ pub(crate) fn leave_out_contact<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option
     let fitted: Vec<Place> = own
         .iter()
         .copied()
-        .filter(|place| data.can_tell(place.0))
+        .filter(|place| data.can_tell(*place))
         .collect();
     let contact = LimbFit::of(&data, &fitted, &How::default())
         .filter(super::is_suspected)

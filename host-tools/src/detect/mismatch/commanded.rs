@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::Mismatch;
+use super::MismatchKind;
 use super::reading::least_squares;
 use crate::log::{Channel, LogReader, Selection};
 use crate::model::Model;
@@ -19,10 +19,10 @@ const MOST_LATE: usize = 10;
 const SAMPLES: usize = 5_000;
 
 /// A log in which all joints' torques are their commands'.
-pub(super) fn commanded(recording: &Recording, model: &Model) -> Option<Mismatch> {
+pub(super) fn commanded(recording: &Recording, model: &Model) -> Option<MismatchKind> {
     let mut logs = recording.logs.iter().filter(|log| log.as_os_str() != "-");
     let found = logs.find(|log| is_computed(log, model).unwrap_or(false))?;
-    Some(Mismatch::Commanded(found.display().to_string()))
+    Some(MismatchKind::Commanded(found.display().to_string()))
 }
 
 /// A joint's channels: what is to be explained, and what may explain it.

@@ -2,9 +2,18 @@
 
 use std::fmt;
 
-use super::Mismatch;
+use super::{Mismatch, MismatchKind};
 
 impl fmt::Display for Mismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(log) = &self.log {
+            write!(f, "{}: ", log.display())?;
+        }
+        self.kind.fmt(f)
+    }
+}
+
+impl fmt::Display for MismatchKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let of = |joints: &[String]| match joints {
             [] => "all joints".to_owned(),

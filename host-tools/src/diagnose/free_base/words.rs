@@ -71,6 +71,7 @@ pub(super) fn diagnosis(
         // A model of everything learns some of the noise by heart.
         noise_floor_rms: rms(&floor).min(rms(&after)),
         joints: joints(&left, data.windows.used),
+        second_encoder: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
         warnings: walks.warnings.clone(),

@@ -80,7 +80,7 @@ fn rows_do_not_depend_on_what_was_asked_before() {
     let fresh = || LimbData::of(&model, limb, samples).unwrap();
     let warm = fresh();
     let all: Vec<Place> = (EffectKind::ALL.iter())
-        .filter(|effect| warm.can_tell(**effect))
+        .filter(|effect| warm.can_tell((**effect, 0)))
         .flat_map(|&effect| (0..3).map(move |joint| (effect, joint)))
         .chain([(EffectKind::Delay, BASE), (EffectKind::BaseTilt, BASE)])
         .filter(|place| place.0 != EffectKind::BaseTilt || place.1 == BASE)

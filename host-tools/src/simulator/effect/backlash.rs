@@ -35,6 +35,8 @@ impl Effect for Backlash {
             stiffness: self.stiffness,
             damping: self.damping,
             gap: self.gap,
+            friction: 0.0,
+            way: 1.0,
         })
     }
 }

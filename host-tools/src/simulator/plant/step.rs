@@ -95,7 +95,20 @@ impl Plant {
         middle.motor_q += middle.motor_dq * (h / 2.0);
         let dq = middle.motor_dq;
         self.remember(&mut middle, state, &dq, h, 0.5);
+        self.slide(&mut middle, state);
         middle
+    }
+
+    /// Moves the friction inside springs on from what it was at `from`: dz = (sgn dx − z) |dx| / way.
+    fn slide(&self, state: &mut State, from: &State) {
+        for (j, joint) in self.joints.iter().enumerate() {
+            let Some(between) = joint.transmission.filter(|between| between.friction > 0.0) else {
+                continue;
+            };
+            let gone = (state.motor_q[j] - state.q[j]) - (from.motor_q[j] - from.q[j]);
+            let left = (-gone.abs() / between.way).exp();
+            state.inside[j] = gone.signum() - (gone.signum() - from.inside[j]) * left;
+        }
     }
 
     /// Moves the effects' memories by a `share` of what a step of `h` at motor velocities `dq` changes them.
@@ -143,8 +156,7 @@ impl Plant {
             a[(m, m)] = joint.armature;
             r[m] = joint.armature * state.motor_dq[j] + free;
             // The spring at the midpoint of the step: half of it known, half in the unknown velocities.
-            let stretch = middle.motor_q[j] - middle.q[j];
-            let (torque, k, d) = self.spring(j, stretch, middle.motor_dq[j] - middle.dq[j]);
+            let (torque, k, d) = self.spring(j, middle);
             let implicit = h * (k * h / 4.0 + d / 2.0);
             let guessed =
                 2.0 * (middle.motor_dq[j] - middle.dq[j]) - (state.motor_dq[j] - state.dq[j]);
@@ -178,6 +190,7 @@ impl Plant {
         state.dq += last.link * h;
         state.motor_dq += last.motor * h;
         self.remember(state, &before, &middle.motor_dq, h, 1.0);
+        self.slide(state, &before);
         for (j, joint) in self.joints.iter().enumerate() {
             let share = HEATING.1 / joint.gear;
             let heat = HEATING.0 * share * share * tau[j] * tau[j];

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-use proprio::log::LogWriter;
+use proprio::log::{Channel, LogWriter};
 use proprio::simulator::{HiddenEffect, SimulatedSample};
 use proprio_core::effect::EffectKind;
 use rand::{RngExt, SeedableRng};
@@ -135,10 +135,10 @@ fn write(
     legs: &[proprio_core::go2::Leg],
     samples: &[SimulatedSample],
 ) -> std::io::Result<()> {
-    let mut log = LogWriter::with_temperature(BufWriter::new(File::create(path)?), legs)?;
+    let mut log = LogWriter::with(BufWriter::new(File::create(path)?), legs, &[Channel::Temp])?;
     for s in samples {
         let temperature = s.temp.as_deref().unwrap_or_default();
-        log.row_with_temperature(s.t, &s.q, &s.dq, &s.tau, temperature)?;
+        log.row_with(s.t, [&s.q, &s.dq, &s.tau], &[temperature])?;
     }
     log.finish().map(|_| ())
 }

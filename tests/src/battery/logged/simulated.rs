@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use proprio::log::LogWriter;
+use proprio::log::{Channel, LogWriter};
 use proprio::simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation};
 use serde_json::json;
 
@@ -162,12 +162,12 @@ impl NoisyCase {
         let wrong = |error: &dyn std::fmt::Display| format!("{name}: {error}");
         let simulation = self.noisy(self.case.simulation(), self.rate, self.torque.0);
         let file = File::create(folder.join(format!("{name}.csv"))).map_err(|e| wrong(&e))?;
-        let mut log = LogWriter::with_temperature(BufWriter::new(file), &simulation.legs)
+        let mut log = LogWriter::with(BufWriter::new(file), &simulation.legs, &[Channel::Temp])
             .map_err(|e| wrong(&e))?;
         for sample in simulation.samples() {
             let s = sample.map_err(|e| wrong(&e))?;
             let temperature = s.temp.as_deref().unwrap_or_default();
-            log.row_with_temperature(s.t, &s.q, &s.dq, &s.tau, temperature)
+            log.row_with(s.t, [&s.q, &s.dq, &s.tau], &[temperature])
                 .map_err(|e| wrong(&e))?;
         }
         log.finish().map_err(|e| wrong(&e))?;
