@@ -2,7 +2,7 @@
 //!
 //! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
 //! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
-//!    what effects see of it under a model.
+//!    what effects see of it under a model; `load`, what its gears transmit.
 //! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
 //! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity.
@@ -14,6 +14,7 @@ pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod integrals;
 mod links;
+pub(crate) mod load;
 pub(crate) mod motion;
 mod play;
 mod presliding;
