@@ -11,12 +11,15 @@
 //! ŷ = (p + b |t₁ − p + b |t₀ + ∫ (r + e) dt) / (T · torque gain)
 //! ```
 
+use std::sync::Arc;
+
 use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Column, Columns, Entry, columns_of};
-use crate::equation::motion::{Load, Motion, States, is_derivative};
+use crate::equation::load::Load;
+use crate::equation::motion::{Motion, States, is_derivative};
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::values::{Place, Values};
 
@@ -28,43 +31,113 @@ pub(crate) fn predict(
     subtree_end: &[usize],
     chosen: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
-    predict_under(None, body, motion, values, subtree_end, chosen)
-}
-
-/// The same where the load of the gears is known: that of the model's bodies without any delay.
-pub(crate) fn predict_under(
-    load: Option<&Load>,
-    body: &LimbBody,
-    motion: &Motion,
-    values: &Values,
-    subtree_end: &[usize],
-    chosen: &dyn Fn(usize) -> bool,
-) -> Vec<f64> {
     let columns = Columns::new(subtree_end.to_vec(), entries(values));
     let mut torque = vec![0.0; motion.joints * motion.windows.len()];
-    let delays: Vec<f64> = (0..motion.joints).map(|j| values.delay(j)).collect();
     let asked = motion.asked(values, chosen);
     let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-    let mut done: Vec<f64> = Vec::new();
-    for &delay in &delays {
-        if done.contains(&delay) {
-            continue;
-        }
-        done.push(delay);
+    for (delay, joints) in delays(values, motion.joints) {
         let pass = Pass {
             motion,
             rigid: body.loaded(values),
             base: body.base(values),
-            states: motion.states_under(load, body, values, (&columns, &made), (delay, &asked)),
+            states: motion.states_of(body, values, (&columns, &made), (delay, &asked)),
             effects: effects(&columns, values),
-            joints: (0..motion.joints).filter(|&j| delays[j] == delay).collect(),
+            joints,
         };
         pass.run(values, chosen, &mut torque);
     }
     torque
 }
 
+/// Each delay of a model and the joints that report so late.
+fn delays(values: &Values, joints: usize) -> Vec<(f64, Vec<usize>)> {
+    let mut all: Vec<(f64, Vec<usize>)> = Vec::new();
+    for j in 0..joints {
+        let delay = values.delay(j);
+        match all.iter_mut().find(|(known, _)| *known == delay) {
+            Some((_, joints)) => joints.push(j),
+            None => all.push((delay, vec![j])),
+        }
+    }
+    all
+}
+
+/// Predictions of a model with one of its links let go by more or less.
+///
+/// Its effects see the motor's motion and the bodies' load, neither of which the link changes: their share of the torque is made once.
+pub(crate) struct LetGo<'a> {
+    motion: &'a Motion,
+    /// The model without the play or the spring in question, and where that is.
+    values: Values,
+    place: Place,
+    chosen: &'a (dyn Fn(usize) -> bool + Sync),
+    /// The rigid body's share of each delay's joints, and the load that moves the link.
+    passes: Vec<(Pass<'a>, Arc<Load>)>,
+    /// All but the rigid body's share, N m.
+    rest: Vec<f64>,
+}
+
+impl<'a> LetGo<'a> {
+    pub(crate) fn of(
+        body: &LimbBody,
+        motion: &'a Motion,
+        (values, place): (&Values, Place),
+        subtree_end: &[usize],
+        chosen: &'a (dyn Fn(usize) -> bool + Sync),
+    ) -> Self {
+        let mut values = values.clone();
+        values.remove(place);
+        let nothing = Columns::new(subtree_end.to_vec(), Vec::new());
+        let pass = |(delay, joints)| {
+            let pass = Pass {
+                motion,
+                rigid: body.loaded(&values),
+                base: body.base(&values),
+                states: motion.states_of(body, &values, (&nothing, &[]), (delay, &None)),
+                effects: vec![Vec::new(); motion.joints],
+                joints,
+            };
+            (pass, motion.load(body, &values, (true, delay)))
+        };
+        let passes = delays(&values, motion.joints).into_iter().map(pass);
+        let mut own = Self {
+            motion,
+            passes: passes.collect(),
+            rest: vec![0.0; motion.joints * motion.windows.len()],
+            chosen,
+            place,
+            values: values.clone(),
+        };
+        let rigid = own.predicted(0.0);
+        let whole = predict(body, motion, &values, subtree_end, chosen);
+        let rest = whole.iter().zip(rigid).map(|(all, rigid)| all - rigid);
+        own.rest = rest.collect();
+        own
+    }
+
+    /// As [`predict`] has it, with a gap (rad) or a compliance (rad/(N m)) of this size.
+    pub(crate) fn predicted(&self, size: f64) -> Vec<f64> {
+        let mut torque = vec![0.0; self.rest.len()];
+        for (pass, load) in &self.passes {
+            let mut states = States {
+                states: Vec::new(),
+                q: pass.states.q.clone(),
+                dq: pass.states.dq.clone(),
+                ..pass.states
+            };
+            self.motion.let_go(load, self.place, size, &mut states);
+            pass.run_on(&states, &self.values, self.chosen, &mut torque);
+        }
+        torque
+            .iter_mut()
+            .zip(&self.rest)
+            .for_each(|(all, rest)| *all += rest);
+        torque
+    }
+}
+
 /// An effect at a joint: its shape and what its columns are times.
+#[derive(Clone)]
 struct Own {
     effect: EffectKind,
     shape: f64,
@@ -127,8 +200,21 @@ struct Instant {
 impl Pass<'_> {
     /// Writes the joints' mean torques of all chosen windows.
     fn run(&self, values: &Values, chosen: &dyn Fn(usize) -> bool, torque: &mut [f64]) {
+        self.run_on(&self.states, values, chosen, torque);
+    }
+
+    /// The same on other states.
+    fn run_on(
+        &self,
+        states: &States,
+        values: &Values,
+        chosen: &dyn Fn(usize) -> bool,
+        torque: &mut [f64],
+    ) {
         let n = self.motion.joints;
-        let gain = |j: usize| values.get((EffectKind::TorqueGain, j), 0);
+        let gains: Vec<f64> = (0..n)
+            .map(|j| values.get((EffectKind::TorqueGain, j), 0))
+            .collect();
         let mut now = Instant {
             momentum: vec![0.0; n],
             rate: vec![0.0; n],
@@ -140,7 +226,7 @@ impl Pass<'_> {
             let [first, last] = window.samples;
             // A window that begins where the last one ended need not look at that sample again.
             if last_sample != Some(first) {
-                self.measure(first, &mut now);
+                self.measure(states, first, &mut now);
             }
             let own = &mut torque[w * n..(w + 1) * n];
             for &j in &self.joints {
@@ -148,28 +234,28 @@ impl Pass<'_> {
             }
             for k in first + 1..=last {
                 std::mem::swap(&mut before, &mut now);
-                self.measure(k, &mut now);
+                self.measure(states, k, &mut now);
                 let half = 0.5 * (self.motion.time[k] - self.motion.time[k - 1]);
                 for &j in &self.joints {
                     own[j] += half * (before.rate[j] + now.rate[j]);
                 }
             }
             for &j in &self.joints {
-                own[j] = (own[j] + now.momentum[j]) / (window.length * gain(j));
+                own[j] = (own[j] + now.momentum[j]) / (window.length * gains[j]);
             }
             last_sample = Some(last);
         }
     }
 
     /// All that sample k has.
-    fn measure(&self, k: usize, out: &mut Instant) {
+    fn measure(&self, states: &States, k: usize, out: &mut Instant) {
         let n = self.motion.joints;
-        let at = k * n..(k + 1) * n;
-        let states = &self.states;
+        let first = (k - states.first) * n;
+        let at = first..first + n;
         let links = [&states.q[at.clone()], &states.dq[at.clone()]];
         (self.rigid).momentum_and_rate(&self.base, links, &mut out.momentum, &mut out.rate);
         for &j in &self.joints {
-            let state = |j: usize| -> &JointState<f64> { &states.states[k * n + j] };
+            let state = |j: usize| -> &JointState<f64> { &states.states[first + j] };
             for own in &self.effects[j] {
                 let terms = match own.other {
                     Some(other) => own.effect.coupled(state(j), state(other)),

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// Values that a simulated leg is given, one for each effect of the catalogue but `contact`, which is not predicted: `compare` leaves out the
 /// time in which it finds a foot on the ground.
-const HIDDEN: [(&str, &str); 26] = [
+const HIDDEN: [(&str, &str); 27] = [
     ("viscous", "0.3"),
     ("coulomb", "0.6"),
     ("armature", "0.01"),
@@ -30,6 +30,7 @@ const HIDDEN: [(&str, &str); 26] = [
     ("base_tilt", "0.05"),
     ("payload", "0.4"),
     ("elasticity", "300"),
+    ("elastic_hysteresis", "100,f=0.3"),
     ("backlash", "0.01"),
     ("saturation", "6"),
 ];
@@ -48,11 +49,15 @@ fn difference(effect: &str, value: &str) -> f64 {
         "base_tilt" => String::new(),
         _ => ":FR_thigh".to_owned(),
     };
-    let hide = format!("{effect}{place}={value}");
+    // Friction inside a spring is simulated with it, and a second encoder tells both.
+    let inside = effect == "elastic_hysteresis";
+    let hidden = if inside { "elasticity" } else { effect };
+    let hide = format!("{hidden}{place}={value}");
     let simulate = ["simulate", "--legs", "FR", "--typical", "--duration", "8"];
+    let encoder: &[&str] = if inside { &["--second-encoder"] } else { &[] };
     done(
         folder,
-        &[&simulate[..], &["-o", "log.csv", "--hide", &hide]].concat(),
+        &[&simulate[..], &["-o", "log.csv", "--hide", &hide], encoder].concat(),
     );
     let add = [
         "add",
@@ -63,7 +68,7 @@ fn difference(effect: &str, value: &str) -> f64 {
         "armature",
         "bias",
     ];
-    done(folder, &[&add[..], &[effect]].concat());
+    done(folder, &[&add[..], &[hidden, effect]].concat());
     let fit = [
         "identify",
         "log.csv",

@@ -181,7 +181,7 @@ impl Windows {
         let twist: Vec<f64> = (motion.joint[joint].state.iter().zip(&link.state))
             .map(|(motor, link)| motor[0] - link[0])
             .collect();
-        let load = motion.load(&data.body, values)?;
+        let load = motion.load(&data.body, values, (false, 0.0));
         let torque = |k: usize| load.smooth(k, joint, data.joints());
         let chosen: Vec<usize> = (0..motion.windows.len())
             .filter(|w| !data.left_out[*w])

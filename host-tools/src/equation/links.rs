@@ -1,14 +1,16 @@
 //! How links move against their motors under the torque that a model expects the gears to transmit: on a spring, and within a play.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::EffectKind;
 
-use super::hysteresis::hysteresis;
-use super::motion::{Load, Motion, Needs, Trajectories};
+use super::load::Load;
+use super::motion::{Motion, Needs, States};
 use super::play::play;
-use super::spring::spring;
-use super::values::Values;
+use super::spring::{Gear, spring};
+use super::trajectory::Trajectory;
+use super::values::{Place, Values};
 
 /// A play that is looked for where none is known yet, rad.
 const TYPICAL_PLAY: f64 = 0.01;
@@ -19,88 +21,167 @@ const NEAR: f64 = 0.01;
 type Follows<'a> = dyn Fn(&[f64], &[f64], &[f64]) -> Vec<[f64; 2]> + 'a;
 
 impl Motion {
-    /// Each joint's load and how it would move the links; sample by sample, joint by joint, how far they are from their motors (rad) and
-    /// how fast they move against them (rad/s).
+    /// Each joint's load, and how it moves the links: how far they are from their motors (rad) and how fast they move against them
+    /// (rad/s).
     pub(super) fn fill_load(
         &self,
         load: &Load,
         values: &Values,
         needs: &Needs,
-        states: &mut [JointState<f64>],
-    ) -> Vec<[f64; 2]> {
+        states: &mut States,
+    ) {
         let n = self.joints;
-        for (state, line) in states.iter_mut().zip(&load.line) {
+        let from = states.first * n;
+        for (state, line) in states.states.iter_mut().zip(&load.line[from..]) {
             state.load = line[0];
         }
-        let mut links = vec![[0.0; 2]; states.len()];
-        for stretch in &self.stretches {
+        let range = states.first..states.first + states.states.len() / n.max(1);
+        for stretch in self.stretches_within(&range) {
             for &j in &needs.play {
                 let gap = values.get((EffectKind::Backlash, j), 0);
                 let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
-                let moved = self.moved(load, stretch, j, &|t, torque, inertia| {
-                    play(t, torque, inertia, tried)
-                });
-                for (at, moved) in moved {
-                    states[at].play = moved;
-                    links[at] = along(links[at], gap, moved);
+                for (at, moved) in self.in_play(load, &stretch, j, tried) {
+                    states.states[at - from].play = moved;
+                    states.move_link(at - from, gap, moved);
                 }
             }
             for &j in &needs.spring {
                 let compliance = values.get((EffectKind::Elasticity, j), 0);
-                let [friction, width] =
+                let [friction, way] =
                     [0, 1].map(|n| values.get((EffectKind::ElasticHysteresis, j), n));
-                let on = |compliance: f64| {
-                    self.moved(load, stretch, j, &|t, torque, inertia| {
-                        let free = spring(t, torque, inertia, compliance);
-                        if friction <= 0.0 || width <= 0.0 {
-                            return free;
-                        }
-                        // The way that the link goes without it tells well enough in which state it is.
-                        let state = hysteresis(free.iter().map(|x| x[0]), width);
-                        let held: Vec<f64> = (torque.iter().zip(state))
-                            .map(|(torque, z)| torque + friction * z)
-                            .collect();
-                        spring(t, &held, inertia, compliance)
-                    })
+                let gear = Gear {
+                    compliance,
+                    friction,
+                    way,
                 };
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
-                    for k in stretch.clone() {
-                        let at = k * n + j;
-                        states[at].give = load.line[at].map(|x| -x);
-                        links[at] = along(links[at], compliance, states[at].give);
+                    for at in stretch.clone().map(|k| k * n + j) {
+                        let give = load.line[at].map(|x| -x);
+                        states.states[at - from].give = give;
+                        states.move_link(at - from, compliance, give);
                     }
                     continue;
                 }
-                for (at, moved) in on(compliance) {
-                    links[at] = along(links[at], 1.0, moved);
+                for (at, moved) in self.on_spring(load, &stretch, j, gear) {
+                    states.move_link(at - from, 1.0, moved);
                 }
                 if needs.give.contains(&j) {
-                    let [more, less] = [1.0 + NEAR, 1.0 - NEAR].map(|share| on(share * compliance));
+                    let [more, less] = [1.0 + NEAR, 1.0 - NEAR].map(|share| {
+                        let compliance = share * compliance;
+                        self.on_spring(load, &stretch, j, Gear { compliance, ..gear })
+                    });
                     for ((at, more), (_, less)) in more.into_iter().zip(less) {
                         let change = along(more, -1.0, less);
-                        states[at].give = change.map(|x| x / (2.0 * NEAR * compliance));
+                        let give = change.map(|x| x / (2.0 * NEAR * compliance));
+                        states.states[at - from].give = give;
                     }
                 }
             }
         }
-        links
     }
 
-    /// What second encoders say of links against their motors takes the place of what a model says.
-    pub(super) fn measure_links(&self, of: &Trajectories, links: &mut Vec<[f64; 2]>) {
-        let n = self.joints;
-        for (j, (motor, link)) in of.motors.iter().zip(of.links).enumerate() {
-            let Some(link) = link else { continue };
-            links.resize(n * self.time.len(), [0.0; 2]);
-            for (k, (link, motor)) in link.state.iter().zip(&motor.state).enumerate() {
-                links[k * n + j] = [link[0] - motor[0], link[1] - motor[1]];
+    /// The trajectory of a joint's link, where a second encoder tells it.
+    pub(crate) fn link(&self, joint: usize) -> Option<&Trajectory> {
+        self.links[joint].as_ref()
+    }
+
+    /// What moves the bodies: links where second encoders tell them, else the motors, which are as they were so much (s) before.
+    pub(super) fn links_of<'a>(
+        &'a self,
+        (motors, delay): (&'a [Trajectory], f64),
+    ) -> Vec<Cow<'a, Trajectory>> {
+        let of = |(motor, link): (&'a Trajectory, &'a Option<Trajectory>)| match link {
+            None => Cow::Borrowed(motor),
+            Some(link) if delay == 0.0 => Cow::Borrowed(link),
+            Some(link) => Cow::Owned(link.delayed(&self.time, &self.stretches, delay)),
+        };
+        motors.iter().zip(&self.links).map(of).collect()
+    }
+
+    /// What second encoders say of links takes the place of what a model says.
+    pub(super) fn measure_links(&self, motors: (&[Trajectory], f64), states: &mut States) {
+        let (n, first) = (self.joints, states.first);
+        if self.links.iter().all(Option::is_none) {
+            return;
+        }
+        let links = self.links_of(motors);
+        for (j, link) in links.iter().enumerate() {
+            if self.links[j].is_none() {
+                continue;
+            }
+            for k in first..first + states.q.len() / n {
+                let at = (k - first) * n + j;
+                let [link, motor] = [link.state[k], motors.0[j].state[k]];
+                states.q[at] = states.states[at].q + link[0] - motor[0];
+                states.dq[at] = states.states[at].dq + link[1] - motor[1];
             }
         }
     }
 
-    /// How a joint's link moves in a stretch by its load and its inertia: where in the list of all samples and joints, and what `by`
-    /// says of it.
+    /// The parts of stretches that lie within a range of samples.
+    fn stretches_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
+        let within = |s: &Range<usize>| s.start.max(range.start)..s.end.min(range.end);
+        let all = self.stretches.iter().map(within);
+        all.filter(|s| !s.is_empty()).collect()
+    }
+
+    /// How a joint's link moves in a gap, per radian of it; on a spring of some compliance. Where in the list of all samples and joints,
+    /// and how far it is from its motor and how fast it moves against it.
+    fn in_play(
+        &self,
+        load: &Load,
+        stretch: &Range<usize>,
+        joint: usize,
+        gap: f64,
+    ) -> Vec<(usize, [f64; 2])> {
+        self.moved(load, stretch, joint, &|t, torque, inertia| {
+            play(t, torque, inertia, gap)
+        })
+    }
+
+    fn on_spring(
+        &self,
+        load: &Load,
+        stretch: &Range<usize>,
+        joint: usize,
+        gear: Gear,
+    ) -> Vec<(usize, [f64; 2])> {
+        self.moved(load, stretch, joint, &|t, torque, inertia| {
+            spring(t, torque, inertia, gear)
+        })
+    }
+
+    /// Moves a joint's link as far as a gap (rad) or a compliance (rad/(N m)) lets the load move it.
+    pub(crate) fn let_go(
+        &self,
+        load: &Load,
+        (effect, joint): Place,
+        size: f64,
+        states: &mut States,
+    ) {
+        let range = states.first..states.first + states.q.len() / self.joints;
+        let from = states.first * self.joints;
+        if size <= 0.0 {
+            return;
+        }
+        for stretch in self.stretches_within(&range) {
+            let is_play = effect == EffectKind::Backlash;
+            let (share, moved) = if is_play {
+                (size, self.in_play(load, &stretch, joint, size))
+            } else {
+                (
+                    1.0,
+                    self.on_spring(load, &stretch, joint, Gear::spring(size)),
+                )
+            };
+            for (at, moved) in moved {
+                states.move_link(at - from, share, moved);
+            }
+        }
+    }
+
+    /// How a joint's link moves in a stretch by its load and its inertia, as `by` says of it.
     fn moved(
         &self,
         load: &Load,
@@ -113,6 +194,13 @@ impl Motion {
         let inertia: Vec<f64> = at().map(|at| load.inertia[at]).collect();
         at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
             .collect()
+    }
+}
+
+impl States {
+    fn move_link(&mut self, at: usize, share: f64, [position, velocity]: [f64; 2]) {
+        self.q[at] += share * position;
+        self.dq[at] += share * velocity;
     }
 }
 

@@ -1,11 +1,12 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
 //! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
-//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`, `hysteresis`) and `presliding`,
-//!    what effects see of it under a model.
+//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
+//!    what effects see of it under a model; `load`, what its gears transmit.
 //! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
-//! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity.
+//! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
+//!    friction inside a gear by its twist.
 
 pub(crate) mod body;
 mod channels;
@@ -15,6 +16,7 @@ pub(crate) mod foot;
 pub(crate) mod hysteresis;
 pub(crate) mod integrals;
 mod links;
+pub(crate) mod load;
 pub(crate) mod motion;
 mod play;
 mod presliding;

@@ -5,12 +5,14 @@
 //! saturation, delay) use that one: a measured torque would bring the noise that it is to explain (`design.md` §6, step 0).
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form, JointState};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
+use super::load::{Loads, REACH, around, local_line};
 use super::presliding::presliding;
 use super::trajectory::{Stretch, Trajectory};
 use super::values::Values;
@@ -24,15 +26,10 @@ const LEAST_PERIODS: f64 = 4.0;
 /// Share of a window in which a joint may be so slow that friction may hold it, and the window still say something of its
 /// friction: one sample of a Go2, which a reversal takes that friction does not hold up.
 pub(crate) const MOST_REST: f64 = 0.125;
-/// How far the straight line reaches that smooths the transmitted torque, s.
-const REACH: f64 = 8.5e-3;
-/// No link has less, kg m²: a division by it stays finite.
-const LEAST_INERTIA: f64 = 1e-4;
 /// Effects that let a link move against its motor.
 pub(crate) const LOOSE: [EffectKind; 2] = [EffectKind::Elasticity, EffectKind::Backlash];
 
 /// A limb's motion, sample by sample.
-#[derive(Debug, Clone)]
 pub(crate) struct Motion {
     /// How many joints.
     pub(crate) joints: usize,
@@ -41,13 +38,14 @@ pub(crate) struct Motion {
     /// Samples without a gap between them.
     pub(crate) stretches: Vec<Range<usize>>,
     /// Of each joint, at its motor.
-    pub(crate) joint: Vec<Trajectory>,
+    pub(crate) joint: Arc<Vec<Trajectory>>,
     /// Of each joint's link, where a second encoder was recorded all the time.
-    links: Vec<Option<Trajectory>>,
+    pub(super) links: Vec<Option<Trajectory>>,
     /// Motor temperature, °C, sample by sample, joint by joint; not a number where not recorded.
     pub(crate) temperature: Vec<f64>,
     /// The windows, in the order of time.
     pub(crate) windows: Vec<Window>,
+    pub(super) loads: Loads,
 }
 
 /// A window of time.
@@ -65,25 +63,12 @@ pub(crate) struct Window {
     pub(crate) moves: Vec<bool>,
 }
 
-/// Motors and, where a second encoder tells them, links.
-pub(super) struct Trajectories<'a> {
-    pub(super) motors: &'a [Trajectory],
-    pub(super) links: &'a [Option<Trajectory>],
-}
-
-/// What the gears transmit under a model's bodies, whatever its effects.
-pub(crate) struct Load {
-    /// Sample by sample, joint by joint, N m.
-    pub(super) torque: Vec<f64>,
-    /// Its value and slope by the straight line that smooths it, N m and N m/s.
-    pub(super) line: Vec<[f64; 2]>,
-    /// The inertia that each joint turns where links may move, kg m²; sample by sample, joint by joint.
-    pub(super) inertia: Vec<f64>,
-}
-
-/// What effects see at each sample, under a model.
+/// What effects see at each sample, under a model: from one sample on, sample by sample, joint by joint.
+#[derive(Clone, Default)]
 pub(crate) struct States {
-    /// Sample by sample, joint by joint; the motor's side.
+    /// The first sample.
+    pub(crate) first: usize,
+    /// The motor's side.
     pub(crate) states: Vec<JointState<f64>>,
     /// The link's position, rad.
     pub(crate) q: Vec<f64>,
@@ -91,12 +76,8 @@ pub(crate) struct States {
     pub(crate) dq: Vec<f64>,
 }
 
-impl Load {
-    /// What a joint's gear transmits at a sample by the straight line that smooths it, N m; of so many joints.
-    pub(crate) fn smooth(&self, sample: usize, joint: usize, joints: usize) -> f64 {
-        self.line[sample * joints + joint][0]
-    }
-}
+/// The samples that are asked for: all where not told, else no one before or after the range.
+pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
 impl Motion {
     /// A limb's motion by its recording. `velocity_gain` is each joint's reported velocity over the true one.
@@ -128,6 +109,7 @@ impl Motion {
         let joint: Vec<Trajectory> = (0..n).map(trajectory).collect();
         let link = |j: usize| link(recording, j, &joint[j], (&time, &stretches), period);
         let links = (0..n).map(link).collect();
+        let joint = Arc::new(joint);
         let mut motion = Self {
             joints: n,
             time,
@@ -136,6 +118,7 @@ impl Motion {
             links,
             temperature: recording.temperature.clone(),
             windows: Vec::new(),
+            loads: Loads::default(),
         };
         motion.windows = motion.cut(blocks, WINDOW.max(LEAST_PERIODS * period));
         motion
@@ -171,18 +154,6 @@ impl Motion {
         windows
     }
 
-    fn trajectories(&self) -> Trajectories<'_> {
-        Trajectories {
-            motors: &self.joint,
-            links: &self.links,
-        }
-    }
-
-    /// The trajectory of a joint's link, where a second encoder tells it.
-    pub(crate) fn link(&self, joint: usize) -> Option<&Trajectory> {
-        self.links[joint].as_ref()
-    }
-
     /// Whether a joint is not held up for long between two samples.
     fn moves(&self, joint: &Trajectory, first: usize, last: usize) -> bool {
         let resting = (first + 1..=last).filter(|&k| joint.speed[k].abs() < joint.rest);
@@ -201,23 +172,39 @@ impl Motion {
     }
 
     /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there; of a link
-    /// that moves against its motor all that came before.
-    pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<bool> {
-        if values.places().any(|place| LOOSE.contains(&place.0)) {
-            return vec![true; self.time.len()];
+    /// that moves against its motor all that came before without a gap. All, if most windows are chosen.
+    pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Asked {
+        let count = (0..self.windows.len()).filter(|w| chosen(*w)).count();
+        if 4 * count >= 3 * self.windows.len() {
+            return None;
         }
+        let is_loose = values.places().any(|place| LOOSE.contains(&place.0));
         let mut asked = vec![false; self.time.len()];
+        let mut range: Option<Range<usize>> = None;
         for (_, window) in self.windows.iter().enumerate().filter(|(w, _)| chosen(*w)) {
             let [first, last] = window.samples;
             let (begin, end) = (
                 self.time[first] - 2.0 * REACH,
                 self.time[last] + 2.0 * REACH,
             );
-            let from = self.time[..first].partition_point(|t| *t < begin);
+            let mut from = self.time[..first].partition_point(|t| *t < begin);
+            if is_loose {
+                let stretch = self.stretches.partition_point(|s| s.end <= first);
+                from = from.min(self.stretches.get(stretch).map_or(first, |s| s.start));
+            }
             let to = last + self.time[last..].partition_point(|t| *t <= end);
-            asked[from..to].fill(true);
+            let known = range.clone().unwrap_or(from..to);
+            range = Some(known.start.min(from)..known.end.max(to));
+            // A link's past is long, and that of the window before is told already.
+            let told = asked[from..to].iter().rposition(|asked| *asked);
+            let new = if is_loose {
+                told.map_or(from, |n| from + n)
+            } else {
+                from
+            };
+            asked[new..to].fill(true);
         }
-        asked
+        Some((range.unwrap_or(0..0), asked))
     }
 
     /// What effects see under a model, `delay` seconds before each sample. `columns` tell which of it is asked for.
@@ -241,42 +228,33 @@ impl Motion {
         columns: &Columns,
         delay: f64,
     ) -> States {
-        let all = vec![true; self.time.len()];
-        self.states_under(None, body, values, (columns, made), (delay, &all))
+        self.states_of(body, values, (columns, made), (delay, &None))
     }
 
-    /// The same where the gears' load is known, of the samples that are `asked` for: the others' loads are zero.
-    pub(crate) fn states_under(
+    /// The same of the samples that are `asked` for.
+    pub(crate) fn states_of(
         &self,
-        load: Option<&Load>,
         body: &LimbBody,
         values: &Values,
         (columns, made): (&Columns, &[&Column]),
-        (delay, asked): (f64, &[bool]),
+        (delay, asked): (f64, &Asked),
     ) -> States {
         let n = self.joints;
         let needs = Needs::of(values, made);
         // A drive's torque is made of all effects that the model has.
         let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
         let seen = if needs.torque { &all } else { made };
-        let late: (Vec<Trajectory>, Vec<Option<Trajectory>>);
-        let of = if delay == 0.0 {
-            self.trajectories()
-        } else {
-            let delayed = |joint: &Trajectory| joint.delayed(&self.time, &self.stretches, delay);
-            let links = self.links.iter().map(|link| link.as_ref().map(delayed));
-            late = (self.joint.iter().map(delayed).collect(), links.collect());
-            Trajectories {
-                motors: &late.0,
-                links: &late.1,
-            }
-        };
-        let joints = of.motors;
-        let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * self.time.len()];
+        let joints = self.late(delay);
+        let range = asked
+            .as_ref()
+            .map_or(0..self.time.len(), |asked| asked.0.clone());
+        let first = range.start;
+        let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * range.len()];
         for (j, joint) in joints.iter().enumerate() {
             let offset = values.get((EffectKind::EncoderOffset, j), 0);
-            for (k, &[q, dq, ..]) in joint.state.iter().enumerate().filter(|(k, _)| asked[*k]) {
-                let state = &mut states[k * n + j];
+            for k in range.clone() {
+                let [q, dq, ..] = joint.state[k];
+                let state = &mut states[(k - first) * n + j];
                 (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
                 (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
                 (state.load, state.give, state.play) = (0.0, [0.0; 2], [0.0; 2]);
@@ -284,36 +262,32 @@ impl Motion {
             }
             if let Some(displacement) = displacement(seen, j) {
                 let impulse = self.presliding(joint, displacement);
-                for (k, impulse) in impulse.into_iter().enumerate() {
-                    states[k * n + j].presliding = impulse;
+                for k in range.clone() {
+                    states[(k - first) * n + j].presliding = impulse[k];
                 }
             }
         }
-        let mut links = Vec::new();
+        let mut states = States {
+            first,
+            q: states.iter().map(|state| state.q).collect(),
+            dq: states.iter().map(|state| state.dq).collect(),
+            states,
+        };
         if needs.load {
             let loose = !needs.play.is_empty() || !needs.spring.is_empty();
-            let made = || self.load_of(body, &of, values, (loose, asked));
-            let known = load.is_none().then(made);
-            if let Some(load) = load.or(known.as_ref()) {
-                links = self.fill_load(load, values, &needs, &mut states);
-            }
+            let load = match asked {
+                None => self.load(body, values, (loose, delay)),
+                Some((_, asked)) => {
+                    Arc::new(self.load_of(body, (&joints, delay), values, (loose, asked)))
+                }
+            };
+            self.fill_load(&load, values, &needs, &mut states);
         }
         if needs.torque {
-            self.fill_torque(joints, values, columns, &mut states);
+            self.fill_torque(values, columns, &mut states);
         }
-        self.measure_links(&of, &mut links);
-        let moved = |of: &dyn Fn(&JointState<f64>) -> f64, n: usize| -> Vec<f64> {
-            let mut all: Vec<f64> = states.iter().map(of).collect();
-            all.iter_mut()
-                .zip(&links)
-                .for_each(|(x, link): (_, &[f64; 2])| *x += link[n]);
-            all
-        };
-        States {
-            q: moved(&|state| state.q, 0),
-            dq: moved(&|state| state.dq, 1),
-            states,
-        }
+        self.measure_links((&joints, delay), &mut states);
+        states
     }
 
     /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
@@ -326,82 +300,12 @@ impl Motion {
         self.stretches.iter().flat_map(of).collect()
     }
 
-    /// The torque that the gears transmit: the rigid body's own at the motors' motion, and the inertia that each
-    /// joint turns. `None` where joints report late.
-    pub(crate) fn load(&self, body: &LimbBody, values: &Values) -> Option<Load> {
-        let late = (0..self.joints).any(|j| values.delay(j) != 0.0);
-        let all = vec![true; self.time.len()];
-        (!late).then(|| self.load_of(body, &self.trajectories(), values, (true, &all)))
-    }
-
-    /// The inertia that a joint turns, the mean over all poses, kg m².
-    pub(crate) fn mean_inertia(&self, body: &LimbBody, values: &Values, joint: usize) -> f64 {
-        let all = vec![true; self.time.len()];
-        let load = self.load_of(body, &self.trajectories(), values, (true, &all));
-        let own = load.inertia.iter().skip(joint).step_by(self.joints);
-        own.sum::<f64>() / self.time.len().max(1) as f64
-    }
-
-    fn load_of(
-        &self,
-        body: &LimbBody,
-        of: &Trajectories,
-        values: &Values,
-        (loose, asked): (bool, &[bool]),
-    ) -> Load {
-        let n = self.joints;
-        let rigid = body.loaded(values);
-        let base = body.base(values);
-        let mut torque = vec![0.0; n * self.time.len()];
-        let mut inertia = torque.clone();
-        let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        for k in (0..self.time.len()).filter(|&k| asked[k]) {
-            for j in 0..n {
-                let [q, dq, ddq, _] = of.links[j].as_ref().unwrap_or(&of.motors[j]).state[k];
-                motion[0][j] = q - values.get((EffectKind::EncoderOffset, j), 0);
-                (motion[1][j], motion[2][j]) = (dq, ddq);
-            }
-            let [q, dq, ddq] = &motion;
-            let own = &mut torque[k * n..(k + 1) * n];
-            if !loose {
-                rigid.inverse_dynamics(&base, [q, dq, ddq], own);
-                continue;
-            }
-            let turned = &mut inertia[k * n..(k + 1) * n];
-            rigid.torque_and_inertia(&base, [q, dq, ddq], own, turned);
-            turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
-        }
-        let mut line = vec![[0.0; 2]; torque.len()];
-        for stretch in &self.stretches {
-            let t = &self.time[stretch.clone()];
-            let own: Vec<Vec<f64>> = (0..n)
-                .map(|j| stretch.clone().map(|k| torque[k * n + j]).collect())
-                .collect();
-            for (i, k) in stretch.clone().enumerate().filter(|(_, k)| asked[*k]) {
-                let half = around(t, i);
-                for j in 0..n {
-                    line[k * n + j] = local_line(t, &own[j], i, half);
-                }
-            }
-        }
-        Load {
-            inertia,
-            torque,
-            line,
-        }
-    }
-
     /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
-    fn fill_torque(
-        &self,
-        joints: &[Trajectory],
-        values: &Values,
-        columns: &Columns,
-        states: &mut [JointState<f64>],
-    ) {
-        let n = self.joints;
+    fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
+        let (n, first) = (self.joints, states.first);
+        let states = &mut states.states;
         let numbers = columns.numbers(values);
-        for j in 0..joints.len() {
+        for j in 0..n {
             let limits = |column: &Column| {
                 matches!(
                     column,
@@ -416,10 +320,11 @@ impl Motion {
                 .filter(|(column, number)| *number != 0.0 && !limits(column))
                 .collect();
             for stretch in &self.stretches {
+                let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
                 let terms: Vec<[f64; 2]> = stretch
                     .clone()
                     .map(|k| {
-                        let states = &states[k * n..(k + 1) * n];
+                        let states = &states[(k - first) * n..(k - first + 1) * n];
                         own.iter().fold([0.0; 2], |sum, (column, number)| {
                             let Some(term) = columns.term(column, j, states) else {
                                 return sum;
@@ -432,12 +337,48 @@ impl Motion {
                     let (before, after) = (i.saturating_sub(1), (i + 1).min(terms.len() - 1));
                     let span = self.time[stretch.start + after] - self.time[stretch.start + before];
                     let slope = (terms[after][0] - terms[before][0]) / span.max(f64::MIN_POSITIVE);
-                    let state = &mut states[k * n + j];
+                    let state = &mut states[(k - first) * n + j];
                     state.tau = state.load + slope + terms[i][1];
                 }
             }
         }
     }
+}
+
+/// The trajectory of a link by its own encoder; its velocity by the motor's, and by how the two move against each other.
+fn link(
+    recording: &LimbRecording,
+    joint: usize,
+    motor: &Trajectory,
+    (time, stretches): (&[f64], &[Range<usize>]),
+    period: f64,
+) -> Option<Trajectory> {
+    let n = recording.joints;
+    let q: Vec<f64> = (recording.q_link.iter().skip(joint).step_by(n).copied()).collect();
+    if q.is_empty() || q.iter().any(|q| !q.is_finite()) {
+        return None;
+    }
+    let twist: Vec<f64> = (q.iter().zip(&motor.state))
+        .map(|(q, motor)| q - motor[0])
+        .collect();
+    let velocity = |stretch: &Range<usize>| {
+        let (t, twist) = (&time[stretch.clone()], &twist[stretch.clone()]);
+        let slope = |k: usize| local_line(t, twist, k, around(t, k))[1];
+        let motor = motor.state[stretch.clone()].iter().enumerate();
+        motor
+            .map(|(k, motor)| motor[1] + slope(k))
+            .collect::<Vec<_>>()
+    };
+    let dq: Vec<f64> = stretches.iter().flat_map(velocity).collect();
+    let of = |s: &Range<usize>| Stretch {
+        t: &time[s.clone()],
+        q: &q[s.clone()],
+        dq: &dq[s.clone()],
+    };
+    Some(Trajectory::of(
+        &stretches.iter().map(of).collect::<Vec<_>>(),
+        period,
+    ))
 }
 
 /// Which of what effects see costs a pass of its own.
@@ -508,92 +449,4 @@ pub(crate) fn is_derivative(effect: EffectKind) -> bool {
 /// Whether an effect is one of all joints at `joint`.
 pub(crate) fn is_shared(joint: usize) -> bool {
     joint == BASE
-}
-
-/// The trajectory of a link by its own encoder; its velocity by the motor's, and by how the two move against each other.
-fn link(
-    recording: &LimbRecording,
-    joint: usize,
-    motor: &Trajectory,
-    (time, stretches): (&[f64], &[Range<usize>]),
-    period: f64,
-) -> Option<Trajectory> {
-    let n = recording.joints;
-    let q: Vec<f64> = (recording.q_link.iter().skip(joint).step_by(n).copied()).collect();
-    if q.is_empty() || q.iter().any(|q| !q.is_finite()) {
-        return None;
-    }
-    let twist: Vec<f64> = (q.iter().zip(&motor.state))
-        .map(|(q, motor)| q - motor[0])
-        .collect();
-    let velocity = |stretch: &Range<usize>| {
-        let (t, twist) = (&time[stretch.clone()], &twist[stretch.clone()]);
-        let slope = |k: usize| local_line(t, twist, k, around(t, k))[1];
-        let motor = motor.state[stretch.clone()].iter().enumerate();
-        motor
-            .map(|(k, motor)| motor[1] + slope(k))
-            .collect::<Vec<_>>()
-    };
-    let dq: Vec<f64> = stretches.iter().flat_map(velocity).collect();
-    let of = |s: &Range<usize>| Stretch {
-        t: &time[s.clone()],
-        q: &q[s.clone()],
-        dq: &dq[s.clone()],
-    };
-    Some(Trajectory::of(
-        &stretches.iter().map(of).collect::<Vec<_>>(),
-        period,
-    ))
-}
-
-/// How many samples lie within [`REACH`] on either side of sample k: the same number on both.
-fn around(t: &[f64], k: usize) -> usize {
-    let most = k.min(t.len() - 1 - k);
-    let near = |half: &usize| t[k] - t[k - half] <= REACH && t[k + half] - t[k] <= REACH;
-    (1..=most).take_while(near).count().max(most.min(1))
-}
-
-/// Value and slope at sample k of the straight line through as many samples on either side.
-pub(crate) fn local_line(t: &[f64], x: &[f64], k: usize, half: usize) -> [f64; 2] {
-    let half = half.min(k).min(t.len() - 1 - k);
-    if half == 0 {
-        let (a, b) = if k == 0 {
-            (0, 1.min(t.len() - 1))
-        } else {
-            (k - 1, k)
-        };
-        let step = t[b] - t[a];
-        return [
-            x[k],
-            if step > 0.0 {
-                (x[b] - x[a]) / step
-            } else {
-                0.0
-            },
-        ];
-    }
-    let (mut s_t, mut s_x, mut s_tt, mut s_tx) = (0.0, 0.0, 0.0, 0.0);
-    for i in k - half..=k + half {
-        let (dt, dx) = (t[i] - t[k], x[i] - x[k]);
-        s_t += dt;
-        s_x += dx;
-        s_tt += dt * dt;
-        s_tx += dt * dx;
-    }
-    let n = (2 * half + 1) as f64;
-    let slope = (s_tx - s_t * s_x / n) / (s_tt - s_t * s_t / n);
-    [x[k] + (s_x - slope * s_t) / n, slope]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_parabola_has_its_slope_inside() {
-        let t: Vec<f64> = (0..20).map(|k| 0.002 * f64::from(k)).collect();
-        let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
-        let [_, slope] = local_line(&t, &x, 10, 4);
-        assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
-    }
 }

@@ -10,16 +10,43 @@
 //! with M the inertia that the joint turns and c = 1/k the compliance (Spong 1987, *ASME J. Dyn. Syst. Meas. Control* 109:310, eq. 5,
 //! with the motor's motion given). Slow motion leaves x = −c L; near the resonance 1/√(M c) the link goes much farther. L runs
 //! straight between samples, so that the step from one to the next is exact however stiff the spring.
+//!
+//! Friction inside the spring (`elastic_hysteresis`) adds f z(x), dz/dx = (1 − z sgn ẋ)/w: along a step a straight line in x, which stiffens
+//! the spring by f dz/dx.
 
 /// Damping ratio ζ of gears and shafts, which lose 0.02 to 0.15. Of springs simulated with 0.01 to 0.06 this one finds the stiffness
 /// of soft and stiff ones alike: a link that is taken to swing longer than it does carries errors of its motion on.
 const DAMPING: f64 = 0.08;
 
+/// What lies between motor and link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Gear {
+    /// rad/(N m), positive.
+    pub(crate) compliance: f64,
+    /// Friction inside it, N m, and the way (rad) over which that builds up; none where either is not positive.
+    pub(crate) friction: f64,
+    pub(crate) way: f64,
+}
+
+impl Gear {
+    /// A spring without friction.
+    pub(crate) fn spring(compliance: f64) -> Self {
+        Self {
+            compliance,
+            friction: 0.0,
+            way: 0.0,
+        }
+    }
+}
+
 /// Position and velocity of the link against the motor (rad, rad/s) at the times `t`, under the torques `load` (N m) that it takes to
-/// follow the motor; `inertia` in kg m² at each of them, `compliance` in rad/(N m), positive.
-pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], compliance: f64) -> Vec<[f64; 2]> {
-    let mut all = Vec::with_capacity(t.len());
-    let (mut now, mut momentum) = ([0.0; 2], 0.0);
+/// follow the motor; `inertia` in kg m² at each of them.
+pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Vec<[f64; 2]> {
+    let mut all: Vec<[f64; 2]> = Vec::with_capacity(t.len());
+    let (mut now, mut momentum) = ([0.0f64; 2], 0.0);
+    let has_friction = gear.friction > 0.0 && gear.way > 0.0;
+    // The state of friction inside, from −1 to 1.
+    let mut state = 0.0f64;
     for k in 0..t.len() {
         // The step from the sample before; of the first one, which has none, the one that follows, backwards.
         let (a, b) = if k == 0 {
@@ -34,6 +61,13 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], compliance: f64) 
             0.0
         };
         let mass = 0.5 * (inertia[a] + inertia[b]);
+        let (mut compliance, mut held) = (gear.compliance, 0.0);
+        if has_friction && k > 0 {
+            let stiffer = gear.friction * (1.0 - state * now[1].signum()) / gear.way;
+            held = gear.friction * state - stiffer * now[0];
+            compliance = (compliance.recip() + stiffer).recip();
+        }
+        let load = [load[a] + held, load[b] + held];
         let natural = (mass * compliance).sqrt().recip();
         let (decay, damped) = (
             DAMPING * natural,
@@ -41,7 +75,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], compliance: f64) 
         );
         // Behind a load that runs straight the link runs straight: x = start + slope τ.
         let slope = -compliance * rate;
-        let start = -compliance * load[a] - 2.0 * DAMPING / natural * slope;
+        let start = -compliance * load[0] - 2.0 * DAMPING / natural * slope;
         if k == 0 {
             now = [start, slope];
         } else {
@@ -56,6 +90,11 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], compliance: f64) 
                 start + slope * step + swing,
                 slope - decay * swing + damped * across,
             ];
+        }
+        if let Some(&[before, _]) = all.last().filter(|_| has_friction) {
+            let gone: f64 = now[0] - before;
+            let left = (-gone.abs() / gear.way).exp();
+            state = gone.signum() - (gone.signum() - state) * left;
         }
         momentum = mass * now[1];
         all.push(now);
@@ -76,7 +115,7 @@ mod tests {
             let omega = ratio * natural;
             let t: Vec<f64> = (0..20_000).map(|k| 5e-4 * f64::from(k)).collect();
             let load: Vec<f64> = t.iter().map(|t| (omega * t).sin()).collect();
-            let moved = spring(&t, &load, &vec![inertia; t.len()], compliance);
+            let moved = spring(&t, &load, &vec![inertia; t.len()], Gear::spring(compliance));
             let steady = &moved[15_000..];
             let most = steady.iter().fold(0.0f64, |most, [x, _]| most.max(x.abs()));
             let [real, imaginary] = [1.0 - ratio * ratio, 2.0 * DAMPING * ratio];
@@ -85,11 +124,43 @@ mod tests {
         }
     }
 
+    /// Under a slow load that comes and goes the spring follows L = −(k x + f z), and comes back another way than it went.
+    #[test]
+    fn friction_inside_holds_what_comes_back() {
+        let gear = Gear {
+            compliance: 1.0 / 200.0,
+            friction: 0.5,
+            way: 0.002,
+        };
+        let t: Vec<f64> = (0..40_000).map(|k| 1e-3 * f64::from(k)).collect();
+        let load: Vec<f64> = t.iter().map(|t| 2.0 * (0.5 * t).sin()).collect();
+        let moved = spring(&t, &load, &vec![0.03; t.len()], gear);
+        let x = || moved.iter().map(|moved| moved[0]);
+        let state = super::super::hysteresis::hysteresis(x(), gear.way);
+        for k in 5_000..t.len() {
+            let torque = -(200.0 * moved[k][0] + gear.friction * state[k]);
+            assert!(
+                (torque - load[k]).abs() < 0.02,
+                "{} {torque} {}",
+                t[k],
+                load[k]
+            );
+        }
+        let at_no_load: Vec<f64> = (1..load.len())
+            .filter(|k| load[*k] * load[k - 1] < 0.0)
+            .map(|k| moved[k][0].abs())
+            .collect();
+        assert!(
+            at_no_load.iter().skip(2).all(|x| *x > 5e-4),
+            "{at_no_load:?}"
+        );
+    }
+
     #[test]
     fn velocity_is_the_slope_of_position() {
         let t: Vec<f64> = (0..4000).map(|k| 1e-4 * f64::from(k)).collect();
         let load: Vec<f64> = t.iter().map(|t| (40.0 * t).sin() + 0.3).collect();
-        let moved = spring(&t, &load, &vec![0.02; t.len()], 0.004);
+        let moved = spring(&t, &load, &vec![0.02; t.len()], Gear::spring(0.004));
         for k in 1..t.len() - 1 {
             let slope = (moved[k + 1][0] - moved[k - 1][0]) / (t[k + 1] - t[k - 1]);
             assert!((slope - moved[k][1]).abs() < 1e-3 * (1.0 + slope.abs()));

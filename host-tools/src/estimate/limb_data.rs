@@ -10,13 +10,13 @@ use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
 use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
-use crate::equation::motion::{Load, Motion, is_derivative};
+use crate::equation::motion::{Motion, is_derivative};
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
-use crate::predict::{predict, predict_under};
+use crate::predict::{LetGo, predict};
 use crate::recording::LimbRecording;
 
 /// A limb's data. Made once; fits read them. A copy shares them.
@@ -169,11 +169,15 @@ impl<'a> LimbData<'a> {
         predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
     }
 
-    /// The same of all windows where the load of the gears is known.
-    pub(crate) fn predicted_under(&self, load: Option<&Load>, values: &Values) -> Vec<f64> {
-        let chosen = |w: usize| !self.left_out[w];
-        let (body, motion) = (&self.body, &self.motion);
-        predict_under(load, body, motion, values, &self.subtree_end, &chosen)
+    /// The predictor of a model with one of its links let go by more or less, of the windows that are chosen.
+    pub(crate) fn let_go<'b>(
+        &'b self,
+        values: &Values,
+        place: Place,
+        chosen: &'b (dyn Fn(usize) -> bool + Sync),
+    ) -> LetGo<'b> {
+        let of = (values, place);
+        LetGo::of(&self.body, &self.motion, of, &self.subtree_end, chosen)
     }
 
     /// The rows of columns at a model's values, of all windows that are not left out.

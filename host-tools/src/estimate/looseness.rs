@@ -51,9 +51,15 @@ impl Scan<'_> {
             })
         };
         let told: Vec<Told> = (0..self.data.joints()).filter_map(told).collect();
+        let mut judged = vec![false; self.data.motion.windows.len()];
+        for told in &told {
+            told.windows.iter().for_each(|&w| judged[w] = true);
+        }
+        let judged = |w: usize| judged[w];
+        let with = self.data.let_go(self.values, place, &judged);
         let fall = |value: f64| {
-            let predicted = self.predicted_with(place, value);
-            let left = told.iter().map(|told| self.left(told, &predicted[0]));
+            let predicted = with.predicted(value);
+            let left = told.iter().map(|told| self.left(told, &predicted));
             -left.sum::<f64>()
         };
         let grid = self.values_to_try(place);
@@ -66,19 +72,6 @@ impl Scan<'_> {
             return None;
         }
         Some(refined(&grid, &falls, &fall))
-    }
-
-    /// What the limb's model predicts in all windows with a play or a spring of that size.
-    fn predicted_with(&self, place: Place, value: f64) -> Span {
-        // Bodies stay as they are, and with them what the gears transmit.
-        let load = || self.data.motion.load(&self.data.body, self.values);
-        self.predictions.get_or((place, value.to_bits()), || {
-            let mut values = self.values.clone();
-            values.insert(place);
-            values.set(place, 0, value);
-            let load = self.load.get_or_init(load);
-            vec![self.data.predicted_under(load.as_ref(), &values)]
-        })
     }
 
     fn values_to_try(&self, place: Place) -> Vec<f64> {

@@ -14,7 +14,8 @@ use proprio_core::spatial::Transform;
 use super::groups::{Group, Groups};
 use super::limb_data::LimbData;
 use crate::equation::column::{Column, Columns};
-use crate::equation::motion::{States, Window, local_line};
+use crate::equation::load::local_line;
+use crate::equation::motion::{States, Window};
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::values::Values;
 

@@ -16,7 +16,7 @@ use super::fit::LimbFit;
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::{LOOSE, Load, States};
+use crate::equation::motion::{LOOSE, States};
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
@@ -123,9 +123,6 @@ pub(crate) struct Scan<'a> {
     residuals: Vec<Vec<f64>>,
     /// The columns of an effect of some shape over all of its joint's windows.
     made: Kept<(Place, u64)>,
-    /// What the limb's model predicts with a play or a spring of some size, and what its gears transmit without.
-    pub(super) predictions: Kept<(Place, u64)>,
-    pub(super) load: OnceLock<Option<Load>>,
     /// Whether plays and springs are sought near the present ones only.
     pub(super) is_near: bool,
 }
@@ -159,8 +156,6 @@ impl<'a> Scan<'a> {
             windows,
             residuals,
             made: Kept::default(),
-            predictions: Kept::default(),
-            load: OnceLock::new(),
             is_near: false,
         }
     }

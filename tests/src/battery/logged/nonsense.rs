@@ -84,7 +84,7 @@ pub fn explained(
     let total = mean_square(&samples, place);
     let kinds = EffectKind::ALL
         .iter()
-        .filter(|kind| **kind != EffectKind::Contact);
+        .filter(|kind| ![EffectKind::Contact, EffectKind::ElasticHysteresis].contains(kind));
     let names = std::iter::once(None).chain(kinds.map(|kind| Some(kind.name())));
     let mut explained = Vec::new();
     for effect in names {
