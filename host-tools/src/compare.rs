@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use feet::Feet;
 pub use feet::FootForce;
-pub use free_base::{CoordinateError, FreeBaseComparison, compare_free_base};
+pub use free_base::{CoordinateError, FreeBaseComparison, WalkSeries, compare_free_base};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;

@@ -1,11 +1,14 @@
 //! A whole Go2 that MuJoCo walks (`tests/oracle/mujoco_walk.py`): trunk and legs from encoders, torques, gyro and accelerometer,
 //! through the real command's library and the real command.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
+use proprio::compare::{ValuesFrom, compare_free_base};
 use proprio::estimate::Constraint;
-use proprio::free_base::FreeBaseError;
+use proprio::free_base::{FreeBaseError, Reason};
 use proprio::identify::{FreeBaseIdentification, identify_free_base};
+use proprio::model::Model;
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 
@@ -392,6 +395,59 @@ fn of_a_complete_walking_robot_nothing_is_missing() {
         let compared = json(&done(folder.path(), &of));
         assert_eq!(compared["rms"], found["held_out_rms"]);
         assert_eq!(compared["fitted"], true);
+    }
+}
+
+/// The page shows when each foot was taken to carry a force and why, in as many seconds as the shares say, and each joint's torque.
+#[test]
+fn a_page_shows_the_feet_and_the_torques() {
+    let folder = empty_folder();
+    let log = log("trot").display().to_string();
+    done(
+        folder.path(),
+        &["compare", "--free-base", &log, "--html", "walk.html"],
+    );
+    let page = fs::read_to_string(folder.path().join("walk.html")).unwrap();
+    for words in [
+        "Feet on the ground",
+        "close in time to one of these",
+        "RL_calf",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    let told = compare_free_base(
+        &[log.into()],
+        &Model::default(),
+        ValuesFrom::Given,
+        |_, _| (),
+    );
+    let told = told.unwrap();
+    let end = told.feet.iter().map(|own| own.time[1]).fold(0.0, f64::max);
+    let seconds = |leg: usize, reason: Reason| {
+        let own = told
+            .feet
+            .iter()
+            .filter(|own| own.leg == leg && own.reason == reason);
+        own.map(|own| own.time[1] - own.time[0]).sum::<f64>()
+    };
+    for leg in 0..4 {
+        for (reason, share) in [
+            (Reason::Torque, told.stance[0].torque[leg]),
+            (Reason::Air, told.stance[0].air[leg]),
+        ] {
+            assert!(
+                (seconds(leg, reason) / end - share).abs() < 0.03,
+                "{leg} {reason:?}"
+            );
+        }
+    }
+    // Every window has an equation of the base, and at least one joint's.
+    assert!(told.series.iter().map(|own| own.t.len()).sum::<usize>() > told.windows.used as usize);
+    for own in &told.series {
+        assert_eq!(
+            [own.measured.len(), own.cad.len(), own.model.len()],
+            [own.t.len(); 3]
+        );
     }
 }
 

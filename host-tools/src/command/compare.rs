@@ -42,7 +42,7 @@ pub(crate) struct Compare {
     #[arg(long)]
     given: bool,
     /// The robot walks, sways or is swung: a Go2's equations that contact forces leave, from logs with gyro/ and acc/ columns
-    #[arg(long, conflicts_with_all = ["at_rest", "with", "without", "html", "output"])]
+    #[arg(long, conflicts_with_all = ["at_rest", "with", "without", "output"])]
     free_base: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with_all = ["fit", "with", "without"])]
@@ -135,6 +135,9 @@ impl Compare {
         drop(progress);
         for warning in &comparison.warnings {
             eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.html {
+            pages::walk(&comparison).map_err(unreadable)?.write(path)?;
         }
         Ok(if self.json {
             json(&comparison)

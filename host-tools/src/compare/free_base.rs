@@ -13,7 +13,7 @@ use crate::free_base::data::{Data, Left};
 use crate::free_base::fit::bare;
 use crate::free_base::rows::{BODIES, COLUMNS, COORDINATES, EFFECTS};
 use crate::free_base::structure::{ModelStructure, effect_column};
-use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
+use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
 use crate::model::Model;
 use crate::table::Table;
@@ -40,6 +40,27 @@ pub struct FreeBaseComparison {
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
     pub warnings: Vec<String>,
+    /// What is said of each foot when; for plots.
+    #[serde(skip)]
+    pub feet: Vec<FootEpisode>,
+    /// Measured and predicted torque of each joint in the equations that contact forces leave; for plots.
+    #[serde(skip)]
+    pub series: Vec<WalkSeries>,
+}
+
+/// A joint's torque over time in the equations that contact forces leave, N m.
+#[derive(Debug, Clone)]
+pub struct WalkSeries {
+    /// Its name.
+    pub joint: String,
+    /// When each window began, s.
+    pub t: Vec<f64>,
+    /// Measured.
+    pub measured: Vec<f64>,
+    /// By the CAD's bodies alone.
+    pub cad: Vec<f64>,
+    /// By the model.
+    pub model: Vec<f64>,
 }
 
 /// How well one coordinate's equation is met, root mean square.
@@ -91,7 +112,16 @@ pub fn compare_free_base(
     };
     let zero = DVector::zeros(COLUMNS);
     let thetas = [model.iter().collect(), vec![&cad], vec![&zero]];
-    let by_coordinate = data.by_coordinate(&walks, &thetas);
+    let mut series = empty_series();
+    let by_coordinate = data.by_coordinate_and(&walks, &thetas, |equation| {
+        let joint = equation.coordinate.checked_sub(6);
+        if let Some(own) = joint.and_then(|joint| series.get_mut(joint)) {
+            own.t.push(equation.t);
+            own.measured.push(equation.measured);
+            own.model.push(equation.predicted[0]);
+            own.cad.push(equation.predicted[1]);
+        }
+    });
     Ok(FreeBaseComparison {
         rms,
         cad_rms: data.rms(&cad),
@@ -101,8 +131,22 @@ pub fn compare_free_base(
         stance: walks.stance(),
         samples: walks.samples(),
         logs: logs.to_vec(),
+        feet: walks.episodes(),
+        series,
         warnings: walks.warnings,
     })
+}
+
+/// No equation yet.
+fn empty_series() -> Vec<WalkSeries> {
+    let series = |joint: &&str| WalkSeries {
+        joint: (*joint).to_owned(),
+        t: Vec::new(),
+        measured: Vec::new(),
+        cad: Vec::new(),
+        model: Vec::new(),
+    };
+    JOINT_NAMES.iter().map(series).collect()
 }
 
 /// The parameters that a model file gives; what has no value does nothing.

@@ -118,23 +118,64 @@ impl Data {
     /// What each of several models leaves of each coordinate's equation, with one set of parameters for each part of the time or one for
     /// all.
     pub(crate) fn by_coordinate(&self, walks: &Walks, thetas: &[Vec<&DVector<f64>>]) -> Vec<Left> {
+        self.by_coordinate_and(walks, thetas, |_| ())
+    }
+
+    /// The same; `tell` hears of every equation.
+    pub(crate) fn by_coordinate_and(
+        &self,
+        walks: &Walks,
+        thetas: &[Vec<&DVector<f64>>],
+        mut tell: impl FnMut(&Equation<'_>),
+    ) -> Vec<Left> {
         let mut sums = vec![Sums::default(); thetas.len()];
-        for (n, (walk, stance)) in walks.walks.iter().enumerate() {
+        self.each_equation(walks, thetas, |equation| {
+            tell(&equation);
+            for (sums, predicted) in sums.iter_mut().zip(equation.predicted) {
+                sums.add(equation.coordinate, equation.measured - predicted);
+            }
+        });
+        let windows = self.windows.used.max(1) as f64;
+        sums.iter().map(|sums| sums.told(windows)).collect()
+    }
+
+    /// Every equation under several models, log after log as [`Walks::starts`] puts them.
+    fn each_equation(
+        &self,
+        walks: &Walks,
+        thetas: &[Vec<&DVector<f64>>],
+        mut tell: impl FnMut(Equation<'_>),
+    ) {
+        let mut predicted = vec![0.0; thetas.len()];
+        for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
             let seconds = seconds(walk);
             each_row(walk, stance, &self.setup, |row| {
                 let block = (n, (row.start / seconds) as usize);
                 let at = self.blocks.partition_point(|b| b.of < block);
-                for (sums, parts) in sums.iter_mut().zip(thetas) {
+                let scale = SCALE[row.coordinate];
+                for (predicted, parts) in predicted.iter_mut().zip(thetas) {
                     let theta = parts[at * parts.len() / self.blocks.len()];
-                    let predicted: f64 = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a).sum();
-                    let left = (row.numbers[COLUMNS] - predicted) / SCALE[row.coordinate];
-                    sums.add(row.coordinate, left);
+                    let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
+                    *predicted = terms.sum::<f64>() / scale;
                 }
+                tell(Equation {
+                    t: start + row.start,
+                    coordinate: row.coordinate,
+                    measured: row.numbers[COLUMNS] / scale,
+                    predicted: &predicted,
+                });
             });
         }
-        let windows = self.windows.used.max(1) as f64;
-        sums.iter().map(|sums| sums.told(windows)).collect()
     }
+}
+
+/// An equation of a window, in N m (N of forces): what is measured, and what models say.
+pub(crate) struct Equation<'a> {
+    /// When its window began, s.
+    pub(crate) t: f64,
+    pub(crate) coordinate: usize,
+    pub(crate) measured: f64,
+    pub(crate) predicted: &'a [f64],
 }
 
 /// What a model leaves of each coordinate's equation: moments on the base (N m), forces on it (N), torques of the joints (N m).

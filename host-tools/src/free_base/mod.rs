@@ -26,7 +26,7 @@ use proprio_core::spatial::Transform;
 use crate::log::{Log, LogError, Samples};
 pub use rows::Windows;
 use stance::Stance;
-pub use stance::StanceShares;
+pub use stance::{FootEpisode, Reason, StanceShares};
 use walk::Walk;
 
 /// Why no parameters come out of a walk.
@@ -109,6 +109,33 @@ impl Walks {
         let samples = || self.walks.iter().flat_map(|(walk, _)| &walk.tau);
         let count = samples().count().max(1) as f64;
         std::array::from_fn(|j| (samples().map(|tau| tau[j] * tau[j]).sum::<f64>() / count).sqrt())
+    }
+
+    /// What is said of each foot when, log after log, as [`Walks::starts`] puts them.
+    pub(crate) fn episodes(&self) -> Vec<FootEpisode> {
+        let later = |(own, start): (&(Walk, Stance), f64)| {
+            let at = move |episode: &FootEpisode| FootEpisode {
+                time: episode.time.map(|t| t + start),
+                ..*episode
+            };
+            own.1.episodes.iter().map(at).collect::<Vec<_>>()
+        };
+        self.walks
+            .iter()
+            .zip(self.starts())
+            .flat_map(later)
+            .collect()
+    }
+
+    /// When each log begins if they are put one after the other, a second apart, s.
+    pub(crate) fn starts(&self) -> Vec<f64> {
+        let mut next = 0.0;
+        let start = |(walk, _): &(Walk, Stance)| {
+            let start = next;
+            next += walk.duration() + 1.0;
+            start
+        };
+        self.walks.iter().map(start).collect()
     }
 
     /// Why feet were projected out, log by log.

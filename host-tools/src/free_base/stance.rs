@@ -48,21 +48,39 @@ pub struct StanceShares {
     pub air: [f64; LEGS],
 }
 
+/// A stretch of time in which one thing is said of a foot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FootEpisode {
+    /// Which leg's, in SDK order.
+    pub leg: usize,
+    /// What speaks against the air first, or that nothing does.
+    pub reason: Reason,
+    /// From and to, s since the log's start.
+    pub time: [f64; 2],
+}
+
 /// Which feet may carry a force, sample by sample.
 pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,
     pub(super) shares: StanceShares,
+    /// Leg by leg, in the order of time.
+    pub(super) episodes: Vec<FootEpisode>,
 }
 
 /// The reason that speaks against air first, or none.
-#[derive(Clone, Copy, PartialEq)]
-enum Reason {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// The leg's torques tell a force.
     Torque,
+    /// The foot's sensor does.
     Count,
+    /// It is no higher than feet that carry a force.
     Height,
+    /// Close in time to one of these.
     Guard,
+    /// In the air.
     Air,
 }
 
@@ -108,8 +126,32 @@ impl Stance {
             loaded,
             touch_down,
             shares: shares(&reasons),
+            episodes: episodes(walk, &reasons),
         }
     }
+}
+
+/// Samples of which the same is said, leg by leg.
+fn episodes(walk: &Walk, reasons: &[[Reason; LEGS]]) -> Vec<FootEpisode> {
+    let mut all: Vec<FootEpisode> = Vec::new();
+    for leg in 0..LEGS {
+        for (n, reason) in reasons.iter().map(|reasons| reasons[leg]).enumerate() {
+            let now = walk.seconds(n);
+            let own = |last: &&mut FootEpisode| {
+                let follows = now - last.time[1] < 2.0 * walk.period;
+                n > 0 && follows && last.reason == reason
+            };
+            match all.last_mut().filter(own) {
+                Some(last) => last.time[1] = now,
+                None => all.push(FootEpisode {
+                    leg,
+                    reason,
+                    time: [now, now + walk.period],
+                }),
+            }
+        }
+    }
+    all
 }
 
 /// Widens what is on the ground by the guard.

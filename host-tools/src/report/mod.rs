@@ -44,6 +44,7 @@ pub mod parameters;
 pub mod residual;
 mod robot;
 mod section;
+pub mod stance;
 pub mod stick;
 mod thin;
 pub mod torque;

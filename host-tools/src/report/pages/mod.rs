@@ -5,6 +5,7 @@ mod diagnose;
 pub mod excite;
 mod identify;
 pub mod validate;
+mod walk;
 
 use std::io;
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ use crate::recording::LogGates;
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
 pub use identify::{fit, identification};
+pub use walk::walk;
 
 /// A log that cannot be read any more: its path, and why.
 pub type Unreadable = (String, io::Error);
