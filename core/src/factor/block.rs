@@ -9,10 +9,14 @@ use super::{Factor, FactorError, row_start};
 use crate::Real;
 
 /// Rows of a block: as many as a Cortex-M7's 16 registers of double precision hold beside the reflection that they go through.
-pub(crate) const ROWS: usize = 6;
+pub const ROWS: usize = 6;
 
 /// A block: for each column what the rows hold, side by side; the right-hand side last.
-pub(crate) type Block<T> = [[T; ROWS]];
+pub type Block<T> = [[T; ROWS]];
+
+/// How many columns to reflect.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reflected(pub(super) usize);
 
 /// What folding in a block of so many columns costs, in numbers that a rotation changes: about ten instructions each.
 pub(crate) const fn block_cost(columns: usize) -> usize {
@@ -50,13 +54,29 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         first: usize,
         block: &mut Block<T>,
     ) -> Result<(), FactorError> {
+        self.reflect_some(first, Reflected(block.len()), block)
+    }
+
+    /// [`reflect_in`](Self::reflect_in) of the first so many columns alone; the others follow another time.
+    ///
+    /// # Errors
+    /// [`FactorError::Length`].
+    pub(super) fn reflect_some(
+        &mut self,
+        first: usize,
+        count: Reflected,
+        block: &mut Block<T>,
+    ) -> Result<(), FactorError> {
         if first + block.len() != self.columns + 1 {
             return Err(FactorError::Length(block.len()));
         }
         let start = row_start(self.columns, first);
         let mut triangle = self.storage.as_mut().get_mut(start..).unwrap_or(&mut []);
         let mut block = block;
-        while let Some((new, rest)) = block.split_first_mut() {
+        for _ in 0..count.0 {
+            let Some((new, rest)) = block.split_first_mut() else {
+                break;
+            };
             let row = triangle.split_off_mut(..=rest.len()).unwrap_or_default();
             let Some((pivot, row)) = row.split_first_mut() else {
                 return Err(FactorError::Length(rest.len()));
@@ -113,7 +133,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
 }
 
 /// Whether all numbers are finite.
-fn check<T: Real>(block: &Block<T>) -> Result<(), FactorError> {
+pub(super) fn check<T: Real>(block: &Block<T>) -> Result<(), FactorError> {
     // x·0 is NaN exactly for the numbers that must not enter.
     let numbers = block.as_flattened().iter();
     let probe = numbers.fold(T::zero(), |sum, x| sum + *x * T::zero());
