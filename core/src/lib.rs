@@ -55,9 +55,11 @@ pub mod go2;
 pub mod inertia;
 pub mod regressor;
 mod scalar;
+mod slot;
 pub mod spatial;
 pub mod storage;
 pub mod tree;
+pub mod walk;
 pub mod window;
 pub mod wire;
 

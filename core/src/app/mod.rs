@@ -26,7 +26,6 @@ mod leg;
 #[cfg(test)]
 mod request_tests;
 mod requests;
-mod slot;
 mod snapshot;
 #[cfg(test)]
 mod tests;
@@ -38,6 +37,7 @@ use crate::estimator::{
     Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use crate::slot::Slot;
 use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
     Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
@@ -48,7 +48,6 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::{String, Vec};
 use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
-use slot::Slot;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
 
