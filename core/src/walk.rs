@@ -22,6 +22,7 @@ mod stance;
 mod tests;
 mod window;
 
+pub use crate::wire::WalkCounts;
 pub use columns::{ACC, BIAS, COLUMNS, EFFECTS, OWN, REST, TRUNK, WalkPrior, inertial_parameters};
 pub use solution::WalkEstimate;
 
@@ -29,7 +30,6 @@ use crate::factor::{ArrowFactor, Block, Factor, FactorError, Folding, ROWS, pack
 use crate::go2::{self, ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use crate::slot::Slot;
 use crate::spatial::Transform;
-use crate::tree::Tree;
 use crate::window::sequence::implausible;
 use crate::window::{Plausible, Sample};
 use crate::{Real, scalar::real};
@@ -41,7 +41,7 @@ use stance::Judge;
 use window::{Advance, Ready, WalkRows, WalkWindow};
 
 /// Length of a window, µs: twice that of a robot that hangs, for half of the equations.
-const WINDOW_US: u64 = 40_000;
+pub const WINDOW_US: u64 = 40_000;
 /// Samples further apart than this are not bridged, µs.
 const MAX_GAP_US: u64 = 10_000;
 /// No gyro of a robot reads more, rad/s, and no accelerometer, m/s².
@@ -82,37 +82,6 @@ impl<T: Real> WalkSample<T> {
         acc: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
         count: [T::ZERO; LEGS],
     };
-}
-
-/// What became of samples and windows since the start.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WalkCounts {
-    /// Samples that came.
-    pub samples: u32,
-    /// Of them those that repeat the one before, come late, or cannot be true.
-    pub repeated: u32,
-    /// Late ones.
-    pub late: u32,
-    /// Ones that cannot be true.
-    pub rejected: u32,
-    /// Gaps, each of which costs 32 ms and the open window.
-    pub gaps: u32,
-    /// Windows folded in.
-    pub windows: u32,
-    /// Equations of them.
-    pub equations: u32,
-    /// Windows lost: a foot touched down or lifted off too soon after they began.
-    pub cut: u32,
-    /// … to an impact.
-    pub impact: u32,
-    /// … because a loaded leg was too straight or too folded.
-    pub singular: u32,
-    /// … because the one before was not yet folded in, or their numbers were not finite.
-    pub unfolded: u32,
-    /// Judged samples, and of them those with each foot in the air.
-    pub judged: u32,
-    /// Feet surely in the air, leg by leg.
-    pub air: [u32; LEGS],
 }
 
 /// The factors and the triangle that is solved, beside the walker: all zeros at first.
@@ -169,7 +138,6 @@ struct Waiting<T> {
 
 /// The walking robot: samples, window, and what is being folded in and solved.
 pub struct Walker<T: Real> {
-    robot: Slot<Tree<T, 13, 18>>,
     smoother: Smoother<T>,
     length: GravityLength<T>,
     last: Slot<Quiet<T>>,
@@ -185,7 +153,6 @@ impl<T: Real> Walker<T> {
     /// A walker that has to [`begin`](Self::begin); all zeros, a constant for statics.
     pub const fn unset() -> Self {
         Self {
-            robot: Slot::Empty,
             smoother: Smoother::new(),
             length: GravityLength::new(),
             last: Slot::Empty,
@@ -201,21 +168,7 @@ impl<T: Real> Walker<T> {
             },
             solution: Solution::new(),
             late_us: 0,
-            counts: WalkCounts {
-                samples: 0,
-                repeated: 0,
-                late: 0,
-                rejected: 0,
-                gaps: 0,
-                windows: 0,
-                equations: 0,
-                cut: 0,
-                impact: 0,
-                singular: 0,
-                unfolded: 0,
-                judged: 0,
-                air: [0; LEGS],
-            },
+            counts: WalkCounts::ZERO,
         }
     }
 
@@ -233,7 +186,7 @@ impl<T: Real> Walker<T> {
         self.smoother = Smoother::new();
         self.length = GravityLength::new();
         self.last = Slot::Empty;
-        self.judge.begin(&robot, imu);
+        self.judge.begin(imu);
         self.window = Slot::Full(WalkWindow::new(&robot, *imu, WINDOW_US));
         self.waiting.busy = false;
         self.waiting.windows = 0;
@@ -245,18 +198,22 @@ impl<T: Real> Walker<T> {
             .fill(T::zero());
         self.solution.begin();
         self.late_us = 0;
-        self.counts = WalkCounts::default();
+        self.counts = WalkCounts::ZERO;
         memory.factor.clear();
         let made = memory
             .prior
             .make(&robot, &mut memory.work[..columns::PRIOR_WORK]);
-        self.robot = Slot::Full(robot);
         made
     }
 
     /// What became of samples and windows.
     pub fn counts(&self) -> &WalkCounts {
         &self.counts
+    }
+
+    /// Whether a window is open.
+    pub fn has_window(&self) -> bool {
+        self.window.get().is_some_and(|window| window.is_open())
     }
 
     /// Takes a sample; what it says is in the rows 32 ms later.

@@ -47,6 +47,7 @@ mod recordings;
 mod report;
 mod round_trip;
 mod same_numbers;
+mod walking;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]

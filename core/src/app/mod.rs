@@ -31,6 +31,7 @@ mod snapshot;
 mod tests;
 #[cfg(test)]
 mod timing_tests;
+mod walking;
 
 use crate::Real;
 use crate::estimator::{
@@ -50,6 +51,7 @@ use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
+pub use walking::{WALK_US, WalkingApp, WalkingMemory};
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -234,7 +236,8 @@ impl<T: Real> App<T> {
             HostMessage::RequestHello => self.hello_at = 0,
             HostMessage::Request(request) => self.requests.push(*request),
             HostMessage::ReadFactor(read) => memory.1.ask(*read),
-            HostMessage::Advance(_) => {}
+            // The IMU is for a robot that walks: [`WalkingApp`].
+            HostMessage::Advance(_) | HostMessage::Imu(_) => {}
         }
     }
 
@@ -369,13 +372,7 @@ impl<T: Real> App<T> {
 
     /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
     pub fn record_cost(&mut self, cost: u32, stack_bytes: u32) {
-        let budget = self.identity().budget;
-        let load = &mut self.load;
-        load.ticks = load.ticks.wrapping_add(1);
-        load.over_budget = load.over_budget.wrapping_add(u32::from(cost > budget));
-        load.worst = load.worst.max(cost);
-        load.total = load.total.wrapping_add(u64::from(cost));
-        load.stack_bytes = stack_bytes;
+        self.load.record(cost, stack_bytes, self.identity().budget);
     }
 
     /// Takes note of what was lost around the application since the start; a reset does not forget it.

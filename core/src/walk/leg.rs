@@ -8,6 +8,7 @@
 //! ([`super::columns`]).
 
 use crate::go2::JOINTS_PER_LEG;
+use crate::inertia::InertialParameters;
 use crate::scalar::{real, sin_cos};
 use crate::tree::Tree;
 use crate::{Real, go2};
@@ -28,8 +29,8 @@ pub(super) struct LegFrame<T: Real> {
     at: [Vector3<T>; JOINTS_PER_LEG],
     /// The foot's centre in the calf, m, and its radius, m.
     foot: (Vector3<T>, T),
-    /// Mass (kg) and first moment (kg m) of the bodies by the CAD.
-    cad: [(T, Vector3<T>); JOINTS_PER_LEG],
+    /// The bodies by the CAD.
+    cad: [InertialParameters<T>; JOINTS_PER_LEG],
 }
 
 impl<T: Real> LegFrame<T> {
@@ -44,11 +45,14 @@ impl<T: Real> LegFrame<T> {
             }),
             foot: foot.unwrap_or((Vector3::zeros(), T::zero())),
             cad: core::array::from_fn(|n| {
-                body(n).map_or((T::zero(), Vector3::zeros()), |body| {
-                    (body.inertia.mass(), body.inertia.first_moment())
-                })
+                body(n).map_or(InertialParameters::zero(), |body| body.inertia)
             }),
         }
+    }
+
+    /// The leg's posture, at joint positions `q`, rad.
+    pub(super) fn posture(&self, q: &[T; JOINTS_PER_LEG]) -> Posture<T> {
+        Posture(q.map(Turn::of))
     }
 
     /// How the leg moves, at joint positions `q` (rad) and velocities `dq` (rad/s), on a base with angular velocity `w` (rad/s) whose
@@ -60,8 +64,8 @@ impl<T: Real> LegFrame<T> {
         w: &Vector3<T>,
         v: &Vector3<T>,
     ) -> LegMotion<T> {
-        let turns = q.map(|q| Turn::of(q));
-        let [hip, thigh, calf] = turns;
+        let posture = self.posture(q);
+        let [hip, thigh, calf] = &posture.0;
         let [at_hip, at_thigh, at_calf] = &self.at;
         let moved = |w: &Vector3<T>, v: &Vector3<T>, p: &Vector3<T>| v + w.cross(p);
         let mut w1 = hip.x_down(w);
@@ -74,7 +78,7 @@ impl<T: Real> LegFrame<T> {
         let v3 = calf.y_down(&moved(&w2, &v2, at_calf));
         w3.y += dq[2];
         LegMotion {
-            turns,
+            posture,
             w: [w1, w2, w3],
             v: [v1, v2, v3],
         }
@@ -87,7 +91,7 @@ impl<T: Real> LegFrame<T> {
         moves: &LegMotion<T>,
         mut tell: impl FnMut(usize, usize, [T; KEPT], [T; KEPT]),
     ) -> [Momenta<T>; JOINTS_PER_LEG] {
-        let [_, thigh, calf] = &moves.turns;
+        let [_, thigh, calf] = &moves.posture.0;
         let [_, at_thigh, at_calf] = &self.at;
         let mut row = |joint: usize, body: usize, momenta: &Momenta<T>| {
             let (w, v) = (&moves.w[joint], &moves.v[joint]);
@@ -130,14 +134,14 @@ impl<T: Real> LegFrame<T> {
         rotation: &Matrix3<T>,
         p: &Vector3<T>,
     ) -> Momenta<T> {
-        let hip = &moves.turns[0];
+        let hip = &moves.posture.0[0];
         let base = momenta.carried(&self.at[0], |x| hip.x_up(x));
         base.carried(p, |x| rotation * x)
     }
 
     /// The foot, with gravity along the unit vector `down` in the axes of the base.
-    pub(super) fn foot(&self, moves: &LegMotion<T>, down: &Vector3<T>) -> LegFoot<T> {
-        let [hip, thigh, calf] = &moves.turns;
+    pub(super) fn foot(&self, posture: &Posture<T>, down: &Vector3<T>) -> LegFoot<T> {
+        let [hip, thigh, calf] = &posture.0;
         let [at_hip, at_thigh, at_calf] = &self.at;
         let in_calf = calf.y_down(&thigh.y_down(&hip.x_down(down)));
         let (centre, radius) = &self.foot;
@@ -168,21 +172,98 @@ impl<T: Real> LegFrame<T> {
     /// first moment (kg m) about the base's origin.
     pub(super) fn weight(
         &self,
-        moves: &LegMotion<T>,
+        posture: &Posture<T>,
     ) -> ([Vector3<T>; JOINTS_PER_LEG], T, Vector3<T>) {
-        let [hip, thigh, calf] = &moves.turns;
+        let [hip, thigh, calf] = &posture.0;
         let [at_hip, at_thigh, at_calf] = &self.at;
-        let [(m1, h1), (m2, h2), (m3, h3)] = &self.cad;
-        let from_calf = calf.y_up(h3);
-        let from_thigh = thigh.y_up(&(h2 + from_calf + at_calf * *m3));
-        let from_hip = hip.x_up(&(h1 + from_thigh + at_thigh * (*m2 + *m3)));
-        let mass = *m1 + *m2 + *m3;
+        let [h1, h2, h3] = self.cad.each_ref().map(|body| body.first_moment());
+        let [m1, m2, m3] = self.cad.each_ref().map(|body| body.mass());
+        let from_calf = calf.y_up(&h3);
+        let from_thigh = thigh.y_up(&(h2 + from_calf + at_calf * m3));
+        let from_hip = hip.x_up(&(h1 + from_thigh + at_thigh * (m2 + m3)));
+        let mass = m1 + m2 + m3;
         let torques = [
             Vector3::new(T::zero(), -from_hip.z, from_hip.y),
             hip.x_up(&about_y(&from_thigh)),
             hip.x_up(&about_y(&thigh.y_up(&from_calf))),
         ];
         (torques, mass, from_hip + at_hip * mass)
+    }
+}
+
+/// What of a body a torque is made of: angular velocity (rad/s) and acceleration (rad/s²), and the specific force at its origin (m/s²), in its
+/// own axes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Felt<T: Real> {
+    pub(super) w: Vector3<T>,
+    pub(super) turning: Vector3<T>,
+    pub(super) specific: Vector3<T>,
+}
+
+impl<T: Real> LegFrame<T> {
+    /// The joints' torques (N m) that the CAD's leg needs with its foot in the air, at velocities `dq` (rad/s) and accelerations `ddq` (rad/s²),
+    /// on a base that moves so: Newton and Euler's equations from the base to the calf and back.
+    pub(super) fn torques(
+        &self,
+        posture: &Posture<T>,
+        dq: &[T; JOINTS_PER_LEG],
+        ddq: &[T; JOINTS_PER_LEG],
+        base: &Felt<T>,
+    ) -> [T; JOINTS_PER_LEG] {
+        let [hip, thigh, calf] = &posture.0;
+        let [at_hip, at_thigh, at_calf] = &self.at;
+        let first = base.carried(at_hip, Vector3::x(), [dq[0], ddq[0]], |x| hip.x_down(x));
+        let second = first.carried(at_thigh, Vector3::y(), [dq[1], ddq[1]], |x| thigh.y_down(x));
+        let third = second.carried(at_calf, Vector3::y(), [dq[2], ddq[2]], |x| calf.y_down(x));
+        let [body1, body2, body3] = &self.cad;
+        let (couple3, force3) = third.needs(body3);
+        let (own, force) = second.needs(body2);
+        let there = calf.y_up(&force3);
+        let couple2 = own + calf.y_up(&couple3) + at_calf.cross(&there);
+        let force2 = force + there;
+        let there = thigh.y_up(&force2);
+        let couple1 = first.needs(body1).0 + thigh.y_up(&couple2) + at_thigh.cross(&there);
+        [couple1.x, couple2.y, couple3.y]
+    }
+}
+
+impl<T: Real> Felt<T> {
+    /// A body whose origin is at `p` in this one and which turns about `axis` with these velocity and acceleration; `down` leads to its axes.
+    #[inline(always)]
+    fn carried(
+        &self,
+        p: &Vector3<T>,
+        axis: Vector3<T>,
+        [rate, gain]: [T; 2],
+        down: impl Fn(&Vector3<T>) -> Vector3<T>,
+    ) -> Self {
+        let Self {
+            w,
+            turning,
+            specific,
+        } = self;
+        let specific = specific + turning.cross(p) + w.cross(&w.cross(p));
+        let above = down(w);
+        let w = above + axis * rate;
+        Self {
+            w,
+            turning: down(turning) + axis * gain + above.cross(&axis) * rate,
+            specific: down(&specific),
+        }
+    }
+
+    /// The couple about its origin (N m) and the force (N) that a body needs to be so.
+    #[inline(always)]
+    fn needs(&self, body: &InertialParameters<T>) -> (Vector3<T>, Vector3<T>) {
+        let Self {
+            w,
+            turning,
+            specific,
+        } = self;
+        let h = body.first_moment();
+        let force = specific * body.mass() + turning.cross(&h) + w.cross(&w.cross(&h));
+        let couple = body.turned(turning) + w.cross(&body.turned(w)) + h.cross(specific);
+        (couple, force)
     }
 }
 
@@ -224,10 +305,14 @@ impl<T: Real> Turn<T> {
     }
 }
 
+/// Sines and cosines of a leg's joints.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Posture<T>([Turn<T>; JOINTS_PER_LEG]);
+
 /// A leg's motion at one instant: the velocity of each body's axes (rad/s) and origin (m/s), in its own axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LegMotion<T: Real> {
-    turns: [Turn<T>; JOINTS_PER_LEG],
+    pub(super) posture: Posture<T>,
     w: [Vector3<T>; JOINTS_PER_LEG],
     v: [Vector3<T>; JOINTS_PER_LEG],
 }

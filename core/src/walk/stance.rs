@@ -8,15 +8,13 @@
 //! - *height*: it is [`HEIGHT`] above the lowest foot that carries a force by torque;
 //! - *guard*: and all of that for [`GUARD`] samples before and after.
 
-use super::leg::LegFrame;
+use super::leg::{Felt, LegFrame};
 use super::smoother::Quiet;
 use crate::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS};
-use crate::slot::Slot;
 use crate::spatial::Transform;
-use crate::tree::{Placements, Tree};
 use crate::window::microseconds;
 use crate::{Real, scalar::real};
-use nalgebra::{SVector, Vector3};
+use nalgebra::Vector3;
 
 /// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
 const FORCE: f64 = 14.0;
@@ -60,7 +58,6 @@ struct Sensor<T> {
 /// The judge and the samples that wait for it.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<T: Real> {
-    robot: Slot<Tree<T, 13, 18>>,
     imu: Transform<T>,
     ring: [Quiet<T>; RING],
     next: usize,
@@ -76,7 +73,6 @@ pub(super) struct Judge<T: Real> {
 impl<T: Real> Judge<T> {
     pub(super) const fn new() -> Self {
         Self {
-            robot: Slot::Empty,
             imu: super::no_transform(),
             ring: [Quiet::NOTHING; RING],
             next: 0,
@@ -92,9 +88,8 @@ impl<T: Real> Judge<T> {
         }
     }
 
-    pub(super) fn begin(&mut self, robot: &Tree<T, 13, 18>, imu: &Transform<T>) {
+    pub(super) fn begin(&mut self, imu: &Transform<T>) {
         *self = Self::new();
-        self.robot = Slot::Full(*robot);
         self.imu = *imu;
     }
 
@@ -191,54 +186,31 @@ impl<T: Real> Judge<T> {
         let (down, w) = (axes * middle.down, axes * middle.sample.gyro);
         let turning = axes * (last.gyro - first.gyro) * per_second;
         let r = &self.imu.translation;
-        let specific = axes * acc - turning.cross(r) - w.cross(&w.cross(r));
-        let q = &middle.sample.joints.q;
-        let slope: [T; JOINTS] =
-            core::array::from_fn(|j| (last.joints.dq[j] - first.joints.dq[j]) * per_second);
-        let needed = self.needed(q, &dq, &slope, [&w, &turning, &specific]);
+        // An accelerometer cannot tell acceleration from gravity, nor can the joints.
+        let base = Felt {
+            w,
+            turning,
+            specific: axes * acc - turning.cross(r) - w.cross(&w.cross(r)),
+        };
         let mut force = [T::zero(); LEGS];
         let mut height = [T::zero(); LEGS];
         for (leg, frame) in legs.iter().enumerate() {
             let joint = |j: usize| JOINTS_PER_LEG * leg + j;
-            let still = [T::zero(); JOINTS_PER_LEG];
-            let own = core::array::from_fn(|j| q[joint(j)]);
-            let zero = Vector3::zeros();
-            let foot = frame.foot(&frame.motion(&own, &still, &zero, &zero), &down);
+            let own = |x: &[T; JOINTS]| core::array::from_fn(|j| x[joint(j)]);
+            let posture = frame.posture(&own(&middle.sample.joints.q));
+            let ddq = core::array::from_fn(|j| {
+                (last.joints.dq[joint(j)] - first.joints.dq[joint(j)]) * per_second
+            });
+            let foot = frame.foot(&posture, &down);
+            let needed = frame.torques(&posture, &own(&dq), &ddq, &base);
             let left = core::array::from_fn(|j| {
                 let armature = real::<T>(go2::ACTUATORS[j].armature());
-                needed[joint(j)] - tau[joint(j)] + armature * slope[joint(j)]
+                needed[j] - tau[joint(j)] + armature * ddq[j]
             });
             force[leg] = foot.force(&left);
             height[leg] = -down.dot(&foot.centre);
         }
         (force, height, middle.sample.count)
-    }
-
-    /// The joints' torques that the CAD's robot needs in the air, N m: its base turns with `w` and `turning` (rad/s, rad/s²) and feels the
-    /// specific force `specific` (m/s²).
-    fn needed(
-        &self,
-        q: &[T; JOINTS],
-        dq: &[T; JOINTS],
-        slope: &[T; JOINTS],
-        [w, turning, specific]: [&Vector3<T>; 3],
-    ) -> [T; JOINTS] {
-        let Some(robot) = self.robot.get() else {
-            return [T::zero(); JOINTS];
-        };
-        let (mut at, mut v, mut a) = (SVector::zeros(), SVector::zeros(), SVector::zeros());
-        for n in 0..3 {
-            (v[n], a[n]) = (w[n], turning[n]);
-        }
-        for j in 0..JOINTS {
-            (at[6 + j], v[6 + j], a[6 + j]) = (q[j], dq[j], slope[j]);
-        }
-        let mut placements: Placements<T, 13> = robot.placements(&Transform::identity(), &at);
-        // An accelerometer cannot tell acceleration from gravity, nor can the joints.
-        placements.gravity = -specific;
-        let mut torque = SVector::zeros();
-        robot.write_inverse_dynamics(&placements, &v, &a, &mut torque);
-        core::array::from_fn(|j| torque[6 + j])
     }
 }
 

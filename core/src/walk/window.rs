@@ -157,6 +157,11 @@ impl<T: Real> WalkWindow<T> {
         core::mem::replace(&mut self.open, false)
     }
 
+    /// Whether a window is open.
+    pub(super) fn is_open(&self) -> bool {
+        self.open
+    }
+
     /// Whether the feet are not as they were in the open window.
     pub(super) fn differs(&self, loaded: [bool; LEGS]) -> bool {
         self.open && self.loaded != loaded
@@ -251,10 +256,10 @@ impl<T: Real> WalkWindow<T> {
             };
             let (q, dq, tau) = (of(&sample.q), of(&sample.dq), of(&sample.tau));
             let moves = frame.motion(&q, &dq, &w, &v);
-            let (torques, own, first) = frame.weight(&moves);
+            let (torques, own, first) = frame.weight(&moves.posture);
             mass += own;
             moment += first;
-            let foot = frame.foot(&moves, &down);
+            let foot = frame.foot(&moves.posture, &down);
             fine &= !(foot.singular && self.loaded[leg]);
             let counts = if self.loaded[leg] {
                 T::one()

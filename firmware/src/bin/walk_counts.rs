@@ -104,7 +104,7 @@ impl Counts {
         sample: &WalkSample<Scalar>,
         feet: &mut [bool; LEGS],
     ) -> bool {
-        let before = *walker.counts();
+        let (before, open) = (*walker.counts(), walker.has_window());
         let (_, cost) = counter.count(|| walker.push(sample));
         let after = *walker.counts();
         let closed = after.windows > before.windows;
@@ -119,8 +119,8 @@ impl Counts {
         match (closed, changed) {
             (true, false) => self.closing.add(cost),
             (true, true) => self.cutting.add(cost),
-            // Openings and impacts cost less than a sample of an open window, or as much as a cut.
-            (false, false) if after.judged > 200 && !lost(|c| c.impact) => self.push.add(cost),
+            // What opens a window, or comes while none is, costs less.
+            (false, false) if open && walker.has_window() => self.push.add(cost),
             (false, _) => {}
         }
         closed
@@ -165,6 +165,10 @@ fn main() -> ! {
                 Some(fold) if since < 5 || legs > 0 => fold.add(cost),
                 _ => counts.idle.add(cost),
             }
+        }
+        // What still waits to be folded in is no part of the solution.
+        for _ in 0..FOLDS {
+            walker.step(memory);
         }
         walker.solve();
         for solve in solves.iter_mut() {
