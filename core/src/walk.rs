@@ -5,7 +5,7 @@
 //!
 //! 1. `smoother`: joint velocities from positions, the gyro smoothed, gravity's direction.
 //! 2. `stance`: which feet may carry a force.
-//! 3. `window`: rows of 40 ms in the freely falling frame, forces at loaded feet eliminated; [`leg`](self) has a leg's kinematics.
+//! 3. `window`: rows of 40 ms in the freely falling frame, forces at loaded feet eliminated; `leg` has a leg's kinematics.
 //! 4. `columns`: 145 columns that are independent of each other, and what the CAD says of them.
 //! 5. [`crate::factor::ArrowFactor`]: six rows of the base and three of each leg in the air, folded in over several steps.
 //! 6. `solution`: the factor and the priors in one triangle of the same size, whose end is the trunk and with it the robot's mass.
@@ -15,6 +15,8 @@
 
 mod columns;
 mod leg;
+mod pose;
+mod rows;
 mod smoother;
 mod solution;
 mod stance;
@@ -26,6 +28,7 @@ pub use crate::wire::WalkCounts;
 pub use columns::{ACC, BIAS, COLUMNS, EFFECTS, OWN, REST, TRUNK, WalkPrior, inertial_parameters};
 pub use solution::WalkEstimate;
 
+use crate::estimator::floor;
 use crate::factor::{ArrowFactor, Block, Factor, FactorError, Folding, ROWS, packed_len};
 use crate::go2::{self, ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use crate::slot::Slot;
@@ -35,10 +38,11 @@ use crate::window::{Plausible, Sample};
 use crate::{Real, scalar::real};
 use leg::INERTIA;
 use nalgebra::{Matrix3, Vector3};
+use rows::WalkRows;
 use smoother::{GravityLength, Quiet, Smoother};
 use solution::Solution;
 use stance::Judge;
-use window::{Advance, Ready, WalkRows, WalkWindow};
+use window::{Advance, Ready, WalkWindow};
 
 /// Length of a window, µs: twice that of a robot that hangs, for half of the equations.
 pub const WINDOW_US: u64 = 40_000;
@@ -142,7 +146,7 @@ pub struct Walker<T: Real> {
     length: GravityLength<T>,
     last: Slot<Quiet<T>>,
     judge: Judge<T>,
-    window: Slot<WalkWindow<T>>,
+    window: WalkWindow<T>,
     waiting: Waiting<T>,
     solution: Solution<T>,
     late_us: u64,
@@ -157,7 +161,7 @@ impl<T: Real> Walker<T> {
             length: GravityLength::new(),
             last: Slot::Empty,
             judge: Judge::new(),
-            window: Slot::Empty,
+            window: WalkWindow::unset(),
             waiting: Waiting {
                 rows: WalkRows::zero(),
                 folding: Folding::from(0),
@@ -183,11 +187,11 @@ impl<T: Real> Walker<T> {
         imu: &Transform<T>,
     ) -> Result<(), FactorError> {
         let robot = go2::free();
-        self.smoother = Smoother::new();
+        self.smoother.begin();
         self.length = GravityLength::new();
         self.last = Slot::Empty;
         self.judge.begin(imu);
-        self.window = Slot::Full(WalkWindow::new(&robot, *imu, WINDOW_US));
+        self.window.begin(&robot, imu, WINDOW_US);
         self.waiting.busy = false;
         self.waiting.windows = 0;
         self.waiting.limb = LEGS;
@@ -200,10 +204,10 @@ impl<T: Real> Walker<T> {
         self.late_us = 0;
         self.counts = WalkCounts::ZERO;
         memory.factor.clear();
-        let made = memory
+        memory.factor.set_floor(floor());
+        memory
             .prior
-            .make(&robot, &mut memory.work[..columns::PRIOR_WORK]);
-        made
+            .make(&robot, &mut memory.work[..columns::PRIOR_WORK])
     }
 
     /// What became of samples and windows.
@@ -213,7 +217,7 @@ impl<T: Real> Walker<T> {
 
     /// Whether a window is open.
     pub fn has_window(&self) -> bool {
-        self.window.get().is_some_and(|window| window.is_open())
+        self.window.is_open()
     }
 
     /// Takes a sample; what it says is in the rows 32 ms later.
@@ -255,9 +259,7 @@ impl<T: Real> Walker<T> {
         self.length.restart();
         self.judge.restart();
         self.last = Slot::Empty;
-        if let Some(window) = self.window.get_mut() {
-            window.clear();
-        }
+        self.window.clear();
     }
 
     fn is_implausible(&self, sample: &WalkSample<T>) -> bool {
@@ -271,9 +273,7 @@ impl<T: Real> Walker<T> {
             self.length.add(last, quiet);
         }
         self.last = Slot::Full(*quiet);
-        let Some(window) = self.window.get_mut() else {
-            return;
-        };
+        let window = &mut self.window;
         let Some(judged) = self.judge.push(quiet, window.legs()) else {
             return;
         };

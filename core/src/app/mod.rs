@@ -32,6 +32,8 @@ mod tests;
 #[cfg(test)]
 mod timing_tests;
 mod walking;
+#[cfg(test)]
+mod walking_tests;
 
 use crate::Real;
 use crate::estimator::{

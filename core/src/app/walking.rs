@@ -151,7 +151,7 @@ pub struct WalkingApp<T: Real> {
     solved: bool,
     hello_at: u64,
     counters_at: u64,
-    load: Load,
+    pub(super) load: Load,
     losses: Losses,
 }
 

@@ -70,6 +70,19 @@ impl<
         self.whole.fill(T::zero());
     }
 
+    /// Writes `floor` on the diagonals of empty triangles: each parameter is zero ± 1/`floor`, by each triangle that has it. Pivots that are zero but for
+    /// rounding would turn rounding into rotations.
+    pub(crate) fn set_floor(&mut self, floor: T) {
+        for packed in &mut self.limbs {
+            if let Ok(mut factor) = Factor::in_storage(Self::LIMB, packed.as_mut_slice()) {
+                factor.set_floor(floor);
+            }
+        }
+        if let Ok(mut factor) = Factor::in_storage(Self::COLUMNS, self.whole.as_mut_slice()) {
+            factor.set_floor(floor);
+        }
+    }
+
     /// A limb's triangle: its own columns, then the common ones. Without columns for a limb that is not there.
     pub fn limb(&self, limb: usize) -> Factor<T, &[T]> {
         let found = self

@@ -7,7 +7,7 @@
 //! robot's.
 
 use super::leg::{INERTIA, KEPT};
-use crate::estimator::CAD_UNCERTAINTY;
+use crate::estimator::{CAD_UNCERTAINTY, floor};
 use crate::factor::{Block, Factor, FactorError, ROWS, packed_len};
 use crate::go2::{JOINTS_PER_LEG, LEGS};
 use crate::inertia::{INERTIAL, InertialParameters};
@@ -116,6 +116,7 @@ impl<T: Real> WalkPrior<T> {
         const ALL: usize = INNER + PRIOR;
         let mut whole = Factor::in_storage(ALL, work)?;
         whole.clear();
+        whole.set_floor(floor());
         let mut row = [T::zero(); ALL + 1];
         for (b, body) in robot.bodies().iter().enumerate() {
             let relative = if b == 0 {

@@ -8,11 +8,11 @@
 //! ([`super::columns`]).
 
 use crate::go2::JOINTS_PER_LEG;
-use crate::inertia::InertialParameters;
+use crate::inertia::{INERTIAL, InertialParameters};
 use crate::scalar::{real, sin_cos};
 use crate::tree::Tree;
 use crate::{Real, go2};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, SVector, Vector3};
 
 /// Columns of a body of a leg.
 pub(super) const KEPT: usize = 7;
@@ -34,6 +34,19 @@ pub(super) struct LegFrame<T: Real> {
 }
 
 impl<T: Real> LegFrame<T> {
+    /// No leg: all zeros.
+    pub(super) const NOTHING: Self = {
+        let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let body = InertialParameters(SVector::from_array_storage(ArrayStorage([
+            [T::ZERO; INERTIAL]
+        ])));
+        Self {
+            at: [zero; JOINTS_PER_LEG],
+            foot: (zero, T::ZERO),
+            cad: [body; JOINTS_PER_LEG],
+        }
+    };
+
     /// Leg number `leg` of the free robot.
     pub(super) fn of(robot: &Tree<T, 13, 18>, leg: usize) -> Self {
         let foot = go2::feet().get(leg).map(|foot| (foot.centre, foot.radius));

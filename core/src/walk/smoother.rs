@@ -70,6 +70,17 @@ impl<T: Real> Smoother<T> {
         }
     }
 
+    /// Forgets all, in place.
+    pub(super) fn begin(&mut self) {
+        self.filled = 0;
+        self.age = T::zero();
+        self.before
+            .as_flattened_mut()
+            .as_flattened_mut()
+            .fill(T::zero());
+        self.noise.as_flattened_mut().fill(T::zero());
+    }
+
     /// Forgets the samples, not what is known of noise and gravity.
     pub(super) fn restart(&mut self) {
         self.filled = 0;
@@ -264,7 +275,7 @@ impl<T: Real> GravityLength<T> {
             self.up = Vector3::zeros();
         }
         // The rotation's columns, each turned by the body's rotation from right.
-        let step = super::window::turned(&((a.gyro + b.gyro) * half));
+        let step = super::pose::turned(&((a.gyro + b.gyro) * half));
         let [x, y, z] = self.turned;
         let mix = |v: Vector3<T>| x * v.x + y * v.y + z * v.z;
         let next = [0, 1, 2].map(|n| mix(step.column(n).into_owned()));

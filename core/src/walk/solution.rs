@@ -16,6 +16,8 @@ use crate::{Real, scalar::real};
 /// The noise of an equation before a solution tells it, and the least that is believed, N m.
 const FIRST_NOISE: f64 = 0.1;
 const LEAST_NOISE: f64 = 1e-4;
+/// Equations that tell it.
+const LEAST_EQUATIONS: u32 = COLUMNS as u32;
 /// Standard deviation of an accelerometer's bias, m/s².
 const ACC_BIAS: f64 = 0.2;
 
@@ -241,7 +243,10 @@ impl<T: Real> Solution<T> {
         self.theta = self.next;
         self.equations = self.under_way;
         let equations = real::<T>(f64::from(self.under_way.max(1)));
-        self.noise = sqrt(factor.residual() / equations).max(real(LEAST_NOISE));
+        // Of a few equations, which the parameters fit whatever they are, nothing is learnt.
+        if self.under_way >= LEAST_EQUATIONS {
+            self.noise = sqrt(factor.residual() / equations).max(real(LEAST_NOISE));
+        }
         // The mass' row of R⁻¹ among the last columns: those of the legs before it have no part in it.
         let mut row = [T::zero(); REST];
         for c in 0..REST {

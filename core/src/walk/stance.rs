@@ -89,7 +89,10 @@ impl<T: Real> Judge<T> {
     }
 
     pub(super) fn begin(&mut self, imu: &Transform<T>) {
-        *self = Self::new();
+        self.restart();
+        self.sensors
+            .iter_mut()
+            .for_each(|sensor| sensor.begun = false);
         self.imu = *imu;
     }
 
@@ -143,7 +146,7 @@ impl<T: Real> Judge<T> {
     fn judge(&mut self, legs: &[LegFrame<T>; LEGS]) {
         let (force, height, count) = self.told(legs);
         let far = real::<T>(1e9);
-        let pressed = force.map(|force| !(force < real(FORCE)));
+        let pressed = force.map(|force| (force >= real(FORCE)) | !force.is_finite());
         let mut ground = far;
         for f in 0..LEGS {
             ground = ground.min(if pressed[f] { height[f] } else { far });

@@ -18,22 +18,18 @@
 //! ∫ Xᵀ dM is the Stieltjes sum ½ (X_k + X_k+1)ᵀ (M_k+1 − M_k), as in [`crate::window::FreeBaseWindow`], of which this is the sibling at a tenth of
 //! the cost: it needs a Go2's legs.
 
-use super::columns::{ACC, COLUMNS, EFFECTS, OWN, TRUNK};
-use super::leg::{INERTIA, KEPT, LegFrame, Momenta};
+use super::columns::{ACC, EFFECTS, OWN};
+use super::leg::{INERTIA, KEPT, LegFrame};
+use super::pose::Pose;
+use super::rows::{JOINT_ROW, JointRow, WalkRows, noise_root, solve_lower};
 use crate::effect::{EffectKind, JointState, Term};
-use crate::factor::ROWS;
 use crate::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
 use crate::spatial::Transform;
 use crate::tree::Tree;
 use crate::window::microseconds;
 use crate::{Real, scalar::real};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
-/// The inverse of the noise of the base's equations beside a joint's torque: of moments (1), of forces (m).
-pub(super) const SCALE: [f64; 2] = [0.3, 0.06];
-
-/// What a joint's row has: its leg's inertial columns, its own effects, the accelerometer's, the right-hand side.
-pub(super) const JOINT_ROW: usize = INERTIA + EFFECTS + 4;
 /// Of them those that are differences between the window's ends in part.
 const BOUNDARY: usize = INERTIA + EFFECTS;
 
@@ -58,29 +54,6 @@ struct Joint<T> {
     rates: [T; JOINT_ROW],
     /// How fast it turns with each motion of the base if its foot is loaded and stays; zero if it is not.
     planted: [T; 6],
-}
-
-/// What a sample's `planted` is multiplied with.
-type JointRow<T> = [T; JOINT_ROW];
-
-/// Where the base is in the window's frame.
-#[derive(Clone, Copy, Debug)]
-struct Pose<T: Real> {
-    rotation: Matrix3<T>,
-    /// The IMU's velocity (m/s) and displacement (m).
-    velocity: Vector3<T>,
-    moved: Vector3<T>,
-}
-
-/// The rows of a closed window: mean forces and torques over it per unit of the parameters.
-#[derive(Clone, Debug)]
-pub(super) struct WalkRows<T> {
-    /// The base's six, column by column, divided by their noise's.
-    pub(super) base: [[T; ROWS]; COLUMNS + 1],
-    /// Each joint's; zero of a loaded leg.
-    pub(super) joints: [JointRow<T>; JOINTS],
-    /// How many equations that are.
-    pub(super) equations: usize,
 }
 
 /// What became of a sample.
@@ -113,37 +86,57 @@ pub(super) struct WalkWindow<T: Real> {
 }
 
 impl<T: Real> WalkWindow<T> {
-    pub(super) fn new(robot: &Tree<T, 13, 18>, imu: Transform<T>, window_us: u64) -> Self {
-        let zero = T::zero();
-        let trunk = robot.bodies().first().map(|body| body.inertia);
+    /// A window that has to [`begin`](Self::begin); all zeros, a constant.
+    pub(super) const fn unset() -> Self {
+        let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
         Self {
-            legs: core::array::from_fn(|leg| LegFrame::of(robot, leg)),
-            imu,
-            trunk: trunk.map_or((zero, Vector3::zeros()), |body| {
-                (body.mass(), body.first_moment())
-            }),
-            window_us,
+            legs: [LegFrame::NOTHING; LEGS],
+            imu: super::no_transform(),
+            trunk: (T::ZERO, zero),
+            window_us: 0,
             open: false,
             start_us: 0,
             last: Ready {
                 time_us: 0,
-                q: [zero; JOINTS],
-                dq: [zero; JOINTS],
-                tau: [zero; JOINTS],
-                gyro: Vector3::zeros(),
-                acc: Vector3::zeros(),
-                down: Vector3::zeros(),
+                q: [T::ZERO; JOINTS],
+                dq: [T::ZERO; JOINTS],
+                tau: [T::ZERO; JOINTS],
+                gyro: zero,
+                acc: zero,
+                down: zero,
             },
             loaded: [false; LEGS],
-            pose: Pose::start(),
+            pose: Pose {
+                rotation: super::no_transform().rotation,
+                velocity: zero,
+                moved: zero,
+            },
             joints: [Joint {
-                boundary: [zero; BOUNDARY],
-                rates: [zero; JOINT_ROW],
-                planted: [zero; 6],
+                boundary: [T::ZERO; BOUNDARY],
+                rates: [T::ZERO; JOINT_ROW],
+                planted: [T::ZERO; 6],
             }; JOINTS],
-            shares: [[zero; JOINT_ROW]; JOINTS],
-            felt: [[zero; 3]; 6],
+            shares: [[T::ZERO; JOINT_ROW]; JOINTS],
+            felt: [[T::ZERO; 3]; 6],
             sum: WalkRows::zero(),
+        }
+    }
+
+    /// Becomes that of a robot with its IMU at `imu` in the base, of windows of `window_us`.
+    pub(super) fn begin(&mut self, robot: &Tree<T, 13, 18>, imu: &Transform<T>, window_us: u64) {
+        for (leg, frame) in self.legs.iter_mut().enumerate() {
+            *frame = LegFrame::of(robot, leg);
+        }
+        if let Some(trunk) = robot.bodies().first() {
+            self.trunk = (trunk.inertia.mass(), trunk.inertia.first_moment());
+        }
+        self.imu = *imu;
+        self.window_us = window_us;
+        self.open = false;
+        // What a joint does not feel is never written.
+        for joint in &mut self.joints {
+            joint.boundary.fill(T::zero());
+            joint.rates.fill(T::zero());
         }
     }
 
@@ -354,7 +347,7 @@ impl<T: Real> WalkWindow<T> {
         let at = self.joints;
         self.flush(&at);
         let per_second = T::one() / microseconds::<T>(now_us.saturating_sub(self.start_us).max(1));
-        let root = noise_root(&at);
+        let root = noise_root(at.iter().map(|joint| &joint.planted));
         for (to, from) in rows.base.iter_mut().zip(&self.sum.base) {
             *to = solve_lower(&root, &from.map(|x| x * per_second));
         }
@@ -385,174 +378,4 @@ impl<T: Real> Joint<T> {
         }
         self.rates[JOINT_ROW - 1] = tau;
     }
-}
-
-impl<T: Real> Pose<T> {
-    fn start() -> Self {
-        Self {
-            rotation: Matrix3::identity(),
-            velocity: Vector3::zeros(),
-            moved: Vector3::zeros(),
-        }
-    }
-
-    /// The base's origin, m.
-    fn place(&self, imu: &Transform<T>) -> Vector3<T> {
-        self.moved + imu.translation - self.rotation * imu.translation
-    }
-
-    /// From one sample to the next, twice `half` (s) later.
-    fn advance(&mut self, imu: &Transform<T>, last: &Ready<T>, now: &Ready<T>, half: T) {
-        let axes = &imu.rotation;
-        let before = self.rotation * (axes * last.acc);
-        self.rotation *= turned(&(axes * ((last.gyro + now.gyro) * half)));
-        let after = self.rotation * (axes * now.acc);
-        let gained = (before + after) * half;
-        self.moved += (self.velocity * real::<T>(2.0) + gained) * half;
-        self.velocity += gained;
-    }
-}
-
-/// The rotation by a vector of up to 0.2 rad, to 1e-10.
-pub(super) fn turned<T: Real>(angle: &Vector3<T>) -> Matrix3<T> {
-    let square = angle.dot(angle);
-    let a = T::one() - square * (real::<T>(1.0 / 6.0) - square * real(1.0 / 120.0));
-    let b = real::<T>(0.5) - square * (real::<T>(1.0 / 24.0) - square * real(1.0 / 720.0));
-    let cross = angle.cross_matrix();
-    Matrix3::identity() + cross * a + cross * cross * b
-}
-
-impl<T: Real> WalkRows<T> {
-    /// No rows: all zeros.
-    pub(super) const fn zero() -> Self {
-        Self {
-            base: [[T::ZERO; ROWS]; COLUMNS + 1],
-            joints: [[T::ZERO; JOINT_ROW]; JOINTS],
-            equations: 0,
-        }
-    }
-
-    fn clear(&mut self) {
-        self.base.as_flattened_mut().fill(T::zero());
-        self.joints.as_flattened_mut().fill(T::zero());
-    }
-
-    /// Adds a leg's body's momenta.
-    fn add_momenta(&mut self, column: usize, momenta: &Momenta<T>, sign: T) {
-        let columns = self.base.get_mut(column..).unwrap_or(&mut []);
-        for (n, (to, couple)) in columns.iter_mut().zip(&momenta.couple).enumerate() {
-            for k in 0..3 {
-                to[k] += couple[k] * sign;
-            }
-            if let Some(force) = momenta.force.get(n) {
-                for k in 0..3 {
-                    to[3 + k] += force[k] * sign;
-                }
-            }
-        }
-    }
-
-    /// Adds the trunk's.
-    fn add_trunk(
-        &mut self,
-        w: &Vector3<T>,
-        v: &Vector3<T>,
-        rotation: &Matrix3<T>,
-        place: &Vector3<T>,
-        sign: T,
-    ) {
-        let o = T::zero();
-        let mut columns = self.base.iter_mut().skip(TRUNK);
-        let mut add = |couple: Vector3<T>, force: Vector3<T>| {
-            let force = rotation * force;
-            let couple = rotation * couple + place.cross(&force);
-            if let Some(to) = columns.next() {
-                for k in 0..3 {
-                    to[k] += couple[k] * sign;
-                    to[3 + k] += force[k] * sign;
-                }
-            }
-        };
-        add(Vector3::zeros(), *v);
-        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-            add(axis.cross(v), w.cross(&axis));
-        }
-        for couple in [
-            Vector3::new(w.x, o, o),
-            Vector3::new(w.y, w.x, o),
-            Vector3::new(w.z, o, w.x),
-            Vector3::new(o, w.y, o),
-            Vector3::new(o, w.z, w.y),
-            Vector3::new(o, o, w.z),
-        ] {
-            add(couple, Vector3::zeros());
-        }
-    }
-
-    /// Adds a joint's share to its own row and, by what it turns with the base, to the base's.
-    fn add_share(&mut self, joint: usize, share: &JointRow<T>, planted: &[T; 6]) {
-        if let Some(own) = self.joints.get_mut(joint) {
-            for (sum, x) in own.iter_mut().zip(share) {
-                *sum += *x;
-            }
-        }
-        let (leg, own) = (joint / JOINTS_PER_LEG, joint % JOINTS_PER_LEG);
-        let mut add = |column: usize, numbers: &[T]| {
-            let columns = self.base.get_mut(column..).unwrap_or(&mut []);
-            for (to, x) in columns.iter_mut().zip(numbers) {
-                for (to, along) in to.iter_mut().zip(planted) {
-                    *to += *along * *x;
-                }
-            }
-        };
-        let (inertia, rest) = share.split_at(INERTIA);
-        let (effects, rest) = rest.split_at(EFFECTS);
-        // What the joint does not move it does not feel.
-        add(OWN * leg + KEPT * own, &inertia[KEPT * own..]);
-        add(OWN * leg + INERTIA + EFFECTS * own, effects);
-        add(ACC, rest);
-    }
-}
-
-/// The root L of the base rows' covariance, lower triangle, its diagonal inverted: that of the base's own noise and of the loaded joints'.
-fn noise_root<T: Real>(joints: &[Joint<T>; JOINTS]) -> [[T; 6]; 6] {
-    let mut l = [[T::zero(); 6]; 6];
-    for r in 0..6 {
-        for c in 0..=r {
-            let own = match r == c {
-                true => real(1.0 / (SCALE[r / 3] * SCALE[r / 3])),
-                false => T::zero(),
-            };
-            l[r][c] = joints
-                .iter()
-                .fold(own, |sum, j| sum + j.planted[r] * j.planted[c]);
-        }
-    }
-    for c in 0..6 {
-        for k in 0..c {
-            for r in c..6 {
-                let product = l[r][k] * l[c][k];
-                l[r][c] -= product;
-            }
-        }
-        let inverse = l[c][c].inverse_sqrt();
-        for r in c + 1..6 {
-            l[r][c] *= inverse;
-        }
-        l[c][c] = inverse;
-    }
-    l
-}
-
-/// L⁻¹ x.
-fn solve_lower<T: Real>(l: &[[T; 6]; 6], x: &[T; 6]) -> [T; 6] {
-    let mut y = *x;
-    for r in 0..6 {
-        for c in 0..r {
-            let known = l[r][c] * y[c];
-            y[r] -= known;
-        }
-        y[r] *= l[r][r];
-    }
-    y
 }

@@ -26,7 +26,7 @@ const TRUE_EFFECTS: [[f64; 4]; 3] = [
     [0.05, 0.9, 0.017, 0.05],
 ];
 
-type Go2Window = FreeBaseWindow<f64, 13, 18, 12, 4, 12, 4, [EffectKind; 4]>;
+pub(crate) type Go2Window = FreeBaseWindow<f64, 13, 18, 12, 4, 12, 4, [EffectKind; 4]>;
 type Go2Rows = FreeBaseRows<f64, 13, 18, 12, 4>;
 
 /// A robot, how it is pushed about, and where it starts.
@@ -40,7 +40,7 @@ pub(crate) struct Case {
     forces: [[Vector3<f64>; 2]; 4],
     start: [f64; 18],
     rates: [f64; 18],
-    scale: [f64; 18],
+    pub(crate) scale: [f64; 18],
     pub(crate) straight: bool,
     /// Times the Coulomb friction, whose corner at standstill no trapezium follows.
     dry: f64,
@@ -214,7 +214,7 @@ impl Case {
         moved(&middle.v, &self.acceleration(tree, &middle), dt)
     }
 
-    fn window(&self) -> Go2Window {
+    pub(crate) fn window(&self) -> Go2Window {
         FreeBaseWindow::new(self.tree(), EFFECTS, setup(self.imu, self.scale))
     }
 
