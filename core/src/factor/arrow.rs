@@ -16,7 +16,7 @@
 //! Columns of the base last: what is known of them, whatever the limbs are like, is then the triangle's end, and needs no
 //! substitution through the limbs.
 
-use super::block::{Block, ROWS, Reflected, check};
+use super::block::{Block, ROWS, check};
 use super::{Factor, FactorError, packed_len};
 use crate::Real;
 
@@ -192,7 +192,7 @@ impl Folding {
         while left > 0 && !self.is_done(target.columns()) {
             let length = target.columns() + 1 - self.next;
             let rest = block.get_mut(self.next..).unwrap_or(&mut []);
-            target.reflect_some(self.next, Reflected(1), rest)?;
+            target.reflect_first(self.next, rest)?;
             left = left.saturating_sub(length);
             self.next += 1;
         }

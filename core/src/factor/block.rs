@@ -14,10 +14,6 @@ pub const ROWS: usize = 6;
 /// A block: for each column what the rows hold, side by side; the right-hand side last.
 pub type Block<T> = [[T; ROWS]];
 
-/// How many columns to reflect.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Reflected(pub(super) usize);
-
 /// What folding in a block of so many columns costs, in numbers that a rotation changes: about ten instructions each.
 pub(crate) const fn block_cost(columns: usize) -> usize {
     columns * (columns + 1) + 8 * columns
@@ -54,29 +50,13 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         first: usize,
         block: &mut Block<T>,
     ) -> Result<(), FactorError> {
-        self.reflect_some(first, Reflected(block.len()), block)
-    }
-
-    /// [`reflect_in`](Self::reflect_in) of the first so many columns alone; the others follow another time.
-    ///
-    /// # Errors
-    /// [`FactorError::Length`].
-    pub(super) fn reflect_some(
-        &mut self,
-        first: usize,
-        count: Reflected,
-        block: &mut Block<T>,
-    ) -> Result<(), FactorError> {
         if first + block.len() != self.columns + 1 {
             return Err(FactorError::Length(block.len()));
         }
         let start = row_start(self.columns, first);
         let mut triangle = self.storage.as_mut().get_mut(start..).unwrap_or(&mut []);
         let mut block = block;
-        for _ in 0..count.0 {
-            let Some((new, rest)) = block.split_first_mut() else {
-                break;
-            };
+        while let Some((new, rest)) = block.split_first_mut() {
             let row = triangle.split_off_mut(..=rest.len()).unwrap_or_default();
             let Some((pivot, row)) = row.split_first_mut() else {
                 return Err(FactorError::Length(rest.len()));
@@ -85,6 +65,26 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
             block = rest;
         }
         Ok(())
+    }
+
+    /// The first column's part of [`reflect_in`](Self::reflect_in); the others follow another time.
+    ///
+    /// # Errors
+    /// [`FactorError::Length`].
+    pub(super) fn reflect_first(
+        &mut self,
+        first: usize,
+        block: &mut Block<T>,
+    ) -> Result<(), FactorError> {
+        let start = row_start(self.columns, first);
+        let row = self.storage.as_mut().get_mut(start..).unwrap_or(&mut []);
+        match (row.split_first_mut(), block.split_first_mut()) {
+            (Some((pivot, row)), Some((new, rest))) if first + rest.len() == self.columns => {
+                Reflection::of(pivot, new).apply(row, rest);
+                Ok(())
+            }
+            _ => Err(FactorError::Length(first)),
+        }
     }
 
     /// [`fold_block`](Self::fold_block) for rows that are zero but for some runs of columns, in their order; the right-hand side

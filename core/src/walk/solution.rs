@@ -244,9 +244,9 @@ impl<T: Real> Solution<T> {
         self.equations = self.under_way;
         let equations = real::<T>(f64::from(self.under_way.max(1)));
         // Of a few equations, which the parameters fit whatever they are, nothing is learnt.
-        if self.under_way >= LEAST_EQUATIONS {
-            self.noise = sqrt(factor.residual() / equations).max(real(LEAST_NOISE));
-        }
+        let left = sqrt(factor.residual() / equations).max(real(LEAST_NOISE));
+        let told = self.under_way >= LEAST_EQUATIONS;
+        self.noise = if told { left } else { self.noise };
         // The mass' row of R⁻¹ among the last columns: those of the legs before it have no part in it.
         let mut row = [T::zero(); REST];
         for c in 0..REST {
