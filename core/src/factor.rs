@@ -257,12 +257,17 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 /// What is known of one body's ten inertial parameters.
 pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
 
+mod arrow;
 mod block;
 mod forget;
 mod reduce;
 mod update;
 
-pub(crate) use block::{Block, ROWS, Run, block_cost};
+pub use arrow::{ArrowFactor, Folding};
+pub use block::{Block, ROWS};
+pub(crate) use block::{Run, block_cost};
 
+#[cfg(test)]
+mod arrow_tests;
 #[cfg(test)]
 mod tests;

@@ -17,8 +17,9 @@
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
 //! 8. [`estimator`]: a limb's factors, its prior and its solution in bounded steps.
 //! 9. [`consistent`]: the solution in which every body could exist and no friction is negative.
-//! 10. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 11. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
+//! 10. [`walk`]: all of that for a robot that walks, trunk and legs together, one bounded step at a time.
+//! 11. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 12. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
 //!     [`storage`] has a stand-in.
 //!
 //! # The equation
@@ -55,9 +56,11 @@ pub mod go2;
 pub mod inertia;
 pub mod regressor;
 mod scalar;
+mod slot;
 pub mod spatial;
 pub mod storage;
 pub mod tree;
+pub mod walk;
 pub mod window;
 pub mod wire;
 

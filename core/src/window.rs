@@ -376,7 +376,7 @@ pub(crate) fn microseconds<T: Real>(time: u64) -> T {
     real(f64::from(time.min(u32::MAX.into()) as u32) * 1e-6)
 }
 
-mod free_base;
+pub(crate) mod free_base;
 pub(crate) mod sequence;
 
 pub use free_base::{FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow};

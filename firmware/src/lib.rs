@@ -6,6 +6,8 @@
 
 pub mod board;
 pub mod crash;
+#[cfg(feature = "mps2-an500")]
+pub mod emulated;
 pub mod stack;
 
 /// What the firmware computes with: both work; feature `single` picks the smaller.

@@ -14,3 +14,4 @@ pub mod oracle;
 pub mod prior_reach;
 pub mod recorder;
 pub mod report_example;
+pub mod walks;

@@ -48,6 +48,7 @@ mod report;
 mod round_trip;
 mod same_numbers;
 mod second_encoder;
+mod walking;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]

@@ -2,7 +2,6 @@
 
 use super::alignment::Alignment;
 use super::diagnosis::Evidence;
-use super::slot::Slot;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::estimator::{
@@ -12,6 +11,7 @@ use crate::estimator::{
 use crate::factor::{Factor, FactorError};
 use crate::go2::{JOINTS_PER_LEG, Leg};
 use crate::scalar::{exp_minus, real};
+use crate::slot::Slot;
 use crate::spatial::Transform;
 use crate::window::{Push, Sample, Settings};
 use crate::wire::{self, LegCounters};

@@ -26,18 +26,21 @@ mod leg;
 #[cfg(test)]
 mod request_tests;
 mod requests;
-mod slot;
 mod snapshot;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod timing_tests;
+mod walking;
+#[cfg(test)]
+mod walking_tests;
 
 use crate::Real;
 use crate::estimator::{
     Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use crate::slot::Slot;
 use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
     Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
@@ -48,9 +51,9 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::{String, Vec};
 use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
-use slot::Slot;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
+pub use walking::{WALK_US, WalkingApp, WalkingMemory};
 
 /// Time between two estimates, each of the next leg in turn, µs.
 pub const ESTIMATE_US: u64 = 250_000;
@@ -235,7 +238,8 @@ impl<T: Real> App<T> {
             HostMessage::RequestHello => self.hello_at = 0,
             HostMessage::Request(request) => self.requests.push(*request),
             HostMessage::ReadFactor(read) => memory.1.ask(*read),
-            HostMessage::Advance(_) => {}
+            // The IMU is for a robot that walks: [`WalkingApp`].
+            HostMessage::Advance(_) | HostMessage::Imu(_) => {}
         }
     }
 
@@ -370,13 +374,7 @@ impl<T: Real> App<T> {
 
     /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
     pub fn record_cost(&mut self, cost: u32, stack_bytes: u32) {
-        let budget = self.identity().budget;
-        let load = &mut self.load;
-        load.ticks = load.ticks.wrapping_add(1);
-        load.over_budget = load.over_budget.wrapping_add(u32::from(cost > budget));
-        load.worst = load.worst.max(cost);
-        load.total = load.total.wrapping_add(u64::from(cost));
-        load.stack_bytes = stack_bytes;
+        self.load.record(cost, stack_bytes, self.identity().budget);
     }
 
     /// Takes note of what was lost around the application since the start; a reset does not forget it.

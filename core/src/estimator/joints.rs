@@ -14,7 +14,7 @@ const NOISE_GUESS_ROWS: f64 = 10.0;
 /// A limb's columns are linearly dependent. Pivots that are zero but for rounding would turn rounding into rotations and so
 /// take a share of the residual, a different one in every order of the arithmetic. This much is far above rounding and far
 /// below any prior: zero ± 2e5 in `f64`, ± 200 in `f32`, in the parameter's unit.
-pub(super) fn floor<T: Real>() -> T {
+pub(crate) fn floor<T: Real>() -> T {
     T::default_epsilon().cbrt()
 }
 

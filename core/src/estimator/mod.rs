@@ -19,6 +19,7 @@ pub use device::{
     LONGEST_TRIANGLE, LegBase, Verdict,
 };
 pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS};
+pub(crate) use joints::floor;
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};

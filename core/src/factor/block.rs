@@ -9,10 +9,10 @@ use super::{Factor, FactorError, row_start};
 use crate::Real;
 
 /// Rows of a block: as many as a Cortex-M7's 16 registers of double precision hold beside the reflection that they go through.
-pub(crate) const ROWS: usize = 6;
+pub const ROWS: usize = 6;
 
 /// A block: for each column what the rows hold, side by side; the right-hand side last.
-pub(crate) type Block<T> = [[T; ROWS]];
+pub type Block<T> = [[T; ROWS]];
 
 /// What folding in a block of so many columns costs, in numbers that a rotation changes: about ten instructions each.
 pub(crate) const fn block_cost(columns: usize) -> usize {
@@ -67,6 +67,26 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
         Ok(())
     }
 
+    /// The first column's part of [`reflect_in`](Self::reflect_in); the others follow another time.
+    ///
+    /// # Errors
+    /// [`FactorError::Length`].
+    pub(super) fn reflect_first(
+        &mut self,
+        first: usize,
+        block: &mut Block<T>,
+    ) -> Result<(), FactorError> {
+        let start = row_start(self.columns, first);
+        let row = self.storage.as_mut().get_mut(start..).unwrap_or(&mut []);
+        match (row.split_first_mut(), block.split_first_mut()) {
+            (Some((pivot, row)), Some((new, rest))) if first + rest.len() == self.columns => {
+                Reflection::of(pivot, new).apply(row, rest);
+                Ok(())
+            }
+            _ => Err(FactorError::Length(first)),
+        }
+    }
+
     /// [`fold_block`](Self::fold_block) for rows that are zero but for some runs of columns, in their order; the right-hand side
     /// is the last column of the last. The triangle must be zero between them as well, in the rows of their columns.
     ///
@@ -113,7 +133,7 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>> Factor<T, S> {
 }
 
 /// Whether all numbers are finite.
-fn check<T: Real>(block: &Block<T>) -> Result<(), FactorError> {
+pub(super) fn check<T: Real>(block: &Block<T>) -> Result<(), FactorError> {
     // x·0 is NaN exactly for the numbers that must not enter.
     let numbers = block.as_flattened().iter();
     let probe = numbers.fold(T::zero(), |sum, x| sum + *x * T::zero());

@@ -373,4 +373,4 @@ impl<
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

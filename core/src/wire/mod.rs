@@ -14,11 +14,14 @@ mod frame;
 mod request;
 #[cfg(test)]
 mod tests;
+mod walk;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
 pub use request::{
     Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request,
 };
+
+pub use walk::{Imu, Walk, WalkCounts};
 
 use heapless::{String, Vec};
 use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
@@ -69,6 +72,8 @@ pub enum DeviceMessage {
     Change(Change),
     /// The step that the host asked for is done.
     Advanced(Advanced),
+    /// A walking robot's parameters.
+    Walk(Walk),
 }
 
 /// What a host says.
@@ -82,6 +87,8 @@ pub enum HostMessage {
     ReadFactor(ReadFactor),
     /// Do one step at a time that the host decides; only emulated boards, whose clock means nothing, obey.
     Advance(Advance),
+    /// What the IMU of a robot that walks says now; no answer.
+    Imu(Imu),
 }
 
 /// A device's identity and capacities: at start, when asked, and once a second.
@@ -402,6 +409,15 @@ impl Load {
         total: 0,
         stack_bytes: 0,
     };
+
+    /// Takes note of a step's cost, and of the deepest stack so far.
+    pub(crate) fn record(&mut self, cost: u32, stack_bytes: u32, budget: u32) {
+        self.ticks = self.ticks.wrapping_add(1);
+        self.over_budget = self.over_budget.wrapping_add(u32::from(cost > budget));
+        self.worst = self.worst.max(cost);
+        self.total = self.total.wrapping_add(u64::from(cost));
+        self.stack_bytes = stack_bytes;
+    }
 }
 
 /// A step is done; what it led to was said before.

@@ -63,7 +63,7 @@ const READ: ReadFactor = ReadFactor {
 };
 
 /// Every message with every field as long as it gets.
-fn largest() -> [DeviceMessage; 8] {
+fn largest() -> [DeviceMessage; 9] {
     let full = Parameters::from_slice(&[f32::MIN; MAX_PARAMETERS]).unwrap();
     let m = u32::MAX;
     let leg = LegCounters {
@@ -153,6 +153,31 @@ fn largest() -> [DeviceMessage; 8] {
             time_us: u64::MAX,
         }),
         DeviceMessage::Advanced(Advanced { time_us: u64::MAX }),
+        DeviceMessage::Walk(Walk {
+            time_us: u64::MAX,
+            equations: m,
+            noise: f32::MIN,
+            mass: [f32::MIN; 2],
+            trunk: [f32::MIN; 10],
+            acc_bias: [f32::MIN; 3],
+            effects: [[f32::MIN; 4]; 12],
+            counts: WalkCounts {
+                samples: m,
+                repeated: m,
+                late: m,
+                rejected: m,
+                gaps: m,
+                windows: m,
+                equations: m,
+                cut: m,
+                impact: m,
+                singular: m,
+                unfolded: m,
+                judged: m,
+                air: [m; 4],
+                without_imu: m,
+            },
+        }),
     ]
 }
 
@@ -220,6 +245,12 @@ fn host_message() -> impl Strategy<Value = HostMessage> {
         (any::<u32>(), at).prop_map(|(id, at)| request(id, Action::DropEffect(at))),
         any::<u32>().prop_map(|id| request(id, Action::Reset)),
         any::<(u32, u32)>().prop_map(|(id, s)| request(id, Action::SetMemory(s))),
+        prop::array::uniform6(-50.0..50.0f32).prop_map(|[a, b, c, d, e, f]| {
+            HostMessage::Imu(Imu {
+                gyro: [a, b, c],
+                acc: [d, e, f],
+            })
+        }),
         any::<(u32, u16)>().prop_map(|(copy, first)| HostMessage::ReadFactor(ReadFactor {
             copy,
             first,

@@ -67,6 +67,22 @@ fn build_for(board: &str, scalar: Scalar) -> Result<PathBuf, DeviceError> {
     ))
 }
 
+/// Builds the images and says where the emulated board's is for a robot that walks.
+///
+/// # Errors
+/// As [`build`].
+pub fn walking(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    Ok(build(scalar)?.with_file_name(format!("mps2_an500_walking-{}", scalar.name())))
+}
+
+/// Builds the images and says where the one is that counts the operations of a robot that walks; [`super::qemu::run`] runs it.
+///
+/// # Errors
+/// As [`build`].
+pub fn walk_counts(scalar: Scalar) -> Result<PathBuf, DeviceError> {
+    Ok(build(scalar)?.with_file_name(format!("walk_counts-{}", scalar.name())))
+}
+
 /// Builds the images and says where the one is that counts the core's operations; [`super::qemu::run`] runs it.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello};
+use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Walk};
 
 use crate::estimate::{self, ParameterEstimate};
 use crate::log::JointId;
@@ -31,6 +31,16 @@ pub fn words_of(change: &Change) -> Option<String> {
         ChangeKind::Load => format!("load {size:+.2} kg"),
     };
     Some(format!("{name}: {what} ({since}–{until} s)"))
+}
+
+/// What a device says of a robot that walks, in words.
+pub fn words_of_walk(walk: &Walk) -> String {
+    let ([mass, std], [trunk, x, y, z, ..]) = (walk.mass, walk.trunk);
+    let [x, y, z] = [x, y, z].map(|h| 1e3 * h / trunk);
+    format!(
+        "walks: {mass:.2} ± {std:.2} kg; trunk {trunk:.2} kg, its centre of mass at {x:.0}, {y:.0}, {z:.0} mm ({} windows)",
+        walk.counts.windows
+    )
 }
 
 /// The effects of a leg's estimate in the order of θ: those that its masks name.

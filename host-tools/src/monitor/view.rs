@@ -9,7 +9,7 @@ use proprio_core::wire::{
 };
 
 use super::residual::Residual;
-use crate::device::names::{parameters_of, place, words_of};
+use crate::device::names::{parameters_of, place, words_of, words_of_walk};
 use crate::estimate::ParameterEstimate;
 use crate::log::JointId;
 use crate::parameter;
@@ -119,6 +119,7 @@ impl View {
                     .into_iter()
                     .for_each(|words| self.happened(words));
             }
+            DeviceMessage::Walk(walk) => self.happened(words_of_walk(walk)),
             DeviceMessage::FactorPart(_) | DeviceMessage::Advanced(_) => {}
         }
     }

@@ -11,10 +11,10 @@ use std::process::ExitCode;
 use object::{Object, ObjectSection, SectionFlags, elf};
 use proprio::device::image::{self, Scalar};
 use proprio::device::replay::{bus_step, replay};
-use proprio::device::{Qemu, qemu};
+use proprio::device::{Device, Qemu, qemu};
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Counters, DeviceMessage, Load};
-use proprio_tests::motion;
+use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Load};
+use proprio_tests::{motion, walks};
 use serde::{Deserialize, Serialize};
 
 type Failure = Box<dyn std::error::Error>;
@@ -28,9 +28,13 @@ const RESOLUTION: u64 = 1;
 /// A figure may exceed what was accepted by 1/50.
 const SLACK: u64 = 50;
 
-/// Operations that search or decide, and how many instructions more they may take for other data: the application runs no search, and
-/// a block's verdict takes 85 more of 22 300 where there is more to decide.
-const SEARCHES: [(&str, u64); 2] = [("consistent_", u64::MAX), ("judge_block", 100)];
+/// Operations that search or decide, and how many instructions more they may take for other data: the application runs no search,
+/// a block's verdict takes 85 more of 22 300 where there is more to decide, and a walk's window that closes 4 of 95 000.
+const SEARCHES: [(&str, u64); 3] = [
+    ("consistent_", u64::MAX),
+    ("judge_block", 100),
+    ("walk_push_c", 10),
+];
 
 /// `budgets.toml`.
 #[derive(Default, Serialize, Deserialize)]
@@ -63,9 +67,16 @@ fn check() -> Result<bool, Failure> {
     let mut good = true;
     for scalar in [Scalar::F64, Scalar::F32] {
         let mut figures = Figures::new();
-        sizes(scalar, &mut figures)?;
+        sizes(&image::build(scalar)?, "", &mut figures)?;
+        sizes(&image::walking(scalar)?, "walk_", &mut figures)?;
         tick(scalar, &mut figures)?;
-        good &= operations(scalar, &mut figures)?;
+        walk(scalar, &mut figures)?;
+        for image in [
+            image::operation_counts(scalar)?,
+            image::walk_counts(scalar)?,
+        ] {
+            good &= operations(scalar, &image, &mut figures)?;
+        }
         let compiler = compiler(scalar)?;
         if compiler == budgets.compiler {
             good &= compare(scalar.name(), &figures, &budgets);
@@ -107,9 +118,9 @@ fn compiler(scalar: Scalar) -> Result<String, Failure> {
     Ok(words.collect::<Vec<_>>().join(" "))
 }
 
-/// Bytes of the image in flash and in static RAM.
-fn sizes(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
-    let image = std::fs::read(image::build(scalar)?)?;
+/// Bytes of an image in flash and in static RAM.
+fn sizes(image: &Path, of: &str, figures: &mut Figures) -> Result<(), Failure> {
+    let image = std::fs::read(image)?;
     let file = object::File::parse(&*image)?;
     let (mut flash, mut ram) = (0, 0);
     for section in file.sections() {
@@ -127,8 +138,8 @@ fn sizes(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
             ram += section.size();
         }
     }
-    figures.insert("flash_bytes".into(), flash);
-    figures.insert("static_ram_bytes".into(), ram);
+    figures.insert(format!("{of}flash_bytes"), flash);
+    figures.insert(format!("{of}static_ram_bytes"), ram);
     Ok(())
 }
 
@@ -173,10 +184,44 @@ fn tick(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Instructions per tick and the deepest stack of the image for a robot that walks: the committed walks one after the other.
+fn walk(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
+    let mut last = Counters::default();
+    let mut hear = |message| {
+        if let DeviceMessage::Counters(counters) = message {
+            last = counters;
+        }
+    };
+    let mut board = Qemu::boot(&image::walking(scalar)?)?;
+    let mut start = 0;
+    for name in ["sway", "trot", "flying", "load"] {
+        let samples = walks::samples(name);
+        for sample in &samples {
+            let mut step = walks::step(sample);
+            step.bus.time_us += start;
+            board.command(&HostMessage::Imu(step.imu))?;
+            board.play(&step.bus, &mut hear)?;
+        }
+        start += samples.last().map_or(0, |sample| sample.joints.time_us) + 2_000;
+    }
+    board.settle(&mut hear)?;
+    let Load {
+        ticks,
+        worst,
+        total,
+        stack_bytes,
+        ..
+    } = last.load;
+    figures.insert("walk_stack_bytes".into(), u64::from(stack_bytes));
+    figures.insert("walk_tick_worst".into(), u64::from(worst));
+    figures.insert("walk_tick_mean".into(), total / u64::from(ticks));
+    Ok(())
+}
+
 /// Instructions of the core's operations; whether each that does not search takes the same whatever the data.
-fn operations(scalar: Scalar, figures: &mut Figures) -> Result<bool, Failure> {
+fn operations(scalar: Scalar, image: &Path, figures: &mut Figures) -> Result<bool, Failure> {
     let mut constant = true;
-    for line in qemu::run(&image::operation_counts(scalar)?)?.lines() {
+    for line in qemu::run(image)?.lines() {
         let fields: Vec<&str> = line.split_whitespace().collect();
         let [name, fewest, most] = fields[..] else {
             return Err(format!("unexpected line: {line}").into());

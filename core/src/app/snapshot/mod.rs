@@ -23,9 +23,9 @@ use crc::Digest;
 use embedded_storage::nor_flash::NorFlash;
 
 use super::leg::{LegData, LegLine};
-use super::slot::Slot;
 use crate::Real;
 use crate::go2::LEGS;
+use crate::slot::Slot;
 use crate::wire::Kept;
 use record::{NUMBERS, number, set_number};
 use slots::{CRC, Head, NUMBERS_PER_WORD, WORD, Word};

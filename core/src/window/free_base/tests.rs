@@ -26,27 +26,27 @@ const TRUE_EFFECTS: [[f64; 4]; 3] = [
     [0.05, 0.9, 0.017, 0.05],
 ];
 
-type Go2Window = FreeBaseWindow<f64, 13, 18, 12, 4, 12, 4, [EffectKind; 4]>;
+pub(crate) type Go2Window = FreeBaseWindow<f64, 13, 18, 12, 4, 12, 4, [EffectKind; 4]>;
 type Go2Rows = FreeBaseRows<f64, 13, 18, 12, 4>;
 
 /// A robot, how it is pushed about, and where it starts.
 #[derive(Clone, Debug)]
-struct Case {
+pub(crate) struct Case {
     inertia: Vec<InertialParameters<f64>>,
-    imu: Transform<f64>,
-    bias: Vector3<f64>,
-    loaded: [bool; 4],
+    pub(crate) imu: Transform<f64>,
+    pub(crate) bias: Vector3<f64>,
+    pub(crate) loaded: [bool; 4],
     /// Each foot's force in the world is its first vector plus the second times a sine.
     forces: [[Vector3<f64>; 2]; 4],
     start: [f64; 18],
     rates: [f64; 18],
-    scale: [f64; 18],
-    straight: bool,
+    pub(crate) scale: [f64; 18],
+    pub(crate) straight: bool,
     /// Times the Coulomb friction, whose corner at standstill no trapezium follows.
     dry: f64,
 }
 
-fn case() -> impl Strategy<Value = Case> {
+pub(crate) fn case() -> impl Strategy<Value = Case> {
     let pair = || prop::array::uniform2(vector());
     (
         prop::collection::vec(physical(), 13),
@@ -87,7 +87,7 @@ struct State {
 }
 
 impl Case {
-    fn tree(&self) -> Tree<f64, 13, 18> {
+    pub(crate) fn tree(&self) -> Tree<f64, 13, 18> {
         // The Go2's bodies and a tenth of other ones.
         let cad = go2::free::<f64>();
         let mixed = core::array::from_fn(|b| {
@@ -119,7 +119,7 @@ impl Case {
     }
 
     /// Viscous, coulomb, armature, bias of a joint.
-    fn effects(&self, joint: usize) -> [f64; 4] {
+    pub(crate) fn effects(&self, joint: usize) -> [f64; 4] {
         let [viscous, coulomb, armature, bias] = TRUE_EFFECTS[joint % 3];
         [viscous, coulomb * self.dry, armature, bias]
     }
@@ -182,7 +182,7 @@ impl Case {
     }
 
     /// Samples every `every` of so many steps of 0.1 ms.
-    fn samples(&self, steps: usize, every: usize) -> Vec<FreeBaseSample<f64, 12, 4>> {
+    pub(crate) fn samples(&self, steps: usize, every: usize) -> Vec<FreeBaseSample<f64, 12, 4>> {
         let tree = self.tree();
         let mut state = self.start();
         let mut samples = vec![];
@@ -214,7 +214,7 @@ impl Case {
         moved(&middle.v, &self.acceleration(tree, &middle), dt)
     }
 
-    fn window(&self) -> Go2Window {
+    pub(crate) fn window(&self) -> Go2Window {
         FreeBaseWindow::new(self.tree(), EFFECTS, setup(self.imu, self.scale))
     }
 
@@ -293,7 +293,7 @@ fn mean_misfit(every: usize) -> f64 {
 }
 
 /// A case without chance.
-fn example(n: usize, loaded: [bool; 4]) -> Case {
+pub(crate) fn example(n: usize, loaded: [bool; 4]) -> Case {
     let number = |k: usize| ((n * 37 + k * 11) as f64 * 0.7).sin();
     let three = |k: usize| Vector3::new(number(k), number(k + 1), number(k + 2));
     Case {

@@ -68,8 +68,11 @@ impl Told {
             DeviceMessage::Diagnosis(diagnosis) => self.diagnoses.push(diagnosis),
             DeviceMessage::Answer(answer) => self.answers.push(answer),
             DeviceMessage::Change(change) => self.found.extend(words_of(&change)),
-            DeviceMessage::Hello(_) | DeviceMessage::Advanced(_) | DeviceMessage::FactorPart(_) => {
-            }
+            // A log is replayed into a device of a robot that hangs.
+            DeviceMessage::Hello(_)
+            | DeviceMessage::Advanced(_)
+            | DeviceMessage::FactorPart(_)
+            | DeviceMessage::Walk(_) => {}
         }
     }
 }

@@ -4,7 +4,7 @@
 /// all zeros in memory: a static that begins with empty slots takes no flash.
 #[derive(Clone, Copy, Debug)]
 #[repr(u8)]
-pub(super) enum Slot<T> {
+pub(crate) enum Slot<T> {
     /// Nothing.
     Empty,
     /// The value.
@@ -14,7 +14,7 @@ pub(super) enum Slot<T> {
 impl<T> Slot<T> {
     /// The value, if there is one.
     #[inline(always)]
-    pub(super) fn get(&self) -> Option<&T> {
+    pub(crate) fn get(&self) -> Option<&T> {
         match self {
             Self::Empty => None,
             Self::Full(value) => Some(value),
@@ -23,7 +23,7 @@ impl<T> Slot<T> {
 
     /// The value, if there is one.
     #[inline(always)]
-    pub(super) fn get_mut(&mut self) -> Option<&mut T> {
+    pub(crate) fn get_mut(&mut self) -> Option<&mut T> {
         match self {
             Self::Empty => None,
             Self::Full(value) => Some(value),
@@ -33,7 +33,7 @@ impl<T> Slot<T> {
 
 impl<T: Copy> Slot<T> {
     /// The value, if there is one; the slot is empty then.
-    pub(super) fn take(&mut self) -> Option<T> {
+    pub(crate) fn take(&mut self) -> Option<T> {
         let value = self.get().copied();
         *self = Self::Empty;
         value

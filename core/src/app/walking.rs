@@ -1,0 +1,406 @@
+//! The line of a robot that walks, one bounded step at a time: the bytes of four buses and an IMU's readings in, messages out.
+//!
+//! A firmware of its own beside [`App`](super::App), which identifies legs of a robot that hangs: both at once would take more RAM than a
+//! microcontroller has (540 of 512 KiB in `f64`), and a robot does one or the other. [`WalkingApp::step`]
+//!
+//! 1. decodes what the buses have brought and, of each leg, takes the last polling cycle;
+//! 2. once all four legs have a new one and the IMU has been heard, gives the whole robot's sample to the [`Walker`]: one in a step at most;
+//! 3. folds or solves a part ([`Walker::step`]);
+//! 4. says at most one message.
+//!
+//! The sensor of a foot is told by its calf's replies; one that is always the same is not asked.
+
+use super::alignment::Alignment;
+use super::leg::{SETTINGS, STEP_EFFORT};
+use super::{HELLO_US, Identity, NOBODY, REPORT_US, single, text};
+use crate::Real;
+use crate::bus::{Listener, Queue};
+use crate::factor::FactorError;
+use crate::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS};
+use crate::scalar::real;
+use crate::slot::Slot;
+use crate::spatial::Transform;
+use crate::walk::{EFFECTS, OWN, WINDOW_US, WalkMemory, WalkSample, Walker};
+use crate::window::{Sample, microseconds};
+use crate::wire::{
+    Capacities, Counters, DeviceMessage, Hello, HostMessage, Imu, Kept, LegCounters, Load, Losses,
+    SCHEMA, Walk,
+};
+use heapless::Vec;
+use nalgebra::Vector3;
+
+/// Time between two solutions, µs.
+pub const WALK_US: u64 = 3_000_000;
+/// A reading of the IMU is of use for so long, µs.
+const IMU_AGE_US: u64 = 4_000;
+/// Legs' samples further apart than this are not of one time, µs.
+const APART_US: u64 = 2_000;
+/// Polling cycles that are taken off one bus in a step at most.
+const CYCLES: usize = 3;
+
+/// One leg's bus.
+struct Line<T> {
+    queue: Queue,
+    listener: Slot<Listener>,
+    alignment: Alignment<T>,
+    /// The last cycle, the foot's count in it, and whether the robot's sample still waits for it.
+    latest: Sample<T, JOINTS_PER_LEG>,
+    count: T,
+    fresh: bool,
+    samples: u32,
+    surplus: u32,
+}
+
+impl<T: Real> Line<T> {
+    const fn new() -> Self {
+        Self {
+            queue: Queue::new(),
+            listener: Slot::Empty,
+            alignment: Alignment::new(),
+            latest: Sample {
+                time_us: 0,
+                q: [T::ZERO; JOINTS_PER_LEG],
+                dq: [T::ZERO; JOINTS_PER_LEG],
+                tau: [T::ZERO; JOINTS_PER_LEG],
+            },
+            count: T::ZERO,
+            fresh: false,
+            samples: 0,
+            surplus: 0,
+        }
+    }
+
+    /// Takes what has come; the last of several cycles counts.
+    #[inline(never)]
+    fn listen(&mut self) {
+        let mut effort = STEP_EFFORT;
+        for _ in 0..CYCLES {
+            let Some(listener) = self.listener.get_mut() else {
+                return;
+            };
+            let Some(cycle) = listener.next(&mut self.queue, &mut effort) else {
+                return;
+            };
+            let flags = cycle.last().map_or(0, |heard| heard.reply.flags);
+            self.count = real(f64::from(flags >> 3 & 0xFFF));
+            self.latest = self.alignment.sample(cycle, SETTINGS.max_gap_us);
+            self.surplus = self.surplus.wrapping_add(u32::from(self.fresh));
+            self.samples = self.samples.wrapping_add(1);
+            self.fresh = true;
+        }
+    }
+
+    fn counters(&self) -> LegCounters {
+        let Some(listener) = self.listener.get() else {
+            return LegCounters::ZERO;
+        };
+        let (frames, cycles) = (listener.frames(), listener.cycles());
+        LegCounters {
+            commands: frames.commands,
+            replies: frames.replies,
+            bad_crc: frames.bad_crc,
+            short: frames.short,
+            skipped_bytes: frames.skipped_bytes,
+            lost_bytes: self.queue.lost(),
+            unused_replies: cycles.unused_replies,
+            incomplete: cycles.incomplete,
+            motor_faults: cycles.motor_faults,
+            overheated: cycles.overheated,
+            stuck: cycles.stuck,
+            surplus: self.surplus,
+            samples: self.samples,
+            used: self.samples.wrapping_sub(self.surplus),
+            ..LegCounters::ZERO
+        }
+    }
+}
+
+/// What is known of the robot, beside the application: all zeros at first.
+pub struct WalkingMemory<T: Real> {
+    lines: [Line<T>; LEGS],
+    walk: WalkMemory<T>,
+}
+
+impl<T: Real> WalkingMemory<T> {
+    /// No data, a constant.
+    pub const fn new() -> Self {
+        Self {
+            lines: [const { Line::new() }; LEGS],
+            walk: WalkMemory::new(),
+        }
+    }
+}
+
+impl<T: Real> Default for WalkingMemory<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The application of a robot that walks.
+pub struct WalkingApp<T: Real> {
+    identity: Slot<Identity>,
+    walker: Walker<T>,
+    /// The IMU's last reading, and when it came: at the step after it.
+    imu: Slot<Imu>,
+    imu_us: u64,
+    is_new: bool,
+    without_imu: u32,
+    solve_at: u64,
+    solving_us: u64,
+    solved: bool,
+    hello_at: u64,
+    counters_at: u64,
+    pub(super) load: Load,
+    losses: Losses,
+}
+
+impl<T: Real> WalkingApp<T> {
+    /// An application that is nobody yet, a constant of zeros; [`begin`](Self::begin) says who it is.
+    pub const fn unset() -> Self {
+        Self {
+            identity: Slot::Empty,
+            walker: Walker::unset(),
+            imu: Slot::Empty,
+            imu_us: 0,
+            is_new: false,
+            without_imu: 0,
+            solve_at: 0,
+            solving_us: 0,
+            solved: false,
+            hello_at: 0,
+            counters_at: 0,
+            load: Load::ZERO,
+            losses: Losses::ZERO,
+        }
+    }
+
+    /// Becomes the application of `identity`, and forgets all data. For the start: the priors take some millions of instructions.
+    ///
+    /// # Errors
+    /// None with the Go2's constants: as [`Walker::begin`].
+    pub fn begin(
+        &mut self,
+        memory: &mut WalkingMemory<T>,
+        identity: Identity,
+    ) -> Result<(), FactorError> {
+        self.identity = Slot::Full(identity);
+        self.reset(memory)
+    }
+
+    fn reset(&mut self, memory: &mut WalkingMemory<T>) -> Result<(), FactorError> {
+        for line in &mut memory.lines {
+            line.queue.clear();
+            line.listener = Slot::Full(Listener::new());
+            line.alignment = Alignment::new();
+            (line.fresh, line.samples, line.surplus) = (false, 0, 0);
+        }
+        self.imu = Slot::Empty;
+        self.is_new = false;
+        self.without_imu = 0;
+        self.solve_at = WALK_US;
+        self.solved = false;
+        self.hello_at = 0;
+        self.counters_at = 0;
+        self.load = Load::ZERO;
+        let imu = Transform::from_translation(Vector3::from(go2::IMU.map(real)));
+        self.walker.begin(&mut memory.walk, &imu)
+    }
+
+    /// Takes what the host says. Requests are of legs that hang, and are not obeyed here.
+    pub fn handle(&mut self, message: &HostMessage) {
+        match message {
+            HostMessage::RequestHello => self.hello_at = 0,
+            HostMessage::Imu(imu) => {
+                self.imu = Slot::Full(*imu);
+                self.is_new = true;
+            }
+            HostMessage::Request(_) | HostMessage::ReadFactor(_) | HostMessage::Advance(_) => {}
+        }
+    }
+
+    /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came.
+    pub fn hear(&mut self, memory: &mut WalkingMemory<T>, leg: usize, bytes: &[u8], end_us: u64) {
+        let byte_ns = self.identity().byte_ns;
+        if let Some(line) = memory.lines.get_mut(leg) {
+            line.queue.push(bytes, end_us, byte_ns);
+        }
+    }
+
+    /// Takes note of what the last step cost, in the identity's unit, and of the deepest stack so far.
+    pub fn record_cost(&mut self, cost: u32, stack_bytes: u32) {
+        self.load.record(cost, stack_bytes, self.identity().budget);
+    }
+
+    /// Takes note of what was lost around the application since the start.
+    pub fn record_losses(&mut self, losses: Losses) {
+        self.losses = losses;
+    }
+
+    // A symbol of its own, like [`App::step`](super::App::step).
+    /// One step at `now_us`. `out` gets the messages to the host.
+    #[inline(never)]
+    pub fn step(
+        &mut self,
+        memory: &mut WalkingMemory<T>,
+        now_us: u64,
+        out: &mut impl FnMut(&DeviceMessage),
+    ) {
+        self.keep_up(now_us);
+        if core::mem::replace(&mut self.is_new, false) {
+            self.imu_us = now_us;
+        }
+        memory.lines.iter_mut().for_each(Line::listen);
+        if memory.lines.iter().all(|line| line.fresh) {
+            self.sample(memory, now_us);
+        }
+        if now_us >= self.solve_at {
+            self.solve_at = now_us.saturating_add(WALK_US);
+            self.solving_us = now_us;
+            self.walker.solve();
+        }
+        self.solved |= self.walker.step(&mut memory.walk);
+        if let Some(message) = self.message(memory, now_us) {
+            out(&message);
+        }
+    }
+
+    /// Brings forward what is due further ahead than it ever is, where the clock has gone back.
+    fn keep_up(&mut self, now_us: u64) {
+        let within = |due: u64, period: u64| due.min(now_us.saturating_add(period));
+        self.hello_at = within(self.hello_at, HELLO_US);
+        self.counters_at = within(self.counters_at, REPORT_US);
+        self.solve_at = within(self.solve_at, WALK_US);
+    }
+
+    /// Makes the robot's sample of the legs', at the time of the last of them: positions go on with their velocities.
+    #[inline(never)]
+    fn sample(&mut self, memory: &mut WalkingMemory<T>, now_us: u64) {
+        let times = memory.lines.iter().map(|line| line.latest.time_us);
+        let (first, last) = times.fold((u64::MAX, 0), |(first, last), time| {
+            (first.min(time), last.max(time))
+        });
+        if last.saturating_sub(first) > APART_US {
+            // The leg that is behind has lost a cycle.
+            for line in &mut memory.lines {
+                line.fresh = line.latest.time_us.saturating_add(APART_US) >= last;
+            }
+            return;
+        }
+        memory.lines.iter_mut().for_each(|line| line.fresh = false);
+        let Some(imu) = self
+            .imu
+            .get()
+            .filter(|_| now_us.saturating_sub(self.imu_us) <= IMU_AGE_US)
+        else {
+            self.without_imu = self.without_imu.wrapping_add(1);
+            return;
+        };
+        let vector = |x: &[f32; 3]| Vector3::from(x.map(|x| real(f64::from(x))));
+        let mut sample = WalkSample {
+            gyro: vector(&imu.gyro),
+            acc: vector(&imu.acc),
+            count: memory.lines.each_ref().map(|line| line.count),
+            joints: Sample {
+                time_us: last,
+                q: [T::zero(); JOINTS],
+                dq: [T::zero(); JOINTS],
+                tau: [T::zero(); JOINTS],
+            },
+        };
+        let joints = &mut sample.joints;
+        let places = joints.q.iter_mut().zip(&mut joints.dq).zip(&mut joints.tau);
+        let readings = memory.lines.iter().flat_map(|line| {
+            let own = &line.latest;
+            let late = microseconds::<T>(last.saturating_sub(own.time_us));
+            let values = own.q.iter().zip(&own.dq).zip(&own.tau);
+            values.map(move |((q, dq), tau)| (*q + *dq * late, *dq, *tau))
+        });
+        for (((q, dq), tau), from) in places.zip(readings) {
+            (*q, *dq, *tau) = from;
+        }
+        self.walker.push(&sample);
+    }
+
+    fn message(&mut self, memory: &WalkingMemory<T>, now_us: u64) -> Option<DeviceMessage> {
+        if now_us >= self.hello_at {
+            self.hello_at = now_us.saturating_add(HELLO_US);
+            return Some(DeviceMessage::Hello(self.hello()));
+        }
+        if core::mem::replace(&mut self.solved, false) {
+            return Some(DeviceMessage::Walk(self.told(memory)));
+        }
+        if now_us >= self.counters_at {
+            self.counters_at = now_us.saturating_add(REPORT_US);
+            return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
+        }
+        None
+    }
+
+    /// The last solution as the wire has it.
+    fn told(&self, memory: &WalkingMemory<T>) -> Walk {
+        let estimate = self.walker.estimate(&memory.walk);
+        let parameters = self.walker.parameters();
+        let effect = |joint: usize, e: usize| {
+            let place = OWN * (joint / JOINTS_PER_LEG + 1)
+                - EFFECTS * (JOINTS_PER_LEG - joint % JOINTS_PER_LEG);
+            parameters.get(place + e).map_or(f32::NAN, |x| single(*x))
+        };
+        Walk {
+            time_us: self.solving_us,
+            equations: estimate.equations,
+            noise: single(estimate.noise),
+            mass: estimate.mass.map(single),
+            trunk: estimate.trunk.map(single),
+            acc_bias: estimate.acc_bias.map(single),
+            effects: core::array::from_fn(|joint| core::array::from_fn(|e| effect(joint, e))),
+            counts: crate::wire::WalkCounts {
+                without_imu: self.without_imu,
+                ..*self.walker.counts()
+            },
+        }
+    }
+
+    fn counters(&self, memory: &WalkingMemory<T>, now_us: u64) -> Counters {
+        Counters {
+            time_us: now_us,
+            legs: memory.lines.each_ref().map(Line::counters),
+            host_frames_bad: self.losses.host_frames_bad,
+            host_frames_missed: self.losses.host_frames_missed,
+            frames_dropped: self.losses.frames_dropped,
+            buses: self.losses.buses,
+            host_line: self.losses.host_line,
+            load: self.load,
+            ..Counters::default()
+        }
+    }
+
+    fn identity(&self) -> Identity {
+        self.identity.get().copied().unwrap_or(NOBODY)
+    }
+
+    /// A device without legs that hang: no parameters of theirs, no effects to be asked for.
+    fn hello(&self) -> Hello {
+        let identity = self.identity();
+        Hello {
+            schema: SCHEMA,
+            firmware: text(identity.firmware),
+            git: text(identity.start.git),
+            board: text(identity.board),
+            reset: identity.start.reset,
+            crash: text(identity.start.crash),
+            capacities: Capacities {
+                legs: 0,
+                joints_per_leg: JOINTS_PER_LEG as u8,
+                inertial_parameters: 0,
+                effect_parameters: 0,
+                window_us: WINDOW_US as u32,
+                scalar_bits: (8 * size_of::<T>()) as u8,
+            },
+            load_unit: text(identity.load_unit),
+            listens_to: super::ALL_LEGS,
+            kept: Kept::NoStorage,
+            effects: Vec::new(),
+        }
+    }
+}
