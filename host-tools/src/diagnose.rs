@@ -283,7 +283,7 @@ fn with_velocities<'a>(
     if wrong.is_empty() {
         return Some(data.clone());
     }
-    let mended = LimbData::with_gains(data.model, data.limb, data.recording, gains)?;
+    let mended = data.with_gains(gains)?;
     Some(mended.leaving_out(&data.left_out))
 }
 

@@ -24,7 +24,7 @@ pub(crate) mod rigid_body;
 pub(crate) mod rows;
 mod speed;
 mod spring;
-mod trajectory;
+pub(crate) mod trajectory;
 pub(crate) mod values;
 pub(crate) mod velocity;
 

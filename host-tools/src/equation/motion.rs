@@ -80,8 +80,14 @@ pub(crate) struct States {
 pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
 impl Motion {
-    /// A limb's motion by its recording. `velocity_gain` is each joint's reported velocity over the true one.
-    pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
+    /// A limb's motion by its recording. `velocity_gain` is each joint's reported velocity over the true one; where `known` has a joint's
+    /// trajectory with it, that is taken.
+    pub(crate) fn of(
+        recording: &LimbRecording,
+        blocks: &Blocks,
+        velocity_gain: &[f64],
+        known: &dyn Fn(usize) -> Option<Trajectory>,
+    ) -> Self {
         let n = recording.joints;
         let begin = recording.time_us.first().copied().unwrap_or(0);
         let seconds = |t: &u64| 1e-6 * (t - begin) as f64;
@@ -106,7 +112,8 @@ impl Motion {
             };
             Trajectory::of(&stretches.iter().map(of).collect::<Vec<_>>(), period)
         };
-        let joint: Vec<Trajectory> = (0..n).map(trajectory).collect();
+        let joint = |joint: usize| known(joint).unwrap_or_else(|| trajectory(joint));
+        let joint: Vec<Trajectory> = (0..n).map(joint).collect();
         let link = |j: usize| link(recording, j, &joint[j], (&time, &stretches), period);
         let links = (0..n).map(link).collect();
         let joint = Arc::new(joint);

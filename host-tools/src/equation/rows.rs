@@ -78,9 +78,14 @@ impl Rows {
             }
         }
         let numbers = columns.numbers(values);
-        for w in (0..motion.windows.len()).filter(|&w| chosen(w)) {
-            for j in 0..motion.joints {
-                rows.scale(w, j, columns, values, &numbers[j]);
+        for j in 0..motion.joints {
+            let gain = values.get((EffectKind::TorqueGain, j), 0);
+            let scale = (columns.of_joint[j].iter()).position(|c| *c == Column::Scale(j));
+            if gain == 1.0 && scale.is_none() {
+                continue;
+            }
+            for w in (0..motion.windows.len()).filter(|&w| chosen(w)) {
+                rows.scale((w, j), (gain, scale), &numbers[j]);
             }
         }
         rows
@@ -139,19 +144,15 @@ impl Rows {
     /// (all that the model makes of the others)/g.
     fn scale(
         &mut self,
-        window: usize,
-        joint: usize,
-        columns: &Columns,
-        values: &Values,
+        (window, joint): (usize, usize),
+        (gain, scale): (f64, Option<usize>),
         numbers: &[f64],
     ) {
-        let gain = values.get((EffectKind::TorqueGain, joint), 0);
         let row = self.row_mut(window, joint);
         if gain != 1.0 {
             row.iter_mut().for_each(|x| *x /= gain);
         }
-        let own = columns.of_joint[joint].iter();
-        if let Some(c) = own.clone().position(|c| *c == Column::Scale(joint)) {
+        if let Some(c) = scale {
             row[c] = 0.0;
             row[c] = -dot(numbers, row) / gain;
         }

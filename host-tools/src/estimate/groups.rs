@@ -54,7 +54,26 @@ impl Groups {
         fold: impl Fn(usize) -> usize,
     ) -> Vec<Vec<Group>> {
         let own: Vec<Vec<Group>> = (0..folds).map(|f| self.sum(|b| fold(b) == f)).collect();
-        let own = Self { blocks: own };
-        (0..folds).map(|f| own.sum(|other| other != f)).collect()
+        // What comes after each fold and what comes before it: none is merged more than twice.
+        let both = |a: &[Group], b: &[Group]| -> Vec<Group> {
+            let pairs = a.iter().zip(b);
+            let sum = |(a, b): (&Group, &Group)| {
+                let told = [a, b].into_iter().filter(|rows| rows.count() > 0.0);
+                Group::sum(told).unwrap_or_else(|| a.without_rows())
+            };
+            pairs.map(sum).collect()
+        };
+        let nothing = || own.iter().take(1).flatten().map(Group::without_rows);
+        let mut after: Vec<Vec<Group>> = vec![nothing().collect()];
+        for fold in own.iter().skip(1).rev() {
+            after.push(both(&after[after.len() - 1], fold));
+        }
+        let mut before: Vec<Group> = nothing().collect();
+        let mut without = Vec::new();
+        for (fold, rest) in own.iter().zip(after.iter().rev()) {
+            without.push(both(rest, &before));
+            before = both(&before, fold);
+        }
+        without
     }
 }

@@ -6,7 +6,7 @@ use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::bounded::Problem;
-use super::fit::{LimbFit, depend_on_values};
+use super::fit::{LimbFit, depends_on_values};
 use super::groups::{Group, stacked};
 use super::limb_data::LimbData;
 use super::method::Method;
@@ -34,16 +34,38 @@ impl LimbFit<'_> {
         Some(self.data.predicted_by_fold(&self.held_out()?))
     }
 
-    /// Whether the predictor is linear in all that is fitted: it is then the sum of the columns, window for window.
+    /// Whether the predictor is linear in all that is fitted but the torques' scales: it is then the sum of the columns, window for
+    /// window.
     fn is_linear(&self) -> bool {
+        let is_scale = |effect: EffectKind| effect == EffectKind::TorqueGain;
         let is_fixed = |place: &Place| self.places.contains(place) || is_derivative(place.0);
-        !depend_on_values(&self.columns)
+        let mut effects = self.columns.entries.iter().filter_map(|e| e.effect);
+        effects.all(|effect| is_scale(effect) || !depends_on_values(effect))
             && self.at.places().all(|place| is_fixed(&place))
             && !self.at.places().any(|place| {
                 place.0.description().form == Form::Motion
                     && place.0 != EffectKind::EncoderOffset
                     && place.0 != EffectKind::VelocityGain
             })
+    }
+
+    /// What the joints' columns are times under θ: those of scales nothing, and the others as much more as the scale is less.
+    fn scaled(&self, theta: &DVector<f64>) -> Vec<Vec<f64>> {
+        let mut plain = theta.clone();
+        let mut scales = vec![1.0; self.data.joints()];
+        for (k, entry) in self.columns.entries.iter().enumerate() {
+            if entry.effect == Some(EffectKind::TorqueGain) {
+                let gain = (self.data).value(&self.at, &self.columns, k, theta.as_slice());
+                let at = self.at.get((EffectKind::TorqueGain, entry.joint), 0);
+                scales[entry.joint] = at / gain;
+                plain[k] = 0.0;
+            }
+        }
+        let mut own = self.columns.combined(plain.as_slice());
+        for (own, scale) in own.iter_mut().zip(scales) {
+            own.iter_mut().for_each(|x| *x *= scale);
+        }
+        own
     }
 
     /// What θ over the columns predicts, each window by the one that `of` tells.
@@ -54,9 +76,7 @@ impl LimbFit<'_> {
     ) -> Vec<f64> {
         let (data, n) = (self.data, self.data.joints());
         let rows = data.rows(&self.at, &self.columns);
-        let own: Vec<_> = (theta.iter())
-            .map(|theta| self.columns.combined(theta.as_slice()))
-            .collect();
+        let own: Vec<_> = theta.iter().map(|theta| self.scaled(theta)).collect();
         let mut torque = vec![0.0; data.torque.len()];
         for w in (0..data.motion.windows.len()).filter(|&w| !data.left_out[w]) {
             for (j, torque) in torque[w * n..(w + 1) * n].iter_mut().enumerate() {

@@ -12,6 +12,7 @@ use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
 use crate::equation::motion::{Motion, is_derivative};
 use crate::equation::rows::Rows;
+use crate::equation::trajectory::Trajectory;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
@@ -62,18 +63,27 @@ impl<'a> LimbData<'a> {
                 velocity_gain[place.1] = given.or_else(measured).unwrap_or(1.0);
             }
         }
-        Self::with_gains(model, limb, recording, velocity_gain)
+        Self::made(model, limb, recording, velocity_gain, &|_| None)
     }
 
-    /// The same with these velocity gains.
-    pub(crate) fn with_gains(
+    /// The same with these velocity gains, and no window left out.
+    pub(crate) fn with_gains(&self, velocity_gain: Vec<f64>) -> Option<Self> {
+        let same: Vec<bool> = (self.velocity_gain.iter().zip(&velocity_gain))
+            .map(|(before, gain)| before == gain)
+            .collect();
+        let known = |j: usize| same[j].then(|| self.motion.joint[j].clone());
+        Self::made(self.model, self.limb, self.recording, velocity_gain, &known)
+    }
+
+    fn made(
         model: &'a Model,
         limb: &'a Limb,
         recording: &'a LimbRecording,
         velocity_gain: Vec<f64>,
+        known: &dyn Fn(usize) -> Option<Trajectory>,
     ) -> Option<Self> {
         let blocks = Blocks::of(recording)?;
-        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain));
+        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain, known));
         let n = recording.joints;
         let torque: Vec<f64> = (motion.windows.iter())
             .flat_map(|window| {

@@ -447,8 +447,11 @@ pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) ->
     let mut step = 0.5 * (neighbour - shape).abs();
     for _ in 0..ROUNDS {
         for other in [shape - step, shape + step] {
+            if other <= 0.0 {
+                continue;
+            }
             let fall = fall(other);
-            if other > 0.0 && fall > most {
+            if fall > most {
                 (shape, most) = (other, fall);
             }
         }

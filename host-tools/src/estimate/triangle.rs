@@ -86,6 +86,13 @@ impl Triangle {
         theta
     }
 
+    /// θ with all entries under test in the model.
+    pub(crate) fn solve_all(&self) -> Vec<f64> {
+        let mut theta = vec![0.0; self.factor.columns()];
+        self.factor.solve_before(theta.len(), &mut theta);
+        theta
+    }
+
     /// Standard deviations of the active entries, in their order.
     #[cfg(test)]
     pub(crate) fn std(&self) -> Vec<f64> {

@@ -38,13 +38,11 @@ impl<'a> Search<'a> {
         };
         let (mut kept, mut useless) = (Vec::new(), Vec::new());
         for c in self.loose_at(best, all) {
-            let after = self.with(c);
-            let size = after
-                .as_ref()
-                .map_or(0.0, |after| after.size(&c.members[0]));
-            let helps = error(&(c, after.clone())) < (1.0 - criteria::LEAST_SHARE) * now;
-            if size >= criteria::LEAST_VALUE && helps {
-                kept.push((c, after));
+            // One that is found to be nothing need not be judged.
+            let is_something = |after: &State| after.size(&c.members[0]) >= criteria::LEAST_VALUE;
+            let tried = (c, self.with_worthwhile(c, &is_something));
+            if error(&tried) < (1.0 - criteria::LEAST_SHARE) * now {
+                kept.push(tried);
             } else {
                 useless.push(c);
             }

@@ -123,27 +123,20 @@ impl<'a> Screen<'a> {
             let (trains, all) = folds.without_each(&columns);
             (folds, trains, all)
         };
-        let (mut folds, mut trains, mut all) = folded(&fit.correlation);
+        let triangle = |data: &[HeapFactor]| order.triangle(&columns, data, &fit.noise);
+        let (mut folds, mut trains, all) = folded(&fit.correlation);
+        let mut all = triangle(&all);
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
-        let mut left = Left::of(
-            fit,
-            &columns,
-            &rows,
-            &order.everything(&columns, &all, &fit.noise),
-        );
+        let mut left = Left::of(fit, &columns, &rows, &all.solve_all());
         if left.differs_from(&fit.correlation) {
-            (folds, trains, all) = folded(&left.correlation);
+            let whitened;
+            (folds, trains, whitened) = folded(&left.correlation);
+            all = triangle(&whitened);
             left = Left {
                 floor: left.floor,
-                ..Left::of(
-                    fit,
-                    &columns,
-                    &rows,
-                    &order.everything(&columns, &all, &fit.noise),
-                )
+                ..Left::of(fit, &columns, &rows, &all.solve_all())
             };
         }
-        let triangle = |data: &[HeapFactor]| order.triangle(&columns, data, &fit.noise);
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
         let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();
         let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| squares(&columns, test, theta);
@@ -155,7 +148,7 @@ impl<'a> Screen<'a> {
             torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
             floor: left.floor,
             predicted,
-            all: triangle(&all),
+            all,
             tests: folds.blocks,
             trains,
             fit: own.clone(),
@@ -484,11 +477,6 @@ impl Order {
 
     fn triangle(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Triangle {
         Triangle::new(columns, &self.prior, data, noise, self.active)
-    }
-
-    /// θ with all candidates in the model.
-    fn everything(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Vec<f64> {
-        Triangle::new(columns, &self.prior, data, noise, columns.entries.len()).solve(&[])
     }
 }
 

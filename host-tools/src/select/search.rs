@@ -230,13 +230,22 @@ impl<'a> Search<'a> {
 
     /// The model with a candidate in it, fitted.
     pub(super) fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
+        self.with_worthwhile(candidate, &|_| true)
+    }
+
+    /// The same where `is_worth` says so of the fit.
+    pub(super) fn with_worthwhile(
+        &self,
+        candidate: &Candidate,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
         let mut places = self.state.places();
         for (limb, place) in &candidate.members {
             places[*limb].push(*place);
         }
         let start = start_with(&self.screens, candidate);
         let new: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
-        self.state.with(self.data, &places, &start, &new)
+        (self.state).with_worthwhile(self.data, &places, &start, &new, is_worth)
     }
 
     /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.

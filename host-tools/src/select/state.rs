@@ -51,6 +51,18 @@ impl<'a> State<'a> {
         start: &[Values],
         new: &[Place],
     ) -> Option<Self> {
+        self.with_worthwhile(data, places, start, new, &|_| true)
+    }
+
+    /// The same where `is_worth` says so of the model before it is known how it predicts what it has not seen: that is half the work.
+    pub(super) fn with_worthwhile(
+        &self,
+        data: &'a [LimbData<'a>],
+        places: &[Vec<Place>],
+        start: &[Values],
+        new: &[Place],
+        is_worth: &dyn Fn(&Self) -> bool,
+    ) -> Option<Self> {
         let (fits, shared) = robot::refit(
             data,
             places,
@@ -59,20 +71,25 @@ impl<'a> State<'a> {
             &self.fits,
             &self.shared,
         )?;
-        let limbs: Vec<usize> = (0..fits.len()).collect();
+        let mut after = Self {
+            fits,
+            shared,
+            squares: self.squares.clone(),
+        };
+        if !is_worth(&after) {
+            return None;
+        }
+        let limbs: Vec<usize> = (0..after.fits.len()).collect();
         let squares = side_by_side(&limbs, |&n| {
-            let same = Arc::ptr_eq(&fits[n], &self.fits[n]);
+            let same = Arc::ptr_eq(&after.fits[n], &self.fits[n]);
             if same {
                 Some(self.squares[n].clone())
             } else {
-                held_out(&fits[n])
+                held_out(&after.fits[n])
             }
         });
-        Some(Self {
-            fits,
-            shared,
-            squares: squares.into_iter().collect::<Option<_>>()?,
-        })
+        after.squares = squares.into_iter().collect::<Option<_>>()?;
+        Some(after)
     }
 
     pub(super) fn values(&self) -> Vec<Values> {
