@@ -100,7 +100,9 @@ fn the_demo_finds_what_it_hid() {
         &["compare", "log.csv", "-m", "model.toml", "--json"],
     ));
     assert_eq!(comparison["rms"], report["after_rms"]);
-    assert_eq!(comparison["before_rms"], report["before_rms"]);
+    // There the effect is left out of a model, here it was not yet in: sums in another order.
+    let before = number(&comparison["before_rms"]) / number(&report["before_rms"]);
+    assert!((before - 1.0).abs() < 1e-12, "{before}");
     assert!(
         fs::read_to_string(made.join("report.html"))
             .unwrap()

@@ -25,7 +25,7 @@ fn identified(name: &str) -> FreeBaseIdentification {
 }
 
 fn truth(name: &str) -> Value {
-    let all = json(&std::fs::read_to_string(folder().join("truth.json")).unwrap());
+    let all = json(&fs::read_to_string(folder().join("truth.json")).unwrap());
     all["logs"][name].clone()
 }
 
@@ -154,7 +154,7 @@ fn feet_without_sensors_cost_no_truth() {
     let text = {
         use std::io::Read;
         let mut text = String::new();
-        let file = std::fs::File::open(log("trot")).unwrap();
+        let file = fs::File::open(log("trot")).unwrap();
         flate2::read::GzDecoder::new(file)
             .read_to_string(&mut text)
             .unwrap();
@@ -175,7 +175,7 @@ fn feet_without_sensors_cost_no_truth() {
     let mass = number(&truth("trot")["mass"]);
     for (name, text) in [("without.csv", without), ("dead.csv", dead)] {
         let path = folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
+        fs::write(&path, text).unwrap();
         let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
         let total = found.quantity("total_mass").unwrap().value;
         assert!((total / mass - 1.0).abs() < 0.01, "{name}: {total} {mass}");
@@ -279,7 +279,7 @@ fn a_log_without_an_imu_is_refused_by_name() {
             .collect();
         text += &format!("{:.3},{}\n", 0.002 * n as f64, values.join(","));
     }
-    std::fs::write(folder.path().join("walk.csv"), text).unwrap();
+    fs::write(folder.path().join("walk.csv"), text).unwrap();
     let output = proprio(folder.path(), &["identify", "--free-base", "walk.csv"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
