@@ -89,11 +89,16 @@ impl<'a> LetGo<'a> {
         values.remove(place);
         let nothing = Columns::new(subtree_end.to_vec(), Vec::new());
         let pass = |(delay, joints)| {
+            let states = motion.states_of(body, &values, (&nothing, &[]), (delay, &None));
             let pass = Pass {
                 motion,
                 rigid: body.loaded(&values),
                 base: body.base(&values),
-                states: motion.states_of(body, &values, (&nothing, &[]), (delay, &None)),
+                // The link's side is all that the rigid body asks for.
+                states: States {
+                    states: Vec::new(),
+                    ..states
+                },
                 effects: vec![Vec::new(); motion.joints],
                 joints,
             };

@@ -7,6 +7,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::motion::Motion;
@@ -17,8 +18,10 @@ use super::values::Values;
 pub(super) const REACH: f64 = 8.5e-3;
 /// No link has less, kg m²: a division by it stays finite.
 const LEAST_INERTIA: f64 = 1e-4;
-/// Most numbers that are kept of a limb beside the last load: 4 MB.
-const MOST: usize = 500_000;
+/// Samples that are worked out one after the other; parts are side by side.
+const PART: usize = 1024;
+/// Most numbers that are kept of a limb's loads, and of its late motion: 8 MB each.
+const MOST: usize = 1_000_000;
 
 /// What the gears transmit.
 pub(crate) struct Load {
@@ -61,12 +64,15 @@ impl Loads {
     }
 
     fn put(&self, key: Key, load: &Arc<Load>) {
+        let size = |load: &Load| 3 * load.torque.len() + load.inertia.len();
+        if size(load) > MOST {
+            return;
+        }
         let mut all = self.loads.lock().unwrap_or_else(PoisonError::into_inner);
         all.retain(|(known, _)| *known != key);
         all.push((key, load.clone()));
-        let size = |load: &Load| 3 * load.torque.len() + load.inertia.len();
         let mut total: usize = all.iter().map(|(_, load)| size(load)).sum();
-        while total > MOST && all.len() > 1 {
+        while total > MOST {
             total -= size(&all.remove(0).1);
         }
     }
@@ -104,7 +110,10 @@ impl Motion {
         }
         let late = |joint: &Trajectory| joint.delayed(&self.time, &self.stretches, delay);
         let joints: Arc<Vec<Trajectory>> = Arc::new(self.joint.iter().map(late).collect());
-        *kept() = Some((delay, joints.clone()));
+        // A state is four numbers and a speed.
+        if 5 * self.joints * self.time.len() <= MOST {
+            *kept() = Some((delay, joints.clone()));
+        }
         joints
     }
 
@@ -132,7 +141,7 @@ impl Motion {
         own.sum::<f64>() / self.time.len().max(1) as f64
     }
 
-    /// The same of the samples that are `asked` for alone.
+    /// What [`load`](Self::load) has, of the samples that are `asked` for alone.
     pub(super) fn load_of(
         &self,
         body: &LimbBody,
@@ -146,40 +155,57 @@ impl Motion {
         let offsets: Vec<f64> = offsets(values).collect();
         let links = self.links_of(motors);
         let mut torque = vec![0.0; n * self.time.len()];
-        let mut inertia = vec![0.0; if loose { torque.len() } else { 0 }];
-        let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        for k in (0..self.time.len()).filter(|&k| asked[k]) {
-            for j in 0..n {
-                let [q, dq, ddq, _] = links[j].state[k];
-                motion[0][j] = q - offsets[j];
-                (motion[1][j], motion[2][j]) = (dq, ddq);
-            }
-            let [q, dq, ddq] = &motion;
-            let own = &mut torque[k * n..(k + 1) * n];
-            if !loose {
-                rigid.inverse_dynamics(&base, [q, dq, ddq], own);
-                continue;
-            }
-            let turned = &mut inertia[k * n..(k + 1) * n];
-            rigid.torque_and_inertia(&base, [q, dq, ddq], own, turned);
-            turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
-        }
-        let mut line = vec![[0.0; 2]; torque.len()];
-        for stretch in &self.stretches {
-            let t = &self.time[stretch.clone()];
-            let own = &torque[n * stretch.start..n * stretch.end];
-            for (i, k) in stretch.clone().enumerate().filter(|(_, k)| asked[*k]) {
-                let through = Line::about(t, i, around(t, i));
+        let mut inertia = vec![0.0; torque.len()];
+        let parts = (torque.par_chunks_mut(n * PART)).zip(inertia.par_chunks_mut(n * PART));
+        parts.enumerate().for_each(|(part, (torque, inertia))| {
+            let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+            let samples = torque.chunks_exact_mut(n).zip(inertia.chunks_exact_mut(n));
+            let samples = (PART * part..).zip(samples).filter(|(k, _)| asked[*k]);
+            for (k, (own, turned)) in samples {
                 for j in 0..n {
-                    line[k * n + j] = through.fitted(|i| own[i * n + j]);
+                    let [q, dq, ddq, _] = links[j].state[k];
+                    motion[0][j] = q - offsets[j];
+                    (motion[1][j], motion[2][j]) = (dq, ddq);
                 }
+                let [q, dq, ddq] = &motion;
+                if !loose {
+                    rigid.inverse_dynamics(&base, [q, dq, ddq], own);
+                    continue;
+                }
+                rigid.torque_and_inertia(&base, [q, dq, ddq], own, turned);
+                turned.iter_mut().for_each(|x| *x = x.max(LEAST_INERTIA));
             }
+        });
+        if !loose {
+            inertia = Vec::new();
         }
         Load {
             inertia,
+            line: self.lines(&torque, asked),
             torque,
-            line,
         }
+    }
+
+    /// Value and slope of a torque at the samples that are asked for, by straight lines.
+    fn lines(&self, torque: &[f64], asked: &[bool]) -> Vec<[f64; 2]> {
+        let n = self.joints;
+        let mut line = vec![[0.0; 2]; torque.len()];
+        let parts = line.par_chunks_mut(n * PART).enumerate();
+        parts.for_each(|(part, line)| {
+            let samples = (PART * part..).zip(line.chunks_exact_mut(n));
+            for (k, own) in samples.filter(|(k, _)| asked[*k]) {
+                let at = self.stretches.partition_point(|s| s.end <= k);
+                let Some(stretch) = self.stretches.get(at).filter(|s| s.contains(&k)) else {
+                    continue;
+                };
+                let (t, i) = (&self.time[stretch.clone()], k - stretch.start);
+                let through = Line::about(t, i, around(t, i));
+                for (j, own) in own.iter_mut().enumerate() {
+                    *own = through.fitted(|i| torque[(stretch.start + i) * n + j]);
+                }
+            }
+        });
+        line
     }
 }
 

@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, JointState};
+use proprio_core::effect::{EffectKind, Form, JointState, MAX_COLUMNS, Term};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
@@ -328,18 +328,11 @@ impl Motion {
                 .collect();
             for stretch in &self.stretches {
                 let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
-                let terms: Vec<[f64; 2]> = stretch
-                    .clone()
-                    .map(|k| {
-                        let states = &states[(k - first) * n..(k - first + 1) * n];
-                        own.iter().fold([0.0; 2], |sum, (column, number)| {
-                            let Some(term) = columns.term(column, j, states) else {
-                                return sum;
-                            };
-                            [sum[0] + number * term.boundary, sum[1] + number * term.rate]
-                        })
-                    })
-                    .collect();
+                let at = |k: usize| {
+                    let first = (k - first) * n;
+                    sum_of_terms(columns, &own, j, &states[first..first + n])
+                };
+                let terms: Vec<[f64; 2]> = stretch.clone().map(at).collect();
                 for (i, k) in stretch.clone().enumerate() {
                     let (before, after) = (i.saturating_sub(1), (i + 1).min(terms.len() - 1));
                     let span = self.time[stretch.start + after] - self.time[stretch.start + before];
@@ -386,6 +379,41 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
+}
+
+/// What columns, each times a number, add to a joint's torque: a part that is a derivative, and the rest.
+fn sum_of_terms(
+    columns: &Columns,
+    own: &[(&Column, f64)],
+    at: usize,
+    states: &[JointState<f64>],
+) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    // An effect's columns stand side by side and come from one evaluation.
+    let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
+    for (column, number) in own {
+        let term = match **column {
+            Column::Own {
+                joint,
+                effect,
+                shape,
+                n,
+            } if joint == at => {
+                let terms = match known {
+                    Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
+                    _ => effect.terms(&states[at], shape),
+                };
+                known = Some((effect, shape, terms));
+                Some(terms[n])
+            }
+            _ => columns.term(column, at, states),
+        };
+        if let Some(term) = term {
+            sum[0] += number * term.boundary;
+            sum[1] += number * term.rate;
+        }
+    }
+    sum
 }
 
 /// Which of what effects see costs a pass of its own.

@@ -118,6 +118,8 @@ pub(crate) struct Scan<'a> {
     columns: &'a Columns,
     /// What effects see under the model, if a scan asks.
     states: OnceLock<States>,
+    /// Of each joint and its windows the sample with the greatest torque.
+    greatest: OnceLock<Vec<Vec<usize>>>,
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
@@ -150,6 +152,7 @@ impl<'a> Scan<'a> {
         Self {
             columns,
             states: OnceLock::new(),
+            greatest: OnceLock::new(),
             data,
             values,
             at,
@@ -370,10 +373,15 @@ impl<'a> Scan<'a> {
             return vec![windows.iter().map(of).collect()];
         }
         let mut columns = vec![Vec::new(); effect.columns()];
-        for &w in windows {
+        let term = |k: usize| effect.terms(&self.states().states[k * n + joint], shape);
+        for (at, &w) in windows.iter().enumerate() {
+            // Below a limit nothing is lost, and most windows are below most limits.
+            if effect == EffectKind::Saturation && term(self.greatest()[joint][at])[0].rate == 0.0 {
+                columns[0].push(0.0);
+                continue;
+            }
             let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let term = |k: usize| effect.terms(&self.states().states[k * n + joint], shape);
             let (start, end) = (term(first), term(last));
             let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
             for k in first..=last {
@@ -394,6 +402,21 @@ impl<'a> Scan<'a> {
             }
         }
         columns
+    }
+
+    fn greatest(&self) -> &Vec<Vec<usize>> {
+        let of = |joint: usize| -> Vec<usize> {
+            let (n, states) = (self.data.joints(), &self.states().states);
+            let torque = |k: usize| states[k * n + joint].tau.abs();
+            let greatest = |&w: &usize| {
+                let [first, last] = self.data.motion.windows[w].samples;
+                let samples = first..=last;
+                let most = samples.max_by(|&a, &b| torque(a).total_cmp(&torque(b)));
+                most.unwrap_or(first)
+            };
+            self.windows[joint].iter().map(greatest).collect()
+        };
+        (self.greatest).get_or_init(|| (0..self.data.joints()).map(of).collect())
     }
 
     /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come

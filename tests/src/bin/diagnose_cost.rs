@@ -1,15 +1,20 @@
-//! Measures what a diagnosis costs on the desktop: `cargo run --release -p proprio-tests --bin diagnose_cost [LOG]`.
+//! Measures what a diagnosis costs on the desktop: `cargo run --release -p proprio-tests --bin diagnose_cost [LOG…]`.
 //!
 //! Without a log: 20 s of twelve joints at 500 Hz, simulated, friction in the model, the whole catalogue tried. Processor time
 //! of all threads and the process's largest memory, as Linux counts them (`proc(5)`), against the budget: 2 s and
-//! 200 MB. Waiting for a busy machine does not count. Ends with status 1 above the budget; a given log has none.
+//! 200 MB. Waiting for a busy machine does not count. Ends with status 1 above the budget.
+//!
+//! With logs: a table of what `proprio diagnose` and `proprio identify` take for each, on one thread and on two, each in a process of its
+//! own. There is no budget then.
 
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
+use std::time::Instant;
 
 use proprio::diagnose::diagnose;
+use proprio::identify::{Options, identify};
 use proprio::log::LogWriter;
 use proprio::model::Model;
 use proprio::recording::Recording;
@@ -24,9 +29,19 @@ type Failure = Box<dyn std::error::Error>;
 /// Half more than it was measured to take.
 const MOST_SECONDS: f64 = 2.0;
 const MOST_MEGABYTES: f64 = 200.0;
+/// Says that this process is to do one command once and to print what it took.
+const ONE: &str = "--one";
+/// A short command is repeated for so long, s: processor time is counted in hundredths.
+const LONG_ENOUGH: f64 = 1.0;
 
 fn main() -> ExitCode {
-    match measure() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let done = match &arguments[..] {
+        [] => within_budget(),
+        [one, command, log] if one == ONE => measure_here(command, Path::new(log)),
+        logs => table(logs),
+    };
+    match done {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
@@ -36,13 +51,71 @@ fn main() -> ExitCode {
     }
 }
 
-fn measure() -> Result<bool, Failure> {
+/// Prints a row for each log and command.
+fn table(logs: &[String]) -> Result<bool, Failure> {
+    println!("| log | command | processor, 1 thread | wall, 1 thread | wall, 2 threads | memory |");
+    println!("|---|---|---|---|---|---|");
+    for log in logs {
+        let name = Path::new(log).file_name().unwrap_or_default();
+        for command in ["diagnose", "identify"] {
+            let [[processor, one, _], [_, two, memory]] =
+                [in_process(command, log, 1)?, in_process(command, log, 2)?];
+            println!(
+                "| {} | {command} | {processor:.3} s | {one:.3} s | {two:.3} s | {memory:.0} MB |",
+                name.display()
+            );
+        }
+    }
+    Ok(true)
+}
+
+/// Processor time and wall time (s) and most memory (MB) of a command on so many threads.
+fn in_process(command: &str, log: &str, threads: u32) -> Result<[f64; 3], Failure> {
+    let output = Command::new(std::env::current_exe()?)
+        .args([ONE, command, log])
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .output()?;
+    if !output.status.success() {
+        return Err(String::from_utf8_lossy(&output.stderr).into_owned().into());
+    }
+    let text = String::from_utf8(output.stdout)?;
+    let numbers: Vec<f64> = (text.split_whitespace())
+        .map(str::parse)
+        .collect::<Result<_, _>>()?;
+    let numbers: [f64; 3] =
+        (numbers.try_into()).map_err(|_| format!("`{text}`: not understood"))?;
+    Ok(numbers)
+}
+
+/// Prints those of a command in this process.
+fn measure_here(command: &str, log: &Path) -> Result<bool, Failure> {
+    let nothing_known = "this system does not tell processor time";
+    let (begin, before) = (Instant::now(), processor_time().ok_or(nothing_known)?);
+    let mut times = 0.0;
+    while times == 0.0 || command == "identify" && begin.elapsed().as_secs_f64() < LONG_ENOUGH {
+        match command {
+            "identify" => drop(identify(&[log.to_owned()], Options::default(), |_, _| {})?),
+            _ => drop(diagnosed(log, &Model::default())?),
+        }
+        times += 1.0;
+    }
+    let wall = begin.elapsed().as_secs_f64();
+    let processor = processor_time().ok_or(nothing_known)? - before;
+    let megabytes = peak_memory().ok_or(nothing_known)?;
+    println!("{} {} {megabytes}", processor / times, wall / times);
+    Ok(true)
+}
+
+/// How long a log is (s), and how many candidates were tried.
+fn diagnosed(log: &Path, model: &Model) -> Result<(f64, usize), Failure> {
+    let recording = Recording::read(&[log.to_owned()], model, |_, _| {})?;
+    let diagnosis = diagnose(&recording, model)?;
+    Ok((recording.duration, diagnosis.candidates.len()))
+}
+
+fn within_budget() -> Result<bool, Failure> {
     let folder = tempfile::tempdir()?;
-    let given = std::env::args_os().nth(1).map(PathBuf::from);
-    let log = match &given {
-        Some(log) => log.clone(),
-        None => simulated(&folder.path().join("simulated.csv"))?,
-    };
+    let log = simulated(&folder.path().join("simulated.csv"))?;
     let mut model = Model::default();
     let friction = [
         EffectKind::Viscous,
@@ -55,9 +128,8 @@ fn measure() -> Result<bool, Failure> {
         let places: Vec<_> = (0..joints).map(|joint| (effect, joint)).collect();
         model.add_last(&places);
     }
-    let (begin, before) = (std::time::Instant::now(), processor_time());
-    let recording = Recording::read(&[log], &model, |_, _| {})?;
-    let diagnosis = diagnose(&recording, &model)?;
+    let (begin, before) = (Instant::now(), processor_time());
+    let (duration, candidates) = diagnosed(&log, &model)?;
     let wall = begin.elapsed().as_secs_f64();
     let (Some(before), Some(after), Some(megabytes)) = (before, processor_time(), peak_memory())
     else {
@@ -66,12 +138,10 @@ fn measure() -> Result<bool, Failure> {
     };
     let seconds = after - before;
     println!(
-        "diagnose {:.0} s of {joints} joints, {} candidates: {wall:.2} s, {seconds:.2} s of processor time (budget {MOST_SECONDS} s), \
-         {megabytes:.0} MB at most (budget {MOST_MEGABYTES} MB)",
-        recording.duration,
-        diagnosis.candidates.len()
+        "diagnose {duration:.0} s of {joints} joints, {candidates} candidates: {wall:.2} s, {seconds:.2} s of processor time (budget \
+         {MOST_SECONDS} s), {megabytes:.0} MB at most (budget {MOST_MEGABYTES} MB)",
     );
-    Ok(given.is_some() || (seconds <= MOST_SECONDS && megabytes <= MOST_MEGABYTES))
+    Ok(seconds <= MOST_SECONDS && megabytes <= MOST_MEGABYTES)
 }
 
 /// Writes the log of four legs with typical friction and an effect that the model does not know.
