@@ -69,7 +69,7 @@ fn sample(set: usize, n: u64, noise: &mut Noise) -> WalkSample<Scalar> {
     let phase = (n / 60) as usize;
     let middle = [0.0, 0.8, -1.7];
     let mut draw = |most: Scalar| size * most * noise.next();
-    let on_ground = |leg: usize| set > 0 && (phase + leg + set) % 3 == 0;
+    let on_ground = |leg: usize| set > 0 && (phase + leg + set).is_multiple_of(3);
     WalkSample {
         joints: Sample {
             time_us: 1 + n * 2_000,
