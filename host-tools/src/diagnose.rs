@@ -210,8 +210,8 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
             .into_iter()
             .collect::<Option<Vec<Squares>>>()
     });
-    let twists = mended.iter().zip(&found.end.fits).zip(&given);
-    let twists = twists.map(|((data, fit), given)| unknown_twists(data, fit, given));
+    let twists = mended.iter().zip(&found.end.fits);
+    let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
     let diagnosed = Diagnosed {
         twists: twists.collect(),
         model,
@@ -258,16 +258,14 @@ fn wrong_velocities(data: &LimbData) -> Vec<(usize, VelocityGain)> {
 }
 
 /// The gears that second encoders show to give way, where the model lacks that.
-fn unknown_twists(data: &LimbData, fit: &LimbFit, given: &[Place]) -> Vec<Twist> {
-    let known: Vec<Place> = places(data.model, data.limb)
-        .map(|(place, _)| place)
-        .collect();
+fn unknown_twists(data: &LimbData, fit: &LimbFit) -> Vec<Twist> {
+    let is_unknown = |twist: &Twist| {
+        let mut own = twist.effects().into_iter();
+        own.any(|(place, _)| !data.has(place))
+    };
     (0..data.joints())
         .filter_map(|joint| Twist::of(data, &fit.values, joint))
-        .filter(|twist| {
-            let mut own = twist.effects().into_iter();
-            !own.all(|(place, _)| known.contains(&place) || given.contains(&place))
-        })
+        .filter(is_unknown)
         .collect()
 }
 

@@ -62,10 +62,10 @@ fn delays(values: &Values, joints: usize) -> Vec<(f64, Vec<usize>)> {
     all
 }
 
-/// Predictions of a model with one of its links let go by more or less.
+/// Predictions of a model with one of its links looser or less loose.
 ///
 /// Its effects see the motor's motion and the bodies' load, neither of which the link changes: their share of the torque is made once.
-pub(crate) struct LetGo<'a> {
+pub(crate) struct LooseLink<'a> {
     motion: &'a Motion,
     /// The model without the play or the spring in question, and where that is.
     values: Values,
@@ -77,7 +77,7 @@ pub(crate) struct LetGo<'a> {
     rest: Vec<f64>,
 }
 
-impl<'a> LetGo<'a> {
+impl<'a> LooseLink<'a> {
     pub(crate) fn of(
         body: &LimbBody,
         motion: &'a Motion,
@@ -130,7 +130,8 @@ impl<'a> LetGo<'a> {
                 dq: pass.states.dq.clone(),
                 ..pass.states
             };
-            self.motion.let_go(load, self.place, size, &mut states);
+            self.motion
+                .loosen(load, &self.values, (self.place, size), &mut states);
             pass.run_on(&states, &self.values, self.chosen, &mut torque);
         }
         torque

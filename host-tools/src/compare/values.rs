@@ -4,7 +4,7 @@ use proprio_core::effect::{EffectKind, Form};
 use serde::Serialize;
 
 use crate::detect::contact::LeftOut;
-use crate::detect::twist::Twist;
+use crate::detect::twist::told_by_encoders;
 use crate::equation::values::{Place, places};
 use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::LimbFit;
@@ -92,10 +92,8 @@ fn fitted(
         EffectKind::ElasticHysteresis,
     ];
     if between.contains(&place.0) && fit.data.motion.link(place.1).is_some() {
-        let twist = Twist::of(fit.data, &fit.values, place.1);
-        let effects = twist.map(|twist| twist.effects()).unwrap_or_default();
-        let own = effects.into_iter().find(|(shown, _)| *shown == place);
-        return own.map_or((None, None), |(_, values)| {
+        let told = told_by_encoders(fit.data, &fit.values, place);
+        return told.map_or((None, None), |values| {
             (Some(values[n][0]), Some(values[n][1]))
         });
     }

@@ -4,7 +4,7 @@ use proprio_core::effect::EffectKind;
 
 use super::{Diagnosed, PathStep};
 use crate::detect::twist::Twist;
-use crate::equation::values::{Place, places};
+use crate::equation::values::Place;
 use crate::estimate::limb_data::Squares;
 use crate::select::candidate::Member;
 
@@ -47,10 +47,7 @@ impl Diagnosed<'_> {
     pub(super) fn shown_by_encoders(&self) -> Vec<(EffectKind, Vec<String>)> {
         let mut shown: Vec<(EffectKind, Vec<String>)> = Vec::new();
         for (limb, twist) in self.each_twist() {
-            for (place, _) in twist.effects() {
-                if self.has(limb, place) {
-                    continue;
-                }
+            for (place, _) in self.lacking(limb, twist) {
                 let name = self.name(limb, place.1);
                 match shown.iter_mut().find(|(effect, _)| *effect == place.0) {
                     Some((_, joints)) => joints.push(name),
@@ -67,10 +64,15 @@ impl Diagnosed<'_> {
         limbs.flat_map(|(limb, twists)| twists.iter().map(move |twist| (limb, twist)))
     }
 
-    /// Whether the model as it was given has an effect.
-    pub(super) fn has(&self, limb: usize, place: Place) -> bool {
+    /// The effects that second encoders show of a gear and the model does not have.
+    pub(super) fn lacking(
+        &self,
+        limb: usize,
+        twist: &Twist,
+    ) -> impl Iterator<Item = (Place, Vec<[f64; 2]>)> {
         let data = &self.all[self.judged[limb]];
-        places(data.model, data.limb).any(|(known, _)| known == place)
+        let own = twist.effects().into_iter();
+        own.filter(|(place, _)| !data.has(*place))
     }
 
     fn step(

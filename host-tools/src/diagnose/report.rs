@@ -140,9 +140,7 @@ impl Diagnosed<'_> {
         }
         wrong.sort_by(|a, b| b.held_out_gain.total_cmp(&a.held_out_gain));
         for (limb, twist) in self.each_twist() {
-            let own = twist.effects().into_iter();
-            let lacking = own.filter(|(place, _)| !self.has(limb, *place));
-            wrong.extend(lacking.map(|(place, values)| {
+            wrong.extend(self.lacking(limb, twist).map(|(place, values)| {
                 let joint = self.name(limb, place.1);
                 measured(place.0, joint, twist.told, &values)
             }));

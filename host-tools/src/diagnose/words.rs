@@ -178,19 +178,22 @@ pub(super) fn unphysical(candidate: &CandidateReport) -> String {
 /// What a joint's two encoders say of its gear.
 pub(super) fn twist(joint: &str, twist: &Twist) -> String {
     let number = |[value, std]: [f64; 2], unit: &str| format!("{} {unit}", with_std(value, std));
-    let spring = || format!("a spring of {}", number(twist.stiffness, "N m/rad"));
-    let gear = match twist.beside {
-        None => spring(),
-        Some(Beside::Hysteresis { friction, way }) => format!(
-            "{} with friction of {} inside it, built up over {}",
-            spring(),
-            number(friction, "N m"),
-            number(way, "rad")
-        ),
-        Some(Beside::Play { gap }) => format!("a play of {}", number(gap, "rad")),
+    let spring = format!("a spring of {}", number(twist.stiffness, "N m/rad"));
+    let (gear, what) = match twist.beside {
+        None => (spring, "the torque between them"),
+        Some(Beside::Hysteresis {
+            friction,
+            displacement,
+        }) => {
+            let (inside, over) = (number(friction, "N m"), number(displacement, "rad"));
+            let gear =
+                format!("{spring} with friction of {inside} inside it, built up over {over}");
+            (gear, "the torque between them")
+        }
+        Some(Beside::Play { gap }) => (format!("a play of {}", number(gap, "rad")), "that motion"),
     };
     format!(
-        "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} tells {:.0} % of it",
+        "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} tells {:.0} % of {what}",
         1e3 * twist.rms,
         100.0 * twist.told[0]
     )

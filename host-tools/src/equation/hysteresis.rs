@@ -4,15 +4,15 @@
 //! dz/dx = (1 − z sgn ẋ)/w,   |z| ≤ 1
 //! ```
 //!
-//! (Dahl 1968, *A Solid Friction Model*, eq. 1 with exponent 1): how fast x changes does not matter, only the way.
+//! (Dahl 1968, *A Solid Friction Model*, eq. 1 with exponent 1): how fast x changes does not matter, only how far.
 
-/// z at each of the twists `x` (rad), by a way of `width` (rad); it begins at zero. Exact where x runs straight between samples.
-pub(crate) fn hysteresis(x: impl IntoIterator<Item = f64>, width: f64) -> Vec<f64> {
+/// z at each of the twists `x` (rad), by a displacement w (rad); it begins at zero. Exact where x runs straight between samples.
+pub(crate) fn hysteresis(x: impl IntoIterator<Item = f64>, displacement: f64) -> Vec<f64> {
     let (mut before, mut z) = (None, 0.0);
     let step = |x: f64| {
-        let way = x - before.replace(x).unwrap_or(x);
-        if way != 0.0 {
-            z = way.signum() - (way.signum() - z) * (-way.abs() / width).exp();
+        let gone = x - before.replace(x).unwrap_or(x);
+        if gone != 0.0 {
+            z = gone.signum() - (gone.signum() - z) * (-gone.abs() / displacement).exp();
         }
         z
     };
@@ -23,9 +23,9 @@ pub(crate) fn hysteresis(x: impl IntoIterator<Item = f64>, width: f64) -> Vec<f6
 mod tests {
     use super::*;
 
-    /// However fast, and in however many steps, the same way leads to the same state; it ends at one.
+    /// However fast, and in however many steps, the same displacement leads to the same state; it ends at one.
     #[test]
-    fn only_the_way_matters() {
+    fn only_the_displacement_matters() {
         let end = |steps: u32| {
             let up = (0..=steps).map(|k| 0.01 * f64::from(k) / f64::from(steps));
             let down = (0..=steps).map(|k| 0.01 - 0.004 * f64::from(k) / f64::from(steps));

@@ -47,13 +47,7 @@ impl Motion {
             }
             for &j in &needs.spring {
                 let compliance = values.get((EffectKind::Elasticity, j), 0);
-                let [friction, way] =
-                    [0, 1].map(|n| values.get((EffectKind::ElasticHysteresis, j), n));
-                let gear = Gear {
-                    compliance,
-                    friction,
-                    way,
-                };
+                let gear = gear(values, j, compliance);
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
                     for at in stretch.clone().map(|k| k * n + j) {
@@ -153,11 +147,11 @@ impl Motion {
     }
 
     /// Moves a joint's link as far as a gap (rad) or a compliance (rad/(N m)) lets the load move it.
-    pub(crate) fn let_go(
+    pub(crate) fn loosen(
         &self,
         load: &Load,
-        (effect, joint): Place,
-        size: f64,
+        values: &Values,
+        ((effect, joint), size): (Place, f64),
         states: &mut States,
     ) {
         let range = states.first..states.first + states.q.len() / self.joints;
@@ -170,10 +164,8 @@ impl Motion {
             let (share, moved) = if is_play {
                 (size, self.in_play(load, &stretch, joint, size))
             } else {
-                (
-                    1.0,
-                    self.on_spring(load, &stretch, joint, Gear::spring(size)),
-                )
+                let gear = gear(values, joint, size);
+                (1.0, self.on_spring(load, &stretch, joint, gear))
             };
             for (at, moved) in moved {
                 states.move_link(at - from, share, moved);
@@ -201,6 +193,16 @@ impl States {
     fn move_link(&mut self, at: usize, share: f64, [position, velocity]: [f64; 2]) {
         self.q[at] += share * position;
         self.dq[at] += share * velocity;
+    }
+}
+
+/// What a model has between a joint's motor and its link, with this compliance, rad/(N m).
+fn gear(values: &Values, joint: usize, compliance: f64) -> Gear {
+    let inside = |n: usize| values.get((EffectKind::ElasticHysteresis, joint), n);
+    Gear {
+        compliance,
+        friction: inside(0),
+        displacement: inside(1),
     }
 }
 

@@ -23,20 +23,9 @@ const DAMPING: f64 = 0.08;
 pub(crate) struct Gear {
     /// rad/(N m), positive.
     pub(crate) compliance: f64,
-    /// Friction inside it, N m, and the way (rad) over which that builds up; none where either is not positive.
+    /// Friction inside it, N m, and the displacement (rad) over which that builds up; none where either is not positive.
     pub(crate) friction: f64,
-    pub(crate) way: f64,
-}
-
-impl Gear {
-    /// A spring without friction.
-    pub(crate) fn spring(compliance: f64) -> Self {
-        Self {
-            compliance,
-            friction: 0.0,
-            way: 0.0,
-        }
-    }
+    pub(crate) displacement: f64,
 }
 
 /// Position and velocity of the link against the motor (rad, rad/s) at the times `t`, under the torques `load` (N m) that it takes to
@@ -44,7 +33,7 @@ impl Gear {
 pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Vec<[f64; 2]> {
     let mut all: Vec<[f64; 2]> = Vec::with_capacity(t.len());
     let (mut now, mut momentum) = ([0.0f64; 2], 0.0);
-    let has_friction = gear.friction > 0.0 && gear.way > 0.0;
+    let has_friction = gear.friction > 0.0 && gear.displacement > 0.0;
     // The state of friction inside, from −1 to 1.
     let mut state = 0.0f64;
     for k in 0..t.len() {
@@ -63,7 +52,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
         let mass = 0.5 * (inertia[a] + inertia[b]);
         let (mut compliance, mut held) = (gear.compliance, 0.0);
         if has_friction && k > 0 {
-            let stiffer = gear.friction * (1.0 - state * now[1].signum()) / gear.way;
+            let stiffer = gear.friction * (1.0 - state * now[1].signum()) / gear.displacement;
             held = gear.friction * state - stiffer * now[0];
             compliance = (compliance.recip() + stiffer).recip();
         }
@@ -93,7 +82,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
         }
         if let Some(&[before, _]) = all.last().filter(|_| has_friction) {
             let gone: f64 = now[0] - before;
-            let left = (-gone.abs() / gear.way).exp();
+            let left = (-gone.abs() / gear.displacement).exp();
             state = gone.signum() - (gone.signum() - state) * left;
         }
         momentum = mass * now[1];
@@ -106,6 +95,15 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
 mod tests {
     use super::*;
 
+    /// A spring without friction.
+    fn frictionless(compliance: f64) -> Gear {
+        Gear {
+            compliance,
+            friction: 0.0,
+            displacement: 0.0,
+        }
+    }
+
     /// Under a slow load it is the load's lag, near the resonance the amplitude of a driven oscillator.
     #[test]
     fn a_sine_moves_the_link_as_the_transfer_function_says() {
@@ -115,7 +113,7 @@ mod tests {
             let omega = ratio * natural;
             let t: Vec<f64> = (0..20_000).map(|k| 5e-4 * f64::from(k)).collect();
             let load: Vec<f64> = t.iter().map(|t| (omega * t).sin()).collect();
-            let moved = spring(&t, &load, &vec![inertia; t.len()], Gear::spring(compliance));
+            let moved = spring(&t, &load, &vec![inertia; t.len()], frictionless(compliance));
             let steady = &moved[15_000..];
             let most = steady.iter().fold(0.0f64, |most, [x, _]| most.max(x.abs()));
             let [real, imaginary] = [1.0 - ratio * ratio, 2.0 * DAMPING * ratio];
@@ -130,13 +128,13 @@ mod tests {
         let gear = Gear {
             compliance: 1.0 / 200.0,
             friction: 0.5,
-            way: 0.002,
+            displacement: 0.002,
         };
         let t: Vec<f64> = (0..40_000).map(|k| 1e-3 * f64::from(k)).collect();
         let load: Vec<f64> = t.iter().map(|t| 2.0 * (0.5 * t).sin()).collect();
         let moved = spring(&t, &load, &vec![0.03; t.len()], gear);
         let x = || moved.iter().map(|moved| moved[0]);
-        let state = super::super::hysteresis::hysteresis(x(), gear.way);
+        let state = super::super::hysteresis::hysteresis(x(), gear.displacement);
         for k in 5_000..t.len() {
             let torque = -(200.0 * moved[k][0] + gear.friction * state[k]);
             assert!(
@@ -160,7 +158,7 @@ mod tests {
     fn velocity_is_the_slope_of_position() {
         let t: Vec<f64> = (0..4000).map(|k| 1e-4 * f64::from(k)).collect();
         let load: Vec<f64> = t.iter().map(|t| (40.0 * t).sin() + 0.3).collect();
-        let moved = spring(&t, &load, &vec![0.02; t.len()], Gear::spring(0.004));
+        let moved = spring(&t, &load, &vec![0.02; t.len()], frictionless(0.004));
         for k in 1..t.len() - 1 {
             let slope = (moved[k + 1][0] - moved[k - 1][0]) / (t[k + 1] - t[k - 1]);
             assert!((slope - moved[k][1]).abs() < 1e-3 * (1.0 + slope.abs()));

@@ -17,7 +17,7 @@ use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
-use crate::predict::{LetGo, predict};
+use crate::predict::{LooseLink, predict};
 use crate::recording::LimbRecording;
 
 /// A limb's data. Made once; fits read them. A copy shares them.
@@ -179,15 +179,15 @@ impl<'a> LimbData<'a> {
         predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
     }
 
-    /// The predictor of a model with one of its links let go by more or less, of the windows that are chosen.
-    pub(crate) fn let_go<'b>(
+    /// The predictor of a model with one of its links looser or less loose, of the windows that are chosen.
+    pub(crate) fn loose_link<'b>(
         &'b self,
         values: &Values,
         place: Place,
         chosen: &'b (dyn Fn(usize) -> bool + Sync),
-    ) -> LetGo<'b> {
+    ) -> LooseLink<'b> {
         let of = (values, place);
-        LetGo::of(&self.body, &self.motion, of, &self.subtree_end, chosen)
+        LooseLink::of(&self.body, &self.motion, of, &self.subtree_end, chosen)
     }
 
     /// The rows of columns at a model's values, of all windows that are not left out.
@@ -250,6 +250,11 @@ impl<'a> LimbData<'a> {
             n => self.model.robot().parameter_prior(effect, body, n),
         };
         (prior.mean, prior.std)
+    }
+
+    /// Whether the model has an effect at a joint.
+    pub(crate) fn has(&self, place: Place) -> bool {
+        places(self.model, self.limb).any(|(known, _)| known == place)
     }
 
     /// Whether the recorded torque can tell an effect at a joint at all.

@@ -56,7 +56,7 @@ impl Scan<'_> {
             told.windows.iter().for_each(|&w| judged[w] = true);
         }
         let judged = |w: usize| judged[w];
-        let with = self.data.let_go(self.values, place, &judged);
+        let with = self.data.loose_link(self.values, place, &judged);
         let fall = |value: f64| {
             let predicted = with.predicted(value);
             let left = told.iter().map(|told| self.left(told, &predicted));

@@ -7,7 +7,7 @@ use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::UNITS;
 
 use super::runs::{self, Run};
-use crate::detect::twist::Twist;
+use crate::detect::twist::told_by_encoders;
 use crate::equation::motion::is_shared;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
@@ -258,10 +258,7 @@ fn told_by_positions(fit: &LimbFit) -> Vec<FittedParameter> {
                 return Vec::new();
             }
             EffectKind::Elasticity | EffectKind::Backlash | EffectKind::ElasticHysteresis => {
-                let twist = Twist::of(data, &fit.values, place.1);
-                let effects = twist.map(|twist| twist.effects()).unwrap_or_default();
-                let own = effects.into_iter().find(|(shown, _)| *shown == place);
-                own.map(|(_, values)| values)
+                told_by_encoders(data, &fit.values, place)
             }
             _ => return Vec::new(),
         };

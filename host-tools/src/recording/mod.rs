@@ -3,6 +3,7 @@
 mod error;
 mod limb;
 mod pieces;
+mod second_encoder;
 
 use std::path::{Path, PathBuf};
 
@@ -88,10 +89,11 @@ impl Recording {
             });
         }
         let thinned = pieces.warning(recording.duration);
+        let encoders = second_encoder::warnings(&recording, model);
         let left_out = too_large.iter().map(left_out);
         recording
             .warnings
-            .extend(thinned.into_iter().chain(left_out));
+            .extend(thinned.into_iter().chain(left_out).chain(encoders));
         Ok(recording)
     }
 

@@ -36,7 +36,7 @@ impl Effect for Backlash {
             damping: self.damping,
             gap: self.gap,
             friction: 0.0,
-            way: 1.0,
+            displacement: 1.0,
         })
     }
 }

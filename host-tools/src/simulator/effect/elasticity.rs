@@ -21,7 +21,7 @@ pub(super) struct Elasticity {
     stiffness: f64,
     damping: f64,
     friction: f64,
-    way: f64,
+    displacement: f64,
 }
 
 pub(super) fn new(values: &[f64], _: &Site) -> Elasticity {
@@ -29,7 +29,7 @@ pub(super) fn new(values: &[f64], _: &Site) -> Elasticity {
         stiffness: values[0],
         damping: values[1],
         friction: values[2],
-        way: values[3],
+        displacement: values[3],
     }
 }
 
@@ -40,7 +40,7 @@ impl Effect for Elasticity {
             damping: self.damping,
             gap: 0.0,
             friction: self.friction,
-            way: self.way,
+            displacement: self.displacement,
         })
     }
 }

@@ -44,9 +44,9 @@ pub(crate) struct Transmission {
     pub(crate) damping: f64,
     /// Play, rad, from stop to stop.
     pub(crate) gap: f64,
-    /// Friction inside the spring, N m, and the way (rad) of the one end against the other over which it builds up.
+    /// Friction inside the spring, N m, and the displacement (rad) of the one end against the other over which it builds up.
     pub(crate) friction: f64,
-    pub(crate) way: f64,
+    pub(crate) displacement: f64,
 }
 
 /// Where an effect sits.

@@ -99,14 +99,14 @@ impl Plant {
         middle
     }
 
-    /// Moves the friction inside springs on from what it was at `from`: dz = (sgn dx − z) |dx| / way.
+    /// Moves the friction inside springs on from what it was at `from`: dz = (sgn dx − z) |dx| / displacement.
     fn slide(&self, state: &mut State, from: &State) {
         for (j, joint) in self.joints.iter().enumerate() {
             let Some(between) = joint.transmission.filter(|between| between.friction > 0.0) else {
                 continue;
             };
             let gone = (state.motor_q[j] - state.q[j]) - (from.motor_q[j] - from.q[j]);
-            let left = (-gone.abs() / between.way).exp();
+            let left = (-gone.abs() / between.displacement).exp();
             state.inside[j] = gone.signum() - (gone.signum() - from.inside[j]) * left;
         }
     }
