@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::twist::Twist;
-use crate::equation::values::{Place, places};
+use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};

@@ -329,6 +329,9 @@ fn each_bad_urdf_is_refused_with_its_place_and_the_fix() {
             "a limit of words",
             changed("upper=\"0.5\"", "upper=\"wide\""),
         ),
+        ("no mass", changed("<mass value=\"5\"/>", "")),
+        ("half an inertia", changed("ixy=\"0\" ", "")),
+        ("no child", changed("<child link=\"hand\"/>", "")),
         ("not a URDF", "<mujoco/>".to_owned()),
         ("empty", String::new()),
     ];

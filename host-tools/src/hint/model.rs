@@ -78,6 +78,7 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
         RobotProblem::NoLinks => "the file is what a failed xacro leaves: `xacro FILE > robot.urdf` says why".to_owned(),
         RobotProblem::TwoBases { .. } => "connect them by a fixed joint, or delete one".to_owned(),
         RobotProblem::Duplicate { .. } => "rename one of them".to_owned(),
+        RobotProblem::Missing { .. } => "an <inertial> states the mass and all six numbers of the inertia, a joint its parent and its child".to_owned(),
         RobotProblem::Numbers { .. } => "write decimals with a point, numbers apart by spaces".to_owned(),
         RobotProblem::Axis { .. } => "write a unit vector, such as `0 1 0`".to_owned(),
         RobotProblem::NoMass { .. } => {

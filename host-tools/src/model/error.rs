@@ -101,6 +101,18 @@ pub enum RobotProblem {
     /// The text is no XML, or no URDF.
     #[error("not a URDF: {0}")]
     Syntax(String),
+    /// A link or a joint does not state what it must.
+    #[error("{what} `{name}`: its <{part}> has no `{attribute}`, or is missing")]
+    Missing {
+        /// `link` or `joint`.
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// The element that must state it.
+        part: &'static str,
+        /// What it must state.
+        attribute: &'static str,
+    },
     /// A joint's type does not exist.
     #[error("joint `{joint}`: {unknown}")]
     UnknownType {

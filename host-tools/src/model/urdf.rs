@@ -1,48 +1,23 @@
 //! A robot from its URDF.
 //!
-//! `urdf-rs` reads the values; the XML itself is kept for the lines of errors and, in [`super::export`], for writing into.
+//! [`elements`] reads links and joints out of the XML, [`links`] makes a tree of them, [`holds`] says which joints stay where they are, [`parts`]
+//! lumps what is fixed into what moves, [`complete`] gives bodies what their links leave out. The text itself is kept for the lines of errors
+//! and, in [`super::export`], for writing into.
 
 mod complete;
+mod elements;
 mod holds;
 mod links;
 mod parts;
 
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use proprio_core::inertia::InertialParameters;
 
-use super::{Robot, RobotError, RobotProblem, Source, UnknownName, Unphysical};
+use super::{Robot, RobotError, RobotProblem, Source, Unphysical};
+use elements::Elements;
 use links::Links;
 use parts::Parts;
-
-/// The joint types of URDF.
-const TYPES: [&str; 6] = [
-    "revolute",
-    "continuous",
-    "prismatic",
-    "fixed",
-    "floating",
-    "planar",
-];
-
-/// Elements and attributes whose numbers count, and how many they hold.
-const NUMBERS: [(&str, &str, usize); 14] = [
-    ("mass", "value", 1),
-    ("inertia", "ixx", 1),
-    ("inertia", "ixy", 1),
-    ("inertia", "ixz", 1),
-    ("inertia", "iyy", 1),
-    ("inertia", "iyz", 1),
-    ("inertia", "izz", 1),
-    ("origin", "xyz", 3),
-    ("origin", "rpy", 3),
-    ("axis", "xyz", 3),
-    ("limit", "lower", 1),
-    ("limit", "upper", 1),
-    ("limit", "effort", 1),
-    ("limit", "velocity", 1),
-];
 
 /// A robot as its URDF has it, physical or not.
 #[derive(Debug)]
@@ -160,113 +135,9 @@ fn line_of(text: &str, tag: &str, name: &str) -> Option<u32> {
 fn parts(text: &str, held: &[(String, f64)]) -> Result<(String, Parts), Box<Fault>> {
     let syntax = |message| Fault::boxed("robot", "", RobotProblem::Syntax(message));
     let document = roxmltree::Document::parse(text).map_err(|e| syntax(e.to_string()))?;
-    check_root(&document)?;
-    check_types(&document)?;
-    check_numbers(&document)?;
-    let (skeleton, shapes) = skeleton(&document, text);
-    let robot = urdf_rs::read_from_string(&skeleton).map_err(|e| syntax(e.to_string()))?;
-    let parts = Parts::of(&Links::new(&robot)?, held, &shapes)?;
-    Ok((robot.name, parts))
-}
-
-/// The text with links and joints only, without their shapes, every byte in its place; and the links that have shapes.
-///
-/// What is left out has no part in dynamics, and other programs' extensions and slips in it are not ours to judge.
-fn skeleton<'a>(document: &'a roxmltree::Document<'a>, text: &str) -> (String, HashSet<&'a str>) {
-    let mut kept = text.as_bytes().to_vec();
-    let mut blank = |range: std::ops::Range<usize>| {
-        let breaks = |byte: &u8| [b'\n', b'\r'].contains(byte);
-        kept[range]
-            .iter_mut()
-            .filter(|byte| !breaks(byte))
-            .for_each(|byte| *byte = b' ');
-    };
-    let mut shapes = HashSet::new();
-    for element in document
-        .root_element()
-        .children()
-        .filter(roxmltree::Node::is_element)
-    {
-        if !["link", "joint"]
-            .iter()
-            .any(|tag| element.has_tag_name(*tag))
-        {
-            blank(element.range());
-            continue;
-        }
-        let is_shape =
-            |n: &roxmltree::Node| n.has_tag_name("visual") || n.has_tag_name("collision");
-        for shape in element.children().filter(is_shape) {
-            blank(shape.range());
-            shapes.extend(element.attribute("name"));
-        }
-    }
-    // Whole elements have become blanks, which are text.
-    (String::from_utf8_lossy(&kept).into_owned(), shapes)
-}
-
-/// The text is a URDF; `urdf-rs` takes any root for a robot without links.
-fn check_root(document: &roxmltree::Document) -> Result<(), Box<Fault>> {
-    let root = document.root_element().tag_name().name();
-    if root == "robot" {
-        return Ok(());
-    }
-    let message = format!("the root element is `{root}`, not `robot`");
-    Err(Fault::boxed("robot", "", RobotProblem::Syntax(message)))
-}
-
-/// Every number that counts is one; `urdf-rs` would not say which is not, or skip it.
-fn check_numbers(document: &roxmltree::Document) -> Result<(), Box<Fault>> {
-    for element in document.root_element().children() {
-        let what = match element.tag_name().name() {
-            "link" => "link",
-            "joint" => "joint",
-            _ => continue,
-        };
-        let parts = element
-            .children()
-            .filter(|n| !n.has_tag_name("visual") && !n.has_tag_name("collision"));
-        for part in parts.flat_map(|part| part.descendants()) {
-            let numbers = NUMBERS.iter().filter(|(tag, _, _)| part.has_tag_name(*tag));
-            for &(tag, attribute, count) in numbers {
-                let Some(value) = part.attribute(attribute) else {
-                    continue;
-                };
-                let words: Vec<&str> = value.split_whitespace().collect();
-                // No limit may be written as an infinite one.
-                let counts = |x: f64| x.is_finite() || (tag == "limit" && !x.is_nan());
-                let counts = |word: &&str| word.parse().is_ok_and(counts);
-                if words.len() != count || !words.iter().all(counts) {
-                    let name = element.attribute("name").unwrap_or_default();
-                    let problem = RobotProblem::Numbers {
-                        what,
-                        name: name.to_owned(),
-                        attribute,
-                        value: value.to_owned(),
-                        count,
-                    };
-                    return Err(Fault::boxed(what, name, problem));
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Every joint has a type that exists; `urdf-rs` would not say which has not.
-fn check_types(document: &roxmltree::Document) -> Result<(), Box<Fault>> {
-    let elements = document.root_element().children();
-    for joint in elements.filter(|e| e.has_tag_name("joint")) {
-        let name = joint.attribute("name").unwrap_or_default();
-        let kind = joint.attribute("type").unwrap_or_default();
-        if !TYPES.contains(&kind) {
-            let unknown = UnknownName::new("joint type", kind, TYPES);
-            let joint = name.to_owned();
-            let problem = RobotProblem::UnknownType { joint, unknown };
-            return Err(Fault::boxed("joint", name, problem));
-        }
-    }
-    Ok(())
+    let elements = Elements::of(&document)?;
+    let parts = Parts::of(&Links::new(&elements)?, held)?;
+    Ok((elements.name.to_owned(), parts))
 }
 
 #[cfg(test)]

@@ -4,11 +4,8 @@
 //! the other's, and what it carries is light: its motion is left out); if nothing that it moves has mass, so that no torque
 //! tells of it; and if it gives the base its freedom, since the base is pinned.
 
-use std::collections::HashSet;
-
-use urdf_rs::{Joint, JointType};
-
 use super::Fault;
+use super::elements::{Joint, JointType};
 use super::links::Links;
 use crate::model::{RobotProblem, UnknownName};
 
@@ -17,24 +14,18 @@ const MOST_MIMICS: usize = 8;
 
 /// Which joints are held.
 pub(super) struct Holds<'a> {
-    joints: &'a [Joint],
+    joints: &'a [Joint<'a>],
     held: &'a [(String, f64)],
-    /// Links that have a shape.
-    pub(super) shapes: &'a HashSet<&'a str>,
     /// Whether a link or anything that hangs on it has a mass or a moment of inertia.
     weighty: Vec<bool>,
 }
 
 impl<'a> Holds<'a> {
-    pub(super) fn new(
-        links: &Links<'a>,
-        held: &'a [(String, f64)],
-        shapes: &'a HashSet<&'a str>,
-    ) -> Result<Self, Box<Fault>> {
-        let joints = &links.robot.joints;
+    pub(super) fn new(links: &Links<'a>, held: &'a [(String, f64)]) -> Result<Self, Box<Fault>> {
+        let joints = &links.elements.joints;
         for (name, _) in held {
             if !joints.iter().any(|joint| is_called(joint, name)) {
-                let names = joints.iter().map(|joint| joint.name.as_str());
+                let names = joints.iter().map(|joint| joint.name);
                 let unknown = UnknownName::new("joint", name, names);
                 return Err(Fault::boxed(
                     "joint",
@@ -46,14 +37,13 @@ impl<'a> Holds<'a> {
         Ok(Self {
             joints,
             held,
-            shapes,
             weighty: links.weighty(),
         })
     }
 
     /// Where a joint that leads to `child` is held, if it is, and what the user should know of it.
     pub(super) fn of(&self, joint: &Joint, child: usize) -> Option<(f64, Option<String>)> {
-        let name = &joint.name;
+        let name = joint.name;
         if let Some(position) = self.stated(joint) {
             return Some((position, None));
         }
@@ -62,7 +52,7 @@ impl<'a> Holds<'a> {
             let note = format!("{name} mimics {}: it is held at {position}", mimic.joint);
             return Some((position, Some(note)));
         }
-        if matches!(joint.joint_type, JointType::Floating | JointType::Planar) {
+        if matches!(joint.kind, JointType::Floating | JointType::Planar) {
             let note = format!("{name} gives the base its freedom: it is held, the base is pinned");
             return Some((0.0, Some(note)));
         }
@@ -92,7 +82,7 @@ impl<'a> Holds<'a> {
             Some(leader) if depth > 0 => self.position(leader, depth - 1),
             _ => 0.0,
         };
-        mimic.multiplier.unwrap_or(1.0) * leader + mimic.offset.unwrap_or(0.0)
+        mimic.multiplier * leader + mimic.offset
     }
 }
 

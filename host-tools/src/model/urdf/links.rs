@@ -2,53 +2,56 @@
 
 use std::collections::{HashMap, HashSet};
 
+use proprio_core::inertia::InertialParameters;
+
 use super::Fault;
+use super::elements::{Elements, Joint};
 use crate::model::{RobotProblem, UnknownName};
 
 /// The links of a URDF as a tree.
 pub(super) struct Links<'a> {
-    pub(super) robot: &'a urdf_rs::Robot,
+    pub(super) elements: &'a Elements<'a>,
     index: HashMap<&'a str, usize>,
-    children: Vec<Vec<&'a urdf_rs::Joint>>,
+    children: Vec<Vec<&'a Joint<'a>>>,
     /// The link that hangs on nothing.
     pub(super) base: usize,
 }
 
 impl<'a> Links<'a> {
-    pub(super) fn new(robot: &'a urdf_rs::Robot) -> Result<Self, Box<Fault>> {
-        let index = index(robot)?;
-        let mut children = vec![Vec::new(); robot.links.len()];
-        let mut moved_by: Vec<Option<&urdf_rs::Joint>> = vec![None; robot.links.len()];
+    pub(super) fn new(elements: &'a Elements<'a>) -> Result<Self, Box<Fault>> {
+        let index = index(elements)?;
+        let mut children = vec![Vec::new(); elements.links.len()];
+        let mut moved_by: Vec<Option<&Joint>> = vec![None; elements.links.len()];
         let mut names = HashSet::new();
-        for joint in &robot.joints {
-            if !names.insert(joint.name.as_str()) {
-                return Err(duplicate("joint", &joint.name));
+        for joint in &elements.joints {
+            if !names.insert(joint.name) {
+                return Err(duplicate("joint", joint.name));
             }
             let find = |link: &str| {
                 let found = index.get(link).copied();
-                found.ok_or_else(|| unknown_link(robot, joint, link))
+                found.ok_or_else(|| unknown_link(elements, joint, link))
             };
-            children[find(&joint.parent.link)?].push(joint);
-            if let Some(other) = moved_by[find(&joint.child.link)?].replace(joint) {
-                let joints = [other, joint].map(|joint| joint.name.clone());
-                return Err(looped(&joint.child.link, joints));
+            children[find(joint.parent)?].push(joint);
+            if let Some(other) = moved_by[find(joint.child)?].replace(joint) {
+                let joints = [other, joint].map(|joint| joint.name.to_owned());
+                return Err(looped(joint.child, joints));
             }
         }
-        let mut roots = (0..robot.links.len()).filter(|&n| moved_by[n].is_none());
+        let mut roots = (0..elements.links.len()).filter(|&n| moved_by[n].is_none());
         let Some(base) = roots.next() else {
-            let problem = match robot.links.is_empty() {
+            let problem = match elements.links.is_empty() {
                 true => RobotProblem::NoLinks,
                 false => RobotProblem::NoBase,
             };
             return Err(Fault::boxed("robot", "", problem));
         };
         if let Some(other) = roots.next() {
-            let links = [base, other].map(|n| robot.links[n].name.clone());
+            let links = [base, other].map(|n| elements.links[n].name.to_owned());
             let problem = RobotProblem::TwoBases { links };
-            return Err(Fault::boxed("link", &robot.links[other].name, problem));
+            return Err(Fault::boxed("link", elements.links[other].name, problem));
         }
         let links = Self {
-            robot,
+            elements,
             index,
             children,
             base,
@@ -58,18 +61,17 @@ impl<'a> Links<'a> {
     }
 
     /// The joints that hang on a link, in the order of the file, and the links they lead to.
-    pub(super) fn children(
-        &self,
-        link: usize,
-    ) -> impl Iterator<Item = (&'a urdf_rs::Joint, usize)> {
+    pub(super) fn children(&self, link: usize) -> impl Iterator<Item = (&'a Joint<'a>, usize)> {
         let joints = self.children[link].iter();
-        joints.map(|joint| (*joint, self.index[joint.child.link.as_str()]))
+        joints.map(|joint| (*joint, self.index[joint.child]))
     }
 
     /// Whether each link, or anything that hangs on it, has a mass or a moment of inertia.
     pub(super) fn weighty(&self) -> Vec<bool> {
-        let links = self.robot.links.iter();
-        let mut weighty: Vec<bool> = links.map(|link| has_inertia(&link.inertial)).collect();
+        let links = self.elements.links.iter();
+        let mut weighty: Vec<bool> = links
+            .map(|link| link.inertia != InertialParameters::zero())
+            .collect();
         // Links farther from the base first, each into the one it hangs on.
         let mut order = vec![self.base];
         let mut next = 0;
@@ -95,35 +97,20 @@ impl<'a> Links<'a> {
         let Some(lost) = reached.iter().position(|&reached| !reached) else {
             return Ok(());
         };
-        let link = &self.robot.links[lost].name;
-        let leads =
-            |joint: &&urdf_rs::Joint| joint.child.link == *link || joint.parent.link == *link;
-        let joints = self.robot.joints.iter().filter(leads);
-        let mut names = joints.map(|joint| joint.name.clone());
+        let link = self.elements.links[lost].name;
+        let leads = |joint: &&Joint| joint.child == link || joint.parent == link;
+        let joints = self.elements.joints.iter().filter(leads);
+        let mut names = joints.map(|joint| joint.name.to_owned());
         let mut name = || names.next().unwrap_or_default();
         Err(looped(link, [name(), name()]))
     }
 }
 
-fn has_inertia(inertial: &urdf_rs::Inertial) -> bool {
-    let i = &inertial.inertia;
-    let numbers = [
-        inertial.mass.value,
-        i.ixx,
-        i.ixy,
-        i.ixz,
-        i.iyy,
-        i.iyz,
-        i.izz,
-    ];
-    numbers.iter().any(|x| *x != 0.0)
-}
-
-fn index(robot: &urdf_rs::Robot) -> Result<HashMap<&str, usize>, Box<Fault>> {
+fn index<'a>(elements: &Elements<'a>) -> Result<HashMap<&'a str, usize>, Box<Fault>> {
     let mut index = HashMap::new();
-    for (n, link) in robot.links.iter().enumerate() {
-        if index.insert(link.name.as_str(), n).is_some() {
-            return Err(duplicate("link", &link.name));
+    for (n, link) in elements.links.iter().enumerate() {
+        if index.insert(link.name, n).is_some() {
+            return Err(duplicate("link", link.name));
         }
     }
     Ok(index)
@@ -145,11 +132,11 @@ fn looped(link: &str, joints: [String; 2]) -> Box<Fault> {
     Fault::boxed("link", link, problem)
 }
 
-fn unknown_link(robot: &urdf_rs::Robot, joint: &urdf_rs::Joint, link: &str) -> Box<Fault> {
-    let known = robot.links.iter().map(|link| link.name.as_str());
+fn unknown_link(elements: &Elements, joint: &Joint, link: &str) -> Box<Fault> {
+    let known = elements.links.iter().map(|link| link.name);
     let problem = RobotProblem::UnknownLink {
-        joint: joint.name.clone(),
+        joint: joint.name.to_owned(),
         unknown: UnknownName::new("link", link, known),
     };
-    Fault::boxed("joint", &joint.name, problem)
+    Fault::boxed("joint", joint.name, problem)
 }

@@ -1,14 +1,12 @@
 //! The moving bodies of a URDF, what is fixed lumped into what carries it.
 
-use std::collections::HashSet;
-
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Rotation3, Vector3};
 use proprio_core::go2::JOINT_NAMES;
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
-use urdf_rs::{Inertial, JointType, Pose};
 
 use super::Fault;
+use super::elements::{Joint, JointType};
 use super::holds::Holds;
 use super::links::{Links, duplicate};
 use crate::model::{Body, JointKind, RobotProblem};
@@ -33,14 +31,10 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Those of a URDF's links, some of its joints held as the user says; `shapes` names the links that have one.
-    pub(super) fn of(
-        links: &Links,
-        held: &[(String, f64)],
-        shapes: &HashSet<&str>,
-    ) -> Result<Self, Box<Fault>> {
+    /// Those of a URDF's links, some of its joints held as the user says.
+    pub(super) fn of(links: &Links, held: &[(String, f64)]) -> Result<Self, Box<Fault>> {
         let mut parts = Self {
-            base_link: links.robot.links[links.base].name.clone(),
+            base_link: links.elements.links[links.base].name.to_owned(),
             base_inertia: InertialParameters::zero(),
             bodies: Vec::new(),
             carried: Vec::new(),
@@ -48,7 +42,7 @@ impl Parts {
             held: Vec::new(),
             notes: Vec::new(),
         };
-        let holds = Holds::new(links, held, shapes)?;
+        let holds = Holds::new(links, held)?;
         parts.visit(links, &holds, links.base, None, identity())?;
         for parent in (0..parts.bodies.len())
             .filter_map(|b| parts.bodies[b].parent)
@@ -74,13 +68,14 @@ impl Parts {
         body: Option<usize>,
         placement: Transform<f64>,
     ) -> Result<(), Box<Fault>> {
-        let phi = inertia(&links.robot.links[link].inertial).in_parent(&placement);
+        let own = &links.elements.links[link];
+        let phi = own.inertia.in_parent(&placement);
         match body {
             None => self.base_inertia = self.base_inertia + phi,
             Some(b) => {
                 self.bodies[b].inertia = self.bodies[b].inertia + phi;
-                self.shapes[b] |= holds.shapes.contains(links.robot.links[link].name.as_str());
-                if self.bodies[b].link_name != links.robot.links[link].name {
+                self.shapes[b] |= own.has_shape;
+                if self.bodies[b].link_name != own.name {
                     self.carried[b] = self.carried[b] + phi;
                     let (there, foot) = (placement.translation, &mut self.bodies[b].foot);
                     if foot.is_none_or(|foot| foot.norm() < there.norm()) {
@@ -90,8 +85,8 @@ impl Parts {
             }
         }
         for (joint, child) in links.children(link) {
-            let there = placement.compose(&transform(&joint.origin));
-            if joint.joint_type == JointType::Fixed {
+            let there = placement.compose(&joint.origin);
+            if joint.kind == JointType::Fixed {
                 self.visit(links, holds, child, body, there)?;
             } else if let Some((position, note)) = holds.of(joint, child) {
                 self.held.push((short_name(joint), position));
@@ -100,7 +95,7 @@ impl Parts {
                 self.visit(links, holds, child, body, there)?;
             } else {
                 let moved = moved(joint, body, there)
-                    .map_err(|problem| Fault::boxed("joint", &joint.name, problem))?;
+                    .map_err(|problem| Fault::boxed("joint", joint.name, problem))?;
                 self.bodies.push(moved);
                 self.carried.push(InertialParameters::zero());
                 self.shapes.push(false);
@@ -118,48 +113,47 @@ fn identity() -> Transform<f64> {
 
 /// The body that a joint moves, without inertia.
 fn moved(
-    joint: &urdf_rs::Joint,
+    joint: &Joint,
     parent: Option<usize>,
     placement: Transform<f64>,
 ) -> Result<Body, RobotProblem> {
     let unsupported = |kind| RobotProblem::UnsupportedType {
-        joint: joint.name.clone(),
+        joint: joint.name.to_owned(),
         kind,
     };
-    let kind = match joint.joint_type {
+    let kind = match joint.kind {
         JointType::Revolute => JointKind::Revolute,
         JointType::Continuous => JointKind::Continuous,
         JointType::Prismatic => JointKind::Prismatic,
         JointType::Floating => return Err(unsupported("floating")),
         JointType::Planar => return Err(unsupported("planar")),
-        JointType::Spherical | JointType::Fixed => return Err(unsupported("spherical")),
+        JointType::Fixed => return Err(unsupported("fixed")),
     };
-    let axis = Vector3::from(*joint.axis.xyz);
+    let axis = joint.axis;
     let length = axis.norm();
     if length.is_nan() || (length - 1.0).abs() > AXIS_ROUNDING {
         return Err(RobotProblem::Axis {
-            joint: joint.name.clone(),
+            joint: joint.name.to_owned(),
             length,
         });
     }
     let stated = |value: f64| if value > 0.0 { value } else { f64::INFINITY };
-    let limits = [joint.limit.lower, joint.limit.upper];
-    let stops = kind != JointKind::Continuous && limits != [0.0, 0.0];
+    let stops = kind != JointKind::Continuous && joint.limits != [0.0, 0.0];
     Ok(Body {
         name: short_name(joint),
-        joint_name: joint.name.clone(),
-        link_name: joint.child.link.clone(),
+        joint_name: joint.name.to_owned(),
+        link_name: joint.child.to_owned(),
         parent,
         placement,
         kind,
         axis: if length == 1.0 { axis } else { axis / length },
         limits: if stops {
-            limits
+            joint.limits
         } else {
             [f64::NEG_INFINITY, f64::INFINITY]
         },
-        effort: stated(joint.limit.effort),
-        velocity: stated(joint.limit.velocity),
+        effort: stated(joint.effort),
+        velocity: stated(joint.velocity),
         inertia: InertialParameters::zero(),
         motor: None,
         foot: None,
@@ -167,19 +161,19 @@ fn moved(
 }
 
 /// What logs call a joint.
-fn short_name(joint: &urdf_rs::Joint) -> String {
+fn short_name(joint: &Joint) -> String {
     let short = joint.name.strip_suffix("_joint");
     let short = short.filter(|name| JOINT_NAMES.contains(name));
-    short.unwrap_or(&joint.name).to_owned()
+    short.unwrap_or(joint.name).to_owned()
 }
 
 /// Displacement of a joint from its zero.
-fn motion(joint: &urdf_rs::Joint, position: f64) -> Transform<f64> {
-    let axis = Vector3::from(*joint.axis.xyz);
+fn motion(joint: &Joint, position: f64) -> Transform<f64> {
+    let axis = joint.axis;
     let axis = axis
         .try_normalize(f64::MIN_POSITIVE)
         .unwrap_or_else(Vector3::zeros);
-    match joint.joint_type {
+    match joint.kind {
         JointType::Revolute | JointType::Continuous => Transform {
             rotation: *Rotation3::new(axis * position).matrix(),
             translation: Vector3::zeros(),
@@ -187,22 +181,4 @@ fn motion(joint: &urdf_rs::Joint, position: f64) -> Transform<f64> {
         JointType::Prismatic => Transform::from_translation(axis * position),
         _ => identity(),
     }
-}
-
-fn transform(pose: &Pose) -> Transform<f64> {
-    let [roll, pitch, yaw] = *pose.rpy;
-    Transform {
-        rotation: *Rotation3::from_euler_angles(roll, pitch, yaw).matrix(),
-        translation: Vector3::from(*pose.xyz),
-    }
-}
-
-/// φ of a link about its own frame.
-fn inertia(inertial: &Inertial) -> InertialParameters<f64> {
-    let i = &inertial.inertia;
-    let about_com = Matrix3::new(
-        i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-    );
-    let at_com = InertialParameters::from_com(inertial.mass.value, Vector3::zeros(), about_com);
-    at_com.in_parent(&transform(&inertial.origin))
 }
