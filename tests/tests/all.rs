@@ -6,6 +6,7 @@ mod bad_input;
 mod bad_recordings;
 mod battery;
 mod battery_logged;
+mod board_tables;
 mod bus_load;
 mod bus_noise;
 mod changes;

@@ -79,10 +79,10 @@ fn steps(name: &str) -> Vec<WalkStep> {
     steps
 }
 
-/// What the application says in this process.
-fn here(steps: &[WalkStep]) -> (Vec<Walk>, Counters) {
+/// The application in this process.
+fn application() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
     let (mut app, mut memory) = (
-        Box::new(WalkingApp::<f64>::unset()),
+        Box::new(WalkingApp::unset()),
         Box::new(WalkingMemory::new()),
     );
     let identity = Identity {
@@ -94,6 +94,12 @@ fn here(steps: &[WalkStep]) -> (Vec<Walk>, Counters) {
         byte_ns: 0,
     };
     app.begin(&mut memory, identity).unwrap();
+    (app, memory)
+}
+
+/// What it says.
+fn here(steps: &[WalkStep]) -> (Vec<Walk>, Counters) {
+    let (mut app, mut memory) = application();
     let (mut walks, mut counters) = (Vec::new(), Counters::default());
     let mut hear = |message: &DeviceMessage| match message {
         DeviceMessage::Walk(walk) => walks.push(*walk),
@@ -156,19 +162,7 @@ fn the_board_says_what_the_desktop_says() {
 /// Without an IMU nothing is made up, and it is counted.
 #[test]
 fn a_robot_without_an_imu_is_not_identified() {
-    let (mut app, mut memory) = (
-        Box::new(WalkingApp::<f64>::unset()),
-        Box::new(WalkingMemory::new()),
-    );
-    let identity = Identity {
-        firmware: "",
-        board: "desktop",
-        start: Start::UNKNOWN,
-        load_unit: "nothing",
-        budget: u32::MAX,
-        byte_ns: 0,
-    };
-    app.begin(&mut memory, identity).unwrap();
+    let (mut app, mut memory) = application();
     let mut last = None;
     for step in steps("sway") {
         for leg in 0..LEGS {
