@@ -1,4 +1,7 @@
 //! A limb's rigid body behind one interface, whatever its number of joints.
+//!
+//! The core's trees have their size at compile time. Each size takes half a second to compile, so not every one is there: a limb of another
+//! number of joints is filled up with bodies without mass at its end, which change nothing of the joints before them.
 
 use proprio_core::dynamics::MomentumDerivatives;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
@@ -102,9 +105,9 @@ impl Slopes {
     }
 
     fn set<const B: usize>(&mut self, d: &MomentumDerivatives<f64, B>) {
-        for j in 0..B {
-            for i in 0..B {
-                let at = j * B + i;
+        for j in 0..self.joints {
+            for i in 0..self.joints {
+                let at = j * self.joints + i;
                 self.momentum[0][at] = d.momentum_by_position[(j, i)];
                 self.momentum[1][at] = d.momentum_by_velocity[(j, i)];
                 self.rate[0][at] = d.rate_by_position[(j, i)];
@@ -117,22 +120,35 @@ impl Slopes {
     }
 }
 
-struct Dynamics<const B: usize, const P: usize>(Tree<f64, B, B>);
+/// A tree of `B` bodies, of which the first `joints` are the limb's.
+struct Dynamics<const B: usize, const P: usize> {
+    tree: Tree<f64, B, B>,
+    joints: usize,
+}
 
 impl<const B: usize, const P: usize> Dynamics<B, P> {
+    fn of(model: &Model, limb: &Limb) -> Option<Box<dyn RigidBody>> {
+        let (tree, joints) = (model.filled_limb_tree(limb)?, limb.bodies.len());
+        Some(Box::new(Self { tree, joints }))
+    }
+
     fn kinematics(&self, base: &Transform<f64>, q: &[f64], dq: &[f64]) -> Kinematics<f64, B, B> {
-        let [q, dq] = [q, dq].map(SVector::from_column_slice);
-        self.0.kinematics(base, &q, &dq)
+        self.tree.kinematics(base, &filled(q), &filled(dq))
+    }
+
+    /// Row by row.
+    fn copy(&self, to: &mut [f64], from: &SMatrix<f64, B, P>) {
+        for (j, row) in to.chunks_exact_mut(self.joints * INERTIAL).enumerate() {
+            row.iter_mut()
+                .zip(from.row(j).iter())
+                .for_each(|(to, from)| *to = *from);
+        }
     }
 }
 
-/// Row by row.
-fn copy<const B: usize, const P: usize>(to: &mut [f64], from: &SMatrix<f64, B, P>) {
-    for (j, row) in to.chunks_exact_mut(P).enumerate() {
-        row.iter_mut()
-            .zip(from.row(j).iter())
-            .for_each(|(to, from)| *to = *from);
-    }
+/// What the limb's joints do, the others at rest.
+fn filled<const B: usize>(of_limb: &[f64]) -> SVector<f64, B> {
+    SVector::from_fn(|j, _| of_limb.get(j).copied().unwrap_or(0.0))
 }
 
 impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
@@ -145,15 +161,15 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         rate: &mut [f64],
     ) {
         let k = self.kinematics(base, q, dq);
-        copy(rate, &self.0.momentum_rate_regressor::<P>(&k));
+        self.copy(rate, &self.tree.momentum_rate_regressor::<P>(&k));
         if let Some(momentum) = momentum {
-            copy(momentum, &self.0.momentum_regressor::<P>(&k));
+            self.copy(momentum, &self.tree.momentum_regressor::<P>(&k));
         }
     }
 
     fn slopes(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], slopes: &mut Slopes) {
         let k = self.kinematics(base, q, dq);
-        slopes.set(&self.0.momentum_derivatives(&k));
+        slopes.set(&self.tree.momentum_derivatives(&k));
     }
 
     fn momentum_and_rate(
@@ -163,24 +179,25 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         momentum: &mut [f64],
         rate: &mut [f64],
     ) {
-        let (p, r) = self.0.momentum_and_rate(&self.kinematics(base, q, dq));
-        momentum.copy_from_slice(p.as_slice());
-        rate.copy_from_slice(r.as_slice());
+        let (p, r) = self.tree.momentum_and_rate(&self.kinematics(base, q, dq));
+        momentum.copy_from_slice(&p.as_slice()[..self.joints]);
+        rate.copy_from_slice(&r.as_slice()[..self.joints]);
     }
 
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
-        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
-        let k = self.0.kinematics(base, &q, &dq);
-        let regressor = self.0.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
-        copy(torque, &regressor);
+        let [q, dq, ddq] = motion.map(filled);
+        let k = self.tree.kinematics(base, &q, &dq);
+        let regressor = self.tree.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
+        self.copy(torque, &regressor);
     }
 
     fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
-        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
-        let placements = self.0.placements(base, &q);
+        let [q, dq, ddq] = motion.map(filled);
+        let placements = self.tree.placements(base, &q);
         let mut all = SVector::zeros();
-        (self.0).write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
-        torque.copy_from_slice(all.as_slice());
+        self.tree
+            .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
+        torque.copy_from_slice(&all.as_slice()[..self.joints]);
     }
 
     fn torque_and_inertia(
@@ -190,12 +207,13 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         torque: &mut [f64],
         inertia: &mut [f64],
     ) {
-        let [q, dq, ddq] = motion.map(SVector::from_column_slice);
-        let placements = self.0.placements(base, &q);
+        let [q, dq, ddq] = motion.map(filled);
+        let placements = self.tree.placements(base, &q);
         let (mut all, mut matrix) = (SVector::zeros(), SMatrix::zeros());
-        (self.0).write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
-        self.0.write_inertia_matrix(&placements, &mut matrix);
-        torque.copy_from_slice(all.as_slice());
+        self.tree
+            .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
+        self.tree.write_inertia_matrix(&placements, &mut matrix);
+        torque.copy_from_slice(&all.as_slice()[..self.joints]);
         inertia
             .iter_mut()
             .enumerate()
@@ -204,28 +222,76 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
 
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {
         let k = self.kinematics(base, q, dq);
-        let (kinetic, potential) = self.0.energy_regressor::<P>(&k, base);
-        energy.copy_from_slice((kinetic + potential).as_slice());
+        let (kinetic, potential) = self.tree.energy_regressor::<P>(&k, base);
+        let energies = kinetic + potential;
+        energy.copy_from_slice(&energies.as_slice()[..energy.len()]);
     }
 
     fn with_inertia(&self, bodies: &[InertialParameters<f64>]) -> Box<dyn RigidBody> {
-        let all = std::array::from_fn(|b| bodies[b]);
-        Box::new(Self(self.0.with_inertia(&all)))
+        let nothing = InertialParameters::zero();
+        let all = std::array::from_fn(|b| *bodies.get(b).unwrap_or(&nothing));
+        Box::new(Self {
+            tree: self.tree.with_inertia(&all),
+            ..*self
+        })
     }
-}
-
-macro_rules! sizes {
-    ($model:ident, $limb:ident: $($n:literal)*) => {
-        match $limb.bodies.len() {
-            $($n => $model
-                .limb_tree::<$n>($limb)
-                .map(|tree| Box::new(Dynamics::<$n, { $n * INERTIAL }>(tree)) as Box<dyn RigidBody>),)*
-            _ => None,
-        }
-    };
 }
 
 /// A limb of `model` with the model's inertial parameters; `None` for more than [`MAX_JOINTS`].
 pub(crate) fn of_limb(model: &Model, limb: &Limb) -> Option<Box<dyn RigidBody>> {
-    sizes!(model, limb: 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16)
+    macro_rules! sizes {
+        ($($numbers:pat => $n:literal)*) => {
+            match limb.bodies.len() {
+                $($numbers => Dynamics::<$n, { $n * INERTIAL }>::of(model, limb),)*
+                _ => None,
+            }
+        };
+    }
+    sizes!(1 => 1 2 => 2 3 => 3 4 => 4 5..=6 => 6 7 => 7 8 => 8 9..=12 => 12 13..=16 => 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Robot;
+
+    /// A leg of three bodies as it is, and filled up to five.
+    #[test]
+    fn bodies_without_mass_at_the_end_change_nothing() {
+        let model = Model::new(Robot::go2());
+        let limb = &model.robot().limbs()[0];
+        let (own, more) = (
+            Dynamics::<3, 30>::of(&model, limb).unwrap(),
+            Dynamics::<5, 50>::of(&model, limb).unwrap(),
+        );
+        let base = model.base();
+        let [q, dq, ddq] =
+            [0.3, -1.1, 2.7].map(|x| (1..4).map(|j| (x * f64::from(j)).sin()).collect::<Vec<_>>());
+        let told = |body: &dyn RigidBody| {
+            let [mut momentum, mut rate, mut torque] = [(); 3].map(|()| vec![0.0; 90]);
+            body.regressors(&base, &q, &dq, Some(&mut momentum), &mut rate);
+            body.torque_regressor(&base, [&q, &dq, &ddq], &mut torque);
+            let [mut p, mut r, mut forces, mut inertia] = [(); 4].map(|()| vec![0.0; 3]);
+            body.momentum_and_rate(&base, [&q, &dq], &mut p, &mut r);
+            body.torque_and_inertia(&base, [&q, &dq, &ddq], &mut forces, &mut inertia);
+            let mut energy = vec![0.0; 30];
+            body.energy_regressor(&base, &q, &dq, &mut energy);
+            let mut slopes = Slopes::of(3);
+            body.slopes(&base, &q, &dq, &mut slopes);
+            let [position, velocity] = slopes.momentum;
+            [
+                momentum, rate, torque, p, r, forces, inertia, energy, position, velocity,
+            ]
+            .concat()
+        };
+        let inertia: Vec<_> = limb.bodies.clone().map(|b| *model.inertia(b)).collect();
+        let (own, more) = (told(&*own), told(&*more.with_inertia(&inertia)));
+        assert!(own.iter().filter(|x| **x != 0.0).count() > 100);
+        for (own, more) in own.iter().zip(&more) {
+            assert!(
+                (own - more).abs() < 1e-12 * (1.0 + own.abs()),
+                "{own} {more}"
+            );
+        }
+    }
 }

@@ -27,6 +27,11 @@ impl Model {
         self.robot.limb_tree(limb, |b| *self.inertia(b))
     }
 
+    /// The same, filled up to `B` bodies by some without mass that hang on the last one; `None` for a limb of more.
+    pub(crate) fn filled_limb_tree<const B: usize>(&self, limb: &Limb) -> Option<Tree<f64, B, B>> {
+        self.robot.filled_limb_tree(limb, |b| *self.inertia(b))
+    }
+
     /// The effects that the model has at a limb's joints, in the order of the core's θ.
     pub fn limb_effects(&self, limb: &Limb) -> Vec<(usize, EffectKind)> {
         let of_limb = self

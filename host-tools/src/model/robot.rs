@@ -359,25 +359,48 @@ impl Robot {
         limb: &Limb,
         inertia: impl Fn(usize) -> InertialParameters<f64>,
     ) -> Option<Tree<f64, B, B>> {
-        let first = limb.bodies.start;
-        let bodies: Vec<tree::Body<f64>> = limb
-            .bodies
-            .clone()
-            .map(|b| {
-                let body = &self.bodies[b];
-                let joint = match body.kind {
-                    JointKind::Revolute | JointKind::Continuous => Joint::Revolute(body.axis),
-                    JointKind::Prismatic => Joint::Prismatic(body.axis),
-                };
-                tree::Body {
-                    parent: body.parent.map(|parent| parent - first),
-                    placement: body.placement,
-                    joint,
-                    inertia: inertia(b),
-                }
-            })
-            .collect();
+        let bodies = self.limb_bodies(limb, inertia);
+        Tree::new(bodies.collect::<Vec<_>>().try_into().ok()?).ok()
+    }
+
+    /// The same, filled up to `B` bodies by some without mass that hang on the last one; `None` for a limb of more.
+    pub(super) fn filled_limb_tree<const B: usize>(
+        &self,
+        limb: &Limb,
+        inertia: impl Fn(usize) -> InertialParameters<f64>,
+    ) -> Option<Tree<f64, B, B>> {
+        let mut bodies: Vec<tree::Body<f64>> = self.limb_bodies(limb, inertia).collect();
+        while bodies.len() < B {
+            bodies.push(tree::Body {
+                parent: bodies.len().checked_sub(1),
+                placement: Transform::from_translation(Vector3::zeros()),
+                joint: Joint::Revolute(Vector3::z()),
+                inertia: InertialParameters::zero(),
+            });
+        }
         Tree::new(bodies.try_into().ok()?).ok()
+    }
+
+    /// A limb's bodies, its first one's parent the base.
+    fn limb_bodies(
+        &self,
+        limb: &Limb,
+        inertia: impl Fn(usize) -> InertialParameters<f64>,
+    ) -> impl Iterator<Item = tree::Body<f64>> {
+        let first = limb.bodies.start;
+        limb.bodies.clone().map(move |b| {
+            let body = &self.bodies[b];
+            let joint = match body.kind {
+                JointKind::Revolute | JointKind::Continuous => Joint::Revolute(body.axis),
+                JointKind::Prismatic => Joint::Prismatic(body.axis),
+            };
+            tree::Body {
+                parent: body.parent.map(|parent| parent - first),
+                placement: body.placement,
+                joint,
+                inertia: inertia(b),
+            }
+        })
     }
 
     /// What the catalogue takes an effect's first parameter at a joint to be before any data.

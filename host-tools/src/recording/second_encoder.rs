@@ -54,8 +54,15 @@ fn told(limb: &LimbRecording, joint: usize, name: &str) -> Option<String> {
 mod tests {
     use super::*;
 
+    fn two_joints() -> LimbRecording {
+        LimbRecording {
+            joints: 2,
+            ..LimbRecording::default()
+        }
+    }
+
     fn limb(link: impl Fn(f64) -> f64) -> LimbRecording {
-        let mut limb = LimbRecording::new(2);
+        let mut limb = two_joints();
         for k in 0..200u32 {
             let q = (0.1 * f64::from(k)).sin();
             let pair = [q, -q];
@@ -72,8 +79,7 @@ mod tests {
     #[test]
     fn an_encoder_that_counts_as_the_motors_does_is_nothing_to_tell() {
         assert_eq!(told(&limb(|q| q + 0.01), 0, "calf"), None);
-        let without = LimbRecording::new(2);
-        assert_eq!(told(&without, 0, "calf"), None);
+        assert_eq!(told(&two_joints(), 0, "calf"), None);
     }
 
     #[test]
