@@ -225,7 +225,7 @@ impl Pass<'_> {
             momentum: vec![0.0; n],
             rate: vec![0.0; n],
         };
-        let mut before = now.clone();
+        let (mut before, mut near) = (now.clone(), now.clone());
         let mut last_sample = None;
         let windows = self.motion.windows.iter().enumerate();
         for (w, window) in windows.filter(|(w, _)| chosen(*w)) {
@@ -235,9 +235,8 @@ impl Pass<'_> {
                 self.measure(states, first, &mut now);
             }
             let own = &mut torque[w * n..(w + 1) * n];
-            for &j in &self.joints {
-                own[j] = -now.momentum[j];
-            }
+            self.joints.iter().for_each(|&j| own[j] = 0.0);
+            self.add_momentum(states, (first, -1.0), (&now, &mut near), own);
             for k in first + 1..=last {
                 std::mem::swap(&mut before, &mut now);
                 self.measure(states, k, &mut now);
@@ -246,10 +245,34 @@ impl Pass<'_> {
                     own[j] += half * (before.rate[j] + now.rate[j]);
                 }
             }
+            self.add_momentum(states, (last, 1.0), (&now, &mut near), own);
             for &j in &self.joints {
-                own[j] = (own[j] + now.momentum[j]) / (window.length * gains[j]);
+                own[j] /= window.length * gains[j];
             }
             last_sample = Some(last);
+        }
+    }
+
+    /// Adds so many times the momentum at a window's end, which is sample k and measured `now`; `near` is room for the samples next to it.
+    fn add_momentum(
+        &self,
+        states: &States,
+        (k, times): (usize, f64),
+        (now, near): (&Instant, &mut Instant),
+        to: &mut [f64],
+    ) {
+        let mut add = |weight: f64, momentum: &[f64]| {
+            for &j in &self.joints {
+                to[j] += times * weight * momentum[j];
+            }
+        };
+        let Some([before, at, after]) = self.motion.end_weights(k) else {
+            return add(1.0, &now.momentum);
+        };
+        add(at, &now.momentum);
+        for (k, weight) in [(k - 1, before), (k + 1, after)] {
+            self.measure(states, k, near);
+            add(weight, &near.momentum);
         }
     }
 

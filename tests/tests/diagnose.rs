@@ -161,3 +161,17 @@ fn the_first_screen_ends_with_a_command_that_runs() {
     assert!(compared["rms"].as_f64() < compared["before_rms"].as_f64());
     assert!(done(folder, &["diagnose", "log.csv", "--verbose"]).contains("held-out gain %"));
 }
+
+/// Eleven samples in a period of the fastest motion are enough: what the trapezoid rule is wrong by is no drag.
+#[test]
+fn few_samples_a_period_are_no_effect() {
+    let folder = simulated(
+        "--typical --legs FR --duration 20 --motion chirp --rate 100 --inertia-error 0.05",
+    );
+    let found = json(&done(folder.path(), &["diagnose", "log.csv", "--json"]));
+    let path = found["path"].as_array().unwrap();
+    let last = path.last().unwrap();
+    println!("{last}");
+    assert!(path.iter().all(|step| step["effect"] != "quadratic_drag"));
+    assert!(last["held_out_rms"].as_f64().unwrap() < 0.04);
+}

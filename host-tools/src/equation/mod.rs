@@ -4,7 +4,7 @@
 //! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
 //!    what effects see of it under a model; `load`, what its gears transmit.
 //! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
-//! 4. `column`, `rows`: the momentum equation integrated over windows, a column per parameter.
+//! 4. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter.
 //! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
@@ -20,6 +20,7 @@ pub(crate) mod load;
 pub(crate) mod motion;
 mod play;
 mod presliding;
+mod quadrature;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
 mod speed;

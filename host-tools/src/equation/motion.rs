@@ -45,6 +45,8 @@ pub(crate) struct Motion {
     pub(crate) temperature: Vec<f64>,
     /// The windows, in the order of time.
     pub(crate) windows: Vec<Window>,
+    /// Whether samples are so far apart that what enters by its difference is corrected at a window's ends.
+    pub(super) coarse: bool,
     pub(super) loads: Loads,
 }
 
@@ -125,8 +127,10 @@ impl Motion {
             links,
             temperature: recording.temperature.clone(),
             windows: Vec::new(),
+            coarse: false,
             loads: Loads::default(),
         };
+        motion.coarse = motion.joint.iter().any(|joint| joint.is_coarse(period));
         motion.windows = motion.cut(blocks, WINDOW.max(LEAST_PERIODS * period));
         motion
     }
@@ -168,16 +172,6 @@ impl Motion {
         rest < MOST_REST * (self.time[last] - self.time[first])
     }
 
-    /// Mean over a window of a quantity that is known at samples, by the trapezoid rule.
-    pub(crate) fn mean(&self, window: &Window, x: impl Fn(usize) -> f64) -> f64 {
-        let [first, last] = window.samples;
-        let steps = (first + 1..=last).map(|k| {
-            let dt = self.time[k] - self.time[k - 1];
-            0.5 * dt * (x(k - 1) + x(k))
-        });
-        steps.sum::<f64>() / window.length
-    }
-
     /// The samples that a model's torque in the chosen windows depends on: those within, and what smooths the load there; of a link
     /// that moves against its motor all that came before without a gap. All, if most windows are chosen.
     pub(crate) fn asked(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Asked {
@@ -200,6 +194,9 @@ impl Motion {
                 from = from.min(self.stretches.get(stretch).map_or(first, |s| s.start));
             }
             let to = last + self.time[last..].partition_point(|t| *t <= end);
+            // Those next to the window's ends, however far apart samples are.
+            let (from, to) = (from.min(first.saturating_sub(1)), to.max(last + 2));
+            let to = to.min(self.time.len());
             let known = range.clone().unwrap_or(from..to);
             range = Some(known.start.min(from)..known.end.max(to));
             // A link's past is long, and that of the window before is told already.

@@ -252,7 +252,8 @@ impl<'a> Pass<'a> {
             boundary: zero.clone(),
             rate: zero.clone(),
         };
-        let (mut before, mut start, mut sum) = (now.clone(), zero.clone(), zero);
+        let (mut before, mut near) = (now.clone(), now.clone());
+        let (mut start, mut end, mut sum) = (zero.clone(), zero.clone(), zero);
         let mut workspace = Workspace {
             momentum: vec![0.0; INERTIAL * n * n],
             rate: vec![0.0; INERTIAL * n * n],
@@ -267,7 +268,7 @@ impl<'a> Pass<'a> {
             if last_sample != Some(first) {
                 self.measure(first, true, starts, &mut workspace, &mut now);
             }
-            start.copy_from_slice(&now.boundary);
+            self.boundary(first, starts, &mut workspace, (&now, &mut near), &mut start);
             sum.fill(0.0);
             for k in first + 1..=last {
                 std::mem::swap(&mut before, &mut now);
@@ -278,11 +279,35 @@ impl<'a> Pass<'a> {
                 }
             }
             last_sample = Some(last);
+            self.boundary(last, starts, &mut workspace, (&now, &mut near), &mut end);
             for (own, first) in self.own.iter().zip(starts) {
                 for c in own.iter().map(|c| first + c) {
-                    row[c] = (now.boundary[c] - start[c] + sum[c]) / window.length;
+                    row[c] = (end[c] - start[c] + sum[c]) / window.length;
                 }
             }
+        }
+    }
+
+    /// What enters by its difference at a window's end, which is sample k and measured `now`; `near` is room for the samples next to it.
+    fn boundary(
+        &self,
+        k: usize,
+        starts: &[usize],
+        workspace: &mut Workspace,
+        (now, near): (&Instant, &mut Instant),
+        out: &mut [f64],
+    ) {
+        out.copy_from_slice(&now.boundary);
+        let Some([before, at, after]) = self.motion.end_weights(k) else {
+            return;
+        };
+        out.iter_mut().for_each(|out| *out *= at);
+        for (k, weight) in [(k - 1, before), (k + 1, after)] {
+            self.measure(k, true, starts, workspace, near);
+            let near = near.boundary.iter();
+            out.iter_mut()
+                .zip(near)
+                .for_each(|(out, near)| *out += weight * near);
         }
     }
 
