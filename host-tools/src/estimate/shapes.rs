@@ -51,14 +51,23 @@ const BASIS: [EffectKind; 4] = [
     EffectKind::Bias,
 ];
 
-/// A fit's values with better shapes, plays and springs `again` sought near those that an earlier pass has found; `None` if they are as
-/// good as they get.
+/// What a search for shapes has found.
+pub(crate) enum Searched {
+    /// They are as good as they get.
+    Same,
+    /// A fit's values with better ones.
+    Better(Values),
+    /// They stay, and a play or a spring among them leaves as much with no value as with the best.
+    Nothing,
+}
+
+/// Looks for better shapes of a fit, plays and springs `again` near those that an earlier pass has found.
 pub(crate) fn better(
     fit: &LimbFit,
     rows: &Rows,
     searched: &dyn Fn(&Place) -> bool,
     again: bool,
-) -> Option<Values> {
+) -> Searched {
     let shaped = fit
         .places
         .iter()
@@ -66,7 +75,7 @@ pub(crate) fn better(
         .filter(|place| has_shape(place.0) || place.0 == EffectKind::Elasticity);
     let places: Vec<Place> = shaped.filter(searched).collect();
     if places.is_empty() {
-        return None;
+        return Searched::Same;
     }
     let own = fit.columns.combined(fit.solution.theta.as_slice());
     let mut scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
@@ -76,9 +85,12 @@ pub(crate) fn better(
     let best: Vec<Option<f64>> = (places.par_iter())
         .map(|&place| scan.best(place, &|_| true))
         .collect();
-    let (mut values, mut moved) = (fit.values.clone(), false);
+    let (mut values, mut moved, mut nothing) = (fit.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
-        let Some(best) = best else { continue };
+        let Some(best) = best else {
+            nothing |= LOOSE.contains(&place.0);
+            continue;
+        };
         let n = shape_parameter(place.0);
         let before = fit.at.get(place, n);
         if (best - before).abs() > SAME * before.abs() {
@@ -86,7 +98,11 @@ pub(crate) fn better(
             moved = true;
         }
     }
-    moved.then_some(values)
+    match (moved, nothing) {
+        (true, _) => Searched::Better(values),
+        (false, true) => Searched::Nothing,
+        (false, false) => Searched::Same,
+    }
 }
 
 /// Whether one of an effect's parameters is scanned.

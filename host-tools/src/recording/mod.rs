@@ -19,8 +19,9 @@ use pieces::Pieces;
 /// Most joints of a limb that can be judged.
 pub(crate) const MAX_JOINTS: usize = 16;
 
-/// Most samples of a limb that are kept, about four minutes at 500 Hz: a diagnosis then fits in 200 MB.
-const MOST_SAMPLES: usize = 130_000;
+/// Most samples of a limb that are kept, two minutes at 500 Hz, of which at least half are: 3 000 windows of a joint. What takes away as
+/// much as a step asks for, 1 % of the error, then takes 30 of its variance, and 4 standard deviations of a value are 16.
+const MOST_SAMPLES: usize = 60_000;
 /// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
 const PIECE_US: u64 = 2_000_000;
 

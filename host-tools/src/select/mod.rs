@@ -22,6 +22,7 @@ mod limits;
 mod looseness;
 mod placed;
 mod possible;
+mod promise;
 pub(crate) mod ranking;
 pub(crate) mod screen;
 pub(crate) mod search;

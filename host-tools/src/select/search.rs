@@ -16,7 +16,8 @@ use super::criteria;
 use super::drift::{Drift, drifts};
 use super::ranking::{Judged, PLAIN, best, judge, judged};
 use super::screen::{self, Screen};
-use super::state::{State, held_out_with_shape};
+use super::state::{State, held_out_with_shape, how_near, how_with};
+use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -165,7 +166,8 @@ impl<'a> Search<'a> {
                 let fit = self.state.fits[n].clone();
                 let predicted = fit.predicted();
                 let possible = screen::possible(&fit, &self.given[n]);
-                let screen = Screen::of(fit, predicted, &possible).placed(&possible);
+                let screen = Screen::of(fit, predicted, &possible);
+                let screen = screen.after(old.get(n).and_then(Option::as_ref));
                 (screen, possible)
             })
         });
@@ -243,14 +245,35 @@ impl<'a> Search<'a> {
         for (limb, place) in &candidate.members {
             places[*limb].push(*place);
         }
-        let start = start_with(&self.screens, candidate);
+        let mut start = start_with(&self.screens, candidate);
         let new: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
-        (self.state).with_worthwhile(self.data, &places, &start, &new, is_worth)
+        let mut how = how_with(&new);
+        if let [(limb, place)] = candidate.members[..]
+            && let Some(size) = self.promised(limb, place)
+        {
+            start[limb].set(place, 0, size);
+            how = how_near(place);
+        }
+        (self.state).with_worthwhile(self.data, &places, &start, &how, is_worth)
     }
 
     /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.
     pub(super) fn take(&mut self, candidate: &Candidate, mut after: State<'a>) -> bool {
         let members = &candidate.members;
+        if let [(_, place)] = members[..]
+            && LOOSE.contains(&place.0)
+            && after.is_better_than(&self.state)
+        {
+            // It was tried in few passes: what stays is told as well as it can be.
+            let (places, start) = (after.places(), after.values());
+            let how = how_with(&[place]);
+            let Some(again) =
+                (self.state).with_worthwhile(self.data, &places, &start, &how, &|_| true)
+            else {
+                return false;
+            };
+            after = again;
+        }
         if let [(limb, place)] = members[..]
             && place.0.description().shape().is_some()
             && after.is_better_than(&self.state)
