@@ -73,6 +73,11 @@ impl Responses {
         })
     }
 
+    /// How many numbers a response has: of each window one of each joint.
+    pub(crate) fn len(&self) -> usize {
+        self.motion.joints * self.windows.len()
+    }
+
     /// What a gap (rad) or a compliance (rad/(N m)) of this size changes of all joints' mean torques, N m, window by window.
     pub(crate) fn of_size(&self, place: Place, size: f64) -> Vec<f64> {
         let (motion, n) = (&self.motion, self.motion.joints);

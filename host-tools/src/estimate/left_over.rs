@@ -65,17 +65,8 @@ impl LeftOver {
         })
     }
 
-    /// By how much the sum of squares falls, in units of the joints' noise, with these responses, each as much as it likes; of all
-    /// windows, N m, joint by joint.
-    pub(crate) fn fall(&self, responses: &[&[f64]], joints: usize) -> f64 {
-        let (square, right) = self.beside(responses, joints);
-        let all = self.residual.norm_squared();
-        square
-            .cholesky()
-            .map_or(all, |root| right.dot(&root.solve(&right)))
-    }
-
-    /// The same with one response that lies between two, and how far from the first to the second.
+    /// By how much the sum of squares falls, in units of the joints' noise, with a response that lies between two, and how far from the
+    /// first to the second: responses are of all windows, N m, joint by joint.
     pub(crate) fn fall_between(&self, ends: [&[f64]; 2], joints: usize) -> (f64, f64) {
         let (square, right) = self.beside(&ends, joints);
         let fall = |share: f64| {

@@ -40,6 +40,9 @@ const FARTHEST: f64 = 0.1;
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
 const SAME: f64 = 1e-3;
+/// The best of a grid is not refined that explains less than this share of what is left of its joint: half of what the slowest effect has to
+/// (`select::criteria::LEAST_GAIN_OF_SLOW`).
+const LEAST_FALL: f64 = 0.0025;
 /// Fewer windows tell no shape.
 const LEAST_WINDOWS: usize = 50;
 
@@ -225,6 +228,11 @@ impl<'a> Scan<'a> {
             EffectKind::Presliding => grid[0],
             _ => parameter.lower,
         };
+        // Harmonics are narrow; of other shapes the next one explains much the same.
+        let most = falls.iter().copied().fold(0.0, f64::max);
+        if effect != EffectKind::Cogging && most < LEAST_FALL * dot(&residual, &residual) {
+            return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
+        }
         Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
     }
 
@@ -478,9 +486,7 @@ fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
 
 /// The shape with the largest fall, between the neighbours of the best of a grid.
 pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
-    let best = (0..grid.len())
-        .max_by(|&a, &b| falls[a].total_cmp(&falls[b]))
-        .unwrap_or(0);
+    let best = best_of(falls);
     let (mut shape, mut most) = (grid[best], falls[best]);
     let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
     let mut step = 0.5 * (neighbour - shape).abs();
@@ -497,6 +503,12 @@ pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) ->
         step /= 3.0;
     }
     shape
+}
+
+/// Where the largest fall of a grid is.
+fn best_of(falls: &[f64]) -> usize {
+    let best = (0..falls.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
+    best.unwrap_or(0)
 }
 
 /// How much the residual's sum of squares falls with what a span explains.

@@ -92,18 +92,17 @@ impl Screen<'_> {
         all.max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// The same of several, each of the size that its column tells.
+    /// The same of several at once, each of the size that its column tells, or all as much smaller.
     fn most_of_several(&self, places: &[Place], sizes: &[f64]) -> Option<f64> {
         let (links, left) = self.links()?;
-        let there = places.iter().zip(sizes).filter(|(_, size)| **size > 0.0);
-        let responses: Vec<Vec<f64>> = there
-            .map(|(place, size)| links.responses.of_size(*place, *size))
-            .collect();
-        let responses: Vec<&[f64]> = responses.iter().map(Vec::as_slice).collect();
-        if responses.is_empty() {
-            return Some(0.0);
+        let joints = self.fit.data.joints();
+        let mut together = vec![0.0; links.responses.len()];
+        for (place, size) in places.iter().zip(sizes) {
+            let own = links.responses.of_size(*place, *size);
+            together.iter_mut().zip(own).for_each(|(sum, x)| *sum += x);
         }
-        Some(left.fall(&responses, self.fit.data.joints()))
+        let nothing = vec![0.0; together.len()];
+        Some(left.fall_between([&nothing, &together], joints).0)
     }
 }
 

@@ -262,7 +262,7 @@ impl<'a> Search<'a> {
         let members = &candidate.members;
         if let [(_, place)] = members[..]
             && LOOSE.contains(&place.0)
-            && after.is_better_than(&self.state)
+            && self.is_worth(&after)
         {
             // It was tried in few passes: what stays is told as well as it can be.
             let (places, start) = (after.places(), after.values());
@@ -286,14 +286,19 @@ impl<'a> Search<'a> {
             .iter()
             .filter(|m| after.size(m) >= criteria::LEAST_VALUE)
             .count();
-        let before = self.state.weighted(&self.state);
-        let worth = after.weighted(&self.state) < (1.0 - criteria::LEAST_SHARE) * before;
-        if !worth || !after.is_better_than(&self.state) || 2 * held <= members.len() {
+        if !self.is_worth(&after) || 2 * held <= members.len() {
             return false;
         }
         self.state = after;
         self.push(members, false);
         true
+    }
+
+    /// Whether a model takes away what a step is worth, and makes no log worse.
+    fn is_worth(&self, after: &State) -> bool {
+        let before = self.state.weighted(&self.state);
+        after.weighted(&self.state) < (1.0 - criteria::LEAST_SHARE) * before
+            && after.is_better_than(&self.state)
     }
 
     pub(super) fn push(&mut self, members: &[Member], removed: bool) {
