@@ -19,9 +19,10 @@ use pieces::Pieces;
 /// Most joints of a limb that can be judged.
 pub(crate) const MAX_JOINTS: usize = 16;
 
-/// Most samples of a limb that are kept, two minutes at 500 Hz, of which at least half are: 3 000 windows of a joint. What takes away as
-/// much as a step asks for, 1 % of the error, then takes 30 of its variance, and 4 standard deviations of a value are 16.
-const MOST_SAMPLES: usize = 60_000;
+/// Most samples of a limb that are kept, a hundred seconds at 500 Hz and five chirps whole. Of a longer log at least half as many are,
+/// 2 600 windows of a joint: what takes away as much as a step asks for, 1 % of the error, takes 26 times its variance there, and a value
+/// of four standard deviations takes 16.
+const MOST_SAMPLES: usize = 52_000;
 /// Length of the pieces that a longer recording is thinned to, µs: much longer than what residuals remember.
 const PIECE_US: u64 = 2_000_000;
 

@@ -19,7 +19,7 @@ use super::screen::{self, Screen};
 use super::state::{State, held_out_with_shape, how_near, how_with};
 use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
-use crate::estimate::fit::LimbFit;
+use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot::side_by_side;
 
@@ -235,26 +235,47 @@ impl<'a> Search<'a> {
         self.with_worthwhile(candidate, &|_| true)
     }
 
-    /// The same where `is_worth` says so of the fit.
+    /// The same where `is_worth` says so of the fit. A play or a spring that promises something is sought near what it promises.
     pub(super) fn with_worthwhile(
         &self,
         candidate: &Candidate,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
+        let near = match candidate.members[..] {
+            [(limb, place)] => self.promised(limb, place).map(|size| (limb, place, size)),
+            _ => None,
+        };
+        let Some((limb, place, size)) = near else {
+            return self.with_all_sought(candidate, is_worth);
+        };
+        let mut start = start_with(&self.screens, candidate);
+        start[limb].set(place, 0, size);
+        self.fitted(candidate, &start, &how_near(place), is_worth)
+    }
+
+    /// The same with its shapes sought wherever they may be.
+    fn with_all_sought(
+        &self,
+        candidate: &Candidate,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
+        let places: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
+        let start = start_with(&self.screens, candidate);
+        self.fitted(candidate, &start, &how_with(&places), is_worth)
+    }
+
+    fn fitted(
+        &self,
+        candidate: &Candidate,
+        start: &[Values],
+        how: &How,
         is_worth: &dyn Fn(&State) -> bool,
     ) -> Option<State<'a>> {
         let mut places = self.state.places();
         for (limb, place) in &candidate.members {
             places[*limb].push(*place);
         }
-        let mut start = start_with(&self.screens, candidate);
-        let new: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
-        let mut how = how_with(&new);
-        if let [(limb, place)] = candidate.members[..]
-            && let Some(size) = self.promised(limb, place)
-        {
-            start[limb].set(place, 0, size);
-            how = how_near(place);
-        }
-        (self.state).with_worthwhile(self.data, &places, &start, &how, is_worth)
+        (self.state).with_worthwhile(self.data, &places, start, how, is_worth)
     }
 
     /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.
@@ -264,12 +285,8 @@ impl<'a> Search<'a> {
             && LOOSE.contains(&place.0)
             && self.is_worth(&after)
         {
-            // It was tried in few passes: what stays is told as well as it can be.
-            let (places, start) = (after.places(), after.values());
-            let how = how_with(&[place]);
-            let Some(again) =
-                (self.state).with_worthwhile(self.data, &places, &start, &how, &|_| true)
-            else {
+            // It was tried near what it promised and in few passes: what stays is told as well as it can be.
+            let Some(again) = self.with_all_sought(candidate, &|_| true) else {
                 return false;
             };
             after = again;

@@ -102,7 +102,6 @@ fn what_is_left_falls_by_what_is_not_explained_yet() {
             0.0
         }
     });
-    let square: f64 = left.residual.norm_squared();
     let nothing = vec![0.0; residual.len()];
     let square = left.residual.norm_squared();
     let times = |x: &[f64], times: f64| -> Vec<f64> { x.iter().map(|x| times * x).collect() };
