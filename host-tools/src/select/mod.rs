@@ -27,3 +27,4 @@ pub(crate) mod ranking;
 pub(crate) mod screen;
 pub(crate) mod search;
 pub(crate) mod state;
+mod take;

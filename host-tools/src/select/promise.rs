@@ -25,7 +25,13 @@ const MARGIN: f64 = 2.0;
 pub(crate) struct Links {
     responses: Responses,
     /// Of each joint and each of [`LOOSE`], value by value.
-    tried: Vec<[OnceLock<(Vec<f64>, Vec<Vec<f64>>)>; LOOSE.len()]>,
+    tried: Vec<[OnceLock<Tried>; LOOSE.len()]>,
+}
+
+/// Sizes of a play or a spring, ascending, and the responses to each.
+struct Tried {
+    sizes: Vec<f64>,
+    responses: Vec<Vec<f64>>,
 }
 
 /// What a screen keeps of it.
@@ -72,11 +78,11 @@ impl Screen<'_> {
         let kind = LOOSE.iter().position(|effect| *effect == place.0)?;
         let (links, left) = self.links()?;
         let data = self.fit.data;
-        let (sizes, responses) = links.tried[place.1][kind].get_or_init(|| {
+        let Tried { sizes, responses } = links.tried[place.1][kind].get_or_init(|| {
             let sizes = twice_as_many(&values_to_try(data, &self.fit.values, place));
             let of = |&size: &f64| links.responses.of_size(place, size);
             let responses = sizes.par_iter().map(of).collect();
-            (sizes, responses)
+            Tried { sizes, responses }
         });
         let nothing = vec![0.0; responses.first()?.len()];
         let ends = |n: usize| match n {
