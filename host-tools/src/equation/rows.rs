@@ -20,15 +20,13 @@ use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
+use super::load_columns::is_load;
 use super::motion::{Motion, States, Window};
 use super::rigid_body::{RigidBody, Slopes};
 use super::values::Values;
 
 /// Windows whose rows are made one after the other; parts are made side by side.
 const PART: usize = 128;
-
-/// Columns of a load: its mass, its first moment, and the same inertia about all axes.
-const LOAD_COLUMNS: usize = 5;
 
 /// The rows of all windows of a limb, each joint's columns side by side.
 #[derive(Debug, Clone, Default)]
@@ -77,6 +75,7 @@ impl Rows {
                 }
             }
         }
+        rows.put_loads(body, values, columns);
         let numbers = columns.numbers(values);
         for j in 0..motion.joints {
             let gain = values.get((EffectKind::TorqueGain, j), 0);
@@ -108,7 +107,7 @@ impl Rows {
                 .collect();
             for (c, integral) in known.get(at, &keys).into_iter().enumerate() {
                 let Some(integral) = integral else {
-                    own[j].push(c);
+                    own[j].extend(Some(c).filter(|_| !is_load(&columns.of_joint[j][c])));
                     continue;
                 };
                 let places = self.numbers[self.starts[j] + c..].iter_mut().step_by(width);
@@ -158,13 +157,19 @@ impl Rows {
         }
     }
 
+    /// Of how many windows.
+    pub(super) fn windows(&self) -> usize {
+        let width = self.starts.last().copied().unwrap_or(0);
+        self.numbers.len() / width.max(1)
+    }
+
     /// A joint's columns in a window, N m per unit of each.
     pub(crate) fn row(&self, window: usize, joint: usize) -> &[f64] {
         let width = self.starts.last().copied().unwrap_or(0);
         &self.numbers[window * width..][self.starts[joint]..self.starts[joint + 1]]
     }
 
-    fn row_mut(&mut self, window: usize, joint: usize) -> &mut [f64] {
+    pub(super) fn row_mut(&mut self, window: usize, joint: usize) -> &mut [f64] {
         let width = self.starts.last().copied().unwrap_or(0);
         &mut self.numbers[window * width..][self.starts[joint]..self.starts[joint + 1]]
     }
@@ -186,8 +191,6 @@ struct Pass<'a> {
     states: States,
     /// Of each joint the columns that are made.
     own: Vec<Vec<usize>>,
-    /// Inertial parameters per unit of each of a load's columns, body by body.
-    loads: Vec<[[f64; INERTIAL]; LOAD_COLUMNS]>,
     with_regressors: bool,
     with_slopes: bool,
 }
@@ -213,15 +216,12 @@ impl<'a> Pass<'a> {
             .flat_map(|(own, columns)| own.iter().map(|&c| &columns[c]))
             .collect();
         let any = |is: fn(&&Column) -> bool| made.iter().copied().any(|c| is(&c));
-        let at = |b: usize| values.load_at(b, &body.coms[b]);
-        let of = |b: usize| std::array::from_fn(|n| load(&at(b), n));
         Self {
             motion,
             columns,
             rigid: body.loaded(values),
             base: body.base(values),
-            loads: (0..motion.joints).map(of).collect(),
-            with_regressors: any(|c| matches!(c, Column::Inertial(..) | Column::Load { .. })),
+            with_regressors: any(|c| matches!(c, Column::Inertial(..))),
             with_slopes: any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_))),
             states: motion.states_for(&made, body, values, columns, delay),
             own,
@@ -311,7 +311,7 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// All columns of sample k but those of the scale; those that enter by their difference only at a window's edge.
+    /// All columns of sample k but those of loads and of the scale; those that enter by their difference only at a window's edge.
     fn measure(
         &self,
         k: usize,
@@ -366,10 +366,6 @@ impl<'a> Pass<'a> {
                     let at = b * INERTIAL + parameter;
                     (momentum[at], rate[at])
                 }
-                Column::Load { body, n } => {
-                    let (load, at) = (&self.loads[body][n], body * INERTIAL);
-                    (dot(load, &momentum[at..]), dot(load, &rate[at..]))
-                }
                 Column::Own {
                     joint,
                     effect,
@@ -392,8 +388,8 @@ impl<'a> Pass<'a> {
                 }
                 Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
                 Column::Lateness => (-states[j].tau, 0.0),
-                // Made of the others when the window closes.
-                Column::Scale(_) => (0.0, 0.0),
+                // Made of the others when all windows are.
+                Column::Load { .. } | Column::Scale(_) => (0.0, 0.0),
             };
         }
     }
@@ -431,35 +427,6 @@ pub(crate) fn jump(
         columns.iter().zip(numbers).map(rate).sum::<f64>()
     };
     Some((0.5 * (towards(1.0) - towards(-1.0))).abs())
-}
-
-/// The inertial parameters of a point mass of 1 kg at `com` (n = 0), or how they change with its first moment (1 kg m) along
-/// x, y or z (n = 1 to 3), or the same inertia about all axes (n = 4).
-pub(crate) fn load(com: &Vector3<f64>, n: usize) -> [f64; INERTIAL] {
-    if n == 4 {
-        return [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
-    }
-    let (mass, away) = match n {
-        0 => (1.0, *com),
-        n => (0.0, Vector3::ith(n - 1, 1.0)),
-    };
-    // The inertia |c|² 1 − c cᵀ, or its derivative along `away`.
-    let share = if n == 0 { 0.5 } else { 1.0 };
-    let spread = com * away.transpose() + away * com.transpose();
-    let inertia = (nalgebra::Matrix3::identity() * spread.trace() - spread) * share;
-    let i = |r: usize, c: usize| inertia[(r, c)];
-    [
-        mass,
-        away.x,
-        away.y,
-        away.z,
-        i(0, 0),
-        i(0, 1),
-        i(0, 2),
-        i(1, 1),
-        i(1, 2),
-        i(2, 2),
-    ]
 }
 
 /// A base turned about its own axes by a small rotation vector, rad.

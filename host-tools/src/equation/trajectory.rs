@@ -419,9 +419,11 @@ fn transition(h: f64) -> Matrix4<f64> {
 /// What white snap of unit density adds to the covariance in a time h: ∫ g gᵀ dt with g the motion after a unit of jerk.
 fn snap_noise(h: f64) -> Matrix4<f64> {
     let factorial = [6.0, 2.0, 1.0, 1.0];
+    let (h2, h4) = (h * h, (h * h) * (h * h));
+    let powers = [h, h2, h * h2, h4, h * h4, h2 * h4, h * h2 * h4];
     Matrix4::from_fn(|i, j| {
         let power = 7 - i - j;
-        h.powi(power as i32) / (power as f64 * factorial[i] * factorial[j])
+        powers[power - 1] / (power as f64 * factorial[i] * factorial[j])
     })
 }
 

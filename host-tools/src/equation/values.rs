@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use proprio_core::effect::{EffectKind, MAX_PARAMETERS};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
-use super::rows::load;
+use super::load_columns::load;
 use crate::model::{BASE, Limb, Model};
 
 /// An effect at a joint of a limb, counted from the limb's first; [`BASE`] for what all joints share.
@@ -103,6 +103,13 @@ impl Values {
     /// How late a joint's torque is reported, s: its own delay and that of all joints.
     pub(crate) fn delay(&self, joint: usize) -> f64 {
         self.get((EffectKind::Delay, joint), 0) + self.get((EffectKind::Delay, BASE), 0)
+    }
+
+    /// Each encoder's offset, rad.
+    pub(crate) fn offsets(&self) -> Vec<f64> {
+        let joints = 0..self.bodies.len();
+        let offset = |j: usize| self.get((EffectKind::EncoderOffset, j), 0);
+        joints.map(offset).collect()
     }
 
     /// Roll and pitch of gravity against the model's base, rad.

@@ -21,7 +21,7 @@ use super::limb_data::LimbData;
 use super::limit::Limit;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
-use super::shapes;
+use super::shapes::{self, Searched};
 use super::whitening::neighbour_correlation;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
@@ -62,6 +62,8 @@ pub(crate) struct How {
     pub(crate) held: Vec<Place>,
     /// The effects whose shapes are searched; of none, all.
     pub(crate) shapes: Option<Vec<Place>>,
+    /// Whether plays and springs are sought near those of `start` only; where none is near that tells more than nothing there is no fit.
+    pub(crate) near: bool,
     /// Whether bodies that the data would carry far from the CAD are held: what a model lacks must show in the residual and not as an
     /// absurd mass.
     pub(crate) hold_bodies: bool,
@@ -145,9 +147,15 @@ impl<'a> LimbFit<'a> {
             let searched = |place: &Place| {
                 is_searched(place, how) && limited.as_ref().is_none_or(|l| l.1 != *place)
             };
-            let scanned = (pass <= SHAPE_PASSES.min(passes - 1))
-                .then(|| shapes::better(&fit, &made, &searched, pass > 1))
-                .flatten();
+            let scanned = match pass <= SHAPE_PASSES.min(passes - 1) {
+                true => shapes::better(&fit, &made, &searched, how.near || pass > 1),
+                false => Searched::Same,
+            };
+            let scanned = match scanned {
+                Searched::Nothing if how.near => return None,
+                Searched::Better(values) => Some(values),
+                _ => None,
+            };
             let done = same && scanned.is_none() && fit.is_steady();
             if done || pass == passes {
                 fit.limit = limited.map(|(limit, place)| (place, limit.std));

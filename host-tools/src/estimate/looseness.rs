@@ -8,9 +8,10 @@ use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::directions::Span;
+use super::limb_data::LimbData;
 use super::shapes::{Scan, refined};
 use crate::equation::dot::dot;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, Values};
 
 /// The smallest gap that is tried (rad), each this much wider than the one before, and how many.
 const SMALLEST: f64 = 2e-3;
@@ -83,26 +84,13 @@ impl Scan<'_> {
             };
             return [-1, 0, 1].map(|k| known * next.powi(k)).to_vec();
         }
-        if place.0 == EffectKind::Elasticity {
-            let inertia = (self.data.motion).mean_inertia(&self.data.body, self.values, place.1);
-            let lowest = LOWEST * self.usual_frequency(place.1);
-            let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
-            return (0..RESONANCES).rev().map(compliance).collect();
+        let mut grid = values_to_try(self.data, self.values, place);
+        if place.0 == EffectKind::Backlash {
+            // One that was found before may lie between two of them.
+            grid.extend(Some(known).filter(|known| *known > 0.5 * SMALLEST));
+            grid.sort_unstable_by(f64::total_cmp);
         }
-        let mut grid: Vec<f64> = (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
-        // One that was found before may lie between two of them.
-        grid.extend(Some(known).filter(|known| *known > 0.5 * SMALLEST));
-        grid.sort_unstable_by(f64::total_cmp);
         grid
-    }
-
-    /// Acceleration over velocity of a joint, root mean squares, rad/s.
-    fn usual_frequency(&self, joint: usize) -> f64 {
-        let state = &self.data.motion.joint[joint].state;
-        let square = |n: usize| state.iter().map(|state| state[n] * state[n]).sum::<f64>();
-        (square(2) / square(1).max(f64::MIN_POSITIVE))
-            .sqrt()
-            .max(1.0)
     }
 
     /// The sum of squares that a prediction leaves of a joint, (N m)².
@@ -116,4 +104,24 @@ impl Scan<'_> {
         let taken: f64 = told.basis.iter().map(|b| dot(b, &left).powi(2)).sum();
         dot(&left, &left) - taken
     }
+}
+
+/// The gaps (rad) or compliances (rad/(N m)) that are tried where none is known, from least to most.
+pub(crate) fn values_to_try(data: &LimbData, values: &Values, place: Place) -> Vec<f64> {
+    if place.0 != EffectKind::Elasticity {
+        return (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
+    }
+    let inertia = (data.motion).mean_inertia(&data.body, values, place.1);
+    let lowest = LOWEST * usual_frequency(data, place.1);
+    let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
+    (0..RESONANCES).rev().map(compliance).collect()
+}
+
+/// Acceleration over velocity of a joint, root mean squares, rad/s.
+fn usual_frequency(data: &LimbData, joint: usize) -> f64 {
+    let state = &data.motion.joint[joint].state;
+    let square = |n: usize| state.iter().map(|state| state[n] * state[n]).sum::<f64>();
+    (square(2) / square(1).max(f64::MIN_POSITIVE))
+        .sqrt()
+        .max(1.0)
 }

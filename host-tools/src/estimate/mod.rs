@@ -16,6 +16,7 @@ pub(crate) mod fit;
 pub(crate) mod folding;
 mod groups;
 mod leaves;
+pub(crate) mod left_over;
 pub(crate) mod limb_data;
 pub(crate) mod limit;
 pub(crate) mod looseness;

@@ -40,6 +40,9 @@ const FARTHEST: f64 = 0.1;
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
 const SAME: f64 = 1e-3;
+/// The best of a grid is not refined that explains less than this share of what is left of its joint: half of what the slowest effect has to
+/// (`select::criteria::LEAST_GAIN_OF_SLOW`).
+const LEAST_FALL: f64 = 0.0025;
 /// Fewer windows tell no shape.
 const LEAST_WINDOWS: usize = 50;
 
@@ -51,14 +54,23 @@ const BASIS: [EffectKind; 4] = [
     EffectKind::Bias,
 ];
 
-/// A fit's values with better shapes, plays and springs `again` sought near those that an earlier pass has found; `None` if they are as
-/// good as they get.
+/// What a search for shapes has found.
+pub(crate) enum Searched {
+    /// They are as good as they get.
+    Same,
+    /// A fit's values with better ones.
+    Better(Values),
+    /// They stay, and a play or a spring among them leaves as much with no value as with the best.
+    Nothing,
+}
+
+/// Looks for better shapes of a fit, plays and springs `again` near those that an earlier pass has found.
 pub(crate) fn better(
     fit: &LimbFit,
     rows: &Rows,
     searched: &dyn Fn(&Place) -> bool,
     again: bool,
-) -> Option<Values> {
+) -> Searched {
     let shaped = fit
         .places
         .iter()
@@ -66,7 +78,7 @@ pub(crate) fn better(
         .filter(|place| has_shape(place.0) || place.0 == EffectKind::Elasticity);
     let places: Vec<Place> = shaped.filter(searched).collect();
     if places.is_empty() {
-        return None;
+        return Searched::Same;
     }
     let own = fit.columns.combined(fit.solution.theta.as_slice());
     let mut scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
@@ -76,9 +88,12 @@ pub(crate) fn better(
     let best: Vec<Option<f64>> = (places.par_iter())
         .map(|&place| scan.best(place, &|_| true))
         .collect();
-    let (mut values, mut moved) = (fit.values.clone(), false);
+    let (mut values, mut moved, mut nothing) = (fit.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
-        let Some(best) = best else { continue };
+        let Some(best) = best else {
+            nothing |= LOOSE.contains(&place.0);
+            continue;
+        };
         let n = shape_parameter(place.0);
         let before = fit.at.get(place, n);
         if (best - before).abs() > SAME * before.abs() {
@@ -86,7 +101,11 @@ pub(crate) fn better(
             moved = true;
         }
     }
-    moved.then_some(values)
+    match (moved, nothing) {
+        (true, _) => Searched::Better(values),
+        (false, true) => Searched::Nothing,
+        (false, false) => Searched::Same,
+    }
 }
 
 /// Whether one of an effect's parameters is scanned.
@@ -209,6 +228,11 @@ impl<'a> Scan<'a> {
             EffectKind::Presliding => grid[0],
             _ => parameter.lower,
         };
+        // Harmonics are narrow; of other shapes the next one explains much the same.
+        let most = falls.iter().copied().fold(0.0, f64::max);
+        if effect != EffectKind::Cogging && most < LEAST_FALL * dot(&residual, &residual) {
+            return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
+        }
         Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
     }
 
@@ -462,9 +486,7 @@ fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
 
 /// The shape with the largest fall, between the neighbours of the best of a grid.
 pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
-    let best = (0..grid.len())
-        .max_by(|&a, &b| falls[a].total_cmp(&falls[b]))
-        .unwrap_or(0);
+    let best = best_of(falls);
     let (mut shape, mut most) = (grid[best], falls[best]);
     let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
     let mut step = 0.5 * (neighbour - shape).abs();
@@ -481,6 +503,12 @@ pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) ->
         step /= 3.0;
     }
     shape
+}
+
+/// Where the largest fall of a grid is.
+fn best_of(falls: &[f64]) -> usize {
+    let best = (0..falls.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
+    best.unwrap_or(0)
 }
 
 /// How much the residual's sum of squares falls with what a span explains.

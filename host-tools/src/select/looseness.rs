@@ -18,7 +18,10 @@ impl<'a> Search<'a> {
         best: &'c Candidate,
         all: &'c [Candidate],
     ) -> (&'c Candidate, Option<State<'a>>) {
-        let first = (best, self.with(best));
+        // The first look tells what the best one would be, taken or not.
+        let is_first = self.first.is_empty();
+        let is_tried = is_first || self.may_take_away(best, criteria::LEAST_SHARE);
+        let first = (best, is_tried.then(|| self.with(best)).flatten());
         let now = self.state.weighted(&self.state);
         let is_loose = LOOSE.contains(&best.effect);
         let is_sure = best.members.len() == 1 && best.held_out_gain().0 > criteria::SURE_GAIN;
@@ -29,15 +32,27 @@ impl<'a> Search<'a> {
         if !is_loose && !may_be_loose {
             return first;
         }
-        let error = |(c, after): &(&Candidate, Option<State>)| {
-            let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
-            let shown = std::ptr::eq(*c, best) || c.is_there() && c.is_possible(&self.screens);
+        let penalty = |c: &Candidate| {
+            let shown = std::ptr::eq(c, best) || c.is_there() && c.is_possible(&self.screens);
             // One soft joint looks like several to a column.
             let more = (c.members.len() - 1) as f64 + if shown { 0.0 } else { 1.0 };
-            error + criteria::LEAST_SHARE * more * now
+            criteria::LEAST_SHARE * more
         };
+        let error = |(c, after): &(&Candidate, Option<State>)| {
+            let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
+            error + penalty(c) * now
+        };
+        let gained = 1.0 - error(&first) / now;
         let (mut kept, mut useless) = (Vec::new(), Vec::new());
         for c in self.loose_at(best, all) {
+            if !self.may_take_away(c, criteria::LEAST_SHARE + penalty(c)) {
+                useless.push(c);
+                continue;
+            }
+            // One that the first leaves behind need not be known.
+            if !self.may_take_away(c, gained + penalty(c)) {
+                continue;
+            }
             // One that is found to be nothing need not be judged.
             let is_something = |after: &State| after.size(&c.members[0]) >= criteria::LEAST_VALUE;
             let tried = (c, self.with_worthwhile(c, &is_something));
@@ -91,6 +106,7 @@ impl<'a> Search<'a> {
             (all.iter()).find(|c| c.members == [(limb, (effect, joint))] && !self.was_refused(c))
         };
         let tried = LOOSE.into_iter().filter_map(is_here);
+        let tried = tried.filter(|c| self.may_take_away(c, criteria::LEAST_SHARE));
         let tried = tried.filter_map(|c| Some((c, self.with(c)?)));
         let best = tried.min_by(|a, b| {
             let error = |after: &State| after.weighted(&self.state);

@@ -13,27 +13,17 @@ use super::criteria;
 use super::screen::Screen;
 use crate::equation::values::{LEAST_LOAD, Place, Values};
 
-/// How often columns are made again: the second trial's place is as near as its error.
-const ROUNDS: usize = 2;
-
 impl Screen<'_> {
-    /// The same with the columns of loads that are there made where they are.
-    pub(super) fn placed(mut self, possible: &[Place]) -> Self {
-        for _ in 0..ROUNDS {
-            let mut at = self.at().clone();
-            let loads = possible.iter().filter(|p| p.0 == EffectKind::Payload);
-            let found: Vec<_> = loads
-                .filter_map(|&place| Some((place, self.moved_load(place)?)))
-                .collect();
-            if found.is_empty() {
-                return self;
-            }
-            for (place, away) in found {
-                put(&mut at, place, &away);
-            }
-            self = self.made_again(possible, at);
+    /// Moves the loads that are there, whose columns were made elsewhere, in `at`; whether there is one.
+    pub(super) fn move_loads(&self, possible: &[Place], at: &mut Values) -> bool {
+        let loads = possible.iter().filter(|p| p.0 == EffectKind::Payload);
+        let found: Vec<_> = loads
+            .filter_map(|&place| Some((place, self.moved_load(place)?)))
+            .collect();
+        for (place, away) in &found {
+            put(at, *place, away);
         }
-        self
+        !found.is_empty()
     }
 
     /// How far from its body's centre a load is, m, that is there and not where its columns were made. A mass that is not told leaves the

@@ -11,6 +11,7 @@ use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::criteria::{self, Squared};
+use super::promise::Promises;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
 use crate::equation::motion::LOOSE;
@@ -51,8 +52,12 @@ pub(crate) struct Screen<'a> {
     /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
     /// catalogue leaves less.
     pub(crate) floor: Vec<f64>,
+    /// What springs and plays can take away.
+    pub(super) promises: Promises,
 }
 
+/// How often columns of loads are made again: the second trial's place is as near as its error.
+const LOAD_ROUNDS: usize = 2;
 /// Of a joint that moves less than this share of the time nothing is claimed: the gate says that it hardly moves.
 const LEAST_MOVING: f64 = 0.1;
 /// It moves where it is faster than three times the noise of a Go2's velocity, rad/s, or than this share of its limit.
@@ -86,10 +91,23 @@ pub(crate) struct Trial {
 }
 
 impl<'a> Screen<'a> {
-    /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals.
+    /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals, and
+    /// loads are where they say.
     pub(crate) fn of(fit: Arc<LimbFit<'a>>, predicted: Vec<f64>, possible: &[Place]) -> Self {
-        let at = with_shapes(&fit, possible, &predicted);
-        Self::made(fit, predicted, possible, at)
+        let mut at = with_shapes(&fit, possible, &predicted);
+        let data = fit.data;
+        let columns = data.columns(&at, &fit.places, possible);
+        let mut rows = data.rows(&at, &columns);
+        let mut screen = Self::made(fit, predicted, (columns, &rows), at.clone());
+        for _ in 0..LOAD_ROUNDS {
+            if !screen.move_loads(possible, &mut at) {
+                break;
+            }
+            rows.put_loads(&data.body, &at, &screen.columns);
+            let made = (screen.columns, &rows);
+            screen = Self::made(screen.fit, screen.predicted, made, at.clone());
+        }
+        screen
     }
 
     /// Where the columns were made.
@@ -97,24 +115,22 @@ impl<'a> Screen<'a> {
         &self.at
     }
 
-    /// The same with the columns made elsewhere.
-    pub(super) fn made_again(self, possible: &[Place], at: Values) -> Self {
-        Self::made(self.fit, self.predicted, possible, at)
-    }
-
-    fn made(fit: Arc<LimbFit<'a>>, predicted: Vec<f64>, possible: &[Place], at: Values) -> Self {
-        let data = fit.data;
+    fn made(
+        fit: Arc<LimbFit<'a>>,
+        predicted: Vec<f64>,
+        (columns, rows): (Columns, &Rows),
+        at: Values,
+    ) -> Self {
         let own = fit.clone();
         let fit = &*own;
-        let columns = data.columns(&at, &fit.places, possible);
-        let rows = data.rows(&at, &columns);
+        let data = fit.data;
         let theta = columns.theta(&fit.values);
         let order = Order::of(fit, &columns);
         let folded = |correlation: &[f64]| {
             let folding = Folding {
                 data,
                 columns: &columns,
-                rows: &rows,
+                rows,
                 theta: &theta,
                 correlation,
                 noise: &fit.noise,
@@ -127,14 +143,14 @@ impl<'a> Screen<'a> {
         let (mut folds, mut trains, all) = folded(&fit.correlation);
         let mut all = triangle(&all);
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
-        let mut left = Left::of(fit, &columns, &rows, &all.solve_all());
+        let mut left = Left::of(fit, &columns, rows, &all.solve_all());
         if left.differs_from(&fit.correlation) {
             let whitened;
             (folds, trains, whitened) = folded(&left.correlation);
             all = triangle(&whitened);
             left = Left {
                 floor: left.floor,
-                ..Left::of(fit, &columns, &rows, &all.solve_all())
+                ..Left::of(fit, &columns, rows, &all.solve_all())
             };
         }
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
@@ -154,7 +170,20 @@ impl<'a> Screen<'a> {
             fit: own.clone(),
             columns,
             at,
+            promises: Promises::default(),
         }
+    }
+
+    /// The same after another screen of the limb, beside another fit.
+    pub(super) fn after(mut self, other: Option<&Self>) -> Self {
+        self.promises =
+            other.map_or_else(Promises::default, |other| Promises::after(&other.promises));
+        self
+    }
+
+    /// What the model predicts in each window, joint by joint, N m.
+    pub(super) fn predicted(&self) -> &[f64] {
+        &self.predicted
     }
 
     /// The held-out sum of squares of the model, in units of the joints' noise.

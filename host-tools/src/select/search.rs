@@ -16,8 +16,8 @@ use super::criteria;
 use super::drift::{Drift, drifts};
 use super::ranking::{Judged, PLAIN, best, judge, judged};
 use super::screen::{self, Screen};
-use super::state::{State, held_out_with_shape};
-use crate::equation::values::{Place, Values};
+use super::state::State;
+use crate::equation::values::Place;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot::side_by_side;
@@ -165,7 +165,8 @@ impl<'a> Search<'a> {
                 let fit = self.state.fits[n].clone();
                 let predicted = fit.predicted();
                 let possible = screen::possible(&fit, &self.given[n]);
-                let screen = Screen::of(fit, predicted, &possible).placed(&possible);
+                let screen = Screen::of(fit, predicted, &possible);
+                let screen = screen.after(old.get(n).and_then(Option::as_ref));
                 (screen, possible)
             })
         });
@@ -226,51 +227,6 @@ impl<'a> Search<'a> {
                 self.complete_drive();
             }
         }
-    }
-
-    /// The model with a candidate in it, fitted.
-    pub(super) fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
-        self.with_worthwhile(candidate, &|_| true)
-    }
-
-    /// The same where `is_worth` says so of the fit.
-    pub(super) fn with_worthwhile(
-        &self,
-        candidate: &Candidate,
-        is_worth: &dyn Fn(&State) -> bool,
-    ) -> Option<State<'a>> {
-        let mut places = self.state.places();
-        for (limb, place) in &candidate.members {
-            places[*limb].push(*place);
-        }
-        let start = start_with(&self.screens, candidate);
-        let new: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
-        (self.state).with_worthwhile(self.data, &places, &start, &new, is_worth)
-    }
-
-    /// Takes an effect into the model if it keeps what it promised: `after` is the model with it.
-    pub(super) fn take(&mut self, candidate: &Candidate, mut after: State<'a>) -> bool {
-        let members = &candidate.members;
-        if let [(limb, place)] = members[..]
-            && place.0.description().shape().is_some()
-            && after.is_better_than(&self.state)
-        {
-            let squares = held_out_with_shape(&self.state.fits[limb], &after.fits[limb], place);
-            let Some(squares) = squares else { return false };
-            after.squares[limb] = squares;
-        }
-        let held = members
-            .iter()
-            .filter(|m| after.size(m) >= criteria::LEAST_VALUE)
-            .count();
-        let before = self.state.weighted(&self.state);
-        let worth = after.weighted(&self.state) < (1.0 - criteria::LEAST_SHARE) * before;
-        if !worth || !after.is_better_than(&self.state) || 2 * held <= members.len() {
-            return false;
-        }
-        self.state = after;
-        self.push(members, false);
-        true
     }
 
     pub(super) fn push(&mut self, members: &[Member], removed: bool) {
@@ -360,16 +316,4 @@ impl<'a> Search<'a> {
             drifts,
         })
     }
-}
-
-/// The limbs' values with a candidate at what it was found to be.
-fn start_with(screens: &[Screen], candidate: &Candidate) -> Vec<Values> {
-    let mut values: Vec<Values> = screens
-        .iter()
-        .map(|screen| screen.fit.values.clone())
-        .collect();
-    for (limb, trial) in &candidate.trials {
-        values[*limb] = screens[*limb].with(trial);
-    }
-    values
 }

@@ -51,7 +51,7 @@ impl<'a> State<'a> {
         start: &[Values],
         new: &[Place],
     ) -> Option<Self> {
-        self.with_worthwhile(data, places, start, new, &|_| true)
+        self.with_worthwhile(data, places, start, &how_with(new), &|_| true)
     }
 
     /// The same where `is_worth` says so of the model before it is known how it predicts what it has not seen: that is half the work.
@@ -60,17 +60,10 @@ impl<'a> State<'a> {
         data: &'a [LimbData<'a>],
         places: &[Vec<Place>],
         start: &[Values],
-        new: &[Place],
+        how: &How,
         is_worth: &dyn Fn(&Self) -> bool,
     ) -> Option<Self> {
-        let (fits, shared) = robot::refit(
-            data,
-            places,
-            &how_with(new),
-            start,
-            &self.fits,
-            &self.shared,
-        )?;
+        let (fits, shared) = robot::refit(data, places, how, start, &self.fits, &self.shared)?;
         let mut after = Self {
             fits,
             shared,
@@ -222,7 +215,7 @@ pub(crate) fn how() -> How {
 }
 
 /// The same where shapes are known but for those of `places`.
-fn how_with(places: &[Place]) -> How {
+pub(super) fn how_with(places: &[Place]) -> How {
     // A screen has found the others' shapes. A gap and a compliance are found by trying; a limit moves once friction no longer stands
     // for the excess.
     // Several at once are tried by their columns alone.
@@ -236,6 +229,15 @@ fn how_with(places: &[Place]) -> How {
         shapes: Some(searched.collect()),
         passes: (!limit).then_some(3),
         ..how()
+    }
+}
+
+/// The same with a play or a spring of which it is told already about how large it is.
+pub(super) fn how_near(place: Place) -> How {
+    How {
+        near: true,
+        passes: Some(2),
+        ..how_with(&[place])
     }
 }
 
