@@ -42,15 +42,17 @@ impl<'a> Search<'a> {
             let error = (after.as_ref()).map_or(f64::INFINITY, |after| after.weighted(&self.state));
             error + penalty(c) * now
         };
+        // What several promise together may be of one, which alone, the others rigid, promises less: its column is believed.
+        let one_of_several = is_loose && is_tried && best.members.len() > 1;
         let gained = 1.0 - error(&first) / now;
         let (mut kept, mut useless) = (Vec::new(), Vec::new());
         for c in self.loose_at(best, all) {
-            if !self.may_take_away(c, criteria::LEAST_SHARE + penalty(c)) {
+            if !one_of_several && !self.may_take_away(c, criteria::LEAST_SHARE + penalty(c)) {
                 useless.push(c);
                 continue;
             }
             // One that the first leaves behind need not be known.
-            if !self.may_take_away(c, gained + penalty(c)) {
+            if !one_of_several && !self.may_take_away(c, gained + penalty(c)) {
                 continue;
             }
             // One that is found to be nothing need not be judged.
