@@ -5,20 +5,20 @@ mod model;
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr};
 
-use proprio::capture::CaptureError;
-use proprio::detect::mismatch::MismatchKind;
-use proprio::device::DeviceError;
-use proprio::device::replay::ReplayError;
-use proprio::excite::ExciteError;
-use proprio::excite::earlier::EarlierError;
-use proprio::factors::FactorsError;
-use proprio::free_base::FreeBaseError;
-use proprio::identify::IdentificationError;
-use proprio::log::{LEAST_RATE, LogError, Problem};
-use proprio::monitor::web::WebError;
-use proprio::monitor::{FeedError, JournalError};
-use proprio::recording::RecordingError;
-use proprio::validate::ValidateError;
+use crate::capture::CaptureError;
+use crate::detect::mismatch::MismatchKind;
+use crate::device::DeviceError;
+use crate::device::replay::ReplayError;
+use crate::excite::ExciteError;
+use crate::excite::earlier::EarlierError;
+use crate::factors::FactorsError;
+use crate::free_base::FreeBaseError;
+use crate::identify::IdentificationError;
+use crate::log::{LEAST_RATE, LogError, Problem};
+use crate::monitor::web::WebError;
+use crate::monitor::{FeedError, JournalError};
+use crate::recording::RecordingError;
+use crate::validate::ValidateError;
 
 use crate::command::Error;
 
@@ -173,7 +173,7 @@ fn of_device(error: &DeviceError) -> Option<String> {
         DeviceError::Image { .. } => "check the path; without --image the firmware is built",
         DeviceError::NotAnImage(_) => "without --image the firmware is built",
         DeviceError::NoProgrammer => {
-            return Some(proprio::device::programmer::how_to_install());
+            return Some(crate::device::programmer::how_to_install());
         }
         DeviceError::Programmer(..) => {
             "check that the board's ST-LINK is plugged in: `proprio ports` lists it"

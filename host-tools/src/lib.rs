@@ -2,10 +2,11 @@
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], [`recording`],
 //! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
-//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]. The [`simulator`] is truth, independent of them.
+//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The [`simulator`] is truth, independent of them.
 
 pub mod advise;
 pub mod capture;
+pub mod command;
 pub mod compare;
 pub mod detect;
 pub mod device;
@@ -16,6 +17,7 @@ pub mod excite;
 pub mod factors;
 pub mod free_base;
 pub mod gate;
+mod hint;
 pub mod identifiability;
 pub mod identify;
 pub mod log;
@@ -25,6 +27,7 @@ mod nearest;
 pub mod output;
 pub mod parameter;
 mod predict;
+mod progress;
 pub mod recording;
 pub mod report;
 mod select;

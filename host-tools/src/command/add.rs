@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::model::{Model, Robot, UnknownName};
 use clap::Args;
-use proprio::model::{Model, Robot, UnknownName};
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::advise::advise;
 use clap::Args;
-use proprio::advise::advise;
 
 use super::excite::chosen;
 use super::{Error, json, model_or_default};

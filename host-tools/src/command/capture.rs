@@ -3,17 +3,17 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use proprio::capture::{
+use crate::capture::{
     CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, MotorExplanation, explain,
     record,
 };
-use proprio::device::serial::{BUS_BAUD, open};
-use proprio::device::{BusStep, Device, Qemu, image};
-use proprio::monitor::Robot;
-use proprio::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
-use proprio::simulator::hidden::typical;
-use proprio::table::Table;
+use crate::device::serial::{BUS_BAUD, open};
+use crate::device::{BusStep, Device, Qemu, image};
+use crate::monitor::Robot;
+use crate::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
+use crate::simulator::hidden::typical;
+use crate::table::Table;
+use clap::Args;
 use proprio_core::go2::Leg;
 use proprio_core::wire::DeviceMessage;
 use serde::Serialize;

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
+use crate::compare::{Comparison, ValuesFrom, compare, compare_free_base, compare_with, csv};
+use crate::detect::mismatch::mismatches;
+use crate::model::{Model, UnknownName};
+use crate::output::{AtomicFile, WriteError};
+use crate::recording::{Recording, gate_words};
+use crate::report::pages;
 use clap::Args;
-use proprio::compare::{Comparison, ValuesFrom, compare, compare_free_base, compare_with, csv};
-use proprio::detect::mismatch::mismatches;
-use proprio::model::{Model, UnknownName};
-use proprio::output::{AtomicFile, WriteError};
-use proprio::recording::{Recording, gate_words};
-use proprio::report::pages;
 
 use super::add::parse;
 use super::{Error, json, unreadable};

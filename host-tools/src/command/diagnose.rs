@@ -2,18 +2,18 @@
 
 use std::path::PathBuf;
 
+use crate::advise::{at_the_end, closing};
+use crate::compare::ValuesFrom;
+use crate::compare::compare;
+use crate::detect::mismatch::mismatches;
+use crate::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
+use crate::free_base::has_imu;
+use crate::model::Model;
+use crate::recording::LogGates;
+use crate::recording::{Recording, gate_words};
+use crate::report::pages;
+use crate::summary::typed;
 use clap::Args;
-use proprio::advise::{at_the_end, closing};
-use proprio::compare::ValuesFrom;
-use proprio::compare::compare;
-use proprio::detect::mismatch::mismatches;
-use proprio::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
-use proprio::free_base::has_imu;
-use proprio::model::Model;
-use proprio::recording::LogGates;
-use proprio::recording::{Recording, gate_words};
-use proprio::report::pages;
-use proprio::summary::typed;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! `proprio effects`: the catalogue.
 
+use crate::model::UnknownName;
 use clap::Args;
-use proprio::model::UnknownName;
 use proprio_core::effect::{Description, EffectKind, Parameter};
 use serde::Serialize;
 

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Instant;
 
+use crate::excite::output::{Coefficients, Gains, write_csv};
+use crate::excite::shapes::Shapes;
+use crate::excite::{self, Goal, LimbDesign, Settings, Supervisor, earlier};
+use crate::model::{Limb, Model, UnknownName};
+use crate::output::{self, AtomicFile, WriteError};
 use arguments::{Cost, LimitArguments, Separation, parse_pose, parse_separation};
 use clap::Args;
-use proprio::excite::output::{Coefficients, Gains, write_csv};
-use proprio::excite::shapes::Shapes;
-use proprio::excite::{self, Goal, LimbDesign, Settings, Supervisor, earlier};
-use proprio::model::{Limb, Model, UnknownName};
-use proprio::output::{self, AtomicFile, WriteError};
 use report::Report;
 
 use super::{Error, json, model_or_default};
@@ -131,7 +131,7 @@ impl Excite {
             &json(&Coefficients::of(&model, &designs, &settings)),
         )?;
         if let Some(page) = &self.html {
-            proprio::report::pages::excite::motion(&model, &designs).write(page)?;
+            crate::report::pages::excite::motion(&model, &designs).write(page)?;
         }
         Ok(if self.json {
             json(&report)

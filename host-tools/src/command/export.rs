@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::model::Model;
+use crate::model::export::{Exported, mjcf, urdf};
+use crate::output;
 use clap::{ArgGroup, Args};
-use proprio::model::Model;
-use proprio::model::export::{Exported, mjcf, urdf};
-use proprio::output;
 use serde::Serialize;
 
 use super::{Error, json};

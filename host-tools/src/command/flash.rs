@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use crate::device::programmer::{PROGRAMMERS, Programmer, check};
+use crate::device::{DeviceError, image};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use proprio::device::programmer::{PROGRAMMERS, Programmer, check};
-use proprio::device::{DeviceError, image};
 use serde::Serialize;
 
 use super::{Error, json};

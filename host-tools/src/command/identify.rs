@@ -4,18 +4,18 @@ mod factors;
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
-use proprio::advise::{at_the_end, closing};
-use proprio::compare::{ValuesFrom, compare, series_of};
-use proprio::detect::mismatch::mismatches;
-use proprio::estimate::Constraint;
-use proprio::identify::{
+use crate::advise::{at_the_end, closing};
+use crate::compare::{ValuesFrom, compare, series_of};
+use crate::detect::mismatch::mismatches;
+use crate::estimate::Constraint;
+use crate::identify::{
     FitOptions, Method, Options, check_reproduced, fit_runs, identify, identify_free_base,
 };
-use proprio::model::{Model, Provenance};
-use proprio::output;
-use proprio::recording::Recording;
-use proprio::report::pages;
+use crate::model::{Model, Provenance};
+use crate::output;
+use crate::recording::Recording;
+use crate::report::pages;
+use clap::Args;
 use proprio_core::go2::JOINTS_PER_LEG;
 
 use super::{Error, json, unreadable};

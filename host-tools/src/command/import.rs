@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use crate::log::{CanonicalWriter, Channel, LogReader, Selection};
+use crate::model::{Model, Robot};
+use crate::output::{AtomicFile, WriteError};
 use clap::Args;
-use proprio::log::{CanonicalWriter, Channel, LogReader, Selection};
-use proprio::model::{Model, Robot};
-use proprio::output::{AtomicFile, WriteError};
 use serde::Serialize;
 
 use super::{Error, json, model_or_default};
@@ -113,7 +113,7 @@ impl Import {
 
 /// Reading failed, or writing.
 enum Failed {
-    Read(proprio::log::LogError),
+    Read(crate::log::LogError),
     Write(std::io::Error),
 }
 

@@ -24,7 +24,7 @@ impl Manual {
             None => command,
             Some(name) => {
                 let known = command.get_subcommands().map(clap::Command::get_name);
-                let unknown = proprio::model::UnknownName::new("command", name, known);
+                let unknown = crate::model::UnknownName::new("command", name, known);
                 let found = command.find_subcommand(name).ok_or(unknown)?;
                 let title = format!("proprio-{name}");
                 found.clone().display_name(title)

@@ -23,30 +23,32 @@ mod show;
 mod simulate;
 mod validate;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
+use crate::capture::CaptureError;
+use crate::detect::mismatch::Mismatch;
+use crate::device::DeviceError;
+use crate::device::replay::ReplayError;
+use crate::excite::ExciteError;
+use crate::excite::earlier::EarlierError;
+use crate::excite::shapes::ShapesError;
+use crate::factors::FactorsError;
+use crate::free_base::FreeBaseError;
+use crate::identify::{IdentificationError, NotAModel, NotReproduced};
+use crate::log::LogError;
+use crate::model::export::ExportError;
+use crate::model::{Model, ModelError, RobotError, UnknownName};
+use crate::monitor::web::WebError;
+use crate::monitor::{FeedError, JournalError};
+use crate::output::WriteError;
+use crate::recording::RecordingError;
+use crate::report::pages::Unreadable;
+use crate::simulator::{Diverged, FollowError};
+use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
-use proprio::capture::CaptureError;
-use proprio::detect::mismatch::Mismatch;
-use proprio::device::DeviceError;
-use proprio::device::replay::ReplayError;
-use proprio::excite::ExciteError;
-use proprio::excite::earlier::EarlierError;
-use proprio::excite::shapes::ShapesError;
-use proprio::factors::FactorsError;
-use proprio::free_base::FreeBaseError;
-use proprio::identify::{IdentificationError, NotAModel, NotReproduced};
-use proprio::log::LogError;
-use proprio::model::export::ExportError;
-use proprio::model::{Model, ModelError, RobotError, UnknownName};
-use proprio::monitor::web::WebError;
-use proprio::monitor::{FeedError, JournalError};
-use proprio::output::WriteError;
-use proprio::recording::RecordingError;
-use proprio::report::pages::Unreadable;
-use proprio::simulator::{Diverged, FollowError};
-use proprio::validate::ValidateError;
 use serde::Serialize;
 
 /// What your robot's body really is, and what the model of it is still missing.
@@ -93,8 +95,33 @@ enum Command {
     Validate(validate::Validate),
 }
 
-/// Does what the command line asks and returns what goes to standard output.
-pub(crate) fn run() -> Result<String, Error> {
+/// The program: does what the command line asks. Results go to standard output; errors, each with what can be done about it, to
+/// standard error, and the exit status is then 1 (2 where the command line itself is wrong).
+pub fn main() -> ExitCode {
+    if let Err(error) = crate::output::remove_on_interrupt() {
+        eprintln!("warning: Ctrl-C may leave unfinished files behind: {error}");
+    }
+    match run() {
+        Ok(text) => match std::io::stdout().write_all(text.as_bytes()) {
+            // A reader that has seen enough (`| head`) is no failure.
+            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+                eprintln!("error: cannot write the result: {error}");
+                ExitCode::FAILURE
+            }
+            _ => ExitCode::SUCCESS,
+        },
+        Err(error) => {
+            eprintln!("error: {error}");
+            if let Some(hint) = crate::hint::of(&error) {
+                eprintln!("hint: {hint}");
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// What goes to standard output.
+fn run() -> Result<String, Error> {
     let matches = Arguments::command().get_matches();
     // Clap has matched the same definition.
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());

@@ -10,16 +10,16 @@ use std::io::{IsTerminal, stdin, stdout};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use crate::device::serial::SerialDevice;
+use crate::device::{Desktop, Device, Qemu, image};
+use crate::log::leg_named;
+use crate::monitor::web::Server;
+use crate::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
+use crate::output::WriteError;
+use crate::simulator::Hide;
+use crate::simulator::hidden::typical;
 use clap::Args;
 use clap::error::ErrorKind;
-use proprio::device::serial::SerialDevice;
-use proprio::device::{Desktop, Device, Qemu, image};
-use proprio::log::leg_named;
-use proprio::monitor::web::Server;
-use proprio::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
-use proprio::output::WriteError;
-use proprio::simulator::Hide;
-use proprio::simulator::hidden::typical;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Action, Hello};
 

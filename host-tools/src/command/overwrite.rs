@@ -10,8 +10,8 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::model::Model;
 use clap::ArgMatches;
-use proprio::model::Model;
 
 use super::Error;
 

@@ -1,9 +1,9 @@
 //! `proprio ports`: serial ports, and what is likely behind them.
 
+use crate::device::DeviceError;
+use crate::device::ports::{Port, Use, available};
+use crate::table::Table;
 use clap::Args;
-use proprio::device::DeviceError;
-use proprio::device::ports::{Port, Use, available};
-use proprio::table::Table;
 use serde::Serialize;
 
 use super::{Error, json};

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::model::Model;
 use clap::Args;
-use proprio::model::Model;
 use serde::Serialize;
 
 use super::add::parse;

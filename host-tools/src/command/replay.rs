@@ -6,13 +6,13 @@ mod report;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use crate::device::pull::pull;
+use crate::device::replay::{self, ReplayError, bus_step};
+use crate::device::serial::SerialDevice;
+use crate::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, image};
+use crate::log::{LogReader, Selection, leg_named};
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
-use proprio::device::pull::pull;
-use proprio::device::replay::{self, ReplayError, bus_step};
-use proprio::device::serial::SerialDevice;
-use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, image};
-use proprio::log::{LogReader, Selection, leg_named};
 use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{self, DeviceMessage, HostMessage};
 

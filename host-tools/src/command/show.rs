@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::model::{BASE, Model, Source};
+use crate::parameter;
 use clap::Args;
-use proprio::model::{BASE, Model, Source};
-use proprio::parameter;
 use serde::Serialize;
 
 use super::{Error, json};

@@ -4,17 +4,17 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::log::{Channel, LogWriter, UnknownName, leg_named};
+use crate::output::{self, AtomicFile, WriteError};
+use crate::parameter;
+use crate::simulator::hidden::typical;
+use crate::simulator::{
+    Description, Followed, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
+};
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use proprio::log::{Channel, LogWriter, UnknownName, leg_named};
-use proprio::output::{self, AtomicFile, WriteError};
-use proprio::parameter;
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{
-    Description, Followed, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
-};
 use proprio_core::go2::Leg;
 use serde::Serialize;
 

@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
+use crate::model::Model;
+use crate::report::pages;
+use crate::simulator::hidden::typical;
+use crate::simulator::{Followed, Hide, Simulation};
+use crate::validate::{Candidate, Feedback, candidates, recorded, tracked};
 use clap::Args;
-use proprio::model::Model;
-use proprio::report::pages;
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{Followed, Hide, Simulation};
-use proprio::validate::{Candidate, Feedback, candidates, recorded, tracked};
 use serde::Serialize;
 
 use super::{Error, json};

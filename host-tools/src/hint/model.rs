@@ -2,8 +2,8 @@
 
 use std::io::ErrorKind;
 
-use proprio::model::export::{ExportError, ExportProblem};
-use proprio::model::{
+use crate::model::export::{ExportError, ExportProblem};
+use crate::model::{
     Impossible, ModelError, ModelProblem, RobotError, RobotProblem, UnknownName, Unphysical,
 };
 

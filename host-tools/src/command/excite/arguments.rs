@@ -1,8 +1,8 @@
 //! What can be asked of a design.
 
+use crate::excite::Margins;
+use crate::model::UnknownName;
 use clap::{Args, ValueEnum};
-use proprio::excite::Margins;
-use proprio::model::UnknownName;
 use proprio_core::effect::EffectKind;
 
 /// What is kept back from the robot's limits.

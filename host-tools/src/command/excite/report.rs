@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use proprio::excite::{self, LimbDesign};
-use proprio::model::Model;
-use proprio::output;
+use crate::excite::{self, LimbDesign};
+use crate::model::Model;
+use crate::output;
 use serde::Serialize;
 
 use super::Excite;

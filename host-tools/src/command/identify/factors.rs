@@ -3,9 +3,9 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use proprio::estimate::{LEGEND, ParameterEstimate, effect_table};
-use proprio::factors::{Factors, LegSolution};
-use proprio::log::JointId;
+use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
+use crate::factors::{Factors, LegSolution};
+use crate::log::JointId;
 use proprio_core::go2::Leg;
 use serde::Serialize;
 

@@ -2,10 +2,10 @@
 
 use std::io::{ErrorKind, Write, stdout};
 
-use proprio::estimate::ParameterEstimate;
-use proprio::monitor::View;
-use proprio::output::{asked_to_finish, finish_on_interrupt};
-use proprio::table::with_std;
+use crate::estimate::ParameterEstimate;
+use crate::monitor::View;
+use crate::output::{asked_to_finish, finish_on_interrupt};
+use crate::table::with_std;
 use proprio_core::go2::Leg;
 use proprio_core::wire::Counters;
 use serde::Serialize;

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use proprio::identify::set_possible;
-use proprio::model::{Model, Provenance};
-use proprio::monitor::{Ask, Entry, Feed, JournalWriter, Told, View};
-use proprio::output::WriteError;
+use crate::identify::set_possible;
+use crate::model::{Model, Provenance};
+use crate::monitor::{Ask, Entry, Feed, JournalWriter, Told, View};
+use crate::output::WriteError;
 use proprio_core::wire::Action;
 
 use crate::command::Error;

@@ -2,8 +2,8 @@
 
 use std::str::FromStr;
 
-use proprio::device::names;
-use proprio::log::JointId;
+use crate::device::names;
+use crate::log::JointId;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Action, Belief, BodyPrior, EffectAt, Hello};

@@ -1,7 +1,7 @@
 //! The screen and its keys.
 
-use proprio::monitor::{Ask, Page, Screen, draw};
-use proprio::output::{asked_to_finish, finish_on_interrupt};
+use crate::monitor::{Ask, Page, Screen, draw};
+use crate::output::{asked_to_finish, finish_on_interrupt};
 use proprio_core::wire::Action;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 

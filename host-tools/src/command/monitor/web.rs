@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use proprio::monitor::Ask;
-use proprio::monitor::web::{Server, State, Wish};
-use proprio::output::{asked_to_finish, finish_on_interrupt};
+use crate::monitor::Ask;
+use crate::monitor::web::{Server, State, Wish};
+use crate::output::{asked_to_finish, finish_on_interrupt};
 use proprio_core::wire::Action;
 
 use super::session::Session;

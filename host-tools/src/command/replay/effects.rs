@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use proprio::device::names::{self, place};
-use proprio::log::JointId;
-use proprio::model::UnknownName;
-use proprio::parameter;
-use proprio::table::{Table, with_std};
+use crate::device::names::{self, place};
+use crate::log::JointId;
+use crate::model::UnknownName;
+use crate::parameter;
+use crate::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Action, Diagnosis, EffectAt, Hello, Outcome};

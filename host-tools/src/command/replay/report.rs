@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use proprio::device::names::{parameters_of, words_of};
-use proprio::estimate::{LEGEND, ParameterEstimate, effect_table};
-use proprio::identify::IdentificationError;
-use proprio::log::{JointId, leg_named};
-use proprio::table::{Table, with_std};
+use crate::device::names::{parameters_of, words_of};
+use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
+use crate::identify::IdentificationError;
+use crate::log::{JointId, leg_named};
+use crate::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{self, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters};
