@@ -1,6 +1,6 @@
 //! Logs, model files, commands, simulator: the desktop side of proprio.
 //!
-//! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], [`recording`],
+//! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], `trajectory`, [`recording`],
 //! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
 //! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The [`simulator`] is truth, independent of them.
 
@@ -34,4 +34,5 @@ mod select;
 pub mod simulator;
 pub mod summary;
 pub mod table;
+mod trajectory;
 pub mod validate;

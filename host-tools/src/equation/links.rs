@@ -9,8 +9,8 @@ use super::load::Load;
 use super::motion::{Motion, Needs, States};
 use super::play::play;
 use super::spring::{Gear, spring};
-use super::trajectory::Trajectory;
 use super::values::{Place, Values};
+use crate::trajectory::Trajectory;
 
 /// A play that is looked for where none is known yet, rad.
 const TYPICAL_PLAY: f64 = 0.01;

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::motion::Motion;
-use super::trajectory::Trajectory;
 use super::values::Values;
+use crate::trajectory::Trajectory;
 
 /// How far the straight line reaches that smooths the transmitted torque, s.
 pub(super) const REACH: f64 = 8.5e-3;

@@ -1,15 +1,13 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
-//! 1. `trajectory`, with `speed`: each joint's smooth motion from its encoder and its velocity channel.
-//! 2. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
+//! 1. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
 //!    what effects see of it under a model; `load`, what its gears transmit.
-//! 3. `values`: the numbers of a limb's model; `body`: its rigid body with them.
-//! 4. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter.
-//! 5. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
+//! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
+//! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter.
+//! 4. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
 pub(crate) mod body;
-mod channels;
 pub(crate) mod column;
 pub(crate) mod folds;
 pub(crate) mod foot;
@@ -25,9 +23,7 @@ mod quadrature;
 pub(crate) mod response;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
-mod speed;
 mod spring;
-pub(crate) mod trajectory;
 pub(crate) mod values;
 pub(crate) mod velocity;
 

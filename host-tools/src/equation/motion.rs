@@ -14,10 +14,10 @@ use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
 use super::presliding::presliding;
-use super::trajectory::{Stretch, Trajectory};
 use super::values::Values;
 use crate::model::BASE;
 use crate::recording::LimbRecording;
+use crate::trajectory::{Stretch, Trajectory};
 
 /// Shortest window, s.
 const WINDOW: f64 = 0.02;
@@ -82,43 +82,15 @@ pub(crate) struct States {
 pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
 impl Motion {
-    /// A limb's motion by its recording. `velocity_gain` is each joint's reported velocity over the true one; where `known` has a joint's
-    /// trajectory with it, that is taken.
-    pub(crate) fn of(
-        recording: &LimbRecording,
-        blocks: &Blocks,
-        velocity_gain: &[f64],
-        known: &dyn Fn(usize) -> Option<Trajectory>,
-    ) -> Self {
+    /// A limb's motion by its recording; `velocity_gain` is each joint's reported velocity over the true one.
+    pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
         let n = recording.joints;
-        let begin = recording.time_us.first().copied().unwrap_or(0);
-        let seconds = |t: &u64| 1e-6 * (t - begin) as f64;
-        let time: Vec<f64> = recording.time_us.iter().map(seconds).collect();
+        let time = recording.seconds();
         let stretches: Vec<Range<usize>> = recording.stretches().collect();
-        // Samples of which none follows another have no period; then there are no windows either.
-        let period = Some(recording.period())
-            .filter(|p| *p > 0.0)
-            .unwrap_or(WINDOW);
-        let trajectory = |joint: usize| {
-            let channel = |x: &[f64], scale: f64| -> Vec<f64> {
-                x.iter().skip(joint).step_by(n).map(|x| x / scale).collect()
-            };
-            let (q, dq) = (
-                channel(&recording.q, 1.0),
-                channel(&recording.dq, velocity_gain[joint]),
-            );
-            let of = |s: &Range<usize>| Stretch {
-                t: &time[s.clone()],
-                q: &q[s.clone()],
-                dq: &dq[s.clone()],
-            };
-            Trajectory::of(&stretches.iter().map(of).collect::<Vec<_>>(), period)
-        };
-        let joint = |joint: usize| known(joint).unwrap_or_else(|| trajectory(joint));
-        let joint: Vec<Trajectory> = (0..n).map(joint).collect();
+        let period = recording.period();
+        let joint = recording.trajectories(velocity_gain);
         let link = |j: usize| link(recording, j, &joint[j], (&time, &stretches), period);
         let links = (0..n).map(link).collect();
-        let joint = Arc::new(joint);
         let mut motion = Self {
             joints: n,
             time,

@@ -12,7 +12,6 @@ use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
 use crate::equation::motion::{Motion, is_derivative};
 use crate::equation::rows::Rows;
-use crate::equation::trajectory::Trajectory;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, Limb, Model};
@@ -63,16 +62,12 @@ impl<'a> LimbData<'a> {
                 velocity_gain[place.1] = given.or_else(measured).unwrap_or(1.0);
             }
         }
-        Self::made(model, limb, recording, velocity_gain, &|_| None)
+        Self::made(model, limb, recording, velocity_gain)
     }
 
     /// The same with these velocity gains, and no window left out.
     pub(crate) fn with_gains(&self, velocity_gain: Vec<f64>) -> Option<Self> {
-        let same: Vec<bool> = (self.velocity_gain.iter().zip(&velocity_gain))
-            .map(|(before, gain)| before == gain)
-            .collect();
-        let known = |j: usize| same[j].then(|| self.motion.joint[j].clone());
-        Self::made(self.model, self.limb, self.recording, velocity_gain, &known)
+        Self::made(self.model, self.limb, self.recording, velocity_gain)
     }
 
     fn made(
@@ -80,10 +75,9 @@ impl<'a> LimbData<'a> {
         limb: &'a Limb,
         recording: &'a LimbRecording,
         velocity_gain: Vec<f64>,
-        known: &dyn Fn(usize) -> Option<Trajectory>,
     ) -> Option<Self> {
         let blocks = Blocks::of(recording)?;
-        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain, known));
+        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain));
         let n = recording.joints;
         let torque: Vec<f64> = (motion.windows.iter())
             .flat_map(|window| {

@@ -1,34 +1,53 @@
 //! What was recorded of one limb.
 
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
 use crate::log::Periods;
+use crate::trajectory::{Stretch, Trajectory};
+
+/// s.
+const NO_PERIOD: f64 = 0.02;
 
 /// What was recorded of one limb: samples of all its joints, repeats left out, logs one after the other.
 #[derive(Debug, Clone, Default)]
 pub struct LimbRecording {
     /// Number of joints.
-    pub joints: usize,
+    pub(crate) joints: usize,
     /// When, µs; starts again with each log, later.
-    pub time_us: Vec<u64>,
+    pub(crate) time_us: Vec<u64>,
     /// When each log begins, µs.
-    pub log_starts: Vec<u64>,
+    pub(crate) log_starts: Vec<u64>,
     /// First sample of each stretch without a gap, ascending; the first is 0.
-    pub starts: Vec<usize>,
+    pub(crate) starts: Vec<usize>,
     /// Position, rad, sample by sample, joint by joint; and so the others.
-    pub q: Vec<f64>,
+    pub(crate) q: Vec<f64>,
     /// Velocity, rad/s.
-    pub dq: Vec<f64>,
+    pub(crate) dq: Vec<f64>,
     /// Motor torque, N m.
-    pub tau: Vec<f64>,
+    pub(crate) tau: Vec<f64>,
     /// Motor temperature, °C; not a number where not recorded.
-    pub temperature: Vec<f64>,
+    pub(crate) temperature: Vec<f64>,
     /// Position of a second encoder, at the link, rad; not a number where a joint has none, empty where none has.
-    pub q_link: Vec<f64>,
+    pub(crate) q_link: Vec<f64>,
     /// The foot's sensor, in its own unit, where recorded.
-    pub foot: Vec<f64>,
+    pub(crate) foot: Vec<f64>,
     /// Samples that repeat the one before, left out.
     pub repeated: u64,
     /// Times between the samples of the log that is being read.
     pub(super) periods: Periods,
+    /// What is made of the samples once they are all there.
+    pub(super) trajectories: Trajectories,
+}
+
+/// The joints' trajectories, made when first asked for; a copy, which may be changed, makes its own.
+#[derive(Debug, Default)]
+pub(super) struct Trajectories(OnceLock<Arc<Vec<Trajectory>>>);
+
+impl Clone for Trajectories {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 impl LimbRecording {
@@ -43,7 +62,7 @@ impl LimbRecording {
     }
 
     /// The stretches without a gap.
-    pub fn stretches(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+    pub fn stretches(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let ends = self.starts.iter().skip(1).copied().chain([self.len()]);
         self.starts
             .iter()
@@ -52,9 +71,10 @@ impl LimbRecording {
             .map(|(start, end)| start..end)
     }
 
-    /// Mean sampling period, s: within stretches, whatever lies between them.
+    /// Mean sampling period, s: within stretches, whatever lies between them. Where no sample follows another there is none; any number
+    /// will do then.
     pub(crate) fn period(&self) -> f64 {
-        let of = |stretch: std::ops::Range<usize>| {
+        let of = |stretch: Range<usize>| {
             let time = &self.time_us[stretch];
             let span = time.last().zip(time.first());
             let span = span.map_or(0, |(last, first)| last - first);
@@ -64,12 +84,53 @@ impl LimbRecording {
             .stretches()
             .map(of)
             .fold((0.0, 0), |(time, steps), (t, n)| (time + t, steps + n));
-        time / steps.max(1) as f64
+        if steps == 0 {
+            NO_PERIOD
+        } else {
+            time / steps as f64
+        }
+    }
+
+    /// When each sample was, s since the first.
+    pub(crate) fn seconds(&self) -> Vec<f64> {
+        let begin = self.time_us.first().copied().unwrap_or(0);
+        let seconds = |t: &u64| 1e-6 * (t - begin) as f64;
+        self.time_us.iter().map(seconds).collect()
+    }
+
+    /// The joints' smooth trajectories; `velocity_gain` is each joint's reported velocity over the true one.
+    pub(crate) fn trajectories(&self, velocity_gain: &[f64]) -> Arc<Vec<Trajectory>> {
+        let as_reported = || Arc::new((0..self.joints).map(|j| self.trajectory(j, 1.0)).collect());
+        let as_reported = self.trajectories.0.get_or_init(as_reported);
+        if velocity_gain.iter().all(|gain| *gain == 1.0) {
+            return as_reported.clone();
+        }
+        let of = |(j, gain): (usize, &f64)| match *gain == 1.0 {
+            true => as_reported[j].clone(),
+            false => self.trajectory(j, *gain),
+        };
+        Arc::new(velocity_gain.iter().enumerate().map(of).collect())
+    }
+
+    fn trajectory(&self, joint: usize, velocity_gain: f64) -> Trajectory {
+        let channel = |x: &[f64], scale: f64| -> Vec<f64> {
+            let own = x.iter().skip(joint).step_by(self.joints);
+            own.map(|x| x / scale).collect()
+        };
+        let time = self.seconds();
+        let (q, dq) = (channel(&self.q, 1.0), channel(&self.dq, velocity_gain));
+        let of = |s: Range<usize>| Stretch {
+            t: &time[s.clone()],
+            q: &q[s.clone()],
+            dq: &dq[s],
+        };
+        Trajectory::of(&self.stretches().map(of).collect::<Vec<_>>(), self.period())
     }
 
     /// Adds a sample: positions, velocities, torques, temperatures, positions of second encoders (nothing where there are none);
     /// `new_log` where nothing is continuous with what came before.
     pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 5], foot: f64, new_log: bool) {
+        self.trajectories = Trajectories::default();
         let n = self.joints;
         let [q, dq, tau, temperature, q_link] = sample;
         if let Some(&last) = self.time_us.last() {
@@ -109,6 +170,7 @@ impl LimbRecording {
 
     /// Leaves out the samples whose time is not to be kept; what is left out is a gap.
     pub(super) fn keep(&mut self, keeps: impl Fn(u64) -> bool) {
+        self.trajectories = Trajectories::default();
         let n = self.joints;
         let kept: Vec<bool> = self.time_us.iter().map(|&t| keeps(t)).collect();
         let mut starts = Vec::new();

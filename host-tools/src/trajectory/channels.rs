@@ -11,7 +11,7 @@
 //! with N_v and N_q from the upper half of the band, where no robot moves. Between the two there may be noise of other colours; but
 //! none falls with the frequency in a velocity, so that a channel shows motion only where it is well above all that comes after.
 
-use super::trajectory::Stretch;
+use super::Stretch;
 
 /// Length of a stretch of time, s: its Hann window tells frequencies 2 Hz apart.
 const LENGTH: f64 = 1.0;

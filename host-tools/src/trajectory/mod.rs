@@ -7,16 +7,18 @@
 //!
 //! What multiplies a parameter is made from it, and above f_c what the channels report is noise: in closed loop the controller has put
 //! it into the torque, and a model that took it for motion would explain noise by noise. Where f_c lies, and how far to believe
-//! either channel, is told by the two channels themselves ([`super::channels`]): their noises are independent, so what they agree on
+//! either channel, is told by the two channels themselves ([`channels`]): their noises are independent, so what they agree on
 //! is motion.
 //!
 //! Dry friction kinks the velocity where a joint turns round, and where it lets one go that it has held: there the acceleration may
 //! jump.
 
+mod channels;
+mod speed;
+
 use nalgebra::{Matrix4, Vector4};
 
-use super::channels::Channels;
-use super::speed;
+use channels::Channels;
 
 /// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
 const SURE: f64 = 1.0;
@@ -57,14 +59,14 @@ pub(crate) struct Stretch<'a> {
     pub(crate) dq: &'a [f64],
 }
 
-/// Share of the acceleration by which the trapezoid rule may be wrong before that is put right ([`super::quadrature`]): a thousandth of the
+/// Share of the acceleration by which the trapezoid rule may be wrong before that is put right (`equation/quadrature.rs`): a thousandth of the
 /// inertial torque is never told, and the correction takes three instants where there was one.
 const MOST_WRONG: f64 = 2e-3;
 
 impl Trajectory {
     /// Whether samples, a period (s) apart, are too far apart for the joint's acceleration: the trapezoid rule is wrong by (ω h)²/12 of it,
     /// with ω the acceleration's root mean square over the velocity's.
-    pub(super) fn is_coarse(&self, period: f64) -> bool {
+    pub(crate) fn is_coarse(&self, period: f64) -> bool {
         let square = |n: usize| self.state.iter().map(|state| state[n].powi(2)).sum::<f64>();
         period.powi(2) / 12.0 * square(2) > MOST_WRONG * square(1)
     }
