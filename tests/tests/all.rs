@@ -44,6 +44,7 @@ mod real_contact;
 mod real_emps;
 mod real_fits;
 mod real_gates;
+mod real_kuka;
 mod recordings;
 mod report;
 mod round_trip;

@@ -67,6 +67,7 @@ mod limb;
 mod name;
 mod physical;
 mod possible;
+mod priors;
 mod provenance;
 mod robot;
 mod urdf;
@@ -309,7 +310,7 @@ impl Model {
     /// States a joint's motor, from which the prior of its armature follows.
     pub fn set_motor(&mut self, joint: usize, motor: Motor) {
         self.motors[joint] = Some(motor);
-        self.robot.set_motor(joint, motor);
+        self.robot.set_motor(joint, Some(motor));
     }
 
     /// Where the values come from, if they were identified.

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Form, Prior};
+use proprio_core::effect::{EffectKind, Form};
 use proprio_core::go2::{self, ACTUATORS, Actuator, JOINT_NAMES, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
@@ -291,9 +291,9 @@ impl Robot {
         joint..self.subtree_ends[joint]
     }
 
-    /// States a joint's motor.
-    pub(super) fn set_motor(&mut self, joint: usize, motor: Motor) {
-        self.bodies[joint].motor = Some(motor);
+    /// States a joint's motor, or that it is not known.
+    pub(super) fn set_motor(&mut self, joint: usize, motor: Option<Motor>) {
+        self.bodies[joint].motor = motor;
     }
 
     /// The index of a joint.
@@ -402,77 +402,9 @@ impl Robot {
             }
         })
     }
-
-    /// What the catalogue takes an effect's first parameter at a joint to be before any data.
-    ///
-    /// Where the motor is not known, rotor inertia is taken to be zero within the inertia that the joint moves: a motor is
-    /// geared to match its load.
-    pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> Prior {
-        match (effect, self.bodies[joint].motor) {
-            (EffectKind::Armature | EffectKind::CoupledArmature, None) => Prior {
-                mean: 0.0,
-                std: self.moved_inertia(joint),
-            },
-            _ => self.parameter_prior(effect, joint, 0),
-        }
-    }
-
-    /// What the catalogue takes one of an effect's parameters at a joint to be before any data. The catalogue's friction is a Go2's: of a
-    /// motor that is not known, nothing is, up to what its limits of effort and velocity leave room for.
-    pub fn parameter_prior(&self, effect: EffectKind, joint: usize, parameter: usize) -> Prior {
-        let body = &self.bodies[joint];
-        let unit = effect.description().parameters[parameter].unit;
-        if let (None, Some(std)) = (body.motor, body.room_for(unit)) {
-            return Prior { mean: 0.0, std };
-        }
-        let motor = body.motor.unwrap_or(Motor {
-            gear: 0.0,
-            rotor_inertia: 0.0,
-        });
-        let actuator = Actuator {
-            gear: motor.gear,
-            rotor_inertia: motor.rotor_inertia,
-            effort: body.effort,
-            velocity: body.velocity,
-        };
-        effect.prior_of(&actuator, parameter)
-    }
-
-    /// Inertia (kg m² or kg) that a joint moves at zero position, by the CAD.
-    fn moved_inertia(&self, joint: usize) -> f64 {
-        let mut composite: Vec<_> = self.bodies.iter().map(|body| body.inertia).collect();
-        for b in self.subtree(joint).skip(1).rev() {
-            let body = &self.bodies[b];
-            let carried = composite[b].in_parent(&body.placement);
-            if let Some(parent) = body.parent {
-                composite[parent] = composite[parent] + carried;
-            }
-        }
-        let (phi, axis) = (&composite[joint], &self.bodies[joint].axis);
-        match self.bodies[joint].kind {
-            JointKind::Prismatic => phi.mass(),
-            _ => axis.dot(&(phi.rotational_inertia() * axis)),
-        }
-    }
 }
 
-impl Body {
-    /// The greatest value in `unit` that this joint's limits of effort and velocity leave room for; `None` if they do not tell.
-    fn room_for(&self, unit: &str) -> Option<f64> {
-        let known = |limit: f64| Some(limit).filter(|limit| limit.is_finite() && *limit > 0.0);
-        let effort = known(self.effort)?;
-        match unit {
-            "N m" => Some(effort),
-            "N m s/rad" => Some(effort / known(self.velocity)?),
-            "N m s^2/rad^2" => Some(effort / known(self.velocity)?.powi(2)),
-            // By a radian, or a metre, from where it is slack.
-            "N m/rad" => Some(effort),
-            _ => None,
-        }
-    }
-}
-
-fn go2_motor(place: usize) -> Motor {
+pub(super) fn go2_motor(place: usize) -> Motor {
     let Actuator {
         gear,
         rotor_inertia,

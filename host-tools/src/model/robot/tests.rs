@@ -19,19 +19,3 @@ fn the_go2_falls_apart_into_its_legs() {
         Some("FR_calf")
     );
 }
-
-#[test]
-fn the_go2_has_the_priors_of_the_core() {
-    let robot = Robot::go2();
-    for (joint, body) in robot.bodies().iter().enumerate() {
-        for &effect in EffectKind::ALL {
-            let actuator = &ACTUATORS[joint % JOINTS_PER_LEG];
-            assert_eq!(robot.effect_prior(effect, joint), effect.prior(actuator));
-        }
-        let motorless = Body {
-            motor: None,
-            ..body.clone()
-        };
-        assert!(robot.moved_inertia(joint) >= motorless.inertia.rotational_inertia().min());
-    }
-}
