@@ -44,7 +44,9 @@ LOGS = {
     "load": ("trot", 4.5, 1, (2.0, 0.05, -0.02, 0.07)),
     "flying": ("flying", 4.5, 2, None),
     "sway": ("sway", 4.5, 3, None),
+    "swung": ("swung", 4.5, 4, None),
 }
+SWUNG = 1.5  # m: how high a hand holds the trunk
 
 
 def robot(seed, load):
@@ -133,11 +135,14 @@ class Gait:
 
     def tone(self, n, t, slow):
         p = self.phases
-        return 0.6 * np.sin(2 * np.pi * slow * t + p[n]) + 0.4 * np.sin(2 * np.pi * 2.3 * slow * t + p[n + 6])
+        return 0.6 * np.sin(2 * np.pi * slow * t + p[n]) + 0.4 * np.sin(2 * np.pi * 2.3 * slow * t + p[(n + 6) % 12])
 
     def angles(self, t):
         ease = 0.5 - 0.5 * np.cos(np.pi * np.clip(t / 1.0, 0, 1))
         height = 0.29
+        if self.kind == "swung":
+            tones = [self.tone(k, t, f) for k, f in enumerate((0.9, 1.1, 1.4) * 4)]
+            return np.tile([0.0, 0.8, -1.6], 4) + ease * np.tile([0.4, 0.6, 0.6], 4) * tones
         if self.kind == "sway":
             size = np.array([0.12, 0.11, 0.12, 0.03, 0.03, 0.03]) * ease
             r, p, y, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.45, 0.55, 0.35, 0.5, 0.4, 0.6)))
@@ -171,11 +176,25 @@ class Gait:
         return np.concatenate(angles)
 
 
+def by_hand(data, t):
+    """Force and moment on the trunk of a hand that swings the robot to and fro, up and down and about."""
+    ease, wave = 0.5 - 0.5 * np.cos(np.pi * np.clip(t, 0, 1)), lambda f, p=0.0: np.sin(2 * np.pi * f * t + p)
+    there = np.array([0.25 * ease * wave(0.5), 0.2 * ease * wave(0.4), SWUNG + 0.15 * ease * wave(0.7)])
+    force = 2500 * (there - data.qpos[:3]) - 200 * data.qvel[:3] + np.array([0, 0, 16 * GRAVITY])
+    is_now = np.zeros(9)
+    mujoco.mju_quat2Mat(is_now, data.qpos[3:7])
+    is_now = is_now.reshape(3, 3)
+    off = turn(*(ease * np.array([0.4 * wave(0.6), 0.4 * wave(0.45, 1.0), 0.2 * wave(0.3)]))) @ is_now.T
+    axis = 0.5 * np.array([off[2, 1] - off[1, 2], off[0, 2] - off[2, 0], off[1, 0] - off[0, 1]])
+    return [*force, *(150 * axis - 12 * (is_now @ data.qvel[3:6]))]
+
+
 def simulate(kind, seconds, bodies, random):
     model = mujoco.MjModel.from_xml_string(mjcf(bodies))
     data = mujoco.MjData(model)
     gait = Gait(kind, random)
-    data.qpos[2] = 0.30
+    data.qpos[2] = SWUNG if kind == "swung" else 0.30
+    base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "base")
     data.qpos[7:] = gait.angles(0.0)
     feet = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, leg) for leg in LEGS]
     rows = []
@@ -187,6 +206,8 @@ def simulate(kind, seconds, bodies, random):
             speed = (later - want) / (CONTROL * STEP)
             torque = GAIN_P * (want - data.qpos[7:]) + GAIN_D * (speed - data.qvel[6:])
             data.ctrl[:] = np.clip(torque, -EFFORT, EFFORT)
+        if kind == "swung":
+            data.xfrc_applied[base] = by_hand(data, t)
         if t >= 0 and step % SAMPLE == 1:
             mujoco.mj_forward(model, data)
             force, wrench = np.zeros(4), np.zeros(6)

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use proprio::compare::{ValuesFrom, compare_free_base};
-use proprio::estimate::Constraint;
+use proprio::estimate::{Constraint, Status};
 use proprio::free_base::{FreeBaseError, Reason};
 use proprio::identify::{FreeBaseIdentification, identify_free_base};
 use proprio::model::Model;
@@ -18,6 +18,17 @@ fn folder() -> PathBuf {
 
 fn log(name: &str) -> PathBuf {
     folder().join(format!("{name}.csv.gz"))
+}
+
+/// A log's lines.
+fn text(name: &str) -> String {
+    use std::io::Read;
+    let mut text = String::new();
+    let file = fs::File::open(log(name)).unwrap();
+    flate2::read::GzDecoder::new(file)
+        .read_to_string(&mut text)
+        .unwrap();
+    text
 }
 
 fn identified(name: &str) -> FreeBaseIdentification {
@@ -151,15 +162,7 @@ fn what_was_projected_out_is_counted() {
 #[test]
 fn feet_without_sensors_cost_no_truth() {
     let folder = empty_folder();
-    let text = {
-        use std::io::Read;
-        let mut text = String::new();
-        let file = fs::File::open(log("trot")).unwrap();
-        flate2::read::GzDecoder::new(file)
-            .read_to_string(&mut text)
-            .unwrap();
-        text
-    };
+    let text = text("trot");
     let without: String = text
         .lines()
         .map(|line| line.rsplitn(5, ',').last().unwrap().to_owned() + "\n")
@@ -180,6 +183,108 @@ fn feet_without_sensors_cost_no_truth() {
         let total = found.quantity("total_mass").unwrap().value;
         assert!((total / mass - 1.0).abs() < 0.01, "{name}: {total} {mass}");
     }
+}
+
+/// A robot that a hand swings: the hand's force is told by nothing, so neither is the mass that it bears. The legs are.
+#[test]
+fn of_a_robot_that_is_swung_by_hand_the_legs_are_told_and_the_mass_is_not() {
+    let (found, truth) = (identified("swung"), truth("swung"));
+    assert_eq!(found.windows.held, found.windows.used);
+    assert!(
+        found
+            .warnings
+            .iter()
+            .any(|w| w.contains("something beyond its feet carries the robot"))
+    );
+    let total = found.quantity("total_mass").unwrap();
+    assert!(total.std > 1.0, "{total:?}");
+    assert!((total.value - number(&truth["mass"])).abs() < 2.0 * total.std);
+    let mut off = Vec::new();
+    for parameter in found.parameters.iter().filter(|p| !p.at_bound) {
+        let known = match parameter.name.split_once(':') {
+            Some((what, body)) if parameter.is_inertial() => &truth["bodies"][body][what],
+            _ => &truth["effects"][&parameter.name],
+        };
+        if let (Some(known), Status::Identified) = (known.as_f64(), parameter.status) {
+            off.push((parameter.value - known).abs() / parameter.std);
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    println!("{} off by {:.1?} std", off.len(), off.last());
+    assert!(off.len() > 40 && off[off.len() * 9 / 10] < 2.5, "{off:?}");
+    assert!(off.last().is_some_and(|most| *most < 4.5), "{off:?}");
+}
+
+/// Blows against a calf that swaying does not explain, a tenth of a second each: their windows are left out and counted, and move no mass.
+#[test]
+fn blows_are_left_out_and_told() {
+    let folder = empty_folder();
+    let text = text("sway");
+    let column = text
+        .lines()
+        .next()
+        .and_then(|head| head.split(',').position(|name| name == "tau/FR_calf"))
+        .unwrap();
+    let struck: Vec<String> = text
+        .lines()
+        .map(|line| {
+            let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+            let t = cells[0].parse::<f64>().unwrap_or(0.0);
+            if t > 0.5 && t % 1.0 < 0.1 {
+                cells[column] = format!("{:.3}", cells[column].parse::<f64>().unwrap() + 8.0);
+            }
+            cells.join(",")
+        })
+        .collect();
+    let path = folder.path().join("struck.csv");
+    fs::write(&path, struck.join("\n")).unwrap();
+    let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
+    let windows = found.windows;
+    // Four blows of 100 ms touch three or four windows of 40 ms each.
+    assert!((8..=20).contains(&windows.outside), "{windows:?}");
+    assert!(
+        found.warnings.iter().any(|w| w.contains("left out")),
+        "{:?}",
+        found.warnings
+    );
+    let (total, mass) = (
+        found.quantity("total_mass").unwrap(),
+        number(&truth("sway")["mass"]),
+    );
+    assert!((total.value / mass - 1.0).abs() < 0.01, "{total:?} {mass}");
+    assert!(
+        (total.value - mass).abs() < 3.0 * total.std,
+        "{total:?} {mass}"
+    );
+}
+
+/// What friction holds at rest is anything up to its size: a robot that stands still tells no mass, and no wrong one.
+#[test]
+fn a_robot_that_stands_still_is_refused() {
+    let folder = empty_folder();
+    let text = text("sway");
+    let mut lines = text.lines();
+    let (head, first) = (lines.next().unwrap(), lines.next().unwrap());
+    let joint = head
+        .split(',')
+        .position(|name| name == "tau/FR_hip")
+        .unwrap();
+    let still = (0..2000).map(|n| {
+        let mut cells: Vec<String> = first.split(',').map(str::to_owned).collect();
+        cells[0] = format!("{:.3}", 0.002 * f64::from(n));
+        // Else each sample repeats the one before.
+        cells[joint] = format!("{:.3}", 0.025 * f64::from(n % 3));
+        cells.join(",")
+    });
+    let still: Vec<String> = std::iter::once(head.to_owned()).chain(still).collect();
+    let path = folder.path().join("still.csv");
+    fs::write(&path, still.join("\n")).unwrap();
+    let error = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap_err();
+    assert!(
+        matches!(&error, FreeBaseError::NoWindows(windows) if windows.still > 50),
+        "{error}"
+    );
+    assert!(error.to_string().contains("stands still"), "{error}");
 }
 
 /// The command writes a model file that holds the trunk and that other commands read; JSON has identify's keys.

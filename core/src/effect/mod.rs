@@ -88,7 +88,7 @@ pub struct JointState<T> {
 }
 
 /// Noise of a standing Go2's velocity, rad/s (go2.md).
-const STANDING_NOISE: f64 = 0.035;
+pub const STANDING_NOISE: f64 = 0.035;
 
 impl<T: Real> JointState<T> {
     /// What a listener on the bus knows at once: no later sample, no temperature.

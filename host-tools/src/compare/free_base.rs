@@ -133,7 +133,7 @@ pub fn compare_free_base(
         logs: logs.to_vec(),
         feet: walks.episodes(),
         series,
-        warnings: walks.warnings,
+        warnings: [walks.warnings, data.warnings()].concat(),
     })
 }
 

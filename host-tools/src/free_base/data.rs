@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use proprio_core::go2;
 use proprio_core::inertia::InertialParameters;
 
+use super::outside;
 use super::rows::{
     ACC, BODIES, Block, COLUMNS, COORDINATES, RowSetup, SCALE, WholeFactor, Windows, each_row,
     empty, fold,
@@ -18,6 +19,10 @@ use crate::estimate::robot::side_by_side;
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
 const BLOCK: f64 = 1.0;
 const LEAST_BLOCKS: f64 = 12.0;
+/// Fits at most that tell which windows are outside: the first is spoilt by these.
+const ROUNDS: usize = 3;
+/// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
+const MANY: f64 = 0.02;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -67,29 +72,43 @@ pub(crate) struct Data {
     pub(super) parts: Vec<Part>,
     pub(crate) windows: Windows,
     setup: RowSetup,
+    /// When windows begin that are left out, log after log, µs in order.
+    outside: Vec<Vec<u64>>,
 }
 
 impl Data {
     /// Makes the rows twice: the accelerometer's columns are derivatives, at first at the model's masses, then at those of the fit of
-    /// `structure`.
+    /// `structure`. A third time where that fit leaves far more of some windows than of others: these spoilt it, and are left out.
     pub(crate) fn of(walks: &Walks, structure: &ModelStructure) -> Result<Self, FreeBaseError> {
         let cad = go2::free::<f64>().bodies().map(|body| body.inertia);
-        let setup = RowSetup::at(&cad, Vector3::zeros());
+        let mut setup = RowSetup::at(&cad, Vector3::zeros());
+        let mut outside = vec![Vec::new(); walks.walks.len()];
         let gravity = gravity_rows(&walks.walks);
-        let first = Self::made(walks, setup, gravity.clone(), false)?;
-        let fit = first.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-        Self::made(walks, setup_at(fit.theta()), gravity, true)
+        for _ in 0..ROUNDS {
+            let data = Self::made(walks, setup, gravity.clone(), outside.clone(), false)?;
+            let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+            let before = std::mem::replace(
+                &mut outside,
+                outside::windows(walks, &data.setup, fit.theta()),
+            );
+            setup = setup_at(fit.theta());
+            if outside == before {
+                break;
+            }
+        }
+        Self::made(walks, setup, gravity, outside, true)
     }
 
     fn made(
         walks: &Walks,
         setup: RowSetup,
         gravity: DMatrix<f64>,
+        outside: Vec<Vec<u64>>,
         parts: bool,
     ) -> Result<Self, FreeBaseError> {
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
-            let (own, counts) = fold(walk, stance, &setup, seconds(walk));
+            let (own, counts) = fold(walk, stance, &setup, &outside[n], seconds(walk));
             let own = own.into_iter().enumerate().map(|(k, mut block)| {
                 block.of = (n, k);
                 block
@@ -107,7 +126,23 @@ impl Data {
             blocks,
             windows,
             setup,
+            outside,
         })
+    }
+
+    /// What a user should know about the windows.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        let Windows { used, outside, .. } = self.windows;
+        let all = used + outside;
+        let many = outside as f64 > MANY * all as f64;
+        let told = many.then(|| {
+            format!(
+                "{outside} of {all} windows are left out: what remains of each is more than {:.0} times the usual, which is no noise and none of \
+                 the catalogue's effects: a push, a blow, a foot that strikes or touches unseen",
+                outside::LIMIT
+            )
+        });
+        told.into_iter().collect()
     }
 
     /// Root mean square that these parameters leave, N m.
@@ -135,8 +170,7 @@ impl Data {
                 sums.add(equation.coordinate, equation.measured - predicted);
             }
         });
-        let windows = self.windows.used.max(1) as f64;
-        sums.iter().map(|sums| sums.told(windows)).collect()
+        sums.iter().map(Sums::told).collect()
     }
 
     /// Every equation under several models, log after log as [`Walks::starts`] puts them.
@@ -149,7 +183,7 @@ impl Data {
         let mut predicted = vec![0.0; thetas.len()];
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
             let seconds = seconds(walk);
-            each_row(walk, stance, &self.setup, |row| {
+            each_row(walk, stance, &self.setup, &self.outside[n], |row| {
                 let block = (n, (row.start / seconds) as usize);
                 let at = self.blocks.partition_point(|b| b.of < block);
                 let scale = SCALE[row.coordinate];
@@ -191,6 +225,7 @@ struct Sums {
     squares: [f64; COORDINATES],
     products: [f64; COORDINATES],
     last: [f64; COORDINATES],
+    windows: [u64; COORDINATES],
 }
 
 impl Sums {
@@ -198,11 +233,12 @@ impl Sums {
         self.squares[coordinate] += left * left;
         self.products[coordinate] += left * self.last[coordinate];
         self.last[coordinate] = left;
+        self.windows[coordinate] += 1;
     }
 
-    fn told(&self, windows: f64) -> Left {
+    fn told(&self) -> Left {
         Left {
-            rms: self.squares.map(|sum| (sum / windows).sqrt()),
+            rms: std::array::from_fn(|c| (self.squares[c] / self.windows[c].max(1) as f64).sqrt()),
             correlation: std::array::from_fn(|c| {
                 self.products[c] / self.squares[c].max(f64::MIN_POSITIVE)
             }),

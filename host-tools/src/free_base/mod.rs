@@ -4,13 +4,17 @@
 //! 1. `walk`: the log, gravity's direction, what its length tells of the accelerometer. `speed`: joint velocities from the quieter of
 //!    two channels.
 //! 2. `stance`: which feet may carry a force; those are projected out.
+//!    `held`: whether something beyond them carries the robot.
 //! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
 //! 4. `data`: the rows as one factor per block of time.
+//!    `outside`: windows that no model of the catalogue explains.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and the
 //!    accelerometer's bias.
 
 pub(crate) mod data;
 pub(crate) mod fit;
+mod held;
+mod outside;
 pub(crate) mod rows;
 mod speed;
 mod stance;
@@ -45,8 +49,9 @@ pub enum FreeBaseError {
     },
     /// Nothing is left between gaps, touch-downs and faults.
     #[error(
-        "no window is left: {} were cut by touch-downs and lift-offs, {} lost to impacts, {} to gaps; {} samples cannot be true",
-        .0.cut, .0.impact, .0.gap, .0.rejected
+        "no window is left: {} were cut by touch-downs and lift-offs, {} lost to impacts, {} to gaps, {} left out because the robot \
+         stands still; {} samples cannot be true",
+        .0.cut, .0.impact, .0.gap, .0.still, .0.rejected
     )]
     NoWindows(Windows),
     /// Walks are of a Go2.
@@ -155,7 +160,7 @@ fn imu() -> Transform<f64> {
 }
 
 /// The rate below which a sampled step of a gait is not what happened in between, Hz.
-const LEAST_RATE: f64 = 200.0;
+const LEAST_RATE: f64 = 250.0;
 
 /// Why what follows may be worth less than its errors say.
 fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
@@ -165,6 +170,14 @@ fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
         told.push(format!(
             "{path}: {rate:.0} samples a second: between two of them a foot takes up the robot's weight, and the accelerometer \
              shows what was at one instant; what follows is worth less than its errors say"
+        ));
+    }
+    let held = stance.held.iter().filter(|held| **held).count() as f64 / walk.len().max(1) as f64;
+    if held > 0.0 {
+        told.push(format!(
+            "{path}: for {:.0} % of the time something beyond its feet carries the robot (a hand, a rope, a stand), with forces that nothing \
+             tells: the trunk's equations are left out there, which leaves legs in the air; neither the trunk nor the total mass follows from them",
+            100.0 * held
         ));
     }
     let air: f64 = stance.shares.air.iter().sum();

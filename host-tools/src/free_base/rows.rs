@@ -1,7 +1,7 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
 use nalgebra::Vector3;
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
 use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
@@ -55,6 +55,12 @@ pub struct Windows {
     pub impact: u64,
     /// Windows lost to a gap.
     pub gap: u64,
+    /// Windows left out because most joints stand still: what friction holds is not told.
+    pub still: u64,
+    /// Windows left out because what is left of them is far beyond what is left of the others.
+    pub outside: u64,
+    /// Windows with rows, but without the base's: something beyond the feet carries the robot.
+    pub held: u64,
     /// Samples that cannot be true.
     pub rejected: u64,
 }
@@ -68,6 +74,9 @@ impl Windows {
             cut: self.cut + other.cut,
             impact: self.impact + other.impact,
             gap: self.gap + other.gap,
+            still: self.still + other.still,
+            outside: self.outside + other.outside,
+            held: self.held + other.held,
             rejected: self.rejected + other.rejected,
         }
     }
@@ -143,7 +152,7 @@ pub(super) fn empty() -> WholeFactor {
 pub(super) struct Row<'a> {
     /// When its window began, s.
     pub(super) start: f64,
-    /// Equations of its window that contact forces leave.
+    /// Equations of its window that contact forces leave, at its window's first row; zero at the others.
     pub(super) rank: usize,
     /// Which coordinate's equation, times [`RowSetup::scale`].
     pub(super) coordinate: usize,
@@ -151,11 +160,12 @@ pub(super) struct Row<'a> {
     pub(super) numbers: &'a mut [f64],
 }
 
-/// Tells a walk's windows row by row, and counts.
+/// Tells a walk's windows row by row, but for those `outside` that begin at these times (µs, in order), and counts.
 pub(super) fn each_row(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
+    outside: &[u64],
     mut tell: impl FnMut(Row<'_>),
 ) -> Windows {
     let mut window = Box::new(setup.window(walk.period));
@@ -175,12 +185,26 @@ pub(super) fn each_row(
             window.clear();
             continue;
         }
+        if n > 0 && stance.held[n] != stance.held[n - 1] {
+            counts.cut += u64::from(open);
+            window.clear();
+        }
         let push = window.push(&sample(walk, stance, n));
         open = true;
         match push {
             FreeBasePush::Closed => {
                 let rows = window.rows();
-                for coordinate in 0..COORDINATES {
+                if outside.binary_search(&rows.span_us[0]).is_ok() {
+                    counts.outside += 1;
+                    continue;
+                }
+                let told = Told::of(walk, stance, rows.span_us, rows.rank);
+                if told.equations == 0 {
+                    counts.still += 1;
+                    continue;
+                }
+                let mut rank = told.equations;
+                for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
                     rows.write_row(coordinate, &mut row);
                     // The column is of what the bias is beyond the one taken off: of the whole bias with this on the right.
                     row[COLUMNS] += (0..3)
@@ -188,14 +212,15 @@ pub(super) fn each_row(
                         .sum::<f64>();
                     tell(Row {
                         start: rows.span_us[0] as f64 * 1e-6,
-                        rank: rows.rank,
+                        rank: std::mem::take(&mut rank),
                         coordinate,
                         numbers: &mut row,
                     });
                 }
                 counts.used += 1;
-                counts.equations += rows.rank as u64;
-                counts.by_feet[LEGS - (rows.rank - 6).div_ceil(3).min(LEGS)] += 1;
+                counts.held += u64::from(told.held);
+                counts.equations += told.equations as u64;
+                counts.by_feet[told.feet] += 1;
             }
             FreeBasePush::Cut => counts.cut += 1,
             FreeBasePush::Gap => counts.gap += 1,
@@ -206,22 +231,68 @@ pub(super) fn each_row(
     counts
 }
 
+/// Which of a window's equations are of use.
+struct Told {
+    coordinates: [bool; COORDINATES],
+    /// How many of these contact forces leave.
+    equations: usize,
+    feet: usize,
+    held: bool,
+}
+
+impl Told {
+    /// Of a window of `rank` equations over this time.
+    fn of(walk: &Walk, stance: &Stance, span_us: [u64; 2], rank: usize) -> Self {
+        let [first, last] = span_us.map(|us| walk.time_us.partition_point(|t| *t < us));
+        let loaded = stance.loaded[first];
+        let feet = loaded.iter().filter(|loaded| **loaded).count();
+        let seconds = walk.seconds(last) - walk.seconds(first);
+        // What friction holds at rest is anything up to its size, and the Coulomb column of such a joint is next to nothing.
+        let rests: [bool; JOINTS] = std::array::from_fn(|j| {
+            let own = walk.q[first..=last].iter().map(|q| q[j]);
+            let [least, most] =
+                [f64::min, f64::max].map(|of| own.clone().reduce(of).unwrap_or(0.0));
+            most - least < STANDING_NOISE * seconds
+        });
+        let resting = rests.iter().filter(|rests| **rests).count();
+        if stance.held[first] {
+            // Each leg in the air by itself: no force but the base's acts on it, and that is in the base's equations.
+            let tells = |c: usize| {
+                c.checked_sub(6)
+                    .is_some_and(|j| !rests[j] && !loaded[j / JOINTS_PER_LEG])
+            };
+            let coordinates: [bool; COORDINATES] = std::array::from_fn(tells);
+            return Self {
+                coordinates,
+                equations: coordinates.iter().filter(|c| **c).count(),
+                feet,
+                held: true,
+            };
+        }
+        Self {
+            coordinates: [true; COORDINATES],
+            equations: if 2 * resting > JOINTS { 0 } else { rank },
+            feet,
+            held: false,
+        }
+    }
+}
+
 /// Folds a walk into blocks of `seconds`, and counts.
 pub(super) fn fold(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
+    outside: &[u64],
     seconds: f64,
 ) -> (Vec<Block>, Windows) {
     let mut blocks: Vec<Block> = Vec::new();
-    let counts = each_row(walk, stance, setup, |row| {
+    let counts = each_row(walk, stance, setup, outside, |row| {
         let block = (row.start / seconds) as usize;
         blocks.resize_with(blocks.len().max(block + 1), Block::empty);
         // Samples are checked to be finite, so the rows are, and no fold refuses them.
         let _ = blocks[block].factor.update(row.numbers);
-        if row.coordinate == 0 {
-            blocks[block].equations += row.rank as f64;
-        }
+        blocks[block].equations += row.rank as f64;
     });
     (blocks, counts)
 }

@@ -13,6 +13,8 @@ use super::walk::Walk;
 
 /// Below this rate (Hz) a slope between samples is not the velocity at one.
 const LEAST_RATE: f64 = 200.0;
+/// A slope's samples are at least this far apart, s: as those of a Go2's 500 Hz.
+const SPAN: f64 = 2e-3;
 /// Steps that differ by more than this share of their mean are not even.
 const UNEVEN: f64 = 0.02;
 
@@ -58,7 +60,8 @@ fn smoothed(walk: &Walk, n: usize) -> Vector3<f64> {
     }
 }
 
-/// The derivative of the parabola through three samples, or through five even ones of the polynomial of fourth order.
+/// The derivative of the parabola through three samples, or through five even ones of the polynomial of fourth order; samples that
+/// are taken faster than [`SPAN`] are passed over, for a quantum is the louder the shorter the time.
 fn slope(walk: &Walk, j: usize, n: usize) -> Option<f64> {
     let at = |m: usize| {
         Some((
@@ -66,16 +69,20 @@ fn slope(walk: &Walk, j: usize, n: usize) -> Option<f64> {
             walk.q[m][j],
         ))
     };
-    let [(t0, q0), (t1, q1), (t2, q2)] = [at(n.checked_sub(1)?)?, at(n)?, at(n + 1)?];
+    let stride = ((SPAN / walk.period).round() as usize).max(1);
+    let span = stride as f64 * walk.period;
+    let [(t0, q0), (t1, q1), (t2, q2)] = [at(n.checked_sub(stride)?)?, at(n)?, at(n + stride)?];
     let (before, after) = (t1 - t0, t2 - t1);
-    if before.max(after) > 2.5 * walk.period {
+    if before.max(after) > 2.5 * span {
         return None;
     }
-    let even = |step: f64| (step / walk.period - 1.0).abs() < UNEVEN;
-    if let (Some(first), Some((t4, q4))) = (n.checked_sub(2).and_then(at), at(n + 2)) {
+    let even = |step: f64| (step / span - 1.0).abs() < UNEVEN;
+    if let (Some(first), Some((t4, q4))) =
+        (n.checked_sub(2 * stride).and_then(at), at(n + 2 * stride))
+    {
         let (t3, q3) = first;
         if [t0 - t3, before, after, t4 - t2].into_iter().all(even) {
-            return Some((8.0 * (q2 - q0) - (q4 - q3)) / (12.0 * walk.period));
+            return Some((8.0 * (q2 - q0) - (q4 - q3)) / (12.0 * span));
         }
     }
     let (left, right) = ((q1 - q0) / before, (q2 - q1) / after);

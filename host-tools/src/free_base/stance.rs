@@ -17,6 +17,7 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use serde::Serialize;
 
+use super::held::{self, Support};
 use super::walk::Walk;
 
 /// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
@@ -64,6 +65,8 @@ pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,
+    /// Something beyond the feet carries the robot here: nothing is known of the forces on its base.
+    pub(super) held: Vec<bool>,
     pub(super) shares: StanceShares,
     /// Leg by leg, in the order of time.
     pub(super) episodes: Vec<FootEpisode>,
@@ -88,9 +91,11 @@ impl Stance {
     pub(super) fn of(walk: &Walk, imu: &Transform<f64>) -> Self {
         let low = low_counts(walk);
         let legs = Legs::new(imu);
+        let mut support = Vec::with_capacity(walk.len());
         let mut reasons: Vec<[Reason; LEGS]> = (0..walk.len())
             .map(|n| {
-                let (force, height) = legs.told(walk, n);
+                let (force, height, carried) = legs.told(walk, n);
+                support.push(carried);
                 let ground = (0..LEGS)
                     .filter(|f| force[*f] >= FORCE)
                     .map(|f| height[f])
@@ -125,6 +130,7 @@ impl Stance {
         Self {
             loaded,
             touch_down,
+            held: held::samples(walk, &support),
             shares: shares(&reasons),
             episodes: episodes(walk, &reasons),
         }
@@ -224,8 +230,8 @@ impl Legs {
         }
     }
 
-    /// Each foot's force (N) by its leg's torques, and its height (m) along gravity, both in the base's frame.
-    fn told(&self, walk: &Walk, n: usize) -> ([f64; LEGS], [f64; LEGS]) {
+    /// Each foot's force (N) by its leg's torques, its height (m) along gravity, both in the base's frame, and what all of them carry.
+    fn told(&self, walk: &Walk, n: usize) -> ([f64; LEGS], [f64; LEGS], Support) {
         let (first, last) = around(walk, n);
         let seconds = (walk.seconds(last) - walk.seconds(first)).max(1e-6);
         let slope = |a: f64, b: f64| (b - a) / seconds;
@@ -255,7 +261,7 @@ impl Legs {
         let k = self.tree.kinematics(&base, &q, &v);
         let needed = self.tree.inverse_dynamics(&k, &v, &a);
         let feet = go2::feet();
-        let force = std::array::from_fn(|f| {
+        let forces: [Option<Vector3<f64>>; LEGS] = std::array::from_fn(|f| {
             let jacobian = self.tree.contact_jacobian(&k.placements, &feet[f], &down);
             let own = jacobian
                 .fixed_columns::<JOINTS_PER_LEG>(6 + JOINTS_PER_LEG * f)
@@ -264,15 +270,20 @@ impl Legs {
             let left = Vector3::from_fn(|k, _| needed[6 + first + k] - torque[first + k]);
             // Damped: a straight leg's torques tell nothing of a force along it, and are not asked.
             let square = own * own.transpose() + Matrix3::identity() * 1e-4;
-            square
-                .try_inverse()
-                .map_or(f64::INFINITY, |inverse| (inverse * own * left).norm())
+            square.try_inverse().map(|inverse| inverse * own * left)
         });
+        let force = forces.map(|force| force.map_or(f64::INFINITY, |force| force.norm()));
+        // A push of the ground is what the leg's torques lack.
+        let by_feet: Vector3<f64> = forces.iter().flatten().sum();
+        let support = Support {
+            needed: -down.dot(&needed.fixed_rows::<3>(3)),
+            by_feet: -down.dot(&by_feet),
+        };
         let height = std::array::from_fn(|f| {
             let centre = foot_in_base(&self.tree, &k.placements, f);
             -down.dot(&centre)
         });
-        (force, height)
+        (force, height, support)
     }
 }
 

@@ -122,6 +122,34 @@ fn a_robot_that_hangs_has_no_foot_on_the_ground() {
     assert_eq!(stance.shares.air, [1.0; 4]);
 }
 
+/// A hand's force on the trunk is told by no sensor; in flight, where nothing carries the robot, there is none.
+#[test]
+fn a_robot_that_hangs_is_held_and_one_that_stands_or_flies_is_not() {
+    let mut stands = still(600);
+    (0..600).for_each(|n| hold(&mut stands, n, [40.0, 35.0, 40.0, 35.0]));
+    assert!(!Stance::of(&stands, &imu()).held.contains(&true));
+    let mut flies = still(600);
+    flies.acc.fill(Vector3::zeros());
+    assert!(!Stance::of(&flies, &imu()).held.contains(&true));
+    // Lifted off the ground for the last second.
+    for n in 0..600 {
+        let lifted = n >= 300;
+        hold(
+            &mut stands,
+            n,
+            if lifted {
+                [0.0; 4]
+            } else {
+                [40.0, 35.0, 40.0, 35.0]
+            },
+        );
+    }
+    let held = Stance::of(&stands, &imu()).held;
+    let first = held.iter().position(|held| *held).unwrap();
+    assert!(first < 300 && first > 50, "{first}");
+    assert!(held[first..].iter().all(|held| *held));
+}
+
 /// The position's slope where it is quieter; the reported velocity where time stamps jitter.
 #[test]
 fn velocities_come_from_the_quieter_channel() {

@@ -94,7 +94,7 @@ impl FreeBaseIdentification {
             samples: walks.samples(),
             blocks: data.block_count(),
             logs: logs.to_vec(),
-            warnings: walks.warnings,
+            warnings: [walks.warnings, data.warnings()].concat(),
         })
     }
 
@@ -284,6 +284,9 @@ impl FreeBaseIdentification {
             cut,
             impact,
             gap,
+            still,
+            outside,
+            held,
             rejected,
         } = self.windows;
         let feet: Vec<String> = by_feet
@@ -294,8 +297,10 @@ impl FreeBaseIdentification {
         writeln!(
             f,
             "\n{used} windows with {equations} equations: {} feet that may carry a force.\n\
-             Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps; of {} samples {} repeat the one before, \
-             {} are late, {} impossible.",
+             Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps, {still} in which the robot stands still, {outside} \
+             that no model explains;\n\
+             {held} without the trunk's equations, for something beyond the feet carries the robot.\n\
+             Of {} samples {} repeat the one before, {} are late, {} impossible.",
             feet.join(", "),
             self.samples.total,
             self.samples.repeated,

@@ -74,7 +74,7 @@ pub(super) fn diagnosis(
         second_encoder: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
-        warnings: walks.warnings.clone(),
+        warnings: [walks.warnings.clone(), data.warnings()].concat(),
     })
 }
 
