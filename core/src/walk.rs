@@ -182,6 +182,7 @@ impl<T: Real> Walker<T> {
     ///
     /// # Errors
     /// None with the Go2's constants: as [`WalkPrior::make`].
+    #[inline(never)]
     pub fn begin(
         &mut self,
         memory: &mut WalkMemory<T>,
