@@ -71,6 +71,15 @@ impl<T: Real> Line<T> {
         }
     }
 
+    /// Begins anew. Not inlined: what a listener takes of the stack is given back.
+    #[inline(never)]
+    fn begin(&mut self) {
+        self.queue.clear();
+        self.listener = Slot::Full(Listener::new());
+        self.alignment = Alignment::new();
+        (self.fresh, self.samples, self.surplus) = (false, 0, 0);
+    }
+
     /// Takes what has come; the last of several cycles counts.
     #[inline(never)]
     fn listen(&mut self) {
@@ -176,12 +185,7 @@ impl<T: Real> WalkingApp<T> {
         mounting: &Transform<T>,
     ) -> Result<(), FactorError> {
         self.identity = Slot::Full(identity);
-        for line in &mut memory.lines {
-            line.queue.clear();
-            line.listener = Slot::Full(Listener::new());
-            line.alignment = Alignment::new();
-            (line.fresh, line.samples, line.surplus) = (false, 0, 0);
-        }
+        memory.lines.iter_mut().for_each(Line::begin);
         self.imu = Slot::Empty;
         self.readings.clear();
         self.pending = Slot::Empty;
