@@ -154,13 +154,11 @@ pub fn leg<T: Real>(leg: Leg) -> Tree<T, 3, 3> {
 
 /// The robot hung by its base: twelve joints in SDK order.
 pub fn pinned<T: Real>() -> Tree<T, 12, 12> {
-    let legs = Leg::ALL.map(|leg| leg_bodies(leg, None));
-    tree(core::array::from_fn(|b| on_leg(&legs, b, 0)))
+    tree(core::array::from_fn(|b| on_leg(b, None, 0)))
 }
 
 /// The free robot: the base, then twelve joints in SDK order.
 pub fn free<T: Real>() -> Tree<T, 13, 18> {
-    let legs = Leg::ALL.map(|leg| leg_bodies(leg, Some(0)));
     tree(core::array::from_fn(|b| match b.checked_sub(1) {
         None => Body {
             parent: None,
@@ -168,7 +166,7 @@ pub fn free<T: Real>() -> Tree<T, 13, 18> {
             joint: Joint::Free,
             inertia: base_inertia(),
         },
-        Some(n) => on_leg(&legs, n, 1),
+        Some(n) => on_leg(n, Some(0), 1),
     }))
 }
 
@@ -187,9 +185,12 @@ fn tree<T: Real, const B: usize, const V: usize>(bodies: [Body<T>; B]) -> Tree<T
     Tree::numbered(bodies)
 }
 
-/// The n-th leg body of the robot, its parent renumbered for a tree whose first leg body has index `first`.
-fn on_leg<T: Real>(legs: &[[Body<T>; 3]; LEGS], n: usize, first: usize) -> Body<T> {
-    let mut body = legs[n / JOINTS_PER_LEG][n % JOINTS_PER_LEG];
+/// The n-th leg body of the robot, hips on `base`, for a tree whose first leg body has index `first`. One at a time, and not inlined: a
+/// microcontroller's stack has no room for all legs beside their tree.
+#[inline(never)]
+fn on_leg<T: Real>(n: usize, base: Option<usize>, first: usize) -> Body<T> {
+    let leg = Leg::ALL[n / JOINTS_PER_LEG];
+    let mut body = leg_bodies(leg, base)[n % JOINTS_PER_LEG];
     if !n.is_multiple_of(JOINTS_PER_LEG) {
         body.parent = Some(first + n - 1);
     }

@@ -33,6 +33,7 @@ use crate::factor::{ArrowFactor, Block, Factor, FactorError, Folding, ROWS, pack
 use crate::go2::{self, ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use crate::slot::Slot;
 use crate::spatial::Transform;
+use crate::tree::Tree;
 use crate::window::sequence::implausible;
 use crate::window::{Plausible, Sample};
 use crate::{Real, scalar::real};
@@ -181,12 +182,13 @@ impl<T: Real> Walker<T> {
     ///
     /// # Errors
     /// None with the Go2's constants: as [`WalkPrior::make`].
+    #[inline(never)]
     pub fn begin(
         &mut self,
         memory: &mut WalkMemory<T>,
         imu: &Transform<T>,
     ) -> Result<(), FactorError> {
-        let robot = go2::free();
+        let robot = robot();
         self.smoother.begin();
         self.length = GravityLength::new();
         self.last = Slot::Empty;
@@ -406,6 +408,12 @@ impl<T: Real> Waiting<T> {
             self.limb = 0;
         }
     }
+}
+
+/// The robot. Not inlined, like what is made of it: what making it takes of the stack is given back before the next takes its own.
+#[inline(never)]
+fn robot<T: Real>() -> Tree<T, 13, 18> {
+    go2::free()
 }
 
 /// What the joints can do.

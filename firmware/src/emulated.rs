@@ -4,48 +4,21 @@
 //! For each [`Advance`] the board takes as many bytes from its buses as the host says it sent, does one step at the time
 //! the host gives, and answers. Bytes wait in the host's sockets until they are taken, so none is lost.
 
-use crate::board::mps2_an500::{Board, Flash};
+use crate::application::Application;
+use crate::board::mps2_an500::Board;
 use crate::stack::HighWater;
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
     Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Receiver, Reset, Sender,
 };
-
-/// An application and its memory, as the loop needs them.
-pub trait Application {
-    /// Becomes the application of `identity`, and goes on from what is in `flash` if it keeps anything there.
-    fn begin(&mut self, identity: Identity, flash: &mut Flash);
-    /// Takes what the host says.
-    fn handle(&mut self, message: &HostMessage);
-    /// Takes what a leg's bus brought.
-    fn hear(&mut self, leg: usize, bytes: &[u8], end_us: u64);
-    /// Does one step.
-    fn step(&mut self, now_us: u64, out: &mut impl FnMut(&DeviceMessage));
-    /// Does a step of keeping what it knows.
-    fn keep(&mut self, flash: &mut Flash, now_us: u64);
-    /// Takes note of what a step cost.
-    fn record_cost(&mut self, cost: u32, stack_bytes: u32);
-    /// Takes note of what was lost around it.
-    fn record_losses(&mut self, losses: Losses);
-}
-
-/// Who an application on this board is, but for its start; a step that costs more than `budget` instructions is counted.
-pub const fn identity(budget: u32) -> Identity {
-    Identity {
-        firmware: crate::VERSION,
-        board: "mps2-an500",
-        start: Start::UNKNOWN,
-        load_unit: "instructions",
-        budget,
-        byte_ns: 0,
-    }
-}
+use static_cell::ConstStaticCell;
 
 /// Bytes of one bus that one step takes; a longer stretch is several steps at the same time.
-pub const BUS_BUFFER: usize = 1024;
+const BUS_BUFFER: usize = 1024;
 
 /// What the buses bring.
-pub type Buffers = [[u8; BUS_BUFFER]; LEGS];
+type Buffers = [[u8; BUS_BUFFER]; LEGS];
+static BUFFERS: ConstStaticCell<Buffers> = ConstStaticCell::new([[0; BUS_BUFFER]; LEGS]);
 
 /// The board, the application, and what is between them.
 struct Listener<A> {
@@ -59,34 +32,40 @@ struct Listener<A> {
     time_us: u64,
 }
 
-/// Runs an application for good.
-pub fn run(app: impl Application, identity: Identity, buffers: &'static mut Buffers) -> ! {
+/// Runs an application for good; a step that costs more than `budget` instructions is counted.
+pub fn run(app: impl Application, budget: u32) -> ! {
     let Some(board) = Board::take() else {
         panic!("the board is taken once")
+    };
+    let crash = crate::crash::take();
+    let identity = Identity {
+        firmware: crate::VERSION,
+        board: "mps2-an500",
+        start: Start {
+            git: crate::GIT,
+            // The emulator's reset begins with the power.
+            reset: if crash.is_empty() {
+                Reset::Power
+            } else {
+                Reset::Software
+            },
+            crash,
+        },
+        load_unit: "instructions",
+        budget,
+        byte_ns: 0,
     };
     defmt::info!("proprio {} on {}", identity.firmware, identity.board);
     let mut listener = Listener {
         board,
         app,
-        buffers,
+        buffers: BUFFERS.take(),
         sender: Sender::default(),
         frame: [0; MAX_FRAME],
         stack: HighWater::new(),
         time_us: 0,
     };
     let mut receiver = Receiver::<HostMessage>::default();
-    let crash = crate::crash::take();
-    let start = Start {
-        git: crate::GIT,
-        // The emulator's reset begins with the power.
-        reset: if crash.is_empty() {
-            Reset::Power
-        } else {
-            Reset::Software
-        },
-        crash,
-    };
-    let identity = Identity { start, ..identity };
     listener.app.begin(identity, &mut listener.board.flash);
     listener.step(0, [0; LEGS]);
     loop {

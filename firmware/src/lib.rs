@@ -4,10 +4,15 @@
 //! buses and never transmits on them.
 #![no_std]
 
+pub mod application;
 pub mod board;
 pub mod crash;
 #[cfg(feature = "mps2-an500")]
 pub mod emulated;
+#[cfg(feature = "nucleo-h743zi2")]
+pub mod live;
+#[cfg(feature = "nucleo-h743zi2")]
+pub mod mounting;
 pub mod stack;
 
 /// What the firmware computes with: both work; feature `single` picks the smaller.

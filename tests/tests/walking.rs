@@ -1,5 +1,6 @@
 //! A robot that walks, on the microcontroller's code: its mass, on the desktop and through the real image on the emulated board.
 
+use nalgebra::{Rotation3, Vector3};
 use proprio::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio::estimate::Constraint;
 use proprio::identify::identify_free_base;
@@ -7,8 +8,9 @@ use proprio_core::app::{Identity, Start, WalkingApp, WalkingMemory};
 use proprio_core::go2;
 use proprio_core::spatial::Transform;
 use proprio_core::walk::{WalkEstimate, WalkMemory, Walker};
-use proprio_core::wire::{Counters, DeviceMessage, HostMessage, LEGS, Walk};
+use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Walk};
 use proprio_tests::walks::{self, WalkStep};
+use std::f64::consts::PI;
 
 /// The walker's solution of a whole log; a solution's noise weighs the next one's priors, so the third counts.
 fn walked<T: proprio_core::Real>(name: &str) -> WalkEstimate<T> {
@@ -79,8 +81,13 @@ fn steps(name: &str) -> Vec<WalkStep> {
     steps
 }
 
-/// The application in this process.
-fn application() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
+/// Where a Go2's own IMU is, with the trunk's axes.
+fn own_imu() -> Transform<f64> {
+    Transform::from_translation(go2::IMU.into())
+}
+
+/// The application in this process, of an IMU that is mounted so.
+fn application(mounting: &Transform<f64>) -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
     let (mut app, mut memory) = (
         Box::new(WalkingApp::unset()),
         Box::new(WalkingMemory::new()),
@@ -93,13 +100,13 @@ fn application() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
         budget: u32::MAX,
         byte_ns: 0,
     };
-    app.begin(&mut memory, identity).unwrap();
+    app.begin(&mut memory, identity, mounting).unwrap();
     (app, memory)
 }
 
 /// What it says.
 fn here(steps: &[WalkStep]) -> (Vec<Walk>, Counters) {
-    let (mut app, mut memory) = application();
+    let (mut app, mut memory) = application(&own_imu());
     let (mut walks, mut counters) = (Vec::new(), Counters::default());
     let mut hear = |message: &DeviceMessage| match message {
         DeviceMessage::Walk(walk) => walks.push(*walk),
@@ -162,7 +169,7 @@ fn the_board_says_what_the_desktop_says() {
 /// Without an IMU nothing is made up, and it is counted.
 #[test]
 fn a_robot_without_an_imu_is_not_identified() {
-    let (mut app, mut memory) = application();
+    let (mut app, mut memory) = application(&own_imu());
     let mut last = None;
     for step in steps("sway") {
         for leg in 0..LEGS {
@@ -177,4 +184,67 @@ fn a_robot_without_an_imu_is_not_identified() {
     let last: Walk = last.expect("the priors have a solution as well");
     assert!(last.counts.without_imu > 2_000 && last.counts.samples == 0);
     assert_eq!(last.equations, 0);
+}
+
+/// An IMU that is turned against the trunk tells what one with the trunk's axes does, if the application knows how it is mounted. Read by a clock
+/// of its own, 1666 times a second, none of them at a sample's time, it makes of the same noise another one: less than a deviation.
+#[test]
+fn the_boards_own_imu_tells_the_same_however_it_is_turned() {
+    let steps = steps("trot");
+    let (walks, _) = here(&steps);
+    let theirs = walks.last().expect("a solution");
+    let turned = Transform {
+        rotation: Rotation3::from_euler_angles(PI, 0.3, -1.2).into_inner(),
+        ..own_imu()
+    };
+    let ([with_samples, own_clock], truth) = (
+        [2_000.0, 600.2].map(|period_us| felt(&steps, &turned, period_us)),
+        walks::mass("trot"),
+    );
+    for own in [&with_samples, &own_clock] {
+        println!("{:?} {:?}", own.mass, own.trunk);
+        assert_eq!(
+            (own.counts.without_imu, own.counts.samples),
+            (0, theirs.counts.samples)
+        );
+        assert!((f64::from(own.mass[0]) / truth - 1.0).abs() < 0.01);
+    }
+    let off = |own: &Walk| (own.mass[0] - theirs.mass[0]).abs() / theirs.mass[1];
+    assert!(off(&with_samples) < 1e-3 && off(&own_clock) < 1.0);
+    for (own, their) in with_samples.trunk.iter().zip(theirs.trunk) {
+        assert!((own - their).abs() < 1e-5, "{own} {their}");
+    }
+}
+
+/// What is told at last if the IMU, mounted so, is read so often: between the walk's own readings on a line.
+fn felt(steps: &[WalkStep], mounting: &Transform<f64>, period_us: f64) -> Walk {
+    let (mut app, mut memory) = application(mounting);
+    let (mut last, mut reading_us) = (None, steps[0].bus.time_us as f64);
+    for pair in steps.windows(2) {
+        let (step, next) = (&pair[0], &pair[1]);
+        let (from, to) = (step.bus.time_us as f64, next.bus.time_us as f64);
+        for leg in 0..LEGS {
+            app.hear(&mut memory, leg, &step.bus.buses[leg], step.bus.time_us);
+        }
+        app.step(&mut memory, step.bus.time_us, &mut |message| {
+            if let DeviceMessage::Walk(walk) = message {
+                last = Some(*walk);
+            }
+        });
+        while reading_us < to {
+            let share = ((reading_us - from) / (to - from)) as f32;
+            let between = |a: [f32; 3], b: [f32; 3]| {
+                let (a, b) = (Vector3::from(a), Vector3::from(b));
+                let own = (a + (b - a) * share).map(f64::from);
+                mounting.rotation.tr_mul(&own).map(|x| x as f32).into()
+            };
+            let imu = Imu {
+                gyro: between(step.imu.gyro, next.imu.gyro),
+                acc: between(step.imu.acc, next.imu.acc),
+            };
+            app.feel(&imu, reading_us as u64);
+            reading_us += period_us;
+        }
+    }
+    last.expect("a solution")
 }

@@ -1,6 +1,7 @@
 //! One leg's line: bus bytes, frames, samples, windows, factors.
 
 use super::alignment::Alignment;
+use super::counts::heard;
 use super::diagnosis::Evidence;
 use crate::Real;
 use crate::bus::{Listener, Queue};
@@ -166,42 +167,19 @@ impl<T: Real> LegLine<T> {
     }
 
     pub(super) fn counters(&self, data: &LegData<T>) -> LegCounters {
-        let Slot::Full(listener) = &self.listener else {
-            return LegCounters::ZERO;
-        };
-        let (frames, cycles) = (listener.frames(), listener.cycles());
         LegCounters {
-            commands: frames.commands,
-            replies: frames.replies,
-            bad_crc: frames.bad_crc,
-            short: frames.short,
-            skipped_bytes: frames.skipped_bytes,
             lost_bytes: data.queue.lost(),
-            unused_replies: cycles.unused_replies,
-            incomplete: cycles.incomplete,
-            motor_faults: cycles.motor_faults,
-            overheated: cycles.overheated,
-            stuck: cycles.stuck,
-            surplus: self.surplus,
-            ..self.counters
+            ..self.counted()
         }
     }
 
-    /// Samples, and what should have become some and did not.
-    pub(super) fn health(&self) -> (u32, u32) {
-        let counters = &self.counters;
-        let refused = counters.rejected.wrapping_add(counters.unfolded);
-        let lost = refused
-            .wrapping_add(counters.unsolved)
-            .wrapping_add(self.surplus);
-        let heard = self.listener.get().map_or(0, |listener| {
-            let (frames, cycles) = (listener.frames(), listener.cycles());
-            let faults = cycles.motor_faults.wrapping_add(cycles.overheated);
-            let faults = faults.wrapping_add(cycles.stuck);
-            let frames = frames.bad_crc.wrapping_add(frames.short);
-            faults.wrapping_add(cycles.incomplete).wrapping_add(frames)
-        });
-        (counters.samples, lost.wrapping_add(heard))
+    /// The counters but for the queue's, which is among the data.
+    pub(super) fn counted(&self) -> LegCounters {
+        let own = LegCounters {
+            surplus: self.surplus,
+            ..self.counters
+        };
+        heard(&self.listener, own)
     }
 
     pub(super) fn count_unsolved(&mut self) {

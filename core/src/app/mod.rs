@@ -21,8 +21,10 @@ mod alignment;
 #[cfg(test)]
 mod change_tests;
 mod copy;
+mod counts;
 mod diagnosis;
 mod leg;
+mod readings;
 #[cfg(test)]
 mod request_tests;
 mod requests;
@@ -126,7 +128,7 @@ const NOBODY: Identity = Identity {
 pub struct Health {
     /// Samples of all legs.
     pub samples: u32,
-    /// What was lost or refused of all buses and of the host link, and steps over budget.
+    /// What was lost or refused of all buses, of the IMU and of the host link, and steps over budget.
     pub losses: u32,
 }
 
@@ -396,6 +398,7 @@ impl<T: Real> App<T> {
             frames_dropped: self.losses.frames_dropped,
             buses: self.losses.buses,
             host_line: self.losses.host_line,
+            imu: self.losses.imu,
             snapshots,
             snapshots_failed,
             load: self.load,
@@ -404,18 +407,8 @@ impl<T: Real> App<T> {
 
     /// What a board's lights tell.
     pub fn health(&self) -> Health {
-        let mut health = Health::default();
-        for line in &self.legs {
-            let (samples, losses) = line.health();
-            health.samples = health.samples.wrapping_add(samples);
-            health.losses = health.losses.wrapping_add(losses);
-        }
-        let lines = self.losses.buses.iter().chain([&self.losses.host_line]);
-        let lost = lines.fold(self.load.over_budget, |sum, line| {
-            sum.wrapping_add(line.overruns).wrapping_add(line.errors)
-        });
-        health.losses = health.losses.wrapping_add(lost);
-        health
+        let legs = self.legs.iter().map(LegLine::counted);
+        counts::health(legs, &self.losses, &self.load)
     }
 
     /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came: on the clock of the steps. It waits

@@ -4,19 +4,22 @@
 //! microcontroller has (540 of 512 KiB in `f64`), and a robot does one or the other. [`WalkingApp::step`]
 //!
 //! 1. decodes what the buses have brought and, of each leg, takes the last polling cycle;
-//! 2. once all four legs have a new one and the IMU has been heard, gives the whole robot's sample to the [`Walker`]: one in a step at most;
+//! 2. once all four legs have a new one, makes the whole robot's sample of them and, in the next step, gives it with what the IMU read around
+//!    its time ([`readings`](super::readings)) to the [`Walker`]: one in a step at most;
 //! 3. folds or solves a part ([`Walker::step`]);
 //! 4. says at most one message.
 //!
 //! The sensor of a foot is told by its calf's replies; one that is always the same is not asked.
 
 use super::alignment::Alignment;
+use super::counts::{self, heard};
 use super::leg::{SETTINGS, STEP_EFFORT};
-use super::{HELLO_US, Identity, NOBODY, REPORT_US, single, text};
+use super::readings::Readings;
+use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US, single, text};
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::factor::FactorError;
-use crate::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS};
+use crate::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
 use crate::scalar::real;
 use crate::slot::Slot;
 use crate::spatial::Transform;
@@ -31,8 +34,6 @@ use nalgebra::Vector3;
 
 /// Time between two solutions, µs.
 pub const WALK_US: u64 = 3_000_000;
-/// A reading of the IMU is of use for so long, µs.
-const IMU_AGE_US: u64 = 4_000;
 /// Legs' samples further apart than this are not of one time, µs.
 const APART_US: u64 = 2_000;
 /// Polling cycles that are taken off one bus in a step at most.
@@ -70,6 +71,15 @@ impl<T: Real> Line<T> {
         }
     }
 
+    /// Begins anew. Not inlined: what a listener takes of the stack is given back.
+    #[inline(never)]
+    fn begin(&mut self) {
+        self.queue.clear();
+        self.listener = Slot::Full(Listener::new());
+        self.alignment = Alignment::new();
+        (self.fresh, self.samples, self.surplus) = (false, 0, 0);
+    }
+
     /// Takes what has come; the last of several cycles counts.
     #[inline(never)]
     fn listen(&mut self) {
@@ -91,27 +101,14 @@ impl<T: Real> Line<T> {
     }
 
     fn counters(&self) -> LegCounters {
-        let Some(listener) = self.listener.get() else {
-            return LegCounters::ZERO;
-        };
-        let (frames, cycles) = (listener.frames(), listener.cycles());
-        LegCounters {
-            commands: frames.commands,
-            replies: frames.replies,
-            bad_crc: frames.bad_crc,
-            short: frames.short,
-            skipped_bytes: frames.skipped_bytes,
+        let own = LegCounters {
             lost_bytes: self.queue.lost(),
-            unused_replies: cycles.unused_replies,
-            incomplete: cycles.incomplete,
-            motor_faults: cycles.motor_faults,
-            overheated: cycles.overheated,
-            stuck: cycles.stuck,
             surplus: self.surplus,
             samples: self.samples,
             used: self.samples.wrapping_sub(self.surplus),
             ..LegCounters::ZERO
-        }
+        };
+        heard(&self.listener, own)
     }
 }
 
@@ -141,10 +138,11 @@ impl<T: Real> Default for WalkingMemory<T> {
 pub struct WalkingApp<T: Real> {
     identity: Slot<Identity>,
     walker: Walker<T>,
-    /// The IMU's last reading, and when it came: at the step after it.
+    /// What the host said of the IMU: of the time of the step after it.
     imu: Slot<Imu>,
-    imu_us: u64,
-    is_new: bool,
+    readings: Readings,
+    /// A sample that waits for the IMU's readings after its time.
+    pending: Slot<WalkSample<T>>,
     without_imu: u32,
     solve_at: u64,
     solving_us: u64,
@@ -162,8 +160,8 @@ impl<T: Real> WalkingApp<T> {
             identity: Slot::Empty,
             walker: Walker::unset(),
             imu: Slot::Empty,
-            imu_us: 0,
-            is_new: false,
+            readings: Readings::new(),
+            pending: Slot::Empty,
             without_imu: 0,
             solve_at: 0,
             solving_us: 0,
@@ -175,7 +173,8 @@ impl<T: Real> WalkingApp<T> {
         }
     }
 
-    /// Becomes the application of `identity`, and forgets all data. For the start: the priors take some millions of instructions.
+    /// Becomes the application of `identity` on a robot whose trunk carries the IMU at `mounting`: its origin in the trunk's frame, and the
+    /// rotation from its axes to the trunk's. Forgets all data. For the start: the priors take some millions of instructions.
     ///
     /// # Errors
     /// None with the Go2's constants: as [`Walker::begin`].
@@ -183,40 +182,34 @@ impl<T: Real> WalkingApp<T> {
         &mut self,
         memory: &mut WalkingMemory<T>,
         identity: Identity,
+        mounting: &Transform<T>,
     ) -> Result<(), FactorError> {
         self.identity = Slot::Full(identity);
-        self.reset(memory)
-    }
-
-    fn reset(&mut self, memory: &mut WalkingMemory<T>) -> Result<(), FactorError> {
-        for line in &mut memory.lines {
-            line.queue.clear();
-            line.listener = Slot::Full(Listener::new());
-            line.alignment = Alignment::new();
-            (line.fresh, line.samples, line.surplus) = (false, 0, 0);
-        }
+        memory.lines.iter_mut().for_each(Line::begin);
         self.imu = Slot::Empty;
-        self.is_new = false;
+        self.readings.clear();
+        self.pending = Slot::Empty;
         self.without_imu = 0;
         self.solve_at = WALK_US;
         self.solved = false;
         self.hello_at = 0;
         self.counters_at = 0;
         self.load = Load::ZERO;
-        let imu = Transform::from_translation(Vector3::from(go2::IMU.map(real)));
-        self.walker.begin(&mut memory.walk, &imu)
+        self.walker.begin(&mut memory.walk, mounting)
     }
 
     /// Takes what the host says. Requests are of legs that hang, and are not obeyed here.
     pub fn handle(&mut self, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
-            HostMessage::Imu(imu) => {
-                self.imu = Slot::Full(*imu);
-                self.is_new = true;
-            }
+            HostMessage::Imu(imu) => self.imu = Slot::Full(*imu),
             HostMessage::Request(_) | HostMessage::ReadFactor(_) | HostMessage::Advance(_) => {}
         }
+    }
+
+    /// Takes a reading of the board's own IMU, measured at `time_us` on the clock of the steps.
+    pub fn feel(&mut self, imu: &Imu, time_us: u64) {
+        self.readings.push(time_us, imu);
     }
 
     /// Takes what a leg's bus brought without a pause, `end_us` being when its last byte came.
@@ -247,12 +240,13 @@ impl<T: Real> WalkingApp<T> {
         out: &mut impl FnMut(&DeviceMessage),
     ) {
         self.keep_up(now_us);
-        if core::mem::replace(&mut self.is_new, false) {
-            self.imu_us = now_us;
+        if let Some(imu) = self.imu.take() {
+            self.readings.push(now_us, &imu);
         }
+        self.give();
         memory.lines.iter_mut().for_each(Line::listen);
         if memory.lines.iter().all(|line| line.fresh) {
-            self.sample(memory, now_us);
+            self.sample(memory);
         }
         if now_us >= self.solve_at {
             self.solve_at = now_us.saturating_add(WALK_US);
@@ -273,9 +267,26 @@ impl<T: Real> WalkingApp<T> {
         self.solve_at = within(self.solve_at, WALK_US);
     }
 
+    /// Gives the walker the sample that waits, with what the IMU read.
+    #[inline(never)]
+    fn give(&mut self) {
+        let Slot::Full(sample) = &mut self.pending else {
+            return;
+        };
+        match self.readings.at(sample.joints.time_us) {
+            Some(imu) => {
+                let vector = |x: [f32; 3]| Vector3::from(x.map(|x| real(f64::from(x))));
+                (sample.gyro, sample.acc) = (vector(imu.gyro), vector(imu.acc));
+                self.walker.push(sample);
+            }
+            None => self.without_imu = self.without_imu.wrapping_add(1),
+        }
+        self.pending = Slot::Empty;
+    }
+
     /// Makes the robot's sample of the legs', at the time of the last of them: positions go on with their velocities.
     #[inline(never)]
-    fn sample(&mut self, memory: &mut WalkingMemory<T>, now_us: u64) {
+    fn sample(&mut self, memory: &mut WalkingMemory<T>) {
         let times = memory.lines.iter().map(|line| line.latest.time_us);
         let (first, last) = times.fold((u64::MAX, 0), |(first, last), time| {
             (first.min(time), last.max(time))
@@ -288,18 +299,10 @@ impl<T: Real> WalkingApp<T> {
             return;
         }
         memory.lines.iter_mut().for_each(|line| line.fresh = false);
-        let Some(imu) = self
-            .imu
-            .get()
-            .filter(|_| now_us.saturating_sub(self.imu_us) <= IMU_AGE_US)
-        else {
-            self.without_imu = self.without_imu.wrapping_add(1);
-            return;
-        };
-        let vector = |x: &[f32; 3]| Vector3::from(x.map(|x| real(f64::from(x))));
+        let nothing = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
         let mut sample = WalkSample {
-            gyro: vector(&imu.gyro),
-            acc: vector(&imu.acc),
+            gyro: nothing,
+            acc: nothing,
             count: memory.lines.each_ref().map(|line| line.count),
             joints: Sample {
                 time_us: last,
@@ -319,7 +322,16 @@ impl<T: Real> WalkingApp<T> {
         for (((q, dq), tau), from) in places.zip(readings) {
             (*q, *dq, *tau) = from;
         }
-        self.walker.push(&sample);
+        self.pending = Slot::Full(sample);
+    }
+
+    /// What is told without a host.
+    pub fn health(&self, memory: &WalkingMemory<T>) -> Health {
+        let legs = memory.lines.iter().map(Line::counters);
+        let mut health = counts::health(legs, &self.losses, &self.load);
+        let refused = self.without_imu.wrapping_add(self.walker.counts().rejected);
+        health.losses = health.losses.wrapping_add(refused);
+        health
     }
 
     fn message(&mut self, memory: &WalkingMemory<T>, now_us: u64) -> Option<DeviceMessage> {
@@ -370,6 +382,7 @@ impl<T: Real> WalkingApp<T> {
             frames_dropped: self.losses.frames_dropped,
             buses: self.losses.buses,
             host_line: self.losses.host_line,
+            imu: self.losses.imu,
             load: self.load,
             ..Counters::default()
         }

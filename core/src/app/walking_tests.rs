@@ -1,7 +1,8 @@
 //! The application of a robot that walks, by what it is given.
 
 use super::{Identity, Start, WalkingApp, WalkingMemory};
-use crate::go2::LEGS;
+use crate::go2::{self, LEGS};
+use crate::spatial::Transform;
 use crate::wire::{DeviceMessage, HostMessage, Imu};
 use proptest::prelude::*;
 use std::prelude::rust_2024::*;
@@ -18,7 +19,8 @@ const IDENTITY: Identity = Identity {
 fn app() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
     let mut app = Box::new(WalkingApp::unset());
     let mut memory = Box::new(WalkingMemory::new());
-    app.begin(&mut memory, IDENTITY).unwrap();
+    let mounting = Transform::from_translation(go2::IMU.into());
+    app.begin(&mut memory, IDENTITY, &mounting).unwrap();
     (app, memory)
 }
 

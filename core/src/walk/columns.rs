@@ -112,6 +112,7 @@ impl<T: Real> WalkPrior<T> {
     ///
     /// # Errors
     /// [`FactorError::Length`] if it does not; [`FactorError::Singular`] names a body that is not physical.
+    #[inline(never)]
     pub fn make(&mut self, robot: &Tree<T, 13, 18>, work: &mut [T]) -> Result<(), FactorError> {
         const ALL: usize = INNER + PRIOR;
         let mut whole = Factor::in_storage(ALL, work)?;

@@ -122,7 +122,8 @@ impl<T: Real> WalkWindow<T> {
         }
     }
 
-    /// Becomes that of a robot with its IMU at `imu` in the base, of windows of `window_us`.
+    /// Becomes that of a robot with its IMU at `imu` in the base, of windows of `window_us`. Not inlined: its stack is given back.
+    #[inline(never)]
     pub(super) fn begin(&mut self, robot: &Tree<T, 13, 18>, imu: &Transform<T>, window_us: u64) {
         for (leg, frame) in self.legs.iter_mut().enumerate() {
             *frame = LegFrame::of(robot, leg);
@@ -191,7 +192,7 @@ impl<T: Real> WalkWindow<T> {
         let closes = sample.time_us.saturating_sub(self.start_us) >= self.window_us;
         let fine = self.measure(sample, closes.then_some(T::one()));
         self.add_differences(&before);
-        self.flush(&before);
+        flush(&self.shares, &before, &mut self.sum);
         self.keep_differences(&before);
         self.add_rates(half);
         self.last = *sample;
@@ -335,19 +336,12 @@ impl<T: Real> WalkWindow<T> {
         self.add_differences(before);
     }
 
-    /// Adds the last sample's share to the rows.
-    fn flush(&mut self, at: &[Joint<T>; JOINTS]) {
-        for (j, (share, joint)) in self.shares.iter().zip(at).enumerate() {
-            self.sum.add_share(j, share, &joint.planted);
-        }
-    }
-
     /// The rows of the window that ends now.
     fn finish(&mut self, now_us: u64, rows: &mut WalkRows<T>) {
-        let at = self.joints;
-        self.flush(&at);
+        // Not copied: the joints are a third of a microcontroller's stack.
+        flush(&self.shares, &self.joints, &mut self.sum);
         let per_second = T::one() / microseconds::<T>(now_us.saturating_sub(self.start_us).max(1));
-        let root = noise_root(at.iter().map(|joint| &joint.planted));
+        let root = noise_root(self.joints.iter().map(|joint| &joint.planted));
         for (to, from) in rows.base.iter_mut().zip(&self.sum.base) {
             *to = solve_lower(&root, &from.map(|x| x * per_second));
         }
@@ -358,6 +352,13 @@ impl<T: Real> WalkWindow<T> {
             rows.equations += usize::from(!loaded);
             *to = from.map(|x| x * counts);
         }
+    }
+}
+
+/// Adds a sample's share to the rows.
+fn flush<T: Real>(shares: &[JointRow<T>; JOINTS], at: &[Joint<T>; JOINTS], sum: &mut WalkRows<T>) {
+    for (j, (share, joint)) in shares.iter().zip(at).enumerate() {
+        sum.add_share(j, share, &joint.planted);
     }
 }
 

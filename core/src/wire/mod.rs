@@ -246,6 +246,8 @@ pub struct Counters {
     pub buses: [LineLosses; LEGS],
     /// And of the host link.
     pub host_line: LineLosses,
+    /// Of a board's own IMU: times that it was silent or found no room, readings that were refused.
+    pub imu: LineLosses,
     /// Cost of the ticks.
     pub load: Load,
     /// Snapshots written since the start.
@@ -263,6 +265,14 @@ pub struct LineLosses {
     pub errors: u32,
 }
 
+impl LineLosses {
+    /// Nothing lost.
+    pub const ZERO: Self = Self {
+        overruns: 0,
+        errors: 0,
+    };
+}
+
 /// What was lost around the application, since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
@@ -276,6 +286,8 @@ pub struct Losses {
     pub buses: [LineLosses; LEGS],
     /// [`Counters::host_line`].
     pub host_line: LineLosses,
+    /// [`Counters::imu`].
+    pub imu: LineLosses,
 }
 
 impl Losses {
@@ -284,14 +296,9 @@ impl Losses {
         host_frames_bad: 0,
         host_frames_missed: 0,
         frames_dropped: 0,
-        buses: [LineLosses {
-            overruns: 0,
-            errors: 0,
-        }; LEGS],
-        host_line: LineLosses {
-            overruns: 0,
-            errors: 0,
-        },
+        buses: [LineLosses::ZERO; LEGS],
+        host_line: LineLosses::ZERO,
+        imu: LineLosses::ZERO,
     };
 }
 

@@ -121,6 +121,7 @@ fn largest() -> [DeviceMessage; 9] {
             frames_dropped: m,
             buses: [line; LEGS],
             host_line: line,
+            imu: line,
             load,
             snapshots: m,
             snapshots_failed: m,

@@ -17,11 +17,15 @@ use super::{Error, json};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio flash && proprio monitor /dev/ttyACM0
+  proprio flash --walking  # once the IMU's mounting is in firmware/src/mounting.rs
   proprio flash --with openocd --dry-run")]
 pub(crate) struct Flash {
     /// Flash this ELF file instead of building
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
+    /// The firmware of a robot that walks, with an IMU at the board, in place of that of one that hangs
+    #[arg(long, conflicts_with = "image")]
+    walking: bool,
     /// Which program does it [default: the first that is installed]
     #[arg(long, value_name = "PROGRAM", value_parser = PossibleValuesParser::new(PROGRAMMERS.map(|p| p.name)))]
     with: Option<String>,
@@ -49,7 +53,7 @@ impl Flash {
             Some(image) => image.clone(),
             None => {
                 eprintln!("Building the firmware; the first time takes some minutes.");
-                image::build_nucleo()?
+                image::build_nucleo(self.walking)?
             }
         };
         check(&image)?;

@@ -33,12 +33,16 @@ pub fn build(scalar: Scalar) -> Result<PathBuf, DeviceError> {
     build_for("mps2_an500", scalar)
 }
 
-/// The same for the NUCLEO-H743ZI2, which computes in double precision.
+/// The same for the NUCLEO-H743ZI2, which computes in double precision: of a robot that walks, or of one that hangs.
 ///
 /// # Errors
 /// As [`build`].
-pub fn build_nucleo() -> Result<PathBuf, DeviceError> {
-    build_for("nucleo_h743zi2", Scalar::F64)
+pub fn build_nucleo(walking: bool) -> Result<PathBuf, DeviceError> {
+    let hanging = build_for("nucleo_h743zi2", Scalar::F64)?;
+    Ok(match walking {
+        true => hanging.with_file_name("nucleo_h743zi2_walking-f64"),
+        false => hanging,
+    })
 }
 
 fn build_for(board: &str, scalar: Scalar) -> Result<PathBuf, DeviceError> {

@@ -1,0 +1,64 @@
+//! What is counted alike of a robot that hangs and of one that walks.
+
+use super::Health;
+use crate::bus::Listener;
+use crate::slot::Slot;
+use crate::wire::{LegCounters, Load, Losses};
+
+/// A leg's counters: what its listener counts, and `own`.
+pub(super) fn heard(listener: &Slot<Listener>, own: LegCounters) -> LegCounters {
+    let Some(listener) = listener.get() else {
+        return LegCounters::ZERO;
+    };
+    let (frames, cycles) = (listener.frames(), listener.cycles());
+    LegCounters {
+        commands: frames.commands,
+        replies: frames.replies,
+        bad_crc: frames.bad_crc,
+        short: frames.short,
+        skipped_bytes: frames.skipped_bytes,
+        unused_replies: cycles.unused_replies,
+        incomplete: cycles.incomplete,
+        motor_faults: cycles.motor_faults,
+        overheated: cycles.overheated,
+        stuck: cycles.stuck,
+        ..own
+    }
+}
+
+/// What is told without a host, of all legs' counters, of what was lost around the application and of steps over budget.
+pub(super) fn health(
+    legs: impl Iterator<Item = LegCounters>,
+    losses: &Losses,
+    load: &Load,
+) -> Health {
+    let imu_and_host = [&losses.host_line, &losses.imu];
+    let lines = losses.buses.iter().chain(imu_and_host);
+    let lost = lines.fold(load.over_budget, |sum, line| {
+        sum.wrapping_add(line.overruns).wrapping_add(line.errors)
+    });
+    legs.fold(
+        Health {
+            samples: 0,
+            losses: lost,
+        },
+        |sum, leg| {
+            let lost = [
+                leg.rejected,
+                leg.unfolded,
+                leg.unsolved,
+                leg.surplus,
+                leg.motor_faults,
+                leg.overheated,
+                leg.stuck,
+                leg.incomplete,
+                leg.bad_crc,
+                leg.short,
+            ];
+            Health {
+                samples: sum.samples.wrapping_add(leg.samples),
+                losses: lost.into_iter().fold(sum.losses, u32::wrapping_add),
+            }
+        },
+    )
+}

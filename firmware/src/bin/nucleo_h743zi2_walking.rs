@@ -1,0 +1,21 @@
+//! The listener of a robot that walks, on the NUCLEO-H743ZI2 with its own IMU, mounted as [`proprio_firmware::mounting`] says.
+//!
+//! Flash with `probe-rs run --chip STM32H743ZITx`, which shows the log as well.
+#![no_std]
+#![no_main]
+
+use defmt_rtt as _;
+use embassy_executor::Spawner;
+use proprio_firmware::application::Walking;
+use proprio_firmware::board::nucleo_h743zi2::Board;
+use proprio_firmware::live::run;
+use proprio_firmware::mounting::mounting;
+
+#[embassy_executor::main]
+async fn main(spawner: Spawner) {
+    let Some((board, imu)) = Board::take() else {
+        panic!("the board is taken once")
+    };
+    imu.start();
+    run(spawner, board, Walking::take(mounting())).await
+}

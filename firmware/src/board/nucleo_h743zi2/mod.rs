@@ -1,0 +1,217 @@
+//! The NUCLEO-H743ZI2: an STM32H743ZI with a Cortex-M7 at 400 MHz.
+//!
+//! | link | UART | pin | Zio label | DMA | |
+//! |---|---|---|---|---|---|
+//! | FR bus | USART2 RX | PD6 | D52 | DMA1 stream 0 | 4 Mbit/s, 8N1 |
+//! | FL bus | UART4 RX | PD0 | D67 | DMA1 stream 1 | 4 Mbit/s, 8N1 |
+//! | RR bus | UART5 RX | PD2 | D48 | DMA1 stream 2 | 4 Mbit/s, 8N1 |
+//! | RL bus | UART7 RX | PE7 | D41 | DMA1 stream 3 | 4 Mbit/s, 8N1 |
+//! | host | USART3 | PD8 TX, PD9 RX | ST-LINK's USB | DMA1 streams 4, 5 | 921 600 bit/s, 8N1 |
+//! | IMU | SPI1 | PA5 SCK, PA6 MISO, PB5 MOSI, PD14 select, PD15 data ready | D13, D12, D11, D10, D9 | none | 6.25 MHz, mode 3 |
+//!
+//! No pin of a bus's UART but RX is configured, so the board cannot transmit on a motor bus. The five kernel clocks are
+//! PCLK1, 100 MHz: 4 Mbit/s is exact, 921 600 bit/s 0.5 % slow. Clocks come from the ST-LINK's 8 MHz, a crystal's, because
+//! the estimates are only as good as the time.
+//!
+//! The time of a bus's bytes is noted by the UART's interrupt when the line falls idle, as it does after each frame, with how
+//! far DMA has written: [`Listening::piece`] gives the bytes between two such notes, and when the last of them came.
+//!
+//! Snapshots go to the second bank of the flash while the first is executed from: [`Bank2`]. Neither that nor what the board does after a
+//! word that a power failure left half written has been tried on a board.
+//!
+//! The data cache stays off: the buffers that DMA writes lie in the same SRAM as all data.
+//!
+//! Reference manual: RM0433; pins: UM2407 and the STM32H743xI data sheet.
+
+mod bank2;
+mod clocks;
+mod imu;
+mod lights;
+mod listening;
+
+pub use bank2::{Bank2, NotDone, program};
+pub use imu::{ImuPins, READINGS, losses as imu_losses};
+pub use lights::Lights;
+pub use listening::{BUS_BYTE_NS, Listening, RING};
+
+use clocks::clocks;
+use cortex_m::peripheral::{DCB, DWT};
+use embassy_stm32::flash::{self, Flash};
+use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
+use embassy_stm32::mode::Async;
+use embassy_stm32::usart::{self, UartRx, UartTx};
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{Peri, bind_interrupts, dma, pac, peripherals};
+use listening::{BUS_BAUD, BUSES, NotesTime};
+use proprio_core::wire::Reset;
+use static_cell::ConstStaticCell;
+
+/// Frequency of the core and of its cycle counter, Hz.
+pub const CORE_HZ: u32 = 400_000_000;
+
+const HOST_BAUD: u32 = 921_600;
+
+bind_interrupts!(struct Interrupts {
+    USART2 => NotesTime<0>, usart::InterruptHandler<peripherals::USART2>;
+    UART4 => NotesTime<1>, usart::InterruptHandler<peripherals::UART4>;
+    UART5 => NotesTime<2>, usart::InterruptHandler<peripherals::UART5>;
+    UART7 => NotesTime<3>, usart::InterruptHandler<peripherals::UART7>;
+    USART3 => usart::InterruptHandler<peripherals::USART3>;
+    FLASH => flash::InterruptHandler;
+    DMA1_STREAM0 => dma::InterruptHandler<peripherals::DMA1_CH0>;
+    DMA1_STREAM1 => dma::InterruptHandler<peripherals::DMA1_CH1>;
+    DMA1_STREAM2 => dma::InterruptHandler<peripherals::DMA1_CH2>;
+    DMA1_STREAM3 => dma::InterruptHandler<peripherals::DMA1_CH3>;
+    DMA1_STREAM4 => dma::InterruptHandler<peripherals::DMA1_CH4>;
+    DMA1_STREAM5 => dma::InterruptHandler<peripherals::DMA1_CH5>;
+});
+
+/// Written by DMA, so static: the stack lies in memory that DMA does not reach.
+static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]; 5]);
+
+/// Resets the board if no step is done within [`WATCHDOG_US`], whatever the firmware is at: it has a clock of its own and cannot be
+/// stopped. While a debugger holds the core it stands still. **Not tried on a board.**
+pub type Watchdog = IndependentWatchdog<'static, peripherals::IWDG1>;
+
+/// A hundred steps.
+const WATCHDOG_US: u32 = 200_000;
+
+/// Why the board started (RM0433, 8.7.39), the most telling flag first: a watchdog or the firmware pulls the reset pin as well.
+fn reset_reason() -> Reset {
+    let flags = pac::RCC.rsr().read();
+    pac::RCC.rsr().modify(|w| w.set_rmvf(true));
+    match flags {
+        flags if flags.iwdg1rstf() || flags.wwdg1rstf() => Reset::Watchdog,
+        flags if flags.sftrstf() => Reset::Software,
+        flags if flags.porrstf() || flags.borrstf() => Reset::Power,
+        flags if flags.pinrstf() => Reset::Pin,
+        _ => Reset::Unknown,
+    }
+}
+
+/// Counts the core's cycles.
+pub struct CycleCounter(());
+
+impl CycleCounter {
+    fn new(mut dcb: DCB, mut dwt: DWT) -> Self {
+        dcb.enable_trace();
+        DWT::unlock();
+        dwt.enable_cycle_counter();
+        Self(())
+    }
+
+    /// Runs `work` and says how many cycles it took, up to ten seconds; interrupts that came meanwhile are in it.
+    pub fn count<R>(&mut self, work: impl FnOnce() -> R) -> (R, u32) {
+        let before = DWT::cycle_count();
+        let result = work();
+        (result, DWT::cycle_count().wrapping_sub(before))
+    }
+}
+
+/// Everything on the board that the listener uses.
+pub struct Board {
+    /// From the host.
+    pub from_host: Listening,
+    /// To the host.
+    pub to_host: UartTx<'static, Async>,
+    /// USART2, UART4, UART5, UART7: in the order of the legs.
+    pub buses: [Listening; 4],
+    /// The core's cycles.
+    pub counter: CycleCounter,
+    /// Why the board started.
+    pub reset: Reset,
+    /// Not unleashed yet.
+    pub watchdog: Watchdog,
+    /// What can be seen without a host.
+    pub lights: Lights,
+    /// Where snapshots go.
+    pub bank2: Bank2,
+    /// Who writes them there: for [`program`].
+    pub flash: Flash<'static, flash::Async>,
+}
+
+impl Board {
+    /// The board, and what is its IMU's if that is [started](ImuPins::start); `None` the second time.
+    pub fn take() -> Option<(Self, ImuPins)> {
+        let mut core = cortex_m::Peripherals::take()?;
+        core.SCB.enable_icache();
+        let reset = reset_reason();
+        let p = embassy_stm32::init(clocks());
+        pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+        let [fr, fl, rr, rl, host] = RINGS.try_take()?.each_mut();
+        let bus = uart(BUS_BAUD);
+        let irqs = Interrupts;
+        let buses = [
+            Listening::new(
+                UartRx::new(p.USART2, p.PD6, p.DMA1_CH0, irqs, bus),
+                fr,
+                pac::USART2,
+                Some(&BUSES[0]),
+            ),
+            Listening::new(
+                UartRx::new(p.UART4, p.PD0, p.DMA1_CH1, irqs, bus),
+                fl,
+                pac::UART4,
+                Some(&BUSES[1]),
+            ),
+            Listening::new(
+                UartRx::new(p.UART5, p.PD2, p.DMA1_CH2, irqs, bus),
+                rr,
+                pac::UART5,
+                Some(&BUSES[2]),
+            ),
+            Listening::new(
+                UartRx::new(p.UART7, p.PE7, p.DMA1_CH3, irqs, bus),
+                rl,
+                pac::UART7,
+                Some(&BUSES[3]),
+            ),
+        ];
+        let host_uart = usart::Uart::new(
+            p.USART3,
+            p.PD9,
+            p.PD8,
+            p.DMA1_CH4,
+            p.DMA1_CH5,
+            irqs,
+            uart(HOST_BAUD),
+        );
+        let (to_host, from_host) = host_uart.ok()?.split();
+        let light = |pin: Peri<'static, AnyPin>| Output::new(pin, Level::Low, Speed::Low);
+        let board = Self {
+            from_host: Listening::new(Ok(from_host), host, pac::USART3, None),
+            to_host,
+            buses,
+            counter: CycleCounter::new(core.DCB, core.DWT),
+            reset,
+            watchdog: IndependentWatchdog::new(p.IWDG1, WATCHDOG_US),
+            lights: Lights::new(
+                light(p.PB0.into()),
+                light(p.PE1.into()),
+                light(p.PB14.into()),
+            ),
+            bank2: Bank2::default(),
+            flash: Flash::new(p.FLASH, irqs),
+        };
+        let imu = ImuPins {
+            spi: p.SPI1,
+            sck: p.PA5,
+            mosi: p.PB5,
+            miso: p.PA6,
+            select: p.PD14,
+            ready: p.PD15,
+            line: p.EXTI15,
+        };
+        Some((board, imu))
+    }
+}
+
+/// 8N1, the driver's default, with an input that reads idle while no receiver is wired.
+fn uart(baudrate: u32) -> usart::Config {
+    let mut config = usart::Config::default();
+    config.baudrate = baudrate;
+    config.rx_pull = embassy_stm32::gpio::Pull::Up;
+    // Else samples that disagree are errors; frames have checksums.
+    config.assume_noise_free = true;
+    config
+}
