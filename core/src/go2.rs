@@ -7,6 +7,7 @@
 use crate::Real;
 use crate::contact::Foot;
 use crate::inertia::InertialParameters;
+pub use crate::robot::Actuator;
 use crate::scalar::real;
 use crate::spatial::Transform;
 use crate::tree::{Body, Joint, Tree};
@@ -78,26 +79,6 @@ impl Leg {
         } else {
             -1.0
         }
-    }
-}
-
-/// What a joint's motor and transmission are, on paper.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Actuator {
-    /// Motor turns per joint turn.
-    pub gear: f64,
-    /// Inertia of the rotor about its own axis, kg m².
-    pub rotor_inertia: f64,
-    /// Largest torque, N m.
-    pub effort: f64,
-    /// Largest speed, rad/s.
-    pub velocity: f64,
-}
-
-impl Actuator {
-    /// Rotor inertia as the joint feels it: times the gear ratio squared, kg m².
-    pub fn armature(&self) -> f64 {
-        self.rotor_inertia * self.gear * self.gear
     }
 }
 

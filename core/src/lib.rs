@@ -22,6 +22,18 @@
 //! 12. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
 //!     [`storage`] has a stand-in.
 //!
+//! # Features
+//!
+//! `default` is `app`, all of the above. Without features the crate is the mathematics (1 to 10), which needs nalgebra and heapless alone.
+//!
+//! | feature | what it adds |
+//! |---|---|
+//! | `bus` | [`bus`]: frames of the motor bus |
+//! | `wire` | [`wire`]: messages between a device and its host |
+//! | `app` | [`app`], [`storage`]: the whole line; with `bus` and `wire` |
+//! | `serde` | `Serialize` and `Deserialize` of bodies, transforms, effects, priors, settings and frames |
+//! | `defmt` | `Format` of errors, events, effects and frames |
+//!
 //! # The equation
 //!
 //! With θ the inertial and effect parameters, a window [t1, t2] gives one row per joint (`design.md` §2; Ljung & others
@@ -38,12 +50,19 @@
 //! SI throughout, joint side: rad, rad/s, N m, kg, s, °C; time stamps are whole microseconds.
 #![no_std]
 #![forbid(unsafe_code)]
+// What is left out of a build is not linked to in its documentation, and not used by what is left.
+#![cfg_attr(
+    not(feature = "app"),
+    allow(dead_code, rustdoc::broken_intra_doc_links)
+)]
 
 #[cfg(test)]
 extern crate std;
 
+#[cfg(feature = "app")]
 pub mod app;
 pub mod base_parameters;
+#[cfg(feature = "bus")]
 pub mod bus;
 pub mod consistent;
 pub mod contact;
@@ -55,13 +74,18 @@ pub mod factor;
 pub mod go2;
 pub mod inertia;
 pub mod regressor;
+pub mod robot;
 mod scalar;
+#[cfg(all(test, feature = "serde"))]
+mod serde_tests;
 mod slot;
 pub mod spatial;
+#[cfg(feature = "app")]
 pub mod storage;
 pub mod tree;
 pub mod walk;
 pub mod window;
+#[cfg(feature = "wire")]
 pub mod wire;
 
 pub use scalar::Real;

@@ -14,6 +14,8 @@ use super::schedule::{Learner, Schedule};
 
 /// A reply, and when its last byte came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heard {
     /// What the motor said.
     pub reply: Reply,
@@ -26,6 +28,8 @@ pub type Cycle = [Heard; MOTORS];
 
 /// What became of good replies that are in no [`Cycle`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AssemblyCounters {
     /// Good replies in no cycle, for any of the reasons below or because another reply of the cycle was.
     pub unused_replies: u32,

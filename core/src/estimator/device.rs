@@ -30,7 +30,7 @@ pub use window::{DeviceRows, DeviceWindow};
 use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
 };
-use crate::effect::{EffectKind, Form, JointState, Prior, Term};
+use crate::effect::{EffectKind, Form, JointState, Term};
 use crate::factor::packed_len;
 use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
@@ -242,20 +242,10 @@ impl Active {
 
 /// What is known before any data of effect n at a joint, and its bounds; of the parameter beyond its neutral value.
 fn effect_prior(joint: usize, n: usize) -> EffectPrior {
-    let effect = COLUMNS[n % DEVICE_COLUMNS];
-    let parameter = effect.description().parameters.first();
-    let (neutral, lower, upper) = parameter.map_or((0.0, f64::NEG_INFINITY, f64::INFINITY), |p| {
-        (p.neutral, p.lower, p.upper)
-    });
-    let prior = effect.prior(&ACTUATORS[joint % JOINTS_PER_LEG]);
-    EffectPrior {
-        prior: Prior {
-            mean: prior.mean - neutral,
-            std: prior.std,
-        },
-        lower: lower - neutral,
-        upper: upper - neutral,
-    }
+    EffectPrior::of(
+        COLUMNS[n % DEVICE_COLUMNS],
+        &ACTUATORS[joint % JOINTS_PER_LEG],
+    )
 }
 
 impl<T: Real> DevicePrior<T> {

@@ -1,13 +1,16 @@
 //! What is taken to be true of a limb before any data.
 
 use crate::Real;
-use crate::effect::Prior;
+use crate::effect::{EffectKind, Prior};
 use crate::factor::{BodyFactor, Factor, packed_len};
 use crate::inertia::{INERTIAL, InertialParameters};
+use crate::robot::Actuator;
 use crate::scalar::real;
 
 /// An effect parameter's prior and bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EffectPrior {
     /// Expected value and standard deviation.
     pub prior: Prior,
@@ -15,6 +18,25 @@ pub struct EffectPrior {
     pub lower: f64,
     /// Greatest physical value.
     pub upper: f64,
+}
+
+impl EffectPrior {
+    /// What the catalogue says of an effect's first parameter at a joint driven by `actuator`; of the parameter beyond its neutral value.
+    pub fn of(effect: EffectKind, actuator: &Actuator) -> Self {
+        let parameter = effect.description().parameters.first();
+        let unbounded = (0.0, f64::NEG_INFINITY, f64::INFINITY);
+        let (neutral, lower, upper) =
+            parameter.map_or(unbounded, |p| (p.neutral, p.lower, p.upper));
+        let prior = effect.prior(actuator);
+        Self {
+            prior: Prior {
+                mean: prior.mean - neutral,
+                std: prior.std,
+            },
+            lower: lower - neutral,
+            upper: upper - neutral,
+        }
+    }
 }
 
 /// A limb's bodies as the CAD has them within a relative uncertainty, and its effects' priors, `E` in the order of θ.
