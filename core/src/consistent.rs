@@ -62,8 +62,8 @@ use crate::estimator::{
     solver_len,
 };
 use crate::factor::FactorError;
-use crate::go2::JOINTS_PER_LEG;
 use crate::inertia::{INERTIAL, InertialParameters};
+use crate::regressor::leg::JOINTS_PER_LEG;
 use crate::{Real, scalar::real};
 
 /// Newton steps that a solution may take. 3 from the CAD on simulated motions; fewer than this from twenty random starts.
@@ -109,7 +109,7 @@ pub struct ConsistentSolver<T: Real, D, S, V, E, const B: usize> {
     stage: Stage,
 }
 
-/// The consistent solution of a Go2's leg.
+/// The consistent solution of a leg of hip, thigh and calf.
 pub type LegConsistentSolver<T> = ConsistentSolver<
     T,
     [T; LEG.packed_len()],

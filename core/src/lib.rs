@@ -8,7 +8,7 @@
 //! Data flows one way, and so do the modules:
 //!
 //! 1. [`spatial`], [`inertia`]: spatial vectors, and the ten inertial parameters of a body in which all is linear.
-//! 2. [`tree`], [`go2`]: a kinematic tree with a fixed or free base; the Go2's constants.
+//! 2. [`tree`], [`robot`]: a kinematic tree with a fixed or free base; what a robot is to the rest: legs, motors, gears, a bus.
 //! 3. [`dynamics`]: inverse and forward dynamics, H, C and g.
 //! 4. [`regressor`]: the same quantities as matrices that multiply the parameters; all of them from one bilinear form.
 //! 5. [`effect`]: the catalogue of what a rigid body lacks: friction, rotor inertia, bias.
@@ -17,14 +17,15 @@
 //! 7. [`factor`]: square-root information: the rows folded into a triangle by rotations; no data is stored.
 //! 8. [`estimator`]: a limb's factors, its prior and its solution in bounded steps.
 //! 9. [`consistent`]: the solution in which every body could exist and no friction is negative.
-//! 10. [`walk`]: all of that for a robot that walks, trunk and legs together, one bounded step at a time.
-//! 11. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
-//! 12. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
+//! 10. [`go2`]: the robot that this has been built for, the first of its kind.
+//! 11. [`walk`]: all of that for a robot that walks, trunk and legs together, one bounded step at a time; it and [`app`] know the Go2.
+//! 12. [`bus`], [`wire`]: bytes of the motor bus, messages to the host; they know nothing of dynamics.
+//! 13. [`app`]: the whole line, one bounded step at a time, with time as an argument; what it knows outlives the power in flash, for which
 //!     [`storage`] has a stand-in.
 //!
 //! # Features
 //!
-//! `default` is `app`, all of the above. Without features the crate is the mathematics (1 to 10), which needs nalgebra and heapless alone.
+//! `default` is `app`, all of the above. Without features the crate is the mathematics (1 to 11), which needs nalgebra and heapless alone.
 //!
 //! | feature | what it adds |
 //! |---|---|

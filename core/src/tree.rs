@@ -105,7 +105,7 @@ impl core::error::Error for TreeError {}
 
 /// A tree of `B` bodies with `V` velocity coordinates.
 ///
-/// The Go2 is a `Tree<T, 3, 3>` (one pinned leg), a `Tree<T, 12, 12>` (pinned) or a `Tree<T, 13, 18>` (free).
+/// A quadruped is a `Tree<T, 3, 3>` (one pinned leg), a `Tree<T, 12, 12>` (pinned) or a `Tree<T, 13, 18>` (free).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tree<T: Real, const B: usize, const V: usize> {
     bodies: [Body<T>; B],

@@ -1,11 +1,11 @@
 //! A limb's parameters from its windows: one factor per joint, a prior, and a solution in bounded steps.
 //!
 //! A joint's torque depends on the bodies it moves and on its own effects, so each joint has a factor of just those
-//! columns ([`JointFactors`]): 34 for a Go2's hip, 24 for the thigh, 14 for the calf, instead of three rows of 42. Each
+//! columns ([`JointFactors`]): 34 for a hip, 24 for the thigh, 14 for the calf, instead of three rows of 42. Each
 //! joint's noise then follows from its own ρ, and weighted least squares needs no second pass over the data: the
 //! triangles are stacked, each divided by its joint's noise, onto the prior's ([`Solver`]). [`Layout`] says which column is
 //! what. All of it is generic over the limb's size and where its numbers are stored; the names that start with `Leg` are
-//! the Go2's leg in arrays.
+//! a leg of hip, thigh and calf in arrays, whichever [`Robot`] it belongs to.
 //!
 //! # Example
 //!
@@ -91,8 +91,9 @@ pub use solver::{Solver, solver_len};
 
 use crate::effect::EffectKind;
 use crate::factor::FactorError;
-use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg, position_limits};
 use crate::inertia::INERTIAL;
+use crate::regressor::leg::JOINTS_PER_LEG;
+use crate::robot::Robot;
 use crate::window::{Plausible, Rows, Window};
 use crate::{Real, scalar::real};
 
@@ -159,14 +160,16 @@ impl<T: Real> LegFactors<T> {
     }
 }
 
-impl<T: Real> LegPrior<T> {
-    /// The CAD's inertias within [`CAD_UNCERTAINTY`], each effect as its catalogue entry says.
-    pub fn of(which: Leg) -> Self {
-        let cad = leg::<T>(which).bodies().map(|body| body.inertia);
+impl<T: Real, const N: usize, const J: usize> LimbPrior<T, [EffectPrior; N], J> {
+    /// The CAD's inertias of a robot's leg within [`CAD_UNCERTAINTY`], each of [`EFFECTS`] as its catalogue entry says; `N` is their number times
+    /// that of the joints, checked when compiled.
+    pub fn of<R: Robot<J>>(which: R) -> Self {
+        const { assert!(N == EFFECTS.len() * J) }
+        let cad = which.tree::<T>().bodies().map(|body| body.inertia);
         let effects = core::array::from_fn(|n| {
-            EffectPrior::of(EFFECTS[n % EFFECTS.len()], &ACTUATORS[n / EFFECTS.len()])
+            EffectPrior::of(EFFECTS[n % EFFECTS.len()], &R::ACTUATORS[n / EFFECTS.len()])
         });
-        Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], effects)
+        Self::new(cad, [real(CAD_UNCERTAINTY); J], effects)
     }
 }
 
@@ -185,12 +188,12 @@ impl<T: Real> Default for LegSolver<T> {
 }
 
 /// Limits of a leg's readings with room for offsets: 1 rad beyond the joint's stops, twice the rated speed and torque.
-pub fn plausible<T: Real>(which: Leg) -> [Plausible<T>; JOINTS_PER_LEG] {
-    let limits = position_limits(which);
+pub fn plausible<T: Real, R: Robot<J>, const J: usize>(which: R) -> [Plausible<T>; J] {
+    let limits = which.position_limits();
     core::array::from_fn(|joint| Plausible {
         position: [real(limits[joint][0] - 1.0), real(limits[joint][1] + 1.0)],
-        speed: real(2.0 * ACTUATORS[joint].velocity),
-        torque: real(2.0 * ACTUATORS[joint].effort),
+        speed: real(2.0 * R::ACTUATORS[joint].velocity),
+        torque: real(2.0 * R::ACTUATORS[joint].effort),
     })
 }
 

@@ -24,18 +24,25 @@ impl EffectPrior {
     /// What the catalogue says of an effect's first parameter at a joint driven by `actuator`; of the parameter beyond its neutral value.
     pub fn of(effect: EffectKind, actuator: &Actuator) -> Self {
         let parameter = effect.description().parameters.first();
-        let unbounded = (0.0, f64::NEG_INFINITY, f64::INFINITY);
-        let (neutral, lower, upper) =
-            parameter.map_or(unbounded, |p| (p.neutral, p.lower, p.upper));
+        let neutral = parameter.map_or(0.0, |p| p.neutral);
+        let (lower, upper) = Self::bounds(effect);
         let prior = effect.prior(actuator);
         Self {
             prior: Prior {
                 mean: prior.mean - neutral,
                 std: prior.std,
             },
-            lower: lower - neutral,
-            upper: upper - neutral,
+            lower,
+            upper,
         }
+    }
+
+    /// Least and greatest physical value of an effect's first parameter beyond its neutral value, whatever drives the joint.
+    pub(crate) fn bounds(effect: EffectKind) -> (f64, f64) {
+        let parameter = effect.description().parameters.first();
+        parameter.map_or((f64::NEG_INFINITY, f64::INFINITY), |p| {
+            (p.lower - p.neutral, p.upper - p.neutral)
+        })
     }
 }
 
