@@ -14,14 +14,56 @@
 //!
 //! Log-Cholesky coordinates (Rucker & Wensing 2022) make every point physical too, but the cost is not convex in them, and
 //! where the data alone ask for the impossible they run to infinity.
+//!
+//! # Example
+//!
+//! A rod of which the data say nothing but nonsense: a mass of −1 kg. Of the solutions in which it could exist, the likeliest:
+//!
+//! ```
+//! use nalgebra::{Matrix3, Vector3};
+//! use proprio_core::consistent::{ConsistentSolver, body};
+//! use proprio_core::effect::EffectKind::Viscous;
+//! use proprio_core::estimator::{EffectPrior, JointFactors, Layout, LimbPrior, Solver, solver_len};
+//! use proprio_core::factor::FactorError;
+//! use proprio_core::inertia::InertialParameters;
+//! use proprio_core::robot::Actuator;
+//!
+//! let about_com = Matrix3::from_diagonal(&Vector3::new(0.0133, 0.0133, 1e-4));
+//! let rod = InertialParameters::from_com(1.0, Vector3::new(0.0, 0.0, -0.2), about_com);
+//! let motor = Actuator { gear: 6.0, rotor_inertia: 1e-4, effort: 20.0, velocity: 30.0 };
+//!
+//! // One body, one effect column: friction, the ten parameters, the torque.
+//! const LIMB: Layout<1> = Layout::chain(1);
+//! let mut data = JointFactors::new(LIMB, [0.0; LIMB.packed_len()]);
+//! for n in 0..100 {
+//!     let speed = f64::from(n % 7 - 3);
+//!     // Negative friction, and a mass of −1 kg.
+//!     let mut row = [0.0; LIMB.columns(0) + 1];
+//!     (row[0], row[1], row[11]) = (speed, 1.0, -0.1 * speed - 1.0);
+//!     data.fold(0, &mut row)?;
+//! }
+//! let prior = LimbPrior::new([rod], [0.1], [EffectPrior::of(Viscous, &motor)]);
+//!
+//! let storage = [0.0; solver_len(LIMB.parameters())];
+//! let mut free = Solver::new(data, storage);
+//! free.restart(&prior);
+//! while !free.advance()? {}
+//! assert!(!body(free.values(), 0).is_physical() && free.values()[10] < 0.0);
+//!
+//! let theta = [0.0; LIMB.parameters()];
+//! let mut consistent = ConsistentSolver::new(&prior, Solver::new(data, storage), theta);
+//! consistent.solve(&data)?;
+//! assert!(body(consistent.values(), 0).is_physical() && consistent.values()[10] >= 0.0);
+//! # Ok::<(), FactorError>(())
+//! ```
 
 use crate::estimator::{
     EFFECTS, EffectPrior, JointFactors, LEG, LEG_PARAMETERS, LegVector, LimbPrior, Solver,
     solver_len,
 };
 use crate::factor::FactorError;
-use crate::go2::JOINTS_PER_LEG;
 use crate::inertia::{INERTIAL, InertialParameters};
+use crate::regressor::leg::JOINTS_PER_LEG;
 use crate::{Real, scalar::real};
 
 /// Newton steps that a solution may take. 3 from the CAD on simulated motions; fewer than this from twenty random starts.
@@ -67,7 +109,7 @@ pub struct ConsistentSolver<T: Real, D, S, V, E, const B: usize> {
     stage: Stage,
 }
 
-/// The consistent solution of a Go2's leg.
+/// The consistent solution of a leg of hip, thigh and calf.
 pub type LegConsistentSolver<T> = ConsistentSolver<
     T,
     [T; LEG.packed_len()],

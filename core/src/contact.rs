@@ -29,6 +29,7 @@ pub const SINGULAR: f64 = 1e-3;
 
 /// A foot: a sphere fixed to a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Foot<T: Real> {
     /// Index of the body in its tree.
     pub body: usize,

@@ -23,6 +23,7 @@ pub const fn work_len(effects: usize) -> usize {
 ///
 /// Independent data sets add up: [`plus`](Self::plus).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Finding<T> {
     /// Inverse variance.
     pub information: T,

@@ -14,6 +14,26 @@
 //!
 //! Storage is packed by rows in anything that lends a slice: an array on the microcontroller, a `Vec` on the desktop.
 //! Every operation executes the same instructions whatever the numbers.
+//!
+//! # Example
+//!
+//! A line through a thousand points, none of which is kept:
+//!
+//! ```
+//! use proprio_core::factor::{Factor, FactorError, packed_len};
+//!
+//! let mut factor: Factor<f64, [f64; packed_len(2)]> = Factor::new::<2>();
+//! for n in 0..1000 {
+//!     let x = f64::from(n) * 1e-3;
+//!     factor.update(&mut [x, 1.0, 2.0 * x + 0.5])?;
+//! }
+//! let mut line = [0.0; 2];
+//! factor.solve(&mut line)?;
+//! assert!((line[0] - 2.0).abs() < 1e-9 && (line[1] - 0.5).abs() < 1e-9);
+//! // The misfit of any other line, from the triangle alone.
+//! assert!(factor.sum_of_squares(&[2.0, 0.4]) > 9.9);
+//! # Ok::<(), FactorError>(())
+//! ```
 
 use crate::Real;
 
@@ -24,6 +44,7 @@ pub const fn packed_len(columns: usize) -> usize {
 
 /// Why a factor refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FactorError {
     /// A slice has this length, not the one the factor's columns ask for.
     Length(usize),

@@ -7,6 +7,9 @@
 use crate::Real;
 use crate::contact::Foot;
 use crate::inertia::InertialParameters;
+use crate::regressor;
+pub use crate::robot::Actuator;
+use crate::robot::Robot;
 use crate::scalar::real;
 use crate::spatial::Transform;
 use crate::tree::{Body, Joint, Tree};
@@ -24,6 +27,9 @@ pub const JOINT_NAMES: [&str; JOINTS] = [
     "FR_hip", "FR_thigh", "FR_calf", "FL_hip", "FL_thigh", "FL_calf", "RR_hip", "RR_thigh",
     "RR_calf", "RL_hip", "RL_thigh", "RL_calf",
 ];
+
+/// The robot as a type; its values are its legs.
+pub type Go2 = Leg;
 
 /// A leg, in SDK order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -81,23 +87,19 @@ impl Leg {
     }
 }
 
-/// What a joint's motor and transmission are, on paper.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Actuator {
-    /// Motor turns per joint turn.
-    pub gear: f64,
-    /// Inertia of the rotor about its own axis, kg m².
-    pub rotor_inertia: f64,
-    /// Largest torque, N m.
-    pub effort: f64,
-    /// Largest speed, rad/s.
-    pub velocity: f64,
-}
+impl Robot<JOINTS_PER_LEG> for Leg {
+    const LEGS: &'static [Self] = &Self::ALL;
+    const MOTOR_IDS: [u8; JOINTS_PER_LEG] = [0, 1, 2];
+    const ACTUATORS: [Actuator; JOINTS_PER_LEG] = ACTUATORS;
+    const BASE_COLUMNS: [usize; JOINTS_PER_LEG] = regressor::leg::BASE_COLUMNS;
+    const BAUD: u32 = 4_000_000;
 
-impl Actuator {
-    /// Rotor inertia as the joint feels it: times the gear ratio squared, kg m².
-    pub fn armature(&self) -> f64 {
-        self.rotor_inertia * self.gear * self.gear
+    fn tree<T: Real>(self) -> Tree<T, JOINTS_PER_LEG, JOINTS_PER_LEG> {
+        leg(self)
+    }
+
+    fn position_limits(self) -> [[f64; 2]; JOINTS_PER_LEG] {
+        position_limits(self)
     }
 }
 

@@ -28,6 +28,7 @@ pub const UNITS: [&str; INERTIAL] = [
 
 /// The inertial parameters φ of one body about its joint frame's origin; order and units as in [`NAMES`] and [`UNITS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct InertialParameters<T: Real>(pub SVector<T, INERTIAL>);
 
 impl<T: Real> InertialParameters<T> {

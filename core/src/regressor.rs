@@ -18,6 +18,26 @@
 //! Regressors are written in place, row-major: [`RegressorRows`] holds a run of ten numbers for each coordinate and body.
 //! Where a coordinate does not move a body nothing is written, so rows that start as zeros stay right from call to call.
 //! Beside each there is a function that returns a matrix; its `P` must be 10 `B`.
+//!
+//! # Example
+//!
+//! The torque of a Go2's leg is its regressor times its parameters:
+//!
+//! ```
+//! use nalgebra::{SMatrix, SVector, Vector3};
+//! use proprio_core::go2::{self, Leg};
+//! use proprio_core::spatial::Transform;
+//!
+//! let leg = go2::leg::<f64>(Leg::FR);
+//! let (q, v) = (Vector3::new(0.1, 0.8, -1.6), Vector3::new(1.0, -2.0, 3.0));
+//! let a = Vector3::new(5.0, 0.0, -20.0);
+//! let moving = leg.kinematics(&Transform::identity(), &q, &v);
+//!
+//! let regressor: SMatrix<f64, 3, 30> = leg.inverse_dynamics_regressor(&moving, &v, &a);
+//! let theta: SVector<f64, 30> = leg.parameters();
+//! let torque = leg.inverse_dynamics(&moving, &v, &a);
+//! assert!((regressor * theta - torque).norm() < 1e-12);
+//! ```
 
 mod block;
 pub(crate) mod leg;

@@ -10,6 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 /// A motion vector: angular velocity (rad/s) and the linear velocity (m/s) of the point at the frame's origin; or the
 /// spatial acceleration in the same layout.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion<T: Real> {
     /// Angular part, rad/s.
     pub angular: Vector3<T>,
@@ -19,6 +20,7 @@ pub struct Motion<T: Real> {
 
 /// A force vector: couple about the frame's origin (N m) and force (N); or a momentum (N m s, N s).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Force<T: Real> {
     /// Couple about the origin, N m.
     pub angular: Vector3<T>,
@@ -110,6 +112,7 @@ impl<T: Real> core::ops::Add for Force<T> {
 
 /// The placement of a child frame in its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Transform<T: Real> {
     /// Turns child coordinates into parent coordinates.
     pub rotation: Matrix3<T>,

@@ -6,6 +6,34 @@
 //!
 //! The velocity of a free joint is the body's twist in its own coordinates, angular part first; its acceleration is the
 //! derivative of those six numbers (as in Pinocchio's free-flyer, except for the order).
+//!
+//! # Example
+//!
+//! Two rods of 1 kg and 0.4 m, one hung from the other, that turn about y:
+//!
+//! ```
+//! use nalgebra::{Matrix3, Vector2, Vector3};
+//! use proprio_core::inertia::InertialParameters;
+//! use proprio_core::spatial::Transform;
+//! use proprio_core::tree::{Body, Joint, Tree, TreeError};
+//!
+//! let about_com = Matrix3::from_diagonal(&Vector3::new(0.0133, 0.0133, 1e-4));
+//! let rod = |parent, z| Body {
+//!     parent,
+//!     placement: Transform::from_translation(Vector3::new(0.0, 0.0, z)),
+//!     joint: Joint::Revolute(Vector3::y()),
+//!     inertia: InertialParameters::from_com(1.0, Vector3::new(0.0, 0.0, -0.2), about_com),
+//! };
+//! let arm: Tree<f64, 2, 2> = Tree::new([rod(None, 0.0), rod(Some(0), -0.4)])?;
+//!
+//! // Stretched out level, and at rest: the motors carry the rods, 0.2 m and 0.6 m away from the first joint.
+//! let q = Vector2::new(core::f64::consts::FRAC_PI_2, 0.0);
+//! let level = arm.kinematics(&Transform::identity(), &q, &Vector2::zeros());
+//! let torque = arm.gravity_torque(&level);
+//! assert!((torque[0].abs() - 9.81 * (0.2 + 0.6)).abs() < 1e-9);
+//! assert!((torque[1].abs() - 9.81 * 0.2).abs() < 1e-9);
+//! # Ok::<(), TreeError>(())
+//! ```
 
 use crate::inertia::InertialParameters;
 use crate::spatial::Transform;
@@ -20,6 +48,7 @@ pub use kinematics::{Jacobians, Kinematics, Placements};
 
 /// How a body moves in its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Joint<T: Real> {
     /// Six degrees of freedom; only for the root. Its placement is the argument `base` of [`Tree::kinematics`].
     Free,
@@ -31,6 +60,7 @@ pub enum Joint<T: Real> {
 
 /// One body of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Body<T: Real> {
     /// Index of the body that carries this one; `None` for a child of the (fixed) world.
     pub parent: Option<usize>,
@@ -44,6 +74,7 @@ pub struct Body<T: Real> {
 
 /// Why bodies do not make a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum TreeError {
     /// The parent of this body does not come before it.
     ParentAfterChild(usize),
@@ -74,7 +105,7 @@ impl core::error::Error for TreeError {}
 
 /// A tree of `B` bodies with `V` velocity coordinates.
 ///
-/// The Go2 is a `Tree<T, 3, 3>` (one pinned leg), a `Tree<T, 12, 12>` (pinned) or a `Tree<T, 13, 18>` (free).
+/// A quadruped is a `Tree<T, 3, 3>` (one pinned leg), a `Tree<T, 12, 12>` (pinned) or a `Tree<T, 13, 18>` (free).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tree<T: Real, const B: usize, const V: usize> {
     bodies: [Body<T>; B],

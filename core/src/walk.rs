@@ -14,6 +14,7 @@
 //! instructions whatever the data, but for whether a window closes.
 
 mod columns;
+mod counts;
 mod leg;
 mod pose;
 mod rows;
@@ -24,8 +25,8 @@ mod stance;
 mod tests;
 mod window;
 
-pub use crate::wire::WalkCounts;
 pub use columns::{ACC, BIAS, COLUMNS, EFFECTS, OWN, REST, TRUNK, WalkPrior, inertial_parameters};
+pub use counts::WalkCounts;
 pub use solution::WalkEstimate;
 
 use crate::estimator::floor;

@@ -16,6 +16,47 @@
 //! - a *gap* longer than [`Settings::max_gap_us`] ends the window without a row; the next one starts after the gap.
 //!
 //! [`FreeBaseWindow`] does the same for a robot that walks, from gyro and accelerometer.
+//!
+//! # Example
+//!
+//! A rod that swings, sampled at 500 Hz; its motor also turns against viscous friction of 0.3 N m s/rad:
+//!
+//! ```
+//! use nalgebra::{Matrix3, Vector1, Vector3};
+//! use proprio_core::effect::EffectKind;
+//! use proprio_core::inertia::InertialParameters;
+//! use proprio_core::spatial::Transform;
+//! use proprio_core::tree::{Body, Joint, Tree, TreeError};
+//! use proprio_core::window::{Plausible, Push, Sample, Settings, Window};
+//!
+//! let about_com = Matrix3::from_diagonal(&Vector3::new(0.0133, 0.0133, 1e-4));
+//! let rod: Tree<f64, 1, 1> = Tree::new([Body {
+//!     parent: None,
+//!     placement: Transform::identity(),
+//!     joint: Joint::Revolute(Vector3::y()),
+//!     inertia: InertialParameters::from_com(1.0, Vector3::new(0.0, 0.0, -0.2), about_com),
+//! }])?;
+//! let most = Plausible { position: [-3.0, 3.0], speed: 20.0, torque: 20.0 };
+//! // One joint, ten inertial columns, one effect.
+//! let mut window: Window<f64, 1, 10, 1> = Window::new(
+//!     rod, Transform::identity(), [EffectKind::Viscous], [most], Settings::DEFAULT,
+//! );
+//! for time_us in (0..=20_000).step_by(2_000) {
+//!     let t = time_us as f64 * 1e-6;
+//!     let (q, dq, ddq) = (0.5 + (3.0 * t).sin(), 3.0 * (3.0 * t).cos(), -9.0 * (3.0 * t).sin());
+//!     let at = rod.kinematics(&Transform::identity(), &Vector1::new(q), &Vector1::new(dq));
+//!     let body = rod.inverse_dynamics(&at, &Vector1::new(dq), &Vector1::new(ddq))[0];
+//!     let sample = Sample { time_us, q: [q], dq: [dq], tau: [body + 0.3 * dq] };
+//!     let closed = window.push(&sample) == Push::Closed;
+//!     assert_eq!(closed, time_us == 20_000);
+//! }
+//! // What the window says without any acceleration: its columns times what is true are the mean torque.
+//! let rows = window.rows();
+//! let theta = rod.parameters::<10>();
+//! let model = (rows.inertial * theta)[0] + rows.effects[0][0] * 0.3;
+//! assert!((model - rows.torque[0]).abs() < 1e-4);
+//! # Ok::<(), TreeError>(())
+//! ```
 
 use crate::effect::{EffectKind, JointState, Term};
 use crate::inertia::INERTIAL;
@@ -41,6 +82,8 @@ pub struct Sample<T, const B: usize> {
 
 /// How samples become windows; lengths of time in µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Settings {
     /// A window closes at the first sample this long after its start.
     pub window_us: u64,
@@ -69,6 +112,7 @@ impl Default for Settings {
 
 /// What a joint can do at most; beyond it a reading is a fault of the bus, not of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Plausible<T> {
     /// Least and greatest position, rad.
     pub position: [T; 2],
@@ -80,6 +124,7 @@ pub struct Plausible<T> {
 
 /// Why a sample is implausible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Implausible {
     /// A number is NaN or infinite.
     NotFinite,
@@ -93,6 +138,7 @@ pub enum Implausible {
 
 /// What became of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Push {
     /// It was used.
     Used,

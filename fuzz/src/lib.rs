@@ -41,7 +41,7 @@ pub const TARGETS: [(&str, Target); 6] = [
 /// # Panics
 /// If a byte is counted twice, or a reply.
 pub fn bus(bytes: &[u8]) {
-    let (mut queue, mut listener) = (Queue::new(), Listener::new());
+    let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
     let (mut rest, mut time_us, mut brought, mut cycles) = (bytes, 0_u64, 0, 0);
     while let Some(([length, time @ ..], after)) = rest.split_first_chunk::<3>() {
         let (piece, after) = after.split_at(after.len().min(usize::from(*length)));

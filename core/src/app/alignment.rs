@@ -1,20 +1,23 @@
-//! Three motors' replies, each of its own time, to one sample.
+//! The replies of a leg's motors, each of its own time, to one sample.
 //!
 //! The motors of a leg are polled one after the other; what they say is brought to the time of the first reply of the
 //! cycle. Velocity and torque lie on the line from the motor's last reply to this one, so that noise is averaged and never
 //! amplified, as extrapolation would; position goes back from this reply by the mean of the two velocities, which is exact
 //! to the third order in time. Where a motor's last reply is too old, its velocity and torque are taken as they are.
 
+use core::marker::PhantomData;
+
 use crate::Real;
 use crate::bus::Cycle;
-use crate::go2::{ACTUATORS, JOINTS_PER_LEG};
+use crate::robot::{Robot, places};
 use crate::scalar::real;
 use crate::window::Sample;
 
-/// The last reply of each motor.
+/// The last reply of each motor of a leg of robot `R`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Alignment<T> {
-    last: [Reading<T>; JOINTS_PER_LEG],
+pub struct Alignment<T, R, const J: usize> {
+    last: [Reading<T>; J],
+    robot: PhantomData<R>,
 }
 
 /// What one motor said, joint side.
@@ -25,31 +28,38 @@ struct Reading<T> {
     tau: T,
 }
 
-impl<T: Real> Alignment<T> {
+impl<T: Real, R: Robot<J>, const J: usize> Alignment<T, R, J> {
+    /// The places of the joints' motors in a cycle.
+    const PLACES: [usize; J] = places(R::MOTOR_IDS);
+
     /// No reply yet.
-    pub(super) const fn new() -> Self {
+    pub const fn new() -> Self {
         let last = Reading {
             time_us: 0,
             dq: T::ZERO,
             tau: T::ZERO,
         };
         Self {
-            last: [last; JOINTS_PER_LEG],
+            last: [last; J],
+            robot: PhantomData,
         }
     }
 
     /// The leg at the time of the first reply of `cycle`. Replies further apart than `max_gap_us` are not interpolated.
     #[inline(never)]
-    pub(super) fn sample(&mut self, cycle: &Cycle, max_gap_us: u64) -> Sample<T, JOINTS_PER_LEG> {
+    pub fn sample(&mut self, cycle: &Cycle<J>, max_gap_us: u64) -> Sample<T, J> {
         let time_us = cycle.iter().map(|heard| heard.time_us).min();
         let mut sample = Sample {
             time_us: time_us.unwrap_or_default(),
-            q: [T::ZERO; JOINTS_PER_LEG],
-            dq: [T::ZERO; JOINTS_PER_LEG],
-            tau: [T::ZERO; JOINTS_PER_LEG],
+            q: [T::ZERO; J],
+            dq: [T::ZERO; J],
+            tau: [T::ZERO; J],
         };
-        let joints = cycle.iter().zip(&ACTUATORS).zip(&mut self.last);
-        for (j, ((heard, actuator), last)) in joints.enumerate() {
+        let joints = Self::PLACES.iter().zip(&R::ACTUATORS).zip(&mut self.last);
+        for (j, ((place, actuator), last)) in joints.enumerate() {
+            let Some(heard) = cycle.get(*place) else {
+                continue;
+            };
             let (reply, gear) = (&heard.reply, actuator.gear);
             let now = Reading::<T> {
                 time_us: heard.time_us,
@@ -82,5 +92,11 @@ impl<T: Real> Alignment<T> {
             *last = now;
         }
         sample
+    }
+}
+
+impl<T: Real, R: Robot<J>, const J: usize> Default for Alignment<T, R, J> {
+    fn default() -> Self {
+        Self::new()
     }
 }

@@ -11,7 +11,7 @@ use crate::estimator::{
     Active, BASE_RANK, Beliefs, DEVICE_COLUMNS, DeviceFolds, FOLDS, FRONT, LegBase,
 };
 use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
-use crate::go2::{JOINTS_PER_LEG, LEGS};
+use crate::go2::{ACTUATORS, JOINTS_PER_LEG, LEGS};
 use crate::scalar::real;
 
 /// Columns of the longest joint: effects and base parameters.
@@ -195,7 +195,7 @@ impl<T: Real> Diagnosis<T> {
         // A load that was picked up is none of the CAD's.
         work.forget(evidence.base.trust(joint));
         for n in 0..DEVICE_COLUMNS {
-            let prior = evidence.beliefs.prior(joint, n).prior;
+            let prior = evidence.beliefs.prior(joint, n, &ACTUATORS[joint]).prior;
             // What is not there is zero: a candidate's mean would be evidence for it.
             let mean = if self.active >> n & 1 == 1 {
                 prior.mean

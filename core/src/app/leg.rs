@@ -10,7 +10,7 @@ use crate::estimator::{
     DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
 };
 use crate::factor::{Factor, FactorError};
-use crate::go2::{JOINTS_PER_LEG, Leg};
+use crate::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg};
 use crate::scalar::{exp_minus, real};
 use crate::slot::Slot;
 use crate::spatial::Transform;
@@ -89,7 +89,7 @@ impl<T: Real> LegData<T> {
 /// One leg, from its bus to its factors.
 pub(super) struct LegLine<T: Real> {
     listener: Slot<Listener>,
-    alignment: Alignment<T>,
+    alignment: Alignment<T, Go2, JOINTS_PER_LEG>,
     /// Cycles left out because more came than steps have time for.
     surplus: u32,
     /// Empty until the first [`Self::reset`], like the prior: neither can be a constant.
@@ -480,7 +480,7 @@ impl<T: Real> LegLine<T> {
         }
         self.active.set(joint, effect, active);
         if let Some(prior) = self.prior.get_mut() {
-            prior.activate(&self.active, &self.beliefs);
+            prior.activate(&self.active, &self.beliefs, &ACTUATORS);
         }
         true
     }
@@ -489,7 +489,7 @@ impl<T: Real> LegLine<T> {
     pub(super) fn believe(&mut self, joint: usize, effect: usize, mean: f32, std: f32) -> bool {
         let possible = self.beliefs.set(joint, effect, mean, std);
         if let (true, Some(prior)) = (possible, self.prior.get_mut()) {
-            prior.activate(&self.active, &self.beliefs);
+            prior.activate(&self.active, &self.beliefs, &ACTUATORS);
         }
         possible
     }
@@ -562,7 +562,7 @@ impl<T: Real> LegLine<T> {
     /// Goes on with what was taken from a snapshot.
     pub(super) fn restored(&mut self, data: &mut LegData<T>) {
         if let Some(prior) = self.prior.get_mut() {
-            prior.activate(&self.active, &self.beliefs);
+            prior.activate(&self.active, &self.beliefs, &ACTUATORS);
             data.base.set_uncertainty(prior.uncertainty());
         }
     }

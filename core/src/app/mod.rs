@@ -47,6 +47,7 @@ use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
     Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
 };
+pub use alignment::Alignment;
 use copy::FactorCopy;
 use diagnosis::{Diagnosis, Verdict};
 use embedded_storage::nor_flash::NorFlash;

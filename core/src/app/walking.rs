@@ -19,7 +19,7 @@ use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US, single, text};
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::factor::FactorError;
-use crate::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
+use crate::go2::{Go2, JOINTS, JOINTS_PER_LEG, LEGS};
 use crate::scalar::real;
 use crate::slot::Slot;
 use crate::spatial::Transform;
@@ -43,7 +43,7 @@ const CYCLES: usize = 3;
 struct Line<T> {
     queue: Queue,
     listener: Slot<Listener>,
-    alignment: Alignment<T>,
+    alignment: Alignment<T, Go2, JOINTS_PER_LEG>,
     /// The last cycle, the foot's count in it, and whether the robot's sample still waits for it.
     latest: Sample<T, JOINTS_PER_LEG>,
     count: T,

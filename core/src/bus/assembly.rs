@@ -14,6 +14,8 @@ use super::schedule::{Learner, Schedule};
 
 /// A reply, and when its last byte came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Heard {
     /// What the motor said.
     pub reply: Reply,
@@ -21,11 +23,13 @@ pub struct Heard {
     pub time_us: u64,
 }
 
-/// The replies of one polling cycle, by ascending id: hip, thigh, calf.
-pub type Cycle = [Heard; MOTORS];
+/// The replies of one polling cycle, by ascending id.
+pub type Cycle<const M: usize = MOTORS> = [Heard; M];
 
 /// What became of good replies that are in no [`Cycle`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AssemblyCounters {
     /// Good replies in no cycle, for any of the reasons below or because another reply of the cycle was.
     pub unused_replies: u32,
@@ -41,10 +45,10 @@ pub struct AssemblyCounters {
 
 /// The cycle under way.
 #[derive(Clone, Debug)]
-pub(super) struct Assembler {
-    learner: Learner,
-    encoders: [Encoder; MOTORS],
-    cycle: Cycle,
+pub(super) struct Assembler<const M: usize> {
+    learner: Learner<M>,
+    encoders: [Encoder; M],
+    cycle: Cycle<M>,
     /// Which motors have answered, bit by bit, and of which of them the answer is to be used.
     answered: u8,
     trusted: u8,
@@ -53,13 +57,16 @@ pub(super) struct Assembler {
     counters: AssemblyCounters,
 }
 
-/// All motors.
-const ALL: u8 = (1 << MOTORS) - 1;
-
 /// The error code of a motor that is too hot.
 const OVERHEAT: u8 = 1;
 
-impl Assembler {
+impl<const M: usize> Assembler<M> {
+    /// All motors: eight at most.
+    const ALL: u8 = {
+        assert!(M > 0 && M <= 8);
+        u8::MAX >> (8 - M)
+    };
+
     /// Nothing heard yet.
     pub(super) const fn new() -> Self {
         const NOTHING: Heard = Heard {
@@ -68,8 +75,8 @@ impl Assembler {
         };
         Self {
             learner: Learner::new(),
-            encoders: [Encoder::new(); MOTORS],
-            cycle: [NOTHING; MOTORS],
+            encoders: [Encoder::new(); M],
+            cycle: [NOTHING; M],
             answered: 0,
             trusted: 0,
             began_us: 0,
@@ -87,17 +94,17 @@ impl Assembler {
         self.counters
     }
 
-    pub(super) fn schedule(&self) -> &Schedule {
+    pub(super) fn schedule(&self) -> &Schedule<M> {
         self.learner.schedule()
     }
 
     /// Counts a cycle that its receiver cannot use.
     pub(super) fn discard(&mut self) {
-        add(&mut self.counters.unused_replies, MOTORS as u32);
+        add(&mut self.counters.unused_replies, M as u32);
     }
 
     /// The cycle that the last [`Self::push`] completed.
-    pub(super) fn cycle(&self) -> &Cycle {
+    pub(super) fn cycle(&self) -> &Cycle<M> {
         &self.cycle
     }
 
@@ -128,10 +135,10 @@ impl Assembler {
         if let Some(place) = self.cycle.get_mut(motor) {
             *place = heard;
         }
-        if self.answered != ALL {
+        if self.answered != Self::ALL {
             return false;
         }
-        if self.trusted != ALL {
+        if self.trusted != Self::ALL {
             self.end();
             return false;
         }
@@ -168,7 +175,7 @@ impl Assembler {
     fn end(&mut self) {
         add(
             &mut self.counters.incomplete,
-            u32::from(self.answered != ALL),
+            u32::from(self.answered != Self::ALL),
         );
         add(
             &mut self.counters.unused_replies,

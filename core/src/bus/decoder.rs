@@ -5,6 +5,8 @@ use super::frame::{Command, Reply};
 
 /// A frame with a good CRC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Frame {
     /// The master asked.
     Command(Command),
@@ -15,6 +17,8 @@ pub enum Frame {
 /// What went through a [`Decoder`]. Every byte that it took is in a good frame or in `skipped_bytes`:
 /// taken = 17 × `commands` + 16 × `replies` + `skipped_bytes`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct DecoderCounters {
     /// Good commands.
     pub commands: u32,

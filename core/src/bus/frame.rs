@@ -18,6 +18,7 @@ const TORQUE: f64 = 1.0 / 256.0;
 
 /// Why a joint-side quantity has no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EncodeError {
     /// The quantity is NaN or infinite.
     NotFinite,
@@ -38,6 +39,7 @@ impl core::error::Error for EncodeError {}
 
 /// What a motor is told to do, or says it does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Status {
     /// Windings idle.
     Lock,
@@ -51,6 +53,8 @@ pub enum Status {
 
 /// The mode byte: who, and in which state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Mode(
     /// Bits 0–3 motor id, 4–6 status, 7 unused.
     pub u8,
@@ -83,6 +87,8 @@ impl Mode {
 
 /// Master to motor: τ = torque + k_pos (position − q) + k_spd (speed − q̇), all on the rotor side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Command {
     /// Addressee and state.
     pub mode: Mode,
@@ -134,6 +140,8 @@ impl Command {
 
 /// Motor to master: the state of the motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Reply {
     /// Sender and state.
     pub mode: Mode,

@@ -1,25 +1,26 @@
 //! One leg's bus: bytes with times in, polling cycles out.
 
+use super::MOTORS;
 use super::assembly::{Assembler, AssemblyCounters, Cycle, Heard};
 use super::decoder::{Decoder, DecoderCounters, Frame};
 use super::queue::Queue;
 use super::schedule::Schedule;
 
-/// What listens to one leg's bus. It assumes nothing that the frames do not say: seeds, ids, order and period of polling
+/// What listens to one leg's bus of `M` motors, eight at most. It assumes nothing that the frames do not say: seeds, ids, order and period of polling
 /// are learnt from them.
 #[derive(Clone, Debug)]
-pub struct Listener {
+pub struct Listener<const M: usize = MOTORS> {
     decoder: Decoder,
-    assembler: Assembler,
+    assembler: Assembler<M>,
 }
 
-impl Default for Listener {
+impl<const M: usize> Default for Listener<M> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Listener {
+impl<const M: usize> Listener<M> {
     /// A listener that has heard nothing.
     pub const fn new() -> Self {
         Self {
@@ -30,7 +31,7 @@ impl Listener {
 
     /// Takes bytes off `queue` until they complete a cycle; `None` where they do not, or where nothing is left of `effort`
     /// ([`Decoder::next`]): then the rest waits in the queue.
-    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<&Cycle> {
+    pub fn next(&mut self, queue: &mut Queue, effort: &mut usize) -> Option<&Cycle<M>> {
         loop {
             let waiting = queue.waiting();
             let mut bytes = waiting;
@@ -57,7 +58,7 @@ impl Listener {
     }
 
     /// What is known of the polling.
-    pub fn schedule(&self) -> &Schedule {
+    pub fn schedule(&self) -> &Schedule<M> {
         self.assembler.schedule()
     }
 

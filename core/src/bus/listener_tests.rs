@@ -297,7 +297,7 @@ fn lost_and_damaged_bytes_mix_no_cycles() {
 
 #[test]
 fn a_change_of_rate_is_noticed() {
-    let (mut queue, mut listener, mut random) = (Queue::new(), Listener::new(), Random(3));
+    let (mut queue, mut listener, mut random) = (Queue::new(), <Listener>::new(), Random(3));
     let mut start = 0.0;
     for period_us in [2000.0, 4000.0, 1000.0] {
         let polling = Polling {
@@ -336,7 +336,7 @@ fn a_motor_that_vanishes_and_returns_is_counted() {
 
 /// The same replies through a listener, changed by `change`; what it counts, and the cycles that it gives.
 fn altered(change: impl Fn(u64, &mut Reply)) -> (usize, AssemblyCounters) {
-    let (mut queue, mut listener) = (Queue::new(), Listener::new());
+    let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
     let mut cycles = 0;
     for n in 0..1000u64 {
         for id in 0..3 {
@@ -458,7 +458,7 @@ proptest! {
             0..2000usize,
         ), 1..60)
     ) {
-        let (mut queue, mut listener) = (Queue::new(), Listener::new());
+        let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
         let (mut pushed, mut cycles) = (0, 0);
         for (bytes, time_us, byte_ns, effort) in &pieces {
             pushed += bytes.len() as u32;

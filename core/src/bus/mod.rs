@@ -1,6 +1,6 @@
 //! The Go2's motor bus: GO-M8010-6 commands and replies on RS-485.
 //!
-//! Each leg has a half-duplex bus on which the master polls three motors: a 17-byte [`Command`], answered by a 16-byte
+//! Each leg has a half-duplex bus on which the master polls its motors, three unless said otherwise: a 17-byte [`Command`], answered by a 16-byte
 //! [`Reply`]. A listener sees both. [`Queue`] keeps the bytes and when they came; [`Decoder`] gives the frames back, whatever
 //! lies between them; [`Listener`] makes polling cycles of them. [`Command::encode`] and [`Reply::encode`] make the bytes of a
 //! replay. Frames keep the integers of the wire, so that nothing is lost by decoding; accessors convert to SI units on the
@@ -32,5 +32,5 @@ pub use listener::Listener;
 pub use queue::Queue;
 pub use schedule::Schedule;
 
-/// Motors on a bus.
+/// Motors on a bus, where nothing else is said.
 pub const MOTORS: usize = 3;

@@ -20,38 +20,38 @@ const ID_REPLIES: u8 = 4;
 const ID_WINDOW: u16 = 256;
 
 /// Replies whose shortest interval is sought, replies over which times are averaged, and replies that rest then: few while
-/// nothing is known, many once something is.
-const FIRST_PASS: [u16; 2] = [5 * MOTORS as u16, 8 * MOTORS as u16];
-const LATER_PASS: [u16; 2] = [16 * MOTORS as u16, 48 * MOTORS as u16];
-const REST: u16 = 600 * MOTORS as u16;
+/// nothing is known, many once something is. Of each motor.
+const FIRST_PASS: [u16; 2] = [5, 8];
+const LATER_PASS: [u16; 2] = [16, 48];
+const REST: u16 = 600;
 
 /// Longest time between two replies of a motor that is measured, µs.
 const LONGEST_US: u32 = 1_000_000;
 
 /// When the motors of a leg are polled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Schedule {
-    /// Ids of the motors, ascending: of hip, thigh and calf.
-    pub ids: [u8; MOTORS],
+pub struct Schedule<const M: usize = MOTORS> {
+    /// Ids of the motors, ascending.
+    pub ids: [u8; M],
     /// How long after the first motor's reply each motor's comes, µs.
-    pub offsets_us: [u32; MOTORS],
+    pub offsets_us: [u32; M],
     /// Time from one cycle to the next, µs.
     pub period_us: u32,
     /// The replies have said so; else it is what is likely.
     pub learnt: bool,
 }
 
-impl Schedule {
-    /// Ids 0–2, polled in one go, a thousand times a second at most.
+impl<const M: usize> Schedule<M> {
+    /// Ids from 0 on, polled in one go, a thousand times a second at most.
     pub const LIKELY: Self = Self {
-        ids: [0, 1, 2],
-        offsets_us: [0; MOTORS],
+        ids: first_ids(),
+        offsets_us: [0; M],
         period_us: 1000,
         learnt: false,
     };
 
     /// Motors, by their place among the ids, in the order in which they are polled.
-    pub fn order(&self) -> [usize; MOTORS] {
+    pub fn order(&self) -> [usize; M] {
         let mut order = core::array::from_fn(|motor| motor);
         order.sort_unstable_by_key(|&motor| self.offsets_us.get(motor).copied());
         order
@@ -68,21 +68,32 @@ impl Schedule {
     }
 }
 
+/// 0, 1, 2 …
+const fn first_ids<const M: usize>() -> [u8; M] {
+    let mut ids = [0; M];
+    let mut motor = 0;
+    while motor < M {
+        ids[motor] = motor as u8;
+        motor += 1;
+    }
+    ids
+}
+
 /// Finds the schedule.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Learner {
-    schedule: Schedule,
+pub(super) struct Learner<const M: usize> {
+    schedule: Schedule<M>,
     /// Which of the schedule's ids answered, and how often each other id, since the count began.
-    heard: [bool; MOTORS],
+    heard: [bool; M],
     strangers: [u8; 16],
     counted: u16,
     stage: Stage,
     /// Replies left of the stage.
     left: u16,
-    last_us: [u64; MOTORS],
+    last_us: [u64; M],
     shortest_us: u32,
-    sums: Sums,
-    proposed: Option<Schedule>,
+    sums: Sums<M>,
+    proposed: Option<Schedule<M>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,10 +105,10 @@ enum Stage {
 
 /// Sums over one pass.
 #[derive(Clone, Copy, Debug)]
-struct Sums {
+struct Sums<const M: usize> {
     period: Mean,
     /// `after[i][j]`: from motor i's reply to the next of motor j.
-    after: [[Mean; MOTORS]; MOTORS],
+    after: [[Mean; M]; M],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -122,26 +133,26 @@ impl Mean {
     }
 }
 
-impl Sums {
+impl<const M: usize> Sums<M> {
     const NONE: Self = Self {
         period: Mean::NONE,
-        after: [[Mean::NONE; MOTORS]; MOTORS],
+        after: [[Mean::NONE; M]; M],
     };
 
     /// What a pass of so many replies says; `None` where too many were lost.
-    fn schedule(&self, ids: [u8; MOTORS], replies: u16) -> Option<Schedule> {
-        let least = u32::from(replies) / (4 * MOTORS as u32);
+    fn schedule(&self, ids: [u8; M], replies: u16) -> Option<Schedule<M>> {
+        let least = u32::from(replies) / (4 * M as u32);
         let period_us = self.period.of(least)?;
-        let mut soonest: Option<[u32; MOTORS]> = None;
+        let mut soonest: Option<[u32; M]> = None;
         for (first, after) in self.after.iter().enumerate() {
-            let mut offsets = [0; MOTORS];
+            let mut offsets = [0; M];
             let mut complete = true;
             for (motor, (offset, mean)) in offsets.iter_mut().zip(after).enumerate() {
                 if motor != first {
                     complete &= mean.of(least).map(|mean| *offset = mean).is_some();
                 }
             }
-            let span = |offsets: &[u32; MOTORS]| offsets.iter().copied().max();
+            let span = |offsets: &[u32; M]| offsets.iter().copied().max();
             if complete && soonest.is_none_or(|soonest| span(&offsets) < span(&soonest)) {
                 soonest = Some(offsets);
             }
@@ -155,17 +166,17 @@ impl Sums {
     }
 }
 
-impl Learner {
+impl<const M: usize> Learner<M> {
     /// Nothing heard yet.
     pub(super) const fn new() -> Self {
         Self {
             schedule: Schedule::LIKELY,
-            heard: [false; MOTORS],
+            heard: [false; M],
             strangers: [0; 16],
             counted: 0,
             stage: Stage::Shortest,
-            left: FIRST_PASS[0],
-            last_us: [0; MOTORS],
+            left: FIRST_PASS[0] * M as u16,
+            last_us: [0; M],
             shortest_us: LONGEST_US,
             sums: Sums::NONE,
             proposed: None,
@@ -173,7 +184,7 @@ impl Learner {
     }
 
     /// What is known by now.
-    pub(super) fn schedule(&self) -> &Schedule {
+    pub(super) fn schedule(&self) -> &Schedule<M> {
         &self.schedule
     }
 
@@ -204,7 +215,7 @@ impl Learner {
     #[cold]
     fn count_anew(&mut self) {
         self.counted = 0;
-        self.heard = [false; MOTORS];
+        self.heard = [false; M];
         self.strangers = [0; 16];
     }
 
@@ -221,7 +232,7 @@ impl Learner {
         };
         // Which of the silent motors goes does not matter while none of them answers, except that ids stay together.
         let farthest = |motor: &usize| self.schedule.ids.get(*motor).map(|n| n.abs_diff(id));
-        let silent = (silent..MOTORS)
+        let silent = (silent..M)
             .filter(|&motor| self.heard.get(motor) == Some(&false))
             .max_by_key(farthest)
             .unwrap_or(silent);
@@ -242,7 +253,7 @@ impl Learner {
 
     /// Puts the ids into ascending order, with what is known of each.
     fn sort(&mut self) {
-        let mut pairs: [(u8, bool); MOTORS] = core::array::from_fn(|motor| {
+        let mut pairs: [(u8, bool); M] = core::array::from_fn(|motor| {
             let id = self.schedule.ids.get(motor).copied().unwrap_or_default();
             (id, self.heard.get(motor).copied().unwrap_or_default())
         });
@@ -253,10 +264,11 @@ impl Learner {
 
     /// Replies of a pass: of its first stage, and of its second.
     fn pass(&self) -> [u16; 2] {
-        match self.schedule.learnt {
+        let of_each = match self.schedule.learnt {
             true => LATER_PASS,
             false => FIRST_PASS,
-        }
+        };
+        of_each.map(|replies| replies * M as u16)
     }
 
     fn begin(&mut self, stage: Stage) {
@@ -265,9 +277,9 @@ impl Learner {
         self.left = match stage {
             Stage::Shortest => shortest,
             Stage::Average => average,
-            Stage::Rest => REST,
+            Stage::Rest => REST * M as u16,
         };
-        self.last_us = [0; MOTORS];
+        self.last_us = [0; M];
         self.sums = Sums::NONE;
         if stage == Stage::Shortest {
             self.shortest_us = LONGEST_US;
@@ -311,7 +323,7 @@ impl Learner {
             Stage::Rest => self.begin(Stage::Shortest),
             Stage::Average => {
                 let found = self.sums.schedule(self.schedule.ids, self.pass()[1]);
-                let says = |known: &Schedule| found.is_some_and(|found| known.agrees(&found));
+                let says = |known: &Schedule<M>| found.is_some_and(|found| known.agrees(&found));
                 let known = self.schedule.learnt && says(&self.schedule);
                 let confirmed = known || self.proposed.as_ref().is_some_and(says);
                 if let (Some(found), true) = (found, confirmed) {

@@ -1,7 +1,7 @@
 //! Armature, τ = Ia q̈: the rotor's inertia times the gear ratio squared; its impulse is Ia Δq̇.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Armature;

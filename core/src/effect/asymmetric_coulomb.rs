@@ -4,7 +4,7 @@
 //! between the two: their middle is meant.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::real};
+use crate::{Real, robot::Actuator, scalar::real};
 
 /// See the module.
 pub(super) struct AsymmetricCoulomb;

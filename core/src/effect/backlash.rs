@@ -4,7 +4,7 @@
 //! q_link = q + gap x, with x from −½ to ½.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Backlash;

@@ -1,7 +1,7 @@
 //! Gravity is not where the model thinks: the base is turned by roll and pitch (small angles about its x and y axes).
 
 use super::{Description, Effect, Form, Parameter, Prior};
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 
 /// See the module.
 pub(super) struct BaseTilt;

@@ -1,7 +1,7 @@
 //! Bias, τ = β: an offset of the torque measurement, or a constant load; its impulse is β Δt.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Bias;

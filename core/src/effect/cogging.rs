@@ -2,7 +2,7 @@
 //! of the gear ratio, is scanned.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::sin_cos};
+use crate::{Real, robot::Actuator, scalar::sin_cos};
 
 /// See the module.
 pub(super) struct Cogging;

@@ -1,7 +1,7 @@
 //! A force at the foot that the model does not know: a detector finds it by its direction, Jᵀλ with λ away from the ground.
 
 use super::{Description, Effect, Form, Parameter, Prior};
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 
 /// See the module.
 pub(super) struct Contact;

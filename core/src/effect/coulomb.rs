@@ -3,7 +3,7 @@
 //! A joint near rest reports noise, whose sign means nothing: see [`JointState::sign`].
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Coulomb;

@@ -6,7 +6,7 @@
 //! wrist of a Stäubli TX40). The impulse is Ic Δq̇ of the other.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct CoupledArmature;

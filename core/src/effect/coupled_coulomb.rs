@@ -5,7 +5,7 @@
 //! that (Gautier & Janot's wrist of a Stäubli TX40). Which of the two a drive has is for the data to say.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct CoupledCoulomb;

@@ -5,7 +5,7 @@
 //! [`viscous`](super::viscous) friction. Where it turns with their difference Fc is negative. The impulse is Fc Δq of the other.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct CoupledViscous;

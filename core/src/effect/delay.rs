@@ -1,7 +1,7 @@
 //! A torque that is reported late by d: τ_true(t) = τ_reported(t + d), so ∫τ_true dt ≈ ∫τ dt + d Δτ and the column is −Δτ.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Delay;

@@ -2,6 +2,7 @@
 
 /// How an effect enters the equation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Form {
     /// Window columns of the effect's own joint.
     Columns,
@@ -70,6 +71,8 @@ impl Parameter {
 
 /// What a parameter is taken to be before any data: mean and standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Prior {
     /// Expected value.
     pub mean: f64,

@@ -8,7 +8,7 @@
 //! Bertram 2012, *IEEE/ASME Trans. Mechatronics* 17:1142). It hardly shows in a torque: an encoder at the link tells it.
 
 use super::{Description, Effect, Form, Parameter, Prior};
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 
 /// See the module.
 pub(super) struct ElasticHysteresis;

@@ -4,7 +4,7 @@
 //! against the motor adds to τ: near the resonance √(k/M) of the inertia M that the joint turns it goes much farther.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Elasticity;

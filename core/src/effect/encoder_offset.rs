@@ -1,7 +1,7 @@
 //! A zero position that is off: reported = true + δ. The rigid body's torque then changes by its slope along the position.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct EncoderOffset;

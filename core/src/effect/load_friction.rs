@@ -4,7 +4,7 @@
 //! measured torque its own explanation. A gear that takes half of the load locks itself when it is driven backwards: no leg has one.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct LoadFriction;

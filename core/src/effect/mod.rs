@@ -16,6 +16,21 @@
 //!
 //! One file beside this one implements [`Effect`] on a unit type; one line of `catalogue!` below lists it. Names are
 //! snake_case and are the same in code, command line, JSON and reports.
+//!
+//! # Example
+//!
+//! ```
+//! use proprio_core::effect::{EffectKind, JointState};
+//!
+//! let coulomb = EffectKind::from_name("coulomb").expect("it is in the catalogue");
+//! // At 2 rad/s, N m of torque per N m of friction: the column's integrand.
+//! let joint = JointState::reported(0.3, 2.0, 1.5);
+//! assert_eq!(coulomb.term(&joint).rate, 1.0);
+//! // Viscous friction needs no integral: its column is how far the joint has turned.
+//! let viscous = EffectKind::Viscous.term(&joint);
+//! assert_eq!((viscous.boundary, viscous.rate), (0.3, 0.0));
+//! println!("{}", coulomb.description().words);
+//! ```
 
 mod armature;
 mod asymmetric_coulomb;
@@ -49,7 +64,7 @@ mod viscous;
 
 pub use description::{Description, Form, Parameter, Prior};
 
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 use crate::{Real, scalar::real};
 
 /// Most window columns of an effect of [`Form::Columns`].
@@ -178,6 +193,9 @@ macro_rules! catalogue {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {
         /// The effects of the catalogue, by name.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+        #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
         pub enum EffectKind { $($(#[$doc])* $name),* }
 
         impl EffectKind {

@@ -2,7 +2,7 @@
 //! about that centre, in the axes of the joint frame; I is what its inertia has beyond a point mass, the same about all axes.
 
 use super::{Description, Effect, Form, Parameter, Prior};
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 
 /// See the module.
 pub(super) struct Payload;

@@ -14,7 +14,7 @@
 //! Its impulse needs all of the motion since the recording began ([`JointState::presliding`]): where nothing is stored there is none.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Presliding;

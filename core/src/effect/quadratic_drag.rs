@@ -1,7 +1,7 @@
 //! Drag that grows with the square of the speed, τ = c q̇ |q̇|.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct QuadraticDrag;

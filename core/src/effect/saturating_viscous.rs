@@ -3,7 +3,7 @@
 //! scanned.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::exp_minus};
+use crate::{Real, robot::Actuator, scalar::exp_minus};
 
 /// See the module.
 pub(super) struct SaturatingViscous;

@@ -5,7 +5,7 @@
 //! the limit is scanned. A share of [`EDGE`] below the limit counts in part, as far as a model of the torque can tell.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::real};
+use crate::{Real, robot::Actuator, scalar::real};
 
 /// Share of the limit from which on a torque may be at it.
 const EDGE: f64 = 0.05;

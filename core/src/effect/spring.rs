@@ -1,7 +1,7 @@
 //! A spring across the joint, τ = k (q − q0): a cable, a hose, a cover. Linear in k and in c = −k q0.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Spring;

@@ -2,7 +2,7 @@
 //! (Armstrong-Hélouvry, Dupont & Canudas de Wit 1994). Linear in Fs; the speed vs is scanned.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::exp_minus};
+use crate::{Real, robot::Actuator, scalar::exp_minus};
 
 /// See the module.
 pub(super) struct Stribeck;

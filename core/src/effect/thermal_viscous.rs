@@ -3,7 +3,7 @@
 //! Where no temperature is known it has no column.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator, scalar::real};
+use crate::{Real, robot::Actuator, scalar::real};
 
 /// See the module.
 pub(super) struct ThermalViscous;

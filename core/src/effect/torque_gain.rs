@@ -4,7 +4,7 @@
 //! W θ = g ∫τ instead, g = 0 and no body at all would fit best.)
 
 use super::{Description, Effect, Form, Parameter, Prior};
-use crate::go2::Actuator;
+use crate::robot::Actuator;
 
 /// See the module.
 pub(super) struct TorqueGain;

@@ -1,7 +1,7 @@
 //! A wrong velocity: reported = g × true. Positions tell it best: ∫ q̇ dt against Δq.
 
 use super::{Description, Effect, Form, JointState, Parameter, Prior};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct VelocityGain;

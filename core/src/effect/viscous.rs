@@ -1,7 +1,7 @@
 //! Viscous friction, τ = Fv q̇: its impulse over a window is Fv Δq, exact however noisy the velocity.
 
 use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
-use crate::{Real, go2::Actuator};
+use crate::{Real, robot::Actuator};
 
 /// See the module.
 pub(super) struct Viscous;

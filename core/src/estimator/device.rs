@@ -1,6 +1,6 @@
 //! What a microcontroller keeps of a leg: base columns, candidate effects beside the active ones, two folds.
 //!
-//! A joint's factor has the independent columns of its bodies' parameters only ([`crate::base_parameters`]): 15 for a Go2's
+//! A joint's factor has the independent columns of its bodies' parameters only ([`crate::base_parameters`]): 15 for a
 //! hip instead of 30, and as many numbers as its columns squared are rotated for each row. Before them stand the effects that
 //! are active at first, behind them the candidates: the model of the first ones is then the triangle's front, at no cost.
 //! Nothing is lost: the rows of all columns are those of the independent ones times P.
@@ -30,10 +30,12 @@ pub use window::{DeviceRows, DeviceWindow};
 use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
 };
-use crate::effect::{EffectKind, Form, JointState, Prior, Term};
+use crate::effect::{EffectKind, Form, JointState, Term};
 use crate::factor::packed_len;
-use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
+pub(crate) use crate::regressor::leg::BASE_COLUMNS as BASE_RANK;
+use crate::regressor::leg::JOINTS_PER_LEG;
+use crate::robot::{Actuator, Robot};
 use crate::window::EffectList;
 use crate::{Real, scalar::real};
 use heapless::Vec;
@@ -95,9 +97,6 @@ const _: () = {
         n += 1;
     }
 };
-
-/// Base parameters of a leg's joints; a test compares them with the analysis.
-pub(crate) const BASE_RANK: [usize; JOINTS_PER_LEG] = [15, 14, 7];
 
 /// Folds of the data.
 pub const FOLDS: usize = 2;
@@ -240,40 +239,33 @@ impl Active {
     }
 }
 
-/// What is known before any data of effect n at a joint, and its bounds; of the parameter beyond its neutral value.
-fn effect_prior(joint: usize, n: usize) -> EffectPrior {
-    let effect = COLUMNS[n % DEVICE_COLUMNS];
-    let parameter = effect.description().parameters.first();
-    let (neutral, lower, upper) = parameter.map_or((0.0, f64::NEG_INFINITY, f64::INFINITY), |p| {
-        (p.neutral, p.lower, p.upper)
-    });
-    let prior = effect.prior(&ACTUATORS[joint % JOINTS_PER_LEG]);
-    EffectPrior {
-        prior: Prior {
-            mean: prior.mean - neutral,
-            std: prior.std,
-        },
-        lower: lower - neutral,
-        upper: upper - neutral,
-    }
+/// What is known before any data of effect n at a joint that `actuator` drives, and its bounds; of the parameter beyond its neutral value.
+fn effect_prior(actuator: &Actuator, n: usize) -> EffectPrior {
+    EffectPrior::of(COLUMNS[n % DEVICE_COLUMNS], actuator)
 }
 
 impl<T: Real> DevicePrior<T> {
     /// The CAD's inertias within [`CAD_UNCERTAINTY`], each active effect as its catalogue entry says.
-    pub fn of(which: Leg, active: &Active) -> Self {
-        let cad = leg::<T>(which).bodies().map(|body| body.inertia);
+    pub fn of<R: Robot<JOINTS_PER_LEG>>(which: R, active: &Active) -> Self {
+        let cad = which.tree::<T>().bodies().map(|body| body.inertia);
         let mut prior = Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], Vec::new());
-        prior.activate(active, &Beliefs::NONE);
+        prior.activate(active, &Beliefs::NONE, &R::ACTUATORS);
         prior
     }
 
-    /// Becomes the prior of a model with other effects, or of other beliefs of them.
-    pub fn activate(&mut self, active: &Active, beliefs: &Beliefs) {
-        let priors = active.effects().map(|(joint, n)| beliefs.prior(joint, n));
+    /// Becomes the prior of a model with other effects, or of other beliefs of them, of a leg with these actuators.
+    pub fn activate(
+        &mut self,
+        active: &Active,
+        beliefs: &Beliefs,
+        actuators: &[Actuator; JOINTS_PER_LEG],
+    ) {
         // There is room for all effects.
         let mut effects = Vec::new();
-        for prior in priors {
-            let _ = effects.push(prior);
+        for (joint, n) in active.effects() {
+            if let Some(actuator) = actuators.get(joint) {
+                let _ = effects.push(beliefs.prior(joint, n, actuator));
+            }
         }
         self.set_effects(effects);
     }

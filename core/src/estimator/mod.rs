@@ -1,11 +1,74 @@
 //! A limb's parameters from its windows: one factor per joint, a prior, and a solution in bounded steps.
 //!
 //! A joint's torque depends on the bodies it moves and on its own effects, so each joint has a factor of just those
-//! columns ([`JointFactors`]): 34 for a Go2's hip, 24 for the thigh, 14 for the calf, instead of three rows of 42. Each
+//! columns ([`JointFactors`]): 34 for a hip, 24 for the thigh, 14 for the calf, instead of three rows of 42. Each
 //! joint's noise then follows from its own ρ, and weighted least squares needs no second pass over the data: the
 //! triangles are stacked, each divided by its joint's noise, onto the prior's ([`Solver`]). [`Layout`] says which column is
 //! what. All of it is generic over the limb's size and where its numbers are stored; the names that start with `Leg` are
-//! the Go2's leg in arrays.
+//! a leg of hip, thigh and calf in arrays, whichever [`Robot`] it belongs to.
+//!
+//! # Example
+//!
+//! A rod of 1 kg that swings about y for ten seconds. Its motor rubs with 0.2 N m s/rad and has a rotor's inertia of 0.003 kg m²; the CAD knows
+//! neither:
+//!
+//! ```
+//! use nalgebra::{Matrix3, Vector1, Vector3};
+//! use proprio_core::effect::EffectKind::{Armature, Viscous};
+//! use proprio_core::estimator::{EffectPrior, JointFactors, Layout, LimbPrior, Solver, solver_len};
+//! use proprio_core::inertia::InertialParameters;
+//! use proprio_core::robot::Actuator;
+//! use proprio_core::spatial::Transform;
+//! use proprio_core::tree::{Body, Joint, Tree};
+//! use proprio_core::window::{Plausible, Push, Sample, Settings, Window};
+//!
+//! let about_com = Matrix3::from_diagonal(&Vector3::new(0.0133, 0.0133, 1e-4));
+//! let rod = Body {
+//!     parent: None,
+//!     placement: Transform::identity(),
+//!     joint: Joint::Revolute(Vector3::y()),
+//!     inertia: InertialParameters::from_com(1.0, Vector3::new(0.0, 0.0, -0.2), about_com),
+//! };
+//! let tree: Tree<f64, 1, 1> = Tree::new([rod])?;
+//! let motor = Actuator { gear: 6.0, rotor_inertia: 1e-4, effort: 20.0, velocity: 30.0 };
+//!
+//! // One body, two effect columns at its joint.
+//! const LIMB: Layout<1> = Layout::chain(2);
+//! let most = Plausible { position: [-3.0, 3.0], speed: 20.0, torque: 20.0 };
+//! let effects = [Viscous, Armature];
+//! let mut window = Window::<f64, 1, 10, 2>::new(
+//!     tree, Transform::identity(), effects, [most], Settings::DEFAULT,
+//! );
+//! let mut data = JointFactors::new(LIMB, [0.0; LIMB.packed_len()]);
+//! for n in 0..5_000 {
+//!     let t = f64::from(n) * 2e-3;
+//!     let q = 0.3 * (2.0 * t).sin() + 0.4 * (7.0 * t).sin();
+//!     let dq = 0.6 * (2.0 * t).cos() + 2.8 * (7.0 * t).cos();
+//!     let ddq = -1.2 * (2.0 * t).sin() - 19.6 * (7.0 * t).sin();
+//!     let at = tree.kinematics(&Transform::identity(), &Vector1::new(q), &Vector1::new(dq));
+//!     let body = tree.inverse_dynamics(&at, &Vector1::new(dq), &Vector1::new(ddq))[0];
+//!     let tau = body + 0.2 * dq + 0.003 * ddq;
+//!     let sample = Sample { time_us: 2_000 * n as u64, q: [q], dq: [dq], tau: [tau] };
+//!     if window.push(&sample) == Push::Closed {
+//!         let mut row = [0.0; LIMB.columns(0) + 1];
+//!         window.rows().write_row(0, LIMB.subtree(0), &mut row);
+//!         data.fold(0, &mut row)?;
+//!     }
+//! }
+//!
+//! // The CAD's body to a tenth, the effects as the catalogue has them.
+//! let prior = LimbPrior::new([rod.inertia], [0.1], effects.map(|e| EffectPrior::of(e, &motor)));
+//! let mut solver = Solver::new(data, [0.0; solver_len(LIMB.parameters())]);
+//! solver.restart(&prior);
+//! // In steps of bounded cost; a microcontroller takes one at a time.
+//! while !solver.advance()? {}
+//! let (values, std) = (solver.values(), solver.std());
+//! for (n, truth) in [0.2, 0.003].into_iter().enumerate() {
+//!     let place = LIMB.effect_index(0, n);
+//!     assert!((values[place] - truth).abs() < 2.0 * std[place]);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod device;
 mod joints;
@@ -18,6 +81,7 @@ pub use device::{
     DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
     LONGEST_TRIANGLE, LegBase, Verdict,
 };
+#[cfg(feature = "app")]
 pub(crate) use device::{BASE_RANK, DEVICE_COLUMNS, FRONT, MAX_EFFECTS};
 pub(crate) use joints::floor;
 pub use joints::{JointFactors, NOISE_GUESS};
@@ -27,8 +91,9 @@ pub use solver::{Solver, solver_len};
 
 use crate::effect::EffectKind;
 use crate::factor::FactorError;
-use crate::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg, position_limits};
 use crate::inertia::INERTIAL;
+use crate::regressor::leg::JOINTS_PER_LEG;
+use crate::robot::Robot;
 use crate::window::{Plausible, Rows, Window};
 use crate::{Real, scalar::real};
 
@@ -95,20 +160,16 @@ impl<T: Real> LegFactors<T> {
     }
 }
 
-impl<T: Real> LegPrior<T> {
-    /// The CAD's inertias within [`CAD_UNCERTAINTY`], each effect as its catalogue entry says.
-    pub fn of(which: Leg) -> Self {
-        let cad = leg::<T>(which).bodies().map(|body| body.inertia);
+impl<T: Real, const N: usize, const J: usize> LimbPrior<T, [EffectPrior; N], J> {
+    /// The CAD's inertias of a robot's leg within [`CAD_UNCERTAINTY`], each of [`EFFECTS`] as its catalogue entry says; `N` is their number times
+    /// that of the joints, checked when compiled.
+    pub fn of<R: Robot<J>>(which: R) -> Self {
+        const { assert!(N == EFFECTS.len() * J) }
+        let cad = which.tree::<T>().bodies().map(|body| body.inertia);
         let effects = core::array::from_fn(|n| {
-            let effect = EFFECTS[n % EFFECTS.len()];
-            let parameter = effect.description().parameters[0];
-            EffectPrior {
-                prior: effect.prior(&ACTUATORS[n / EFFECTS.len()]),
-                lower: parameter.lower,
-                upper: parameter.upper,
-            }
+            EffectPrior::of(EFFECTS[n % EFFECTS.len()], &R::ACTUATORS[n / EFFECTS.len()])
         });
-        Self::new(cad, [real(CAD_UNCERTAINTY); JOINTS_PER_LEG], effects)
+        Self::new(cad, [real(CAD_UNCERTAINTY); J], effects)
     }
 }
 
@@ -127,12 +188,12 @@ impl<T: Real> Default for LegSolver<T> {
 }
 
 /// Limits of a leg's readings with room for offsets: 1 rad beyond the joint's stops, twice the rated speed and torque.
-pub fn plausible<T: Real>(which: Leg) -> [Plausible<T>; JOINTS_PER_LEG] {
-    let limits = position_limits(which);
+pub fn plausible<T: Real, R: Robot<J>, const J: usize>(which: R) -> [Plausible<T>; J] {
+    let limits = which.position_limits();
     core::array::from_fn(|joint| Plausible {
         position: [real(limits[joint][0] - 1.0), real(limits[joint][1] + 1.0)],
-        speed: real(2.0 * ACTUATORS[joint].velocity),
-        torque: real(2.0 * ACTUATORS[joint].effort),
+        speed: real(2.0 * R::ACTUATORS[joint].velocity),
+        torque: real(2.0 * R::ACTUATORS[joint].effort),
     })
 }
 

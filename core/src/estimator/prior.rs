@@ -1,13 +1,16 @@
 //! What is taken to be true of a limb before any data.
 
 use crate::Real;
-use crate::effect::Prior;
+use crate::effect::{EffectKind, Prior};
 use crate::factor::{BodyFactor, Factor, packed_len};
 use crate::inertia::{INERTIAL, InertialParameters};
+use crate::robot::Actuator;
 use crate::scalar::real;
 
 /// An effect parameter's prior and bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EffectPrior {
     /// Expected value and standard deviation.
     pub prior: Prior,
@@ -15,6 +18,32 @@ pub struct EffectPrior {
     pub lower: f64,
     /// Greatest physical value.
     pub upper: f64,
+}
+
+impl EffectPrior {
+    /// What the catalogue says of an effect's first parameter at a joint driven by `actuator`; of the parameter beyond its neutral value.
+    pub fn of(effect: EffectKind, actuator: &Actuator) -> Self {
+        let parameter = effect.description().parameters.first();
+        let neutral = parameter.map_or(0.0, |p| p.neutral);
+        let (lower, upper) = Self::bounds(effect);
+        let prior = effect.prior(actuator);
+        Self {
+            prior: Prior {
+                mean: prior.mean - neutral,
+                std: prior.std,
+            },
+            lower,
+            upper,
+        }
+    }
+
+    /// Least and greatest physical value of an effect's first parameter beyond its neutral value, whatever drives the joint.
+    pub(crate) fn bounds(effect: EffectKind) -> (f64, f64) {
+        let parameter = effect.description().parameters.first();
+        parameter.map_or((f64::NEG_INFINITY, f64::INFINITY), |p| {
+            (p.lower - p.neutral, p.upper - p.neutral)
+        })
+    }
 }
 
 /// A limb's bodies as the CAD has them within a relative uncertainty, and its effects' priors, `E` in the order of θ.

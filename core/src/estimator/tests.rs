@@ -1,4 +1,5 @@
 use super::*;
+use crate::go2::{ACTUATORS, Leg, leg};
 use crate::spatial::Transform;
 use crate::window::tests::{TRUE_EFFECTS, exact};
 use crate::window::{Implausible, Push, Sample, Settings};

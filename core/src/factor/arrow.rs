@@ -10,7 +10,7 @@
 //!
 //! Together they say what one triangle of all columns would. They are rotated into one when somebody asks
 //! ([`write_limb_rows`](ArrowFactor::write_limb_rows)), not for every window. Of p columns, 6 rows change p (p + 1) / 2 numbers in one triangle of
-//! all; of a Go2 that walks (145 columns, 36 of a limb's triangle) 10 585 numbers for the base's six rows of a window and 666 for six
+//! all; of a quadruped that walks (145 columns, 36 of a limb's triangle) 10 585 numbers for the base's six rows of a window and 666 for six
 //! rows of a limb.
 //!
 //! Columns of the base last: what is known of them, whatever the limbs are like, is then the triangle's end, and needs no

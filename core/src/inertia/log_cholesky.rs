@@ -36,10 +36,12 @@ const PLACES: [(usize, usize); INERTIAL - 1] = [
 
 /// The log-Cholesky coordinates η of one body; order as in [`NAMES`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LogCholesky<T: Real>(pub SVector<T, INERTIAL>);
 
 /// Why no body of positive density has some parameters, so that they have no coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum NotPhysical {
     /// The mass is not a positive number.
     Mass,

@@ -1,4 +1,4 @@
-//! A leg whose hip turns about x and whose thigh and calf turn about y, as a Go2's do: its base columns, at the cost that they ask for.
+//! A leg whose hip turns about x and whose thigh and calf turn about y, as those of many quadrupeds do: its base columns, at the cost that they ask for.
 //!
 //! Of such a leg on a fixed base more is known than its tree says. The hip's axis stands still, so that its columns turn with nothing
 //! (Ṡ = 0) and of them gravity alone has a rate. The axes of thigh and calf are parallel, so that the calf's inertia is to the thigh
@@ -7,11 +7,16 @@
 //! [`Tree::write_momentum_rate_regressor`] say the same of any tree.
 
 use crate::Real;
-use crate::go2::JOINTS_PER_LEG;
 use crate::scalar::sin_cos;
 use crate::spatial::Transform;
 use crate::tree::Tree;
 use nalgebra::Vector3;
+
+/// Joints of such a leg: hip, thigh and calf.
+pub(crate) const JOINTS_PER_LEG: usize = 3;
+
+/// Base parameters of each joint.
+pub(crate) const BASE_COLUMNS: [usize; JOINTS_PER_LEG] = [15, 14, 7];
 
 /// Momenta of which a leg's columns are differences.
 pub(crate) const MOMENTA: usize = 25;

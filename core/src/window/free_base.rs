@@ -60,6 +60,7 @@ pub struct FreeBaseSample<T: Real, const J: usize, const F: usize> {
 
 /// What became of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FreeBasePush {
     /// It was used.
     Used,

@@ -175,7 +175,7 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         asked: None,
         motors: Default::default(),
     };
-    let (mut queue, mut listener) = (Queue::new(), Listener::new());
+    let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
     let (mut records, mut bytes, mut cycles) = (0, 0, 0);
     let mut span: Option<[u64; 2]> = None;
     while let Some(record) = capture.next_record()? {

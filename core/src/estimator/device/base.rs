@@ -9,8 +9,9 @@ use crate::base_parameters::BaseParameters;
 use crate::estimator::joints::floor;
 use crate::estimator::{CAD_UNCERTAINTY, EFFECTS, JointFactors, LEG, LEG_INERTIAL, LegFactors};
 use crate::factor::{Factor, FactorError, packed_len};
-use crate::go2::{JOINTS_PER_LEG, Leg, leg};
 use crate::inertia::INERTIAL;
+use crate::regressor::leg::JOINTS_PER_LEG;
+use crate::robot::Robot;
 use crate::scalar::real;
 
 /// The base parameters of a leg's joints, and the CAD prior on them.
@@ -43,9 +44,9 @@ impl<T: Real> LegBase<T> {
     ///
     /// # Errors
     /// [`FactorError::Length`] if the work space is too small.
-    pub fn analyse(
+    pub fn analyse<R: Robot<JOINTS_PER_LEG>>(
         &mut self,
-        which: Leg,
+        which: R,
         prior: &DevicePrior<T>,
         work: &mut [T],
     ) -> Result<(), FactorError> {
@@ -65,16 +66,16 @@ impl<T: Real> LegBase<T> {
     }
 
     #[inline(never)]
-    fn analyse_joint(
+    fn analyse_joint<R: Robot<JOINTS_PER_LEG>>(
         &mut self,
-        which: Leg,
+        which: R,
         joint: usize,
         work: &mut [T],
     ) -> Result<(), FactorError> {
         let error = FactorError::Length(work.len());
         let row = work.get_mut(..=standard(joint)).ok_or(error)?;
         let storage = self.reduced.get_mut(range!(standard, joint)).ok_or(error)?;
-        let tree = leg(which);
+        let tree = which.tree();
         let base = BaseParameters::of_joint::<JOINTS_PER_LEG, JOINTS_PER_LEG, LEG_INERTIAL>(
             &tree, joint, storage, row,
         )?;

@@ -1,8 +1,9 @@
 //! What a host says of effects' parameters before any data.
 
-use super::{DEVICE_COLUMNS, EffectPrior, effect_prior};
+use super::{COLUMNS, DEVICE_COLUMNS, EffectPrior, effect_prior};
 use crate::effect::Prior;
-use crate::go2::JOINTS_PER_LEG;
+use crate::regressor::leg::JOINTS_PER_LEG;
+use crate::robot::Actuator;
 
 /// What is believed of each effect's parameter at a leg's joints, in place of the catalogue's prior. All zeros at first: nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,9 +34,9 @@ impl Beliefs {
         let Some(belief) = self.0.get_mut(joint).and_then(|of| of.get_mut(n)) else {
             return false;
         };
-        let bounds = effect_prior(joint, n);
+        let (lower, upper) = bounds(n);
         let (wide, within) = (std.is_normal() && std > 0.0, f64::from(mean));
-        let possible = mean.is_finite() && bounds.lower <= within && within <= bounds.upper;
+        let possible = mean.is_finite() && lower <= within && within <= upper;
         if wide && possible {
             *belief = Belief { mean, std };
         }
@@ -68,9 +69,9 @@ impl Beliefs {
         }
     }
 
-    /// What is known of effect n at a joint before any data, and its bounds; of the parameter beyond its neutral value.
-    pub(crate) fn prior(&self, joint: usize, n: usize) -> EffectPrior {
-        let catalogue = effect_prior(joint, n);
+    /// What is known of effect n at a joint that `actuator` drives before any data, and its bounds; of the parameter beyond its neutral value.
+    pub(crate) fn prior(&self, joint: usize, n: usize, actuator: &Actuator) -> EffectPrior {
+        let catalogue = effect_prior(actuator, n);
         let belief = self.0.get(joint).and_then(|of| of.get(n));
         match belief {
             Some(belief) if belief.std > 0.0 => EffectPrior {
@@ -83,4 +84,9 @@ impl Beliefs {
             _ => catalogue,
         }
     }
+}
+
+/// The bounds of effect n's parameter beyond its neutral value, whatever drives the joint.
+fn bounds(n: usize) -> (f64, f64) {
+    EffectPrior::bounds(COLUMNS[n % DEVICE_COLUMNS])
 }

@@ -23,8 +23,8 @@ use super::{
 use crate::Real;
 use crate::estimator::LEG_INERTIAL;
 use crate::factor::{Block, Factor, FactorError, ROWS, packed_len};
-use crate::go2::JOINTS_PER_LEG;
 use crate::inertia::INERTIAL;
+use crate::regressor::leg::JOINTS_PER_LEG;
 use crate::scalar::{real, sqrt};
 
 /// A joint's own columns, by their places in [`super::COLUMNS`]: bias, coulomb, viscous.

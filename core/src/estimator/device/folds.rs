@@ -4,7 +4,7 @@ use super::{DeviceRows, FOLD_LEN, FOLDS, ROWS_LEN, columns, entries, range};
 use crate::Real;
 use crate::estimator::joints::floor;
 use crate::factor::{Block, Factor, FactorError, ROWS, packed_len};
-use crate::go2::JOINTS_PER_LEG;
+use crate::regressor::leg::JOINTS_PER_LEG;
 use crate::scalar::real;
 
 /// Length of a block of time of one fold, µs.

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::Real;
 use crate::factor::{Factor, FactorError, ROWS, block_cost, packed_len};
-use crate::go2::JOINTS_PER_LEG;
+use crate::regressor::leg::JOINTS_PER_LEG;
 
 /// Turns a leg's folds into its solver's data, in steps of bounded cost.
 #[derive(Clone, Copy, Debug)]

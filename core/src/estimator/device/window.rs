@@ -6,8 +6,10 @@ use super::{BOUNDARY, DEVICE_COLUMNS, DeviceColumns, FRONT, RATED, ROWS_LEN, ran
 use crate::Real;
 use crate::effect::JointState;
 use crate::estimator::plausible;
-use crate::go2::{JOINTS_PER_LEG, Leg, leg};
-use crate::regressor::leg::{self as leg_columns, LegFrame, MOMENTA, RATES};
+use crate::regressor::leg::{
+    self as leg_columns, BASE_COLUMNS, JOINTS_PER_LEG, LegFrame, MOMENTA, RATES,
+};
+use crate::robot::Robot;
 use crate::spatial::Transform;
 use crate::window::sequence::{Link, Sequence};
 use crate::window::{EffectList, Push, Sample, Settings, joint_state, microseconds};
@@ -85,7 +87,7 @@ impl<T: Real> Edge<T> {
     };
 }
 
-/// The window being filled of one of the Go2's legs: [`Window`](crate::window::Window) of [`COLUMNS`] and the base columns alone, in
+/// The window being filled of a leg of hip, thigh and calf: [`Window`](crate::window::Window) of [`COLUMNS`] and the base columns alone, in
 /// a third of its instructions.
 #[derive(Clone, Debug)]
 pub struct DeviceWindow<T: Real> {
@@ -103,9 +105,20 @@ pub struct DeviceWindow<T: Real> {
 
 impl<T: Real> DeviceWindow<T> {
     /// An empty window for a leg whose base is mounted at `base` in the world (only its rotation matters).
-    pub fn new(which: Leg, base: &Transform<T>, settings: Settings) -> Self {
+    ///
+    /// The leg's hip turns about x, thigh and calf about y: that its joints have as many base columns is checked when compiled.
+    pub fn new<R: Robot<JOINTS_PER_LEG>>(
+        which: R,
+        base: &Transform<T>,
+        settings: Settings,
+    ) -> Self {
+        const {
+            let [hip, thigh, calf] = R::BASE_COLUMNS;
+            let [ours, of_thigh, of_calf] = BASE_COLUMNS;
+            assert!(hip == ours && thigh == of_thigh && calf == of_calf);
+        }
         Self {
-            frame: LegFrame::new(&leg(which), base),
+            frame: LegFrame::new(&which.tree(), base),
             sequence: Sequence::new(plausible(which), settings),
             integrand: Integrand::ZERO,
             half_step: T::zero(),
@@ -229,6 +242,7 @@ mod tests {
     use crate::base_parameters::BaseParameters;
     use crate::estimator::device::{BASE_RANK, LegBase};
     use crate::estimator::{DEFAULT_ACTIVE, DevicePrior, LEG_INERTIAL};
+    use crate::go2::{Leg, leg};
     use crate::inertia::INERTIAL;
     use crate::regressor::leg::COLUMNS as LEG_COLUMNS;
     use crate::spatial::tests::transform;
