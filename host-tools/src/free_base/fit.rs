@@ -5,11 +5,11 @@ use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
 use super::data::{Data, Sum, dense};
-use super::rows::{ACC, BODIES, Block, COLUMNS};
+use super::rows::{ACC, BODIES, COLUMNS};
 use super::structure::{ACC_BIAS, ModelStructure};
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
-use crate::estimate::deviation::sandwich;
+use crate::estimate::deviation::{BlockScore, sandwich};
 use crate::estimate::fit::{HOLD_ROUNDS, hold};
 use crate::estimate::robot::side_by_side;
 
@@ -226,14 +226,14 @@ impl Data {
     /// What is known of the errors of a fit to all walks.
     pub(crate) fn deviations(&self, fit: &Fit) -> Deviations {
         let blocks = self.blocks.iter();
-        let scores: Vec<DVector<f64>> = blocks
-            .map(|block| score(block, fit.theta(), fit.noise))
+        let blocks: Vec<BlockScore> = blocks
+            .map(|block| BlockScore::of(dense(&block.factor) / fit.noise, fit.theta()))
             .collect();
         let independent = inverse(&fit.solution.factor);
         // What gravity's length tells is no sample of the blocks: known as a prior is.
         let prior = fit.problem.prior_information(fit.theta());
         let prior = stack(&prior, &self.gravity.columns(0, COLUMNS).into_owned());
-        let blocks = sandwich(&independent, &scores, &prior);
+        let blocks = sandwich(&independent, &blocks, &prior);
         Deviations {
             roots: [independent, blocks],
         }
@@ -256,14 +256,6 @@ pub(crate) fn bare(problem: &Problem) -> DVector<f64> {
     bare.rows_mut(INERTIAL * BODIES, COLUMNS - INERTIAL * BODIES)
         .fill(0.0);
     bare
-}
-
-/// Half the gradient of a block's squares in units of the noise.
-fn score(block: &Block, theta: &DVector<f64>, noise: f64) -> DVector<f64> {
-    let rows = dense(&block.factor);
-    let n = theta.len();
-    let r = rows.columns(0, n);
-    r.tr_mul(&(r * theta - rows.column(n))) / (noise * noise)
 }
 
 /// Two matrices of equal columns, one above the other.
