@@ -6,7 +6,8 @@ use proprio_core::inertia::INERTIAL;
 
 use super::data::{Data, Sum, dense};
 use super::rows::{ACC, BODIES, COLUMNS};
-use super::structure::{ACC_BIAS, ModelStructure};
+use super::sensors::{self, SENSORS};
+use super::structure::ModelStructure;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
 use crate::estimate::deviation::{BlockScore, sandwich};
@@ -35,7 +36,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// The bodies, the base first, then the joints' effects and the accelerometer's bias.
+    /// The bodies, the base first, then the joints' effects and what sensors get wrong.
     pub(crate) fn theta(&self) -> &DVector<f64> {
         &self.solution.theta
     }
@@ -167,28 +168,29 @@ impl Data {
         problem(weighed(&self.all.rows, &self.gravity, noise), structure)
     }
 
-    /// The same parameters with the accelerometer's bias that fits them best.
-    pub(crate) fn with_bias(&self, theta: &DVector<f64>) -> DVector<f64> {
+    /// The same parameters with what sensors get wrong as it fits them best.
+    pub(crate) fn with_sensors(&self, theta: &DVector<f64>) -> DVector<f64> {
         let mut theta = theta.clone();
-        theta.rows_mut(ACC, 3).fill(0.0);
+        theta.rows_mut(ACC, SENSORS).fill(0.0);
         let rows = weighed(
             &self.all.rows,
             &self.gravity,
             self.rms(&theta).max(LEAST_NOISE),
         );
-        let mut bias = DMatrix::zeros(rows.nrows() + 3, 4);
-        bias.view_mut((0, 0), (rows.nrows(), 3))
-            .copy_from(&rows.columns(ACC, 3));
+        let mut own = DMatrix::zeros(rows.nrows() + SENSORS, SENSORS + 1);
+        own.view_mut((0, 0), (rows.nrows(), SENSORS))
+            .copy_from(&rows.columns(ACC, SENSORS));
         let left = rows.column(COLUMNS) - rows.columns(0, COLUMNS) * &theta;
-        bias.view_mut((0, 3), (rows.nrows(), 1)).copy_from(&left);
-        (0..3).for_each(|n| bias[(rows.nrows() + n, n)] = 1.0 / ACC_BIAS);
-        let solved = triangle(bias);
+        own.view_mut((0, SENSORS), (rows.nrows(), 1))
+            .copy_from(&left);
+        (0..SENSORS).for_each(|n| own[(rows.nrows() + n, n)] = 1.0 / sensors::STD[n]);
+        let solved = triangle(own);
         // Each has a prior: the triangle has no zero on its diagonal.
         let found = solved
-            .view((0, 0), (3, 3))
-            .solve_upper_triangular(&solved.view((0, 3), (3, 1)));
+            .view((0, 0), (SENSORS, SENSORS))
+            .solve_upper_triangular(&solved.view((0, SENSORS), (SENSORS, 1)));
         if let Some(found) = found {
-            theta.rows_mut(ACC, 3).copy_from(&found);
+            theta.rows_mut(ACC, SENSORS).copy_from(&found);
         }
         theta
     }
