@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::outside;
 use super::rows::{
-    ACC, Block, COLUMNS, COORDINATES, Made, RowSetup, SCALE, WholeFactor, Windows, each_row, empty,
-    fold,
+    ACC, Block, COLUMNS, COORDINATES, Linearised, RowSetup, SCALE, WholeFactor, Windows, each_row,
+    empty, fold,
 };
 use super::sensors::MovedReadings;
 use super::stance::Stance;
@@ -109,11 +109,11 @@ impl Data {
             .map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
             .collect();
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
-            let made = Made {
+            let at = Linearised {
                 setup: &setup,
                 moved: &moved[n],
             };
-            let (own, counts) = fold(walk, stance, made, &outside[n], seconds(walk));
+            let (own, counts) = fold(walk, stance, at, &outside[n], seconds(walk));
             let own = own.into_iter().enumerate().map(|(k, mut block)| {
                 block.of = (n, k);
                 block
@@ -136,9 +136,9 @@ impl Data {
         })
     }
 
-    /// What the rows of log `n` are made with.
-    pub(super) fn row_setup(&self, n: usize) -> Made<'_> {
-        Made {
+    /// What the rows of log `n` are made at.
+    pub(super) fn linearised(&self, n: usize) -> Linearised<'_> {
+        Linearised {
             setup: &self.setup,
             moved: &self.moved[n],
         }
@@ -197,7 +197,7 @@ impl Data {
         let mut predicted = vec![0.0; thetas.len()];
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
             let seconds = seconds(walk);
-            each_row(walk, stance, self.row_setup(n), &self.outside[n], |row| {
+            each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
                 let block = (n, (row.start / seconds) as usize);
                 let at = self.blocks.partition_point(|b| b.of < block);
                 let scale = SCALE[row.coordinate];

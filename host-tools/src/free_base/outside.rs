@@ -21,7 +21,7 @@ pub(super) fn windows(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<V
         .enumerate()
         .map(|(n, (walk, stance))| {
             let mut windows: Vec<(u64, f64, f64)> = Vec::new();
-            each_row(walk, stance, data.row_setup(n), &[], |row| {
+            each_row(walk, stance, data.linearised(n), &[], |row| {
                 let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
                 let left = row.numbers[COLUMNS] - terms.sum::<f64>();
                 if row.rank > 0 {

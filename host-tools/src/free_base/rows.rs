@@ -189,11 +189,11 @@ pub(super) struct Row<'a> {
 pub(super) fn each_row(
     walk: &Walk,
     stance: &Stance,
-    made: Made<'_>,
+    at: Linearised<'_>,
     outside: &[u64],
     mut tell: impl FnMut(Row<'_>),
 ) -> Windows {
-    let Made { setup, moved } = made;
+    let Linearised { setup, moved } = at;
     let mut kept = Windows::default();
     let counts = each_window(
         &setup.sensors.corrected(walk),
@@ -235,9 +235,9 @@ pub(super) fn each_row(
     counts.plus(&kept)
 }
 
-/// What rows are made with.
+/// Parameters that rows are made at, and what moved readings leave there.
 #[derive(Clone, Copy)]
-pub(super) struct Made<'a> {
+pub(super) struct Linearised<'a> {
     pub(super) setup: &'a RowSetup,
     pub(super) moved: &'a MovedReadings,
 }
@@ -335,12 +335,12 @@ impl Told {
 pub(super) fn fold(
     walk: &Walk,
     stance: &Stance,
-    made: Made<'_>,
+    at: Linearised<'_>,
     outside: &[u64],
     seconds: f64,
 ) -> (Vec<Block>, Windows) {
     let mut blocks: Vec<Block> = Vec::new();
-    let counts = each_row(walk, stance, made, outside, |row| {
+    let counts = each_row(walk, stance, at, outside, |row| {
         let block = (row.start / seconds) as usize;
         blocks.resize_with(blocks.len().max(block + 1), Block::empty);
         // Samples are checked to be finite, so the rows are, and no fold refuses them.
