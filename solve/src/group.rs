@@ -77,14 +77,6 @@ impl Group {
     pub fn sum_of_squares(&self, theta: &DVector<f64>) -> f64 {
         self.factor.sum_of_squares(&self.combined(theta))
     }
-
-    /// Adds `weight` times half the gradient of that.
-    pub fn add_slope(&self, theta: &DVector<f64>, weight: f64, sum: &mut DVector<f64>) {
-        let slope = self.factor.slope(&self.combined(theta));
-        for (entry, place) in self.told() {
-            sum[entry] += weight * slope[place];
-        }
-    }
 }
 
 /// A factor's rows over θ and the right-hand side, each times `weight` and with its first entry; `places` tells where each entry of θ

@@ -208,7 +208,7 @@ def simulate(kind, seconds, bodies, random):
             data.ctrl[:] = np.clip(torque, -EFFORT, EFFORT)
         if kind == "swung":
             data.xfrc_applied[base] = by_hand(data, t)
-        if t >= 0 and step % SAMPLE == 1:
+        if t >= 0 and step % SAMPLE == min(1, SAMPLE - 1):
             mujoco.mj_forward(model, data)
             force, wrench = np.zeros(4), np.zeros(6)
             for k in range(data.ncon):

@@ -49,6 +49,7 @@ mod recordings;
 mod report;
 mod round_trip;
 mod same_numbers;
+mod scale;
 mod second_encoder;
 mod walking;
 

@@ -78,7 +78,7 @@ pub struct CoordinateError {
     pub zero_rms: f64,
 }
 
-/// Compares a Go2's `model` with logs of it walking, taken together; the accelerometer's bias, which is no robot's, is fitted always.
+/// Compares a Go2's `model` with logs of it walking, taken together; what sensors get wrong, which is no robot's, is fitted always.
 /// `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
@@ -98,7 +98,7 @@ pub fn compare_free_base(
         ValuesFrom::Fitted => true,
         ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
     };
-    let cad = data.with_bias(&bare(
+    let cad = data.with_sensors(&bare(
         &data.problem(&ModelStructure::of(&Model::default())?, 1.0),
     ));
     let (model, rms) = if fitted {
@@ -106,7 +106,7 @@ pub fn compare_free_base(
         let rms = crate::free_base::fit::rms(&parts);
         (parts.into_iter().map(|part| part.theta).collect(), rms)
     } else {
-        let theta = data.with_bias(&given(model));
+        let theta = data.with_sensors(&given(model));
         let rms = data.rms(&theta);
         (vec![theta], rms)
     };

@@ -6,6 +6,7 @@ use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::bounded::Problem;
+use super::deviation::BlockScore;
 use super::fit::{LimbFit, depends_on_values};
 use super::groups::{Group, stacked};
 use super::limb_data::LimbData;
@@ -207,18 +208,12 @@ impl LimbFit<'_> {
         self.group_squares(&cad, |_| true)
     }
 
-    /// Half the gradient of each block's sum of squares, in units of the noise.
-    pub(crate) fn scores(&self) -> Vec<DVector<f64>> {
-        let theta = &self.solution.theta;
-        let of = |block: &Vec<Group>| {
-            let mut sum = DVector::zeros(theta.len());
-            for (group, noise) in block.iter().zip(&self.noise) {
-                group.add_slope(theta, noise.powi(-2), &mut sum);
-            }
-            sum
-        };
+    /// What each block of time says at the solution.
+    pub(crate) fn block_scores(&self) -> Vec<BlockScore> {
         let told =
             (self.groups.blocks.iter()).filter(|block| block.iter().any(|rows| rows.count() > 0.0));
+        let of =
+            |block: &Vec<Group>| BlockScore::of(stacked(block, &self.noise), &self.solution.theta);
         told.map(of).collect()
     }
 }

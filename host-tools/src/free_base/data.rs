@@ -1,19 +1,17 @@
 //! All walks' windows as factors: one per block of time, all together, and all but each part of the time.
 
-use nalgebra::{DMatrix, DVector, Vector3};
-use proprio_core::go2;
-use proprio_core::inertia::InertialParameters;
+use nalgebra::{DMatrix, DVector};
 
 use super::outside;
 use super::rows::{
-    ACC, BODIES, Block, COLUMNS, COORDINATES, RowSetup, SCALE, WholeFactor, Windows, each_row,
+    ACC, Block, COLUMNS, COORDINATES, Linearised, RowSetup, SCALE, WholeFactor, Windows, each_row,
     empty, fold,
 };
+use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::walk::Walk;
 use super::{FreeBaseError, Walks};
-use crate::estimate::bounded::body;
 use crate::estimate::robot::side_by_side;
 
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
@@ -72,26 +70,25 @@ pub(crate) struct Data {
     pub(super) parts: Vec<Part>,
     pub(crate) windows: Windows,
     setup: RowSetup,
+    /// What moved readings leave, log after log.
+    moved: Vec<MovedReadings>,
     /// When windows begin that are left out, log after log, µs in order.
     outside: Vec<Vec<u64>>,
 }
 
 impl Data {
-    /// Makes the rows twice: the accelerometer's columns are derivatives, at first at the model's masses, then at those of the fit of
-    /// `structure`. A third time where that fit leaves far more of some windows than of others: these spoilt it, and are left out.
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
+    /// `structure`. Again where that fit leaves far more of some windows than of others: these spoilt it, and are left out.
     pub(crate) fn of(walks: &Walks, structure: &ModelStructure) -> Result<Self, FreeBaseError> {
-        let cad = go2::free::<f64>().bodies().map(|body| body.inertia);
-        let mut setup = RowSetup::at(&cad, Vector3::zeros());
+        let mut setup = RowSetup::cad();
         let mut outside = vec![Vec::new(); walks.walks.len()];
         let gravity = gravity_rows(&walks.walks);
         for _ in 0..ROUNDS {
             let data = Self::made(walks, setup, gravity.clone(), outside.clone(), false)?;
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-            let before = std::mem::replace(
-                &mut outside,
-                outside::windows(walks, &data.setup, fit.theta()),
-            );
-            setup = setup_at(fit.theta());
+            let before =
+                std::mem::replace(&mut outside, outside::windows(walks, &data, fit.theta()));
+            setup = RowSetup::at(fit.theta());
             if outside == before {
                 break;
             }
@@ -107,8 +104,16 @@ impl Data {
         parts: bool,
     ) -> Result<Self, FreeBaseError> {
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
+        let logs = walks.walks.iter();
+        let moved: Vec<MovedReadings> = logs
+            .map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
+            .collect();
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
-            let (own, counts) = fold(walk, stance, &setup, &outside[n], seconds(walk));
+            let at = Linearised {
+                setup: &setup,
+                moved: &moved[n],
+            };
+            let (own, counts) = fold(walk, stance, at, &outside[n], seconds(walk));
             let own = own.into_iter().enumerate().map(|(k, mut block)| {
                 block.of = (n, k);
                 block
@@ -126,8 +131,17 @@ impl Data {
             blocks,
             windows,
             setup,
+            moved,
             outside,
         })
+    }
+
+    /// What the rows of log `n` are made at.
+    pub(super) fn linearised(&self, n: usize) -> Linearised<'_> {
+        Linearised {
+            setup: &self.setup,
+            moved: &self.moved[n],
+        }
     }
 
     /// What a user should know about the windows.
@@ -183,7 +197,7 @@ impl Data {
         let mut predicted = vec![0.0; thetas.len()];
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
             let seconds = seconds(walk);
-            each_row(walk, stance, &self.setup, &self.outside[n], |row| {
+            each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
                 let block = (n, (row.start / seconds) as usize);
                 let at = self.blocks.partition_point(|b| b.of < block);
                 let scale = SCALE[row.coordinate];
@@ -249,12 +263,6 @@ impl Sums {
 /// Length of a walk's blocks, s.
 fn seconds(walk: &Walk) -> f64 {
     BLOCK.min(walk.duration() / LEAST_BLOCKS)
-}
-
-/// Rows made at these parameters.
-fn setup_at(theta: &DVector<f64>) -> RowSetup {
-    let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(theta, b));
-    RowSetup::at(&bodies, theta.fixed_rows::<3>(ACC).into_owned())
 }
 
 /// The parts of the time, each with the blocks that are not its neighbours: those share its noise.

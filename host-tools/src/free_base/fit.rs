@@ -5,11 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
 use super::data::{Data, Sum, dense};
-use super::rows::{ACC, BODIES, Block, COLUMNS};
-use super::structure::{ACC_BIAS, ModelStructure};
+use super::rows::{ACC, BODIES, COLUMNS};
+use super::sensors::{self, SENSORS};
+use super::structure::ModelStructure;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
-use crate::estimate::deviation::sandwich;
+use crate::estimate::deviation::{BlockScore, sandwich};
 use crate::estimate::fit::{HOLD_ROUNDS, hold};
 use crate::estimate::robot::side_by_side;
 
@@ -35,7 +36,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// The bodies, the base first, then the joints' effects and the accelerometer's bias.
+    /// The bodies, the base first, then the joints' effects and what sensors get wrong.
     pub(crate) fn theta(&self) -> &DVector<f64> {
         &self.solution.theta
     }
@@ -167,28 +168,29 @@ impl Data {
         problem(weighed(&self.all.rows, &self.gravity, noise), structure)
     }
 
-    /// The same parameters with the accelerometer's bias that fits them best.
-    pub(crate) fn with_bias(&self, theta: &DVector<f64>) -> DVector<f64> {
+    /// The same parameters with what sensors get wrong as it fits them best.
+    pub(crate) fn with_sensors(&self, theta: &DVector<f64>) -> DVector<f64> {
         let mut theta = theta.clone();
-        theta.rows_mut(ACC, 3).fill(0.0);
+        theta.rows_mut(ACC, SENSORS).fill(0.0);
         let rows = weighed(
             &self.all.rows,
             &self.gravity,
             self.rms(&theta).max(LEAST_NOISE),
         );
-        let mut bias = DMatrix::zeros(rows.nrows() + 3, 4);
-        bias.view_mut((0, 0), (rows.nrows(), 3))
-            .copy_from(&rows.columns(ACC, 3));
+        let mut own = DMatrix::zeros(rows.nrows() + SENSORS, SENSORS + 1);
+        own.view_mut((0, 0), (rows.nrows(), SENSORS))
+            .copy_from(&rows.columns(ACC, SENSORS));
         let left = rows.column(COLUMNS) - rows.columns(0, COLUMNS) * &theta;
-        bias.view_mut((0, 3), (rows.nrows(), 1)).copy_from(&left);
-        (0..3).for_each(|n| bias[(rows.nrows() + n, n)] = 1.0 / ACC_BIAS);
-        let solved = triangle(bias);
+        own.view_mut((0, SENSORS), (rows.nrows(), 1))
+            .copy_from(&left);
+        (0..SENSORS).for_each(|n| own[(rows.nrows() + n, n)] = 1.0 / sensors::STD[n]);
+        let solved = triangle(own);
         // Each has a prior: the triangle has no zero on its diagonal.
         let found = solved
-            .view((0, 0), (3, 3))
-            .solve_upper_triangular(&solved.view((0, 3), (3, 1)));
+            .view((0, 0), (SENSORS, SENSORS))
+            .solve_upper_triangular(&solved.view((0, SENSORS), (SENSORS, 1)));
         if let Some(found) = found {
-            theta.rows_mut(ACC, 3).copy_from(&found);
+            theta.rows_mut(ACC, SENSORS).copy_from(&found);
         }
         theta
     }
@@ -226,14 +228,14 @@ impl Data {
     /// What is known of the errors of a fit to all walks.
     pub(crate) fn deviations(&self, fit: &Fit) -> Deviations {
         let blocks = self.blocks.iter();
-        let scores: Vec<DVector<f64>> = blocks
-            .map(|block| score(block, fit.theta(), fit.noise))
+        let blocks: Vec<BlockScore> = blocks
+            .map(|block| BlockScore::of(dense(&block.factor) / fit.noise, fit.theta()))
             .collect();
         let independent = inverse(&fit.solution.factor);
         // What gravity's length tells is no sample of the blocks: known as a prior is.
         let prior = fit.problem.prior_information(fit.theta());
         let prior = stack(&prior, &self.gravity.columns(0, COLUMNS).into_owned());
-        let blocks = sandwich(&independent, &scores, &prior);
+        let blocks = sandwich(&independent, &blocks, &prior);
         Deviations {
             roots: [independent, blocks],
         }
@@ -256,14 +258,6 @@ pub(crate) fn bare(problem: &Problem) -> DVector<f64> {
     bare.rows_mut(INERTIAL * BODIES, COLUMNS - INERTIAL * BODIES)
         .fill(0.0);
     bare
-}
-
-/// Half the gradient of a block's squares in units of the noise.
-fn score(block: &Block, theta: &DVector<f64>, noise: f64) -> DVector<f64> {
-    let rows = dense(&block.factor);
-    let n = theta.len();
-    let r = rows.columns(0, n);
-    r.tr_mul(&(r * theta - rows.column(n))) / (noise * noise)
 }
 
 /// Two matrices of equal columns, one above the other.

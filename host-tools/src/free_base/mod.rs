@@ -6,16 +6,18 @@
 //! 2. `stance`: which feet may carry a force; those are projected out.
 //!    `held`: whether something beyond them carries the robot.
 //! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
+//!    `sensors`: what these get wrong, in columns of their own.
 //! 4. `data`: the rows as one factor per block of time.
 //!    `outside`: windows that no model of the catalogue explains.
-//! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and the
-//!    accelerometer's bias.
+//! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
+//!    sensors get wrong.
 
 pub(crate) mod data;
 pub(crate) mod fit;
 mod held;
 mod outside;
 pub(crate) mod rows;
+pub(crate) mod sensors;
 mod speed;
 mod stance;
 pub(crate) mod structure;

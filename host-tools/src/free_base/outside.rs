@@ -7,19 +7,21 @@
 use nalgebra::DVector;
 
 use super::Walks;
-use super::rows::{COLUMNS, RowSetup, each_row};
+use super::data::Data;
+use super::rows::{COLUMNS, each_row};
 
 /// So many times the usual is outside, root mean square.
 pub(super) const LIMIT: f64 = 4.0;
 
-/// When such windows begin, log after log, us in order.
-pub(super) fn windows(walks: &Walks, setup: &RowSetup, theta: &DVector<f64>) -> Vec<Vec<u64>> {
+/// When such windows begin, log after log, µs in order.
+pub(super) fn windows(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<Vec<u64>> {
     let left: Vec<Vec<(u64, f64)>> = walks
         .walks
         .iter()
-        .map(|(walk, stance)| {
+        .enumerate()
+        .map(|(n, (walk, stance))| {
             let mut windows: Vec<(u64, f64, f64)> = Vec::new();
-            each_row(walk, stance, setup, &[], |row| {
+            each_row(walk, stance, data.linearised(n), &[], |row| {
                 let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
                 let left = row.numbers[COLUMNS] - terms.sum::<f64>();
                 if row.rank > 0 {

@@ -1,6 +1,6 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
-use nalgebra::Vector3;
+use nalgebra::DVector;
 use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
 use proprio_core::factor::{Factor, packed_len};
@@ -8,12 +8,15 @@ use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::tree::Tree;
 use proprio_core::window::{
-    FreeBasePush, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample, Settings,
+    FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
+    Settings,
 };
 use serde::Serialize;
 
+use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
+use crate::estimate::bounded::body;
 
 /// Bodies, the base first.
 pub(crate) const BODIES: usize = JOINTS + 1;
@@ -26,11 +29,12 @@ pub(crate) const EFFECTS: [EffectKind; 4] = [
     EffectKind::Armature,
     EffectKind::Bias,
 ];
-/// Inertial columns, the effects' and the accelerometer's.
-pub(crate) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + 3;
-/// Where the accelerometer's columns begin.
-pub(crate) const ACC: usize = COLUMNS - 3;
+/// Inertial columns, the effects' and the sensors'.
+pub(crate) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + SENSORS;
+/// Where the sensors' columns begin, the accelerometer's first.
+pub(crate) const ACC: usize = COLUMNS - SENSORS;
 
+type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 4>;
 type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [EffectKind; 4]>;
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
@@ -112,19 +116,40 @@ pub(super) const SCALE: [f64; COORDINATES] = {
     scale
 };
 
-/// What the rows are made with: the accelerometer's columns are derivatives at these masses and this bias.
+/// What the rows are made at: the sensors' columns are derivatives at these parameters.
 pub(super) struct RowSetup {
     tree: Tree<f64, BODIES, COORDINATES>,
-    acc_bias: Vector3<f64>,
+    pub(super) sensors: Sensors,
+    /// All that is not the sensors'.
+    others: DVector<f64>,
 }
 
 impl RowSetup {
-    /// At these bodies, the base first, and this bias of the accelerometer, m/s².
-    pub(super) fn at(bodies: &[InertialParameters<f64>; BODIES], acc_bias: Vector3<f64>) -> Self {
-        Self {
-            tree: go2::free().with_inertia(bodies),
-            acc_bias,
+    /// At the CAD's bodies, without any effect, with sensors that are right.
+    pub(super) fn cad() -> Self {
+        let mut theta = DVector::zeros(COLUMNS);
+        for (b, body) in go2::free::<f64>().bodies().iter().enumerate() {
+            theta
+                .rows_mut(INERTIAL * b, INERTIAL)
+                .copy_from(&body.inertia.0);
         }
+        Self::at(&theta)
+    }
+
+    /// At these parameters.
+    pub(super) fn at(theta: &DVector<f64>) -> Self {
+        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(theta, b));
+        Self {
+            tree: go2::free().with_inertia(&bodies),
+            sensors: Sensors::of(theta),
+            others: theta.rows(0, ACC).into_owned(),
+        }
+    }
+
+    /// What an equation leaves as the window tells it, with the sensors as they are here.
+    pub(super) fn left(&self, row: &[f64]) -> f64 {
+        let terms = self.others.iter().zip(row).map(|(x, a)| x * a);
+        terms.sum::<f64>() - row[ACC + MOVED]
     }
 
     fn window(&self, period: f64) -> Window {
@@ -137,7 +162,7 @@ impl RowSetup {
                 scale: SCALE,
                 plausible: all_plausible(),
                 settings: settings(period),
-                acc_bias: self.acc_bias,
+                acc_bias: self.sensors.acc_bias(),
             },
         )
     }
@@ -164,9 +189,66 @@ pub(super) struct Row<'a> {
 pub(super) fn each_row(
     walk: &Walk,
     stance: &Stance,
-    setup: &RowSetup,
+    at: Linearised<'_>,
     outside: &[u64],
     mut tell: impl FnMut(Row<'_>),
+) -> Windows {
+    let Linearised { setup, moved } = at;
+    let mut kept = Windows::default();
+    let counts = each_window(
+        &setup.sensors.corrected(walk),
+        stance,
+        setup,
+        |rows, row| {
+            let start_us = rows.span_us[0];
+            if outside.binary_search(&start_us).is_ok() {
+                kept.outside += 1;
+                return;
+            }
+            let told = Told::of(walk, stance, rows.span_us, rows.rank);
+            if told.equations == 0 {
+                kept.still += 1;
+                return;
+            }
+            let mut rank = told.equations;
+            for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
+                rows.write_row(coordinate, row);
+                let measured = row[ACC + MOVED];
+                let columns = moved.columns(start_us, coordinate, setup.left(row));
+                row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
+                // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
+                let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
+                row[COLUMNS] = measured + taken.sum::<f64>();
+                tell(Row {
+                    start: start_us as f64 * 1e-6,
+                    rank: std::mem::take(&mut rank),
+                    coordinate,
+                    numbers: row,
+                });
+            }
+            kept.used += 1;
+            kept.held += u64::from(told.held);
+            kept.equations += told.equations as u64;
+            kept.by_feet[told.feet] += 1;
+        },
+    );
+    counts.plus(&kept)
+}
+
+/// Parameters that rows are made at, and what moved readings leave there.
+#[derive(Clone, Copy)]
+pub(super) struct Linearised<'a> {
+    pub(super) setup: &'a RowSetup,
+    pub(super) moved: &'a MovedReadings,
+}
+
+/// Tells the windows of a walk whose readings are taken as they are, with room for one row and its right-hand side, and counts those that
+/// are lost.
+pub(super) fn each_window(
+    walk: &Walk,
+    stance: &Stance,
+    setup: &RowSetup,
+    mut tell: impl FnMut(&Rows, &mut [f64]),
 ) -> Windows {
     let mut window = Box::new(setup.window(walk.period));
     let impacts: Vec<f64> = (0..walk.len())
@@ -192,36 +274,7 @@ pub(super) fn each_row(
         let push = window.push(&sample(walk, stance, n));
         open = true;
         match push {
-            FreeBasePush::Closed => {
-                let rows = window.rows();
-                if outside.binary_search(&rows.span_us[0]).is_ok() {
-                    counts.outside += 1;
-                    continue;
-                }
-                let told = Told::of(walk, stance, rows.span_us, rows.rank);
-                if told.equations == 0 {
-                    counts.still += 1;
-                    continue;
-                }
-                let mut rank = told.equations;
-                for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
-                    rows.write_row(coordinate, &mut row);
-                    // The column is of what the bias is beyond the one taken off: of the whole bias with this on the right.
-                    row[COLUMNS] += (0..3)
-                        .map(|n| row[ACC + n] * setup.acc_bias[n])
-                        .sum::<f64>();
-                    tell(Row {
-                        start: rows.span_us[0] as f64 * 1e-6,
-                        rank: std::mem::take(&mut rank),
-                        coordinate,
-                        numbers: &mut row,
-                    });
-                }
-                counts.used += 1;
-                counts.held += u64::from(told.held);
-                counts.equations += told.equations as u64;
-                counts.by_feet[told.feet] += 1;
-            }
+            FreeBasePush::Closed => tell(window.rows(), &mut row),
             FreeBasePush::Cut => counts.cut += 1,
             FreeBasePush::Gap => counts.gap += 1,
             FreeBasePush::Rejected(_) => counts.rejected += 1,
@@ -282,12 +335,12 @@ impl Told {
 pub(super) fn fold(
     walk: &Walk,
     stance: &Stance,
-    setup: &RowSetup,
+    at: Linearised<'_>,
     outside: &[u64],
     seconds: f64,
 ) -> (Vec<Block>, Windows) {
     let mut blocks: Vec<Block> = Vec::new();
-    let counts = each_row(walk, stance, setup, outside, |row| {
+    let counts = each_row(walk, stance, at, outside, |row| {
         let block = (row.start / seconds) as usize;
         blocks.resize_with(blocks.len().max(block + 1), Block::empty);
         // Samples are checked to be finite, so the rows are, and no fold refuses them.

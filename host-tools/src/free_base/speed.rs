@@ -4,7 +4,9 @@
 //! A Go2's position has a quantum of 3e-5 rad and hardly any noise: its slope over 8 ms is ten times quieter than the reported
 //! velocity, whose noise makes Coulomb friction near standstill, and all that is multiplied with momentum, uncertain. Time stamps
 //! that jitter spoil the slope, so each joint of each log is asked. The gyro has no second channel: it is smoothed by the parabola
-//! that fits the samples within 10 ms best (Savitzky & Golay 1964), which passes motion of up to 40 Hz.
+//! that fits the samples within 6 ms best (Savitzky & Golay 1964), which passes motion of up to 65 Hz. Less, and the gyro's noise moves the trunk's
+//! centre of mass; more, and a touch-down, which turns the base within some 8 ms, reaches into windows that are long over: of MuJoCo's trots
+//! 10 ms spoilt the friction of front calves by 15 %, 2 ms the height of the trunk's centre of mass by 1.5 mm.
 
 use nalgebra::{Matrix3, Vector3};
 use proprio_core::go2::JOINTS;
@@ -19,7 +21,7 @@ const SPAN: f64 = 2e-3;
 const UNEVEN: f64 = 0.02;
 
 /// The gyro's parabola reaches this far to both sides, s.
-const REACH: f64 = 0.0101;
+const REACH: f64 = 0.0061;
 
 /// Smooths the gyro, and replaces the joints' velocities where the slope of the position is quieter. What is sampled slowly
 /// stays as it is.

@@ -7,6 +7,7 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::FreeBaseError;
 use super::rows::{BODIES, EFFECTS};
+use super::sensors;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
 use crate::model::{BASE, Model};
@@ -20,8 +21,6 @@ const BARE_TRUNK: f64 = 0.05;
 const BEST_KNOWN: f64 = 0.002;
 /// Relative standard deviation of a body that may carry a load: it may weigh twice as much.
 const LOADED: f64 = 1.0;
-/// Standard deviation of an accelerometer's bias, m/s².
-pub(super) const ACC_BIAS: f64 = 0.2;
 
 /// A body before any data.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,7 +134,7 @@ impl ModelStructure {
         bodies.map(|body| (body.inertia, relative(body))).collect()
     }
 
-    /// Priors and bounds of the effects, joint after joint, and of the accelerometer's bias. An effect that a joint does not have is
+    /// Priors and bounds of the effects, joint after joint, and of what sensors get wrong. An effect that a joint does not have is
     /// zero.
     pub(super) fn others(&self) -> Vec<Bounded> {
         let effects = (0..JOINTS).flat_map(|j| (0..EFFECTS.len()).map(move |e| (j, e)));
@@ -148,13 +147,13 @@ impl ModelStructure {
                 upper: 0.0,
             },
         });
-        let bias = Bounded {
+        let sensors = sensors::STD.map(|std| Bounded {
             mean: 0.0,
-            std: ACC_BIAS,
+            std,
             lower: f64::NEG_INFINITY,
             upper: f64::INFINITY,
-        };
-        effects.chain([bias; 3]).collect()
+        });
+        effects.chain(sensors).collect()
     }
 
     fn effect(&self, joint: usize, effect: EffectKind) -> Bounded {

@@ -20,6 +20,7 @@ const VERTICAL_SPEED: f64 = 0.2;
 const GRAVITY: f64 = 9.81;
 
 /// The samples of a log, without those that repeat the one before.
+#[derive(Clone)]
 pub(crate) struct Walk {
     pub(super) path: PathBuf,
     pub(super) time_us: Vec<u64>,
@@ -164,6 +165,17 @@ impl Walk {
     pub(super) fn index_at(&self, seconds: f64) -> usize {
         self.time_us
             .partition_point(|t| (*t as f64) < seconds * 1e6)
+    }
+
+    /// The rate of change at sample n of what is read at each sample, by its neighbours; zero beside a gap.
+    pub(super) fn rate(&self, n: usize, of: impl Fn(usize) -> f64) -> f64 {
+        let (before, after) = (n.saturating_sub(1), (n + 1).min(self.len() - 1));
+        let time = self.seconds(after) - self.seconds(before);
+        if time > 0.0 && time < 3.0 * self.period {
+            (of(after) - of(before)) / time
+        } else {
+            0.0
+        }
     }
 
     fn middle_step(&self) -> f64 {

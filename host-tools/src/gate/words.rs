@@ -80,6 +80,11 @@ pub(super) fn findings(sampling: &SamplingReport, joints: &[JointReport]) -> Vec
         findings.extend(of_velocity(joint, reference, joints.len()));
         findings.extend(of_saturation(joint));
     }
+    findings.extend(
+        [1.0, -1.0]
+            .into_iter()
+            .filter_map(|sign| of_lag(joints, sign)),
+    );
     findings.extend(of_motion(joints));
     findings
 }
@@ -190,16 +195,6 @@ fn of_velocity(joint: &JointReport, reference: f64, joints: usize) -> Vec<Findin
             "divide its velocity by the gain or let the model have velocity_gain; its friction and inertia are wrong by as much",
         );
     }
-    if v.lag.abs() > TOLERATED_LAG + 4.0 * v.lag_std {
-        let side = if v.lag > 0.0 { "later" } else { "earlier" };
-        let what = format!(
-            "reports its velocity {:.1} ±{:.1} ms {side} than its position",
-            1e3 * v.lag.abs(),
-            1e3 * v.lag_std
-        );
-        let remedy = "shift the velocity in time before use; else inertia and friction mix";
-        add(Gate::VelocityLag, what, remedy);
-    }
     if v.offset.abs() > TOLERATED_OFFSET + 4.0 * v.offset_std {
         let what = format!(
             "reports a velocity of {:.3} ±{:.3} rad/s at rest",
@@ -208,6 +203,38 @@ fn of_velocity(joint: &JointReport, reference: f64, joints: usize) -> Vec<Findin
         add(Gate::VelocityOffset, what, "take it off before use");
     }
     found
+}
+
+/// The joints whose velocity is later than their position (`sign` 1) or earlier (−1), in one word: a driver's filter is all joints'.
+fn of_lag(joints: &[JointReport], sign: f64) -> Option<Finding> {
+    let off = |joint: &&JointReport| {
+        let lag = joint
+            .velocity
+            .map_or((0.0, 0.0), |v| (sign * v.lag, v.lag_std));
+        lag.0 > TOLERATED_LAG + 4.0 * lag.1
+    };
+    let off: Vec<&JointReport> = joints.iter().filter(off).collect();
+    let lags = || off.iter().filter_map(|joint| joint.velocity);
+    let range = |of: fn(f64, f64) -> f64| lags().map(|v| 1e3 * v.lag.abs()).reduce(of);
+    let (least, most) = (range(f64::min)?, range(f64::max)?);
+    let std = 1e3 * lags().map(|v| v.lag_std).fold(0.0, f64::max);
+    let side = if sign > 0.0 { "later" } else { "earlier" };
+    let what = if off.len() == 1 {
+        format!("reports its velocity {most:.1} ±{std:.1} ms {side} than its position")
+    } else {
+        format!(
+            "report their velocities {least:.1} to {most:.1} ±{std:.1} ms {side} than their positions"
+        )
+    };
+    Some(Finding {
+        joints: off.iter().map(|joint| joint.joint.clone()).collect(),
+        ..finding(
+            Gate::VelocityLag,
+            None,
+            what,
+            "shift the velocity in time before use; else inertia and friction mix",
+        )
+    })
 }
 
 fn of_saturation(joint: &JointReport) -> Vec<Finding> {

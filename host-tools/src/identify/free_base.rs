@@ -14,6 +14,7 @@ use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Deviations, Fit, bare, rms};
 use crate::free_base::rows::{ACC, BODIES, COLUMNS, EFFECTS};
+use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::{JointId, Samples};
@@ -56,7 +57,7 @@ pub struct Quantity {
 pub struct FreeBaseIdentification {
     /// Masses and the trunk's centre of mass.
     pub quantities: Vec<Quantity>,
-    /// Every parameter: the trunk's and the legs' bodies, effects, the accelerometer's bias.
+    /// Every parameter: the trunk's and the legs' bodies, effects, what sensors get wrong.
     pub parameters: Vec<ParameterEstimate>,
     /// Root mean square of the fit's residuals over the equations that contact forces leave: mean torque over a window, N m;
     /// equations of the base are scaled to the same noise.
@@ -185,8 +186,8 @@ fn names() -> impl Iterator<Item = (String, &'static str)> {
             )
         })
     });
-    let bias = ["x", "y", "z"].map(|axis| (format!("acc_bias.{axis}:imu"), "m/s^2"));
-    inertial.chain(effects).chain(bias)
+    let sensors = NAMES.map(|(name, unit)| (name.to_owned(), unit));
+    inertial.chain(effects).chain(sensors)
 }
 
 pub(crate) fn walk_parameters(fit: &Fit, deviations: &Deviations) -> Vec<ParameterEstimate> {

@@ -317,6 +317,38 @@ mod tests {
         assert_eq!(columns.wanted.len(), FL.len());
     }
 
+    /// A URDF's `lift_joint` is `lift` to many a recorder, and a Go2's `FL_hip` `FL_hip_joint`.
+    #[test]
+    fn joints_are_found_with_their_suffix_and_without() {
+        let folder = tempfile::tempdir().unwrap();
+        let urdf = folder.path().join("lift.urdf");
+        let text = r#"<robot name="lift"><link name="base"/><link name="fork"><inertial><mass value="1"/>
+            <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <joint name="lift_joint" type="prismatic"><parent link="base"/><child link="fork"/><axis xyz="0 0 1"/>
+            <limit lower="0" upper="1" effort="10" velocity="1"/></joint></robot>"#;
+        std::fs::write(&urdf, text).unwrap();
+        let lift = Robot::from_urdf(&urdf).unwrap();
+        for name in ["lift", "lift_joint"] {
+            let header = ["t".to_owned()]
+                .into_iter()
+                .chain(["q", "dq", "tau"].map(|channel| format!("{channel}/{name}")));
+            let columns = Columns::new(
+                Path::new("log.csv"),
+                None,
+                header.collect(),
+                Selection::Motion,
+                &lift,
+            );
+            assert_eq!(columns.unwrap().joints().collect::<Vec<_>>(), [0], "{name}");
+        }
+        let long = FL.map(|name| match name {
+            "t" => name.to_owned(),
+            _ => format!("{name}_joint"),
+        });
+        let columns = columns(&long.each_ref().map(String::as_str), Selection::Motion);
+        assert_eq!(columns.joints().collect::<Vec<_>>(), [3, 4, 5]);
+    }
+
     /// One foot's sensor does not need the others'.
     #[test]
     fn a_foot_is_recorded_on_its_own() {

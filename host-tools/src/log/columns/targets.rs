@@ -65,10 +65,9 @@ impl Columns {
         };
         let mut known = HashMap::from([("t".to_owned(), plain(TIME))]);
         for (joint, body) in self.robot.bodies().iter().enumerate() {
-            let long = format!("{}_joint", body.name);
             for channel in Channel::ALL {
                 let target = plain(slots.of(channel, joint));
-                for name in [&long, &body.joint_name, &body.name] {
+                for name in [&body.joint_name, &body.name] {
                     known.insert(channel.column(name), target);
                     if Channel::MOTION.contains(&channel) {
                         let motor = true;
@@ -85,7 +84,27 @@ impl Columns {
         for (limb, slot) in self.limbs.iter().zip(slots.feet()) {
             known.insert(format!("foot/{}", limb.name), plain(slot));
         }
+        self.joint_suffix(&mut known);
         known
+    }
+
+    /// The same joints with `_joint` behind their names, or without it: a URDF and a recorder often differ by that. Names that are a joint's own
+    /// come first.
+    fn joint_suffix(&self, known: &mut HashMap<String, Target>) {
+        for body in self.robot.bodies() {
+            let name = &body.name;
+            let other = match name.strip_suffix("_joint") {
+                Some(short) if !short.is_empty() => short.to_owned(),
+                _ => format!("{name}_joint"),
+            };
+            for channel in Channel::ALL {
+                for column in [Channel::column, Channel::motor_column] {
+                    if let Some(target) = known.get(&column(channel, name)).copied() {
+                        known.entry(column(channel, &other)).or_insert(target);
+                    }
+                }
+            }
+        }
     }
 
     /// What other recorders' names mean.

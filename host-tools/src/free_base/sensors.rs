@@ -1,0 +1,121 @@
+//! What the sensors of a walk get wrong: the accelerometer's bias, how the IMU is mounted, and when encoders and IMU were read.
+//!
+//! None of it is the robot's, so it is fitted always, whatever the model. The bias has columns of its own
+//! ([`proprio_core::window::FreeBaseWindow`]). All else moves the readings, and its columns are differences: what an equation leaves if the
+//! readings are moved a little, less what it leaves as they are. So rows are made at parameters near the fit's ([`super::data::Data::of`]).
+//!
+//! Delays are against the torques. A quarter of a millisecond at a swinging calf is 15 % of its viscous friction: a position that leads
+//! its torque by half a step, as a simulation's may, or lags behind it by what the bus takes, shows in nothing else.
+
+use nalgebra::{DVector, Rotation3, Vector3};
+use proprio_core::go2::JOINTS;
+
+use super::rows::{ACC, COORDINATES, RowSetup, each_window};
+use super::stance::Stance;
+use super::walk::Walk;
+use crate::estimate::robot::side_by_side;
+
+/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s.
+pub(crate) const SENSORS: usize = 8;
+/// The first of those that move the readings.
+pub(super) const MOVED: usize = 3;
+
+/// Names and units.
+pub(crate) const NAMES: [(&str, &str); SENSORS] = [
+    ("acc_bias.x:imu", "m/s^2"),
+    ("acc_bias.y:imu", "m/s^2"),
+    ("acc_bias.z:imu", "m/s^2"),
+    ("mounting.x:imu", "rad"),
+    ("mounting.y:imu", "rad"),
+    ("mounting.z:imu", "rad"),
+    ("delay:encoders", "s"),
+    ("delay:imu", "s"),
+];
+
+/// Standard deviations before any data. An accelerometer's bias is tenths of m/s² (data sheets of the LSM6DSO and BMI088); a board is mounted by
+/// hand within three degrees; readings that a host polls fifty times a second are half of that time apart.
+pub(super) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01];
+
+/// How far readings are moved for a column: far beyond rounding, and too little to be felt.
+const STEP: [f64; SENSORS - MOVED] = [1e-4, 1e-4, 1e-4, 1e-5, 1e-5];
+
+/// What the sensors get wrong, in the order of [`NAMES`].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Sensors(pub(super) [f64; SENSORS]);
+
+impl Sensors {
+    /// Of all parameters of a walk.
+    pub(super) fn of(theta: &DVector<f64>) -> Self {
+        Self(std::array::from_fn(|k| theta[ACC + k]))
+    }
+
+    /// The accelerometer's bias, m/s².
+    pub(super) fn acc_bias(&self) -> Vector3<f64> {
+        Vector3::new(self.0[0], self.0[1], self.0[2])
+    }
+
+    /// The walk as better sensors would have read it, but for the accelerometer's bias.
+    pub(super) fn corrected(&self, walk: &Walk) -> Walk {
+        let [_, _, _, x, y, z, encoders, imu] = self.0;
+        let mounting = Rotation3::from_scaled_axis(Vector3::new(x, y, z));
+        let all = 0..walk.len();
+        let joint = |n: usize, j: usize| walk.dq[n][j] + encoders * walk.rate(n, |m| walk.dq[m][j]);
+        let turned = |n: usize, of: &[Vector3<f64>]| {
+            mounting * (of[n] + Vector3::from_fn(|k, _| imu * walk.rate(n, |m| of[m][k])))
+        };
+        Walk {
+            q: all
+                .clone()
+                .map(|n| std::array::from_fn(|j| walk.q[n][j] + encoders * walk.dq[n][j]))
+                .collect(),
+            dq: all
+                .clone()
+                .map(|n| std::array::from_fn::<f64, JOINTS, _>(|j| joint(n, j)))
+                .collect(),
+            gyro: all.clone().map(|n| turned(n, &walk.gyro)).collect(),
+            acc: all.clone().map(|n| turned(n, &walk.acc)).collect(),
+            down: all.map(|n| turned(n, &walk.down).normalize()).collect(),
+            ..walk.clone()
+        }
+    }
+}
+
+/// What each equation leaves if the readings are moved: by window and coordinate, for each of the columns behind [`MOVED`].
+#[derive(Default)]
+pub(super) struct MovedReadings(Vec<Vec<(u64, [f64; COORDINATES])>>);
+
+impl MovedReadings {
+    /// At the parameters that rows are made at.
+    pub(super) fn of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Self {
+        let columns: Vec<usize> = (MOVED..SENSORS).collect();
+        Self(side_by_side(&columns, |&k| {
+            let mut sensors = setup.sensors;
+            sensors.0[k] += STEP[k - MOVED];
+            let mut all = Vec::new();
+            each_window(&sensors.corrected(walk), stance, setup, |rows, row| {
+                let left = std::array::from_fn(|coordinate| {
+                    rows.write_row(coordinate, row);
+                    setup.left(row)
+                });
+                all.push((rows.span_us[0], left));
+            });
+            all
+        }))
+    }
+
+    /// The columns of the equation of a window that began then; zeros without any readings moved. `left` is what it leaves as they are.
+    pub(super) fn columns(
+        &self,
+        start_us: u64,
+        coordinate: usize,
+        left: f64,
+    ) -> [f64; SENSORS - MOVED] {
+        std::array::from_fn(|k| {
+            let moved = self.0.get(k).and_then(|windows| {
+                let at = windows.binary_search_by_key(&start_us, |(start, _)| *start);
+                Some(windows[at.ok()?].1[coordinate])
+            });
+            moved.map_or(0.0, |moved| (moved - left) / STEP[k])
+        })
+    }
+}
