@@ -18,17 +18,17 @@ const SECOND: u64 = 500;
 
 /// What a robot may have beyond the CAD's bodies, usual friction and rotors.
 #[derive(Clone, Copy, Default)]
-struct Extra {
+pub(super) struct Extra {
     /// N m at the FL calf's joint.
-    bias: f64,
+    pub(super) bias: f64,
     /// N m at the RL thigh's joint.
-    coulomb: f64,
+    pub(super) coulomb: f64,
     /// kg on the RR calf, 0.12 m down and 0.02 m forward.
-    load: f64,
+    pub(super) load: f64,
 }
 
 /// A robot that hangs and swings its legs, and the device that listens to it.
-struct Robot {
+pub(super) struct Robot {
     device: Box<Whole<f64>>,
     noise: u64,
     step: u64,
@@ -36,7 +36,7 @@ struct Robot {
 }
 
 impl Robot {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             device: Whole::new(DESKTOP),
             noise: 1,
@@ -97,9 +97,17 @@ impl Robot {
     }
 
     /// Goes on for so many seconds; what is told meanwhile.
-    fn run(&mut self, seconds: u64, extra: impl Fn(f64) -> Extra) -> &[DeviceMessage] {
+    pub(super) fn run(&mut self, seconds: u64, extra: impl Fn(f64) -> Extra) -> &[DeviceMessage] {
+        self.run_steps(seconds * SECOND, extra)
+    }
+
+    pub(super) fn run_steps(
+        &mut self,
+        steps: u64,
+        extra: impl Fn(f64) -> Extra,
+    ) -> &[DeviceMessage] {
         let from = self.told.len();
-        for n in 0..seconds * SECOND {
+        for n in 0..steps {
             self.step += 1;
             let extra = extra(n as f64 / SECOND as f64);
             let brought = Leg::ALL.map(|leg| bytes(&self.replies(leg, &extra), false));
@@ -112,23 +120,28 @@ impl Robot {
         &self.told[from..]
     }
 
+    pub(super) fn ask(&mut self, id: u32, action: Action) {
+        let Whole { app, memory } = &mut *self.device;
+        app.handle(memory, &HostMessage::Request(Request { id, action }));
+    }
+
     fn now_us(&self) -> u64 {
         self.step * STEP_US
     }
 
-    fn estimate(&self, leg: Leg) -> &Estimate {
+    pub(super) fn estimate(&self, leg: Leg) -> &Estimate {
         tests::last_estimate(&self.told, leg.index())
     }
 
     /// Value and standard deviation of a joint's n-th effect.
-    fn effect(&self, leg: Leg, joint: usize, n: usize) -> (f64, f64) {
+    pub(super) fn effect(&self, leg: Leg, joint: usize, n: usize) -> (f64, f64) {
         let estimate = self.estimate(leg);
         let place = LEG_INERTIAL + 4 * joint + n;
         let (value, std) = (estimate.values[place], estimate.std[place]);
         (f64::from(value), f64::from(std))
     }
 
-    fn counters(&self, leg: Leg) -> LegCounters {
+    pub(super) fn counters(&self, leg: Leg) -> LegCounters {
         self.device.app.counters(&self.device.memory, 0).legs[leg.index()]
     }
 }

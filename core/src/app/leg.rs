@@ -5,12 +5,15 @@ use super::counts::heard;
 use super::diagnosis::Evidence;
 use crate::Real;
 use crate::bus::{Listener, Queue};
+use crate::consistent::{body, is_consistent};
 use crate::estimator::{
-    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceFolds,
-    DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
+    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceDescent,
+    DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather, LEG_INERTIAL, LegBase,
+    MAX_EFFECTS, NOISE_GUESS, Verdict,
 };
 use crate::factor::{Factor, FactorError};
 use crate::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg};
+use crate::inertia::InertialParameters;
 use crate::scalar::{exp_minus, real};
 use crate::slot::Slot;
 use crate::spatial::Transform;
@@ -99,6 +102,8 @@ pub(super) struct LegLine<T: Real> {
     beliefs: Beliefs,
     /// The joints' noise by the last solution, N m.
     noise: [T; JOINTS_PER_LEG],
+    /// The bodies of the last consistent solution; none, and so not physical, at first.
+    bodies: [InertialParameters<T>; JOINTS_PER_LEG],
     /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
     memory_s: u32,
     /// A change that is being forgotten, and how many of its directions are.
@@ -122,6 +127,7 @@ impl<T: Real> LegLine<T> {
             prior: Slot::Empty,
             beliefs: Beliefs::NONE,
             noise: [T::ZERO; JOINTS_PER_LEG],
+            bodies: [InertialParameters::NONE; JOINTS_PER_LEG],
             memory_s: 0,
             forgetting: Slot::Empty,
             stale: false,
@@ -146,6 +152,7 @@ impl<T: Real> LegLine<T> {
         self.active = DEFAULT_ACTIVE;
         self.beliefs = Beliefs::NONE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
+        self.bodies = [InertialParameters::zero(); JOINTS_PER_LEG];
         self.set_prior(which);
         if let Slot::Full(prior) = &self.prior {
             // The work space is as large as it says; without the analysis, every fold would count as unfolded.
@@ -471,6 +478,47 @@ impl<T: Real> LegLine<T> {
         if !self.stale {
             data.test.learn(solver.values(), active, &data.base);
         }
+    }
+
+    /// Whether all bodies of a solution could exist and all effects are within their bounds.
+    #[inline(never)]
+    pub(super) fn is_consistent(&self, solver: &DeviceSolver<T>) -> bool {
+        let prior = self.prior.get();
+        prior.is_none_or(|prior| is_consistent(prior, solver.values()))
+    }
+
+    /// Begins the consistent solution of what has been solved freely, at the last one's bodies.
+    pub(super) fn descend(&mut self, descent: &mut DeviceDescent<T>, solver: &mut DeviceSolver<T>) {
+        let Some(prior) = self.prior.get() else {
+            return;
+        };
+        let mut effects = [T::zero(); MAX_EFFECTS];
+        let free = solver.values().get(LEG_INERTIAL..).unwrap_or(&[]);
+        let pairs = effects.iter_mut().zip(free);
+        pairs.for_each(|(to, from)| *to = *from);
+        let effect = |n: usize| effects.get(n).copied().unwrap_or(T::zero());
+        descent.start(prior, solver, &self.bodies, effect);
+    }
+
+    /// Goes on with it; true when the solver has it.
+    pub(super) fn descend_on(
+        &mut self,
+        descent: &mut DeviceDescent<T>,
+        solver: &mut DeviceSolver<T>,
+    ) -> Result<bool, FactorError> {
+        let Some(prior) = self.prior.get() else {
+            return Ok(true);
+        };
+        let done = descent.advance(prior, solver)?;
+        if done {
+            self.bodies = core::array::from_fn(|b| body(descent.theta(), b));
+        }
+        Ok(done)
+    }
+
+    /// Whether what was gathered is no longer what the factors hold.
+    pub(super) fn is_stale(&self) -> bool {
+        self.stale
     }
 
     /// Adds an effect of [`crate::estimator::COLUMNS`] to a joint's model, or drops it; false if that is how it was.

@@ -9,7 +9,8 @@
 //! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
 //!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;
 //! 4. puts the samples into the legs' windows; the rows of a window that closes wait to be folded;
-//! 5. if it did not fold, does one part of a solution or of the diagnosis;
+//! 5. if it did not fold, does one part of a solution or of the diagnosis; a solution that could not be is followed by the likeliest that
+//!    could ([`crate::consistent`]), which is told in its place;
 //! 6. says at most one message.
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
@@ -20,6 +21,8 @@
 mod alignment;
 #[cfg(test)]
 mod change_tests;
+#[cfg(test)]
+mod consistent_tests;
 mod copy;
 mod counts;
 mod diagnosis;
@@ -39,13 +42,13 @@ mod walking_tests;
 
 use crate::Real;
 use crate::estimator::{
-    Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
+    Active, COLUMNS, DEFAULT_ACTIVE, DeviceDescent, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::slot::Slot;
 use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
-    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
+    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA, Solution,
 };
 pub use alignment::Alignment;
 use copy::FactorCopy;
@@ -149,6 +152,30 @@ impl<T: Real> Default for Memory<T> {
     }
 }
 
+/// A leg that is being solved.
+#[derive(Clone, Copy)]
+struct Solving {
+    which: Leg,
+    /// When its data end.
+    time_us: u64,
+    phase: Phase,
+    /// [`App::settings`] when its data were gathered.
+    settings: u32,
+}
+
+/// How far a leg's solution is.
+#[derive(Clone, Copy, PartialEq)]
+enum Phase {
+    /// Its data are being gathered.
+    Gather,
+    /// Least squares alone.
+    Solve,
+    /// Is that one that could be?
+    Judge,
+    /// The likeliest of those that could.
+    Descend,
+}
+
 /// The application: four legs' lines and the solver that serves them in turn.
 pub struct App<T: Real> {
     identity: Slot<Identity>,
@@ -161,12 +188,15 @@ pub struct App<T: Real> {
     diagnosis: Diagnosis<T>,
     /// Steps left of the rest after one with work.
     rest: u8,
-    /// The leg being solved, the time its data end, and whether its data are still being gathered.
-    solving: Slot<(Leg, u64, bool)>,
+    descent: DeviceDescent<T>,
+    /// What is being solved.
+    solving: Slot<Solving>,
+    /// The diagnosis was the last to go on beside a consistent solution.
+    diagnosed: bool,
     /// The leg to solve next, and when.
     next: (Leg, u64),
     /// A solution to be told.
-    solved: Slot<(Leg, u64)>,
+    solved: Slot<(Leg, u64, Solution)>,
     requests: Requests,
     snapshots: Snapshots,
     /// Another number after each change that the host has made.
@@ -197,7 +227,9 @@ impl<T: Real> App<T> {
             gather: Gather::new(),
             diagnosis: Diagnosis::new(),
             rest: 0,
+            descent: DeviceDescent::empty(),
             solving: Slot::Empty,
+            diagnosed: false,
             next: (Leg::FR, 0),
             solved: Slot::Empty,
             requests: Requests::new(),
@@ -479,7 +511,8 @@ impl<T: Real> App<T> {
         forgetting.map(|(line, data)| line.fold_on(data)).is_some()
     }
 
-    /// One part of a solution, or of the diagnosis where none is due; then a rest.
+    /// One part of a solution, or of the diagnosis where none is due; then a rest. Beside a consistent solution, which takes many parts, the
+    /// diagnosis has every second one.
     fn work(&mut self, memory: &mut Memory<T>, now_us: u64) {
         if let Some(left) = self.rest.checked_sub(1) {
             self.rest = left;
@@ -490,7 +523,10 @@ impl<T: Real> App<T> {
         if !self.listens_to(n) {
             self.diagnosis.skip_leg();
         }
-        if !self.solve(memory, now_us)
+        let descends =
+            matches!(&self.solving, Slot::Full(solving) if solving.phase == Phase::Descend);
+        self.diagnosed = descends && !self.diagnosed;
+        if (self.diagnosed || !self.solve(memory, now_us))
             && self.listens_to(n)
             && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
@@ -500,50 +536,106 @@ impl<T: Real> App<T> {
 
     /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
     fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
-        let Slot::Full((which, time_us, gathering)) = self.solving else {
-            let (which, due) = self.next;
-            if !self.listens_to(which.index()) {
-                // Its turn is the next one's, as soon as there is one to be solved.
-                self.next.0 = following(which);
-                return false;
-            }
-            let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
-            if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
-                return false;
-            }
-            // What waits is folded in before, in steps of its own.
-            if leg.fold_on(data) {
-                return true;
-            }
-            leg.gather(data, &mut self.gather, &mut self.solver);
-            self.solving = Slot::Full((which, now_us, true));
-            // A solver that cannot keep up does not try to catch up.
-            let due = due
-                .saturating_add(ESTIMATE_US)
-                .max(now_us.saturating_sub(ESTIMATE_US));
-            self.next = (following(which), due);
+        match self.solving {
+            Slot::Full(solving) => self.solve_on(memory, solving),
+            Slot::Empty => return self.begin_solving(memory, now_us),
+        }
+        true
+    }
+
+    /// Begins the next leg's solution when it is due; false if it is not.
+    fn begin_solving(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
+        let (which, due) = self.next;
+        if !self.listens_to(which.index()) {
+            // Its turn is the next one's, as soon as there is one to be solved.
+            self.next.0 = following(which);
+            return false;
+        }
+        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
+        if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
+            return false;
+        }
+        // What waits is folded in before, in steps of its own.
+        if leg.fold_on(data) {
             return true;
+        }
+        leg.gather(data, &mut self.gather, &mut self.solver);
+        self.solving = Slot::Full(Solving {
+            which,
+            time_us: now_us,
+            phase: Phase::Gather,
+            settings: self.settings,
+        });
+        // A solver that cannot keep up does not try to catch up.
+        let due = due
+            .saturating_add(ESTIMATE_US)
+            .max(now_us.saturating_sub(ESTIMATE_US));
+        self.next = (following(which), due);
+        true
+    }
+
+    /// Goes on with a solution.
+    fn solve_on(&mut self, memory: &mut Memory<T>, solving: Solving) {
+        let Solving { which, time_us, .. } = solving;
+        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
+        let has_prior = match solving.phase {
+            Phase::Gather | Phase::Solve => true,
+            Phase::Judge => solving.settings == self.settings,
+            Phase::Descend => solving.settings == self.settings && !leg.is_stale(),
         };
-        let leg = &mut self.legs[which.index()];
-        let done = match gathering {
-            true => leg.gather_on(&memory.0[which.index()], &mut self.gather, &mut self.solver),
-            false => self.solver.advance(),
-        };
-        match (gathering, done) {
-            (_, Ok(false)) => {}
-            (true, Ok(true)) => self.solving = Slot::Full((which, time_us, false)),
-            (false, Ok(true)) => {
-                let data = &mut memory.0[which.index()];
-                leg.learn(data, &self.solver, self.gather.active());
+        if !has_prior {
+            // The prior that it was begun with is no more: the next solution is not far.
+            self.solving = Slot::Empty;
+            return;
+        }
+        let next = match solving.phase {
+            Phase::Gather => leg
+                .gather_on(data, &mut self.gather, &mut self.solver)
+                .map(|done| done.then_some(Phase::Solve)),
+            Phase::Solve => self.solver.advance().map(|done| {
+                done.then(|| {
+                    leg.learn(data, &self.solver, self.gather.active());
+                    Phase::Judge
+                })
+            }),
+            Phase::Judge if leg.is_consistent(&self.solver) => {
+                self.solved = Slot::Full((which, time_us, Solution::Free));
                 self.solving = Slot::Empty;
-                self.solved = Slot::Full((which, time_us));
+                return;
             }
-            (_, Err(_)) => {
+            Phase::Judge => {
+                leg.descend(&mut self.descent, &mut self.solver);
+                Ok(Some(Phase::Descend))
+            }
+            Phase::Descend => match leg.descend_on(&mut self.descent, &mut self.solver) {
+                Ok(true) => {
+                    self.solved = Slot::Full((which, time_us, Solution::Consistent));
+                    self.solving = Slot::Empty;
+                    return;
+                }
+                Ok(false) => Ok(None),
+                Err(error) => Err(error),
+            },
+        };
+        match next {
+            Ok(Some(phase)) => {
+                let settings = match phase {
+                    // The model may have been set while its data were gathered: it is then gathered anew.
+                    Phase::Solve => self.settings,
+                    _ => solving.settings,
+                };
+                self.solving = Slot::Full(Solving {
+                    phase,
+                    settings,
+                    ..solving
+                });
+            }
+            Ok(None) => {}
+            Err(_) => {
                 self.solving = Slot::Empty;
                 leg.count_unsolved();
             }
         }
-        true
     }
 
     /// The most urgent message that is due.
@@ -559,8 +651,9 @@ impl<T: Real> App<T> {
         if let Some(change) = lines.find_map(|(leg, line)| line.take_change(leg)) {
             return Some(DeviceMessage::Change(change));
         }
-        if let Some((which, time_us)) = self.solved.take() {
-            return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
+        if let Some((which, time_us, solution)) = self.solved.take() {
+            let estimate = self.estimate(which, time_us, solution);
+            return Some(DeviceMessage::Estimate(estimate));
         }
         if now_us >= self.counters_at {
             self.counters_at = now_us.saturating_add(REPORT_US);
@@ -610,7 +703,7 @@ impl<T: Real> App<T> {
         }
     }
 
-    fn estimate(&self, which: Leg, time_us: u64) -> Estimate {
+    fn estimate(&self, which: Leg, time_us: u64, solution: Solution) -> Estimate {
         const {
             assert!(LEG_INERTIAL + MAX_EFFECTS <= wire::MAX_PARAMETERS);
             assert!(COLUMNS.len() <= wire::MAX_EFFECTS);
@@ -625,6 +718,7 @@ impl<T: Real> App<T> {
             time_us,
             windows: single(solver.windows()) as u32,
             effects: active.0,
+            solution,
             values: fitting(values.zip(neutral).map(|(v, n)| v + n)),
             std: fitting(solver.std().iter().copied().map(single)),
             noise: solver.noise().map(single),

@@ -32,6 +32,7 @@ fn solver(estimator: &LegEstimator<f64>) -> LegConsistentSolver<f64> {
         estimator.prior(),
         LegSolver::default(),
         [0.0; LEG_PARAMETERS],
+        [0.0; packed_len(LEG_INERTIAL)],
     )
 }
 
@@ -131,7 +132,7 @@ fn the_minimum_has_no_slope_but_at_bounds() {
     let least = solver.cost(solver.values()).unwrap();
     for k in 0..LEG_PARAMETERS {
         for side in [-0.01, 0.01] {
-            let mut near = solver.theta;
+            let mut near: [f64; LEG_PARAMETERS] = core::array::from_fn(|k| solver.values()[k]);
             near[k] += side * solver.std()[k];
             let physical_bound = k >= 30 && near[k] < lower((k - 30) % 4);
             assert!(

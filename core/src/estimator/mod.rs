@@ -78,7 +78,7 @@ mod solver;
 
 pub use device::{
     Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns,
-    DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
+    DeviceDescent, DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
     LONGEST_TRIANGLE, LegBase, Verdict,
 };
 #[cfg(feature = "app")]
@@ -87,6 +87,7 @@ pub(crate) use joints::floor;
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};
+pub(crate) use solver::STEP_COST;
 pub use solver::{Solver, solver_len};
 
 use crate::effect::EffectKind;

@@ -174,12 +174,23 @@ pub struct Estimate {
     pub windows: u32,
     /// Which effects each joint's model has: bit n for the n-th of [`Hello::effects`].
     pub effects: [u32; JOINTS_PER_LEG],
+    /// Which solution it is.
+    pub solution: Solution,
     /// θ: the inertial parameters, then each joint's effects in the order of [`Hello::effects`].
     pub values: Parameters,
     /// Standard deviations of θ.
     pub std: Parameters,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
     pub noise: [f32; JOINTS_PER_LEG],
+}
+
+/// Which solution of a leg's data is told. Either way each body could exist and each effect is within its bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Solution {
+    /// Least squares alone.
+    Free,
+    /// Least squares alone had a body that cannot exist or an effect beyond its bounds: the likeliest one that can.
+    Consistent,
 }
 
 /// What one effect brings to a joint, judged on data that the models were not fitted to.

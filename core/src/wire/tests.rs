@@ -109,6 +109,7 @@ fn largest() -> [DeviceMessage; 9] {
             time_us: u64::MAX,
             windows: m,
             effects: [m; 3],
+            solution: Solution::Consistent,
             values: full.clone(),
             std: full,
             noise: [f32::MIN; 3],

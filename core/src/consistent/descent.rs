@@ -1,0 +1,461 @@
+//! The way down to the least cost, from any physical bodies, in steps of bounded cost; see [`super`].
+
+use super::body;
+use crate::estimator::{EffectPrior, LimbPrior, STEP_COST, Solver};
+use crate::factor::{Factor, FactorError, block_cost};
+use crate::inertia::barrier::Root;
+use crate::inertia::{INERTIAL, InertialParameters};
+use crate::{Real, scalar::real};
+
+/// Newton steps that a solution may take. 3 from the CAD on simulated motions; fewer than this from twenty random starts.
+pub const MAX_ITERATIONS: usize = 25;
+
+/// How often a step may be halved.
+const MAX_HALVINGS: u32 = 30;
+
+/// A Newton step over which the cost bends by less than this squared is the last: it moves no parameter, nor a combination of them, by more
+/// than this many standard deviations.
+const CONVERGED: f64 = 1e-4;
+
+/// What the expansion of a body's prior costs, in the unit of [`block_cost`].
+const EXPANSION_COST: usize = 500;
+
+/// Effects, by their place in θ behind the inertial ones, that are held at a bound.
+///
+/// A limb may have up to 128.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Held(u128);
+
+impl Held {
+    /// Whether effect parameter n is held.
+    pub fn contains(self, n: usize) -> bool {
+        n < 128 && self.0 >> n & 1 == 1
+    }
+
+    /// Whether none is.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    fn set(&mut self, n: usize, held: bool) {
+        let bit = 1_u128.checked_shl(n as u32).unwrap_or(0);
+        self.0 = if held { self.0 | bit } else { self.0 & !bit };
+    }
+}
+
+/// The consistent solution of a limb, without the limb's prior and [`Solver`], which who has them lends to every step: a microcontroller
+/// has one solver for all its legs.
+///
+/// `V` stores θ, or more numbers; `W` [`packed_len`](crate::factor::packed_len) of the bodies' parameters.
+#[derive(Clone, Debug)]
+pub struct Descent<T, V, W> {
+    theta: V,
+    trial: V,
+    /// The triangle over the bodies: what the data say, their priors expanded about θ.
+    bodies: W,
+    held: Held,
+    /// The cost at θ.
+    cost: T,
+    iterations: usize,
+    stage: Stage,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    // First, so that one which has done nothing is all zeros.
+    Done,
+    /// The solver merges the data, effects at a bound held there.
+    Merge,
+    /// The cost at the present point.
+    Weigh,
+    /// This body's prior is expanded and added.
+    Expand {
+        body: usize,
+    },
+    /// The Newton step.
+    Solve,
+    /// The step is tried, halved this many times.
+    Search {
+        halvings: u32,
+    },
+    /// Which effects the cost would have leave their bound.
+    Release,
+    /// The solver merges the data, no effect held.
+    Free,
+    /// This body's prior is expanded about the minimum.
+    Know {
+        body: usize,
+    },
+    /// The solver finds the standard deviations.
+    Deviations,
+}
+
+impl<T, V, W> Descent<T, V, W>
+where
+    T: Real,
+    V: AsRef<[T]> + AsMut<[T]>,
+    W: AsRef<[T]> + AsMut<[T]>,
+{
+    /// Of a limb with so many parameters as `theta` and `trial` have numbers, or fewer; `bodies` holds
+    /// [`packed_len`](crate::factor::packed_len) of the inertial ones. All zeros.
+    pub const fn new(theta: V, trial: V, bodies: W) -> Self {
+        Self {
+            theta,
+            trial,
+            bodies,
+            held: Held(0),
+            cost: T::ZERO,
+            iterations: 0,
+            stage: Stage::Done,
+        }
+    }
+
+    /// Begins the solution of the data that `solver` holds, at any physical bodies and effects; where a body is not physical, at the CAD's;
+    /// where an effect is beyond a bound, there.
+    pub fn start<D, S, E, const B: usize>(
+        &mut self,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+        bodies: &[InertialParameters<T>; B],
+        effect: impl Fn(usize) -> T,
+    ) where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let layout = *solver.layout();
+        self.held = Held::default();
+        self.iterations = 0;
+        let theta = self.theta.as_mut();
+        let cad = bodies.iter().zip(prior.cad()).take(layout.bodies());
+        for (to, (body, cad)) in theta.chunks_exact_mut(INERTIAL).zip(cad) {
+            let physical = Root::of(body).is_physical();
+            let from = if physical { body } else { cad };
+            to.iter_mut()
+                .zip(from.0.as_slice())
+                .for_each(|(to, from)| *to = *from);
+        }
+        let effects = theta.get_mut(layout.inertial()..).unwrap_or(&mut []);
+        for (n, (to, known)) in effects.iter_mut().zip(prior.effects()).enumerate() {
+            *to = effect(n).max(real(known.lower)).min(real(known.upper));
+            self.held.set(n, *to != effect(n));
+        }
+        self.merge(prior, solver);
+    }
+
+    /// Does the next bounded piece of work, with the prior and the solver that it was begun with; true when the solver has the solution, and
+    /// from then on. How many pieces there are depends on the data; what each costs does not.
+    ///
+    /// # Errors
+    /// [`FactorError`] as of [`Solver::advance`]; what the solver had solved last it still has.
+    pub fn advance<D, S, E, const B: usize>(
+        &mut self,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) -> Result<bool, FactorError>
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        match self.stage {
+            Stage::Merge if solver.advance()? => self.stage = Stage::Weigh,
+            Stage::Weigh => {
+                self.cost = cost(prior, solver, self.theta.as_ref()).0;
+                self.stage = Stage::Expand { body: 0 };
+            }
+            Stage::Expand { body } => self.expand(body, prior, solver)?,
+            Stage::Solve => {
+                solver.step_to(&bodies(self.bodies.as_ref(), solver)?)?;
+                self.stage = Stage::Search { halvings: 0 };
+            }
+            Stage::Search { halvings } => self.search(halvings, prior, solver)?,
+            Stage::Release => self.release(prior, solver),
+            Stage::Free if solver.advance()? => self.stage = Stage::Know { body: 0 },
+            Stage::Know { body } => self.know(body, prior, solver)?,
+            Stage::Deviations if solver.advance()? => self.stage = Stage::Done,
+            Stage::Merge | Stage::Free | Stage::Deviations | Stage::Done => {}
+        }
+        Ok(self.stage == Stage::Done)
+    }
+
+    /// θ of the step reached.
+    pub fn theta(&self) -> &[T] {
+        self.theta.as_ref()
+    }
+
+    /// Newton steps that the solution took.
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// Effects that the data would have beyond their bound.
+    pub fn held(&self) -> Held {
+        self.held
+    }
+
+    /// Begins to merge the data with the held effects at their places.
+    fn merge<D, S, E, const B: usize>(
+        &mut self,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let inertial = solver.layout().inertial();
+        let (held, at) = (self.held, self.theta.as_ref().get(inertial..));
+        let at = |n: usize| at.and_then(|at| at.get(n)).copied();
+        solver.merge_data(prior.effects().len(), |n| {
+            match at(n).filter(|_| held.contains(n)) {
+                Some(at) => prior.pin(n, at),
+                None => prior.effect(n),
+            }
+        });
+        self.stage = Stage::Merge;
+    }
+
+    /// Adds the bodies' priors, expanded about the present point, from this one on, as many as a step has time for.
+    fn expand<D, S, E, const B: usize>(
+        &mut self,
+        first: usize,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) -> Result<(), FactorError>
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let (triangle, layout) = (self.bodies.as_mut(), *solver.layout());
+        if first == 0 {
+            let numbers = triangle.iter_mut().zip(solver.reduced());
+            numbers.for_each(|(to, from)| *to = from);
+        }
+        let mut triangle = Factor::in_storage(layout.inertial(), triangle)?;
+        let end = part(first, layout.bodies());
+        for b in first..end {
+            if let Some(rows) = prior.near(b, &body(self.theta.as_ref(), b)) {
+                solver.fold_body(b, &rows, Some(&mut triangle))?;
+            }
+        }
+        self.stage = if end < layout.bodies() {
+            Stage::Expand { body: end }
+        } else {
+            Stage::Solve
+        };
+        Ok(())
+    }
+
+    /// Adds the bodies' priors to what the solver has merged, as [`expand`](Self::expand); after the last, takes the present point for the
+    /// solution.
+    fn know<D, S, E, const B: usize>(
+        &mut self,
+        first: usize,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) -> Result<(), FactorError>
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let (count, theta) = (solver.layout().bodies(), self.theta.as_ref());
+        let end = part(first, count);
+        for b in first..end {
+            if let Some(rows) = prior.near(b, &body(theta, b)) {
+                solver.fold_body(b, &rows, None)?;
+            }
+        }
+        self.stage = if end < count {
+            Stage::Know { body: end }
+        } else {
+            solver.settle(|k| theta.get(k).copied().unwrap_or(T::zero()));
+            Stage::Deviations
+        };
+        Ok(())
+    }
+
+    /// Tries the Newton step, halved `halvings` times.
+    fn search<D, S, E, const B: usize>(
+        &mut self,
+        halvings: u32,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) -> Result<(), FactorError>
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let held = self.try_step(real::<T>(0.5).powi(halvings as i32), prior, solver);
+        let (there, physical) = cost(prior, solver, self.trial.as_ref());
+        // A rise within rounding is the minimum.
+        let rounding = self.cost.abs() * T::default_epsilon() * real(64.0);
+        let falls = physical && there <= self.cost + rounding;
+        let (theta, trial) = (self.theta.as_ref(), self.trial.as_ref());
+        let moved = solver.bend(&bodies(self.bodies.as_ref(), solver)?, |k| {
+            match (trial.get(k), theta.get(k)) {
+                (Some(to), Some(from)) => *to - *from,
+                _ => T::zero(),
+            }
+        });
+        if !falls && halvings < MAX_HALVINGS {
+            self.stage = Stage::Search {
+                halvings: halvings + 1,
+            };
+            return Ok(());
+        }
+        let mut changed = false;
+        if falls {
+            changed = held != self.held;
+            (self.held, self.cost) = (held, there);
+            core::mem::swap(&mut self.theta, &mut self.trial);
+        }
+        self.iterations += 1;
+        let converged = moved < real(CONVERGED * CONVERGED) || !falls;
+        if self.iterations >= MAX_ITERATIONS {
+            self.finish(prior, solver);
+        } else if changed {
+            self.merge(prior, solver);
+        } else if converged {
+            self.stage = Stage::Release;
+        } else {
+            self.stage = Stage::Expand { body: 0 };
+        }
+        Ok(())
+    }
+
+    /// Writes the trial point, effects kept within their bounds; returns which of them are at one.
+    fn try_step<D, S, E, const B: usize>(
+        &mut self,
+        scale: T,
+        prior: &LimbPrior<T, E, B>,
+        solver: &Solver<T, D, S, B>,
+    ) -> Held
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let layout = *solver.layout();
+        let pairs = self.trial.as_mut().iter_mut().zip(self.theta.as_ref());
+        for (k, (trial, from)) in pairs.take(layout.parameters()).enumerate() {
+            *trial = *from + (solver.step(k) - *from) * scale;
+        }
+        let mut held = self.held;
+        let inertial = layout.inertial();
+        let trial = self.trial.as_mut().get_mut(inertial..).unwrap_or(&mut []);
+        let from = self.theta.as_ref().get(inertial..).unwrap_or(&[]);
+        let effects = trial.iter_mut().zip(from).zip(prior.effects());
+        for (n, ((value, from), effect)) in effects.enumerate() {
+            let (lower, upper) = (real::<T>(effect.lower), real::<T>(effect.upper));
+            let within = value.max(lower).min(upper);
+            let before = self.held.contains(n);
+            held.set(n, before || within != *value);
+            *value = if before { *from } else { within };
+        }
+        held
+    }
+
+    /// Lets go of the effects whose cost falls away from their bound; where there is none, the present point is the minimum.
+    fn release<D, S, E, const B: usize>(
+        &mut self,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        let (layout, before) = (*solver.layout(), self.held);
+        let (theta, slopes) = (self.theta.as_ref(), self.trial.as_mut());
+        for joint in 0..layout.bodies() {
+            let (noise, effects) = (solver.data().noise(joint), layout.effects(joint));
+            let slopes = slopes.get_mut(..effects).unwrap_or(&mut []);
+            solver.data().slopes(joint, theta, slopes);
+            for (e, slope) in slopes.iter().enumerate() {
+                let k = layout.effect_index(joint, e);
+                let n = k - layout.inertial();
+                let (Some(EffectPrior { prior, lower, .. }), Some(value)) =
+                    (prior.effects().get(n), theta.get(k))
+                else {
+                    continue;
+                };
+                let slope = *slope / (noise * noise)
+                    + (*value - real(prior.mean)) / real(prior.std * prior.std);
+                let inwards = if *value > real(*lower) { -slope } else { slope };
+                self.held
+                    .set(n, self.held.contains(n) && inwards >= T::zero());
+            }
+        }
+        if self.held == before {
+            self.finish(prior, solver);
+        } else {
+            self.merge(prior, solver);
+        }
+    }
+
+    /// Goes on to the standard deviations: those of what is known with no effect held.
+    fn finish<D, S, E, const B: usize>(
+        &mut self,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        solver.merge_data(prior.effects().len(), |n| prior.effect(n));
+        self.stage = Stage::Free;
+    }
+}
+
+/// The cost of θ by the data that the solver has merged, and whether its bodies are physical.
+fn cost<T, D, S, E, const B: usize>(
+    prior: &LimbPrior<T, E, B>,
+    solver: &mut Solver<T, D, S, B>,
+    theta: &[T],
+) -> (T, bool)
+where
+    T: Real,
+    D: AsRef<[T]> + AsMut<[T]> + Clone,
+    S: AsRef<[T]> + AsMut<[T]>,
+    E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+{
+    let mut physical = true;
+    let mut cost = solver.misfit(|k| theta.get(k).copied().unwrap_or(T::zero()));
+    for b in 0..solver.layout().bodies() {
+        let root = Root::of(&body(theta, b));
+        physical &= root.is_physical();
+        cost += prior.body_cost(b, &root);
+    }
+    (cost, physical)
+}
+
+/// The triangle over the bodies of the limb that a solver solves.
+fn bodies<'a, T, D, S, const B: usize>(
+    storage: &'a [T],
+    solver: &Solver<T, D, S, B>,
+) -> Result<Factor<T, &'a [T]>, FactorError>
+where
+    T: Real,
+    D: AsRef<[T]> + AsMut<[T]> + Clone,
+    S: AsRef<[T]> + AsMut<[T]>,
+{
+    Factor::in_storage(solver.layout().inertial(), storage)
+}
+
+/// The end of the bodies from `first` on whose priors are expanded and added in one step.
+fn part(first: usize, bodies: usize) -> usize {
+    let (mut end, mut cost) = (first, 0);
+    while end < bodies {
+        cost += EXPANSION_COST + 2 * block_cost(INERTIAL * (bodies - end) + 1);
+        if end > first && cost > 2 * STEP_COST {
+            break;
+        }
+        end += 1;
+    }
+    end
+}
