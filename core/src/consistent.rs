@@ -132,7 +132,7 @@ where
             effect.map_or(T::zero(), |effect| real(effect.prior.mean))
         };
         self.descent
-            .start(&self.prior, &mut self.solver, bodies, effects);
+            .start(&self.prior, &mut self.solver, bodies, effects, Held::NONE);
     }
 
     /// Does the next bounded piece of work; true when the solution is new, and from then on.

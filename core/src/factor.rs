@@ -201,6 +201,7 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
+    #[inline(always)]
     pub(crate) fn solve_rows(&self, rows: usize, theta: &mut [T]) -> Result<(), FactorError> {
         if theta.len() != self.columns || rows > self.columns {
             return Err(FactorError::Length(theta.len()));

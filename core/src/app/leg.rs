@@ -5,7 +5,7 @@ use super::counts::heard;
 use super::diagnosis::Evidence;
 use crate::Real;
 use crate::bus::{Listener, Queue};
-use crate::consistent::{body, is_consistent};
+use crate::consistent::{Held, body, is_consistent};
 use crate::estimator::{
     Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceDescent,
     DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather, LEG_INERTIAL, LegBase,
@@ -104,6 +104,8 @@ pub(super) struct LegLine<T: Real> {
     noise: [T; JOINTS_PER_LEG],
     /// The bodies of the last consistent solution; none, and so not physical, at first.
     bodies: [InertialParameters<T>; JOINTS_PER_LEG],
+    /// The effects that it had at a bound, and of which model.
+    held: (Held, Active),
     /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
     memory_s: u32,
     /// A change that is being forgotten, and how many of its directions are.
@@ -128,6 +130,7 @@ impl<T: Real> LegLine<T> {
             beliefs: Beliefs::NONE,
             noise: [T::ZERO; JOINTS_PER_LEG],
             bodies: [InertialParameters::NONE; JOINTS_PER_LEG],
+            held: (Held::NONE, Active::NONE),
             memory_s: 0,
             forgetting: Slot::Empty,
             stale: false,
@@ -153,6 +156,7 @@ impl<T: Real> LegLine<T> {
         self.beliefs = Beliefs::NONE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
         self.bodies = [InertialParameters::zero(); JOINTS_PER_LEG];
+        self.held = (Held::NONE, Active::NONE);
         self.set_prior(which);
         if let Slot::Full(prior) = &self.prior {
             // The work space is as large as it says; without the analysis, every fold would count as unfolded.
@@ -497,7 +501,11 @@ impl<T: Real> LegLine<T> {
         let pairs = effects.iter_mut().zip(free);
         pairs.for_each(|(to, from)| *to = *from);
         let effect = |n: usize| effects.get(n).copied().unwrap_or(T::zero());
-        descent.start(prior, solver, &self.bodies, effect);
+        let held = match self.held {
+            (held, of) if of == self.active => held,
+            _ => Held::NONE,
+        };
+        descent.start(prior, solver, &self.bodies, effect, held);
     }
 
     /// Goes on with it; true when the solver has it.
@@ -512,6 +520,7 @@ impl<T: Real> LegLine<T> {
         let done = descent.advance(prior, solver)?;
         if done {
             self.bodies = core::array::from_fn(|b| body(descent.theta(), b));
+            self.held = (descent.held(), self.active);
         }
         Ok(done)
     }

@@ -13,9 +13,13 @@ pub const MAX_ITERATIONS: usize = 25;
 /// How often a step may be halved.
 const MAX_HALVINGS: u32 = 30;
 
-/// A Newton step over which the cost bends by less than this squared is the last: it moves no parameter, nor a combination of them, by more
-/// than this many standard deviations.
-const CONVERGED: f64 = 1e-4;
+/// A full Newton step over which the cost bends by less than this squared is the last. Of a self-concordant cost what is then left bends it by
+/// less than the square of that (Boyd & Vandenberghe §9.6.4): no parameter, nor a combination of them, is off by more than 10⁻⁵ of its
+/// standard deviation.
+const CONVERGED: f64 = 3e-3;
+
+/// A step that is shorter than this, and does not lower the cost, is rounding.
+const ROUNDING: f64 = 1e-4;
 
 /// What the expansion of a body's prior costs, in the unit of [`block_cost`].
 const EXPANSION_COST: usize = 500;
@@ -27,6 +31,9 @@ const EXPANSION_COST: usize = 500;
 pub struct Held(u128);
 
 impl Held {
+    /// None.
+    pub const NONE: Self = Self(0);
+
     /// Whether effect parameter n is held.
     pub fn contains(self, n: usize) -> bool {
         n < 128 && self.0 >> n & 1 == 1
@@ -68,18 +75,18 @@ enum Stage {
     Merge,
     /// The cost at the present point.
     Weigh,
-    /// This body's prior is expanded and added.
+    /// This body's prior is expanded and added; after the last, the Newton step is found.
     Expand {
         body: usize,
     },
-    /// The Newton step.
-    Solve,
     /// The step is tried, halved this many times.
     Search {
         halvings: u32,
     },
-    /// Which effects the cost would have leave their bound.
-    Release,
+    /// Which effects the cost would have leave their bound: after a full step, and at the minimum.
+    Release {
+        converged: bool,
+    },
     /// The solver merges the data, no effect held.
     Free,
     /// This body's prior is expanded about the minimum.
@@ -111,20 +118,21 @@ where
     }
 
     /// Begins the solution of the data that `solver` holds, at any physical bodies and effects; where a body is not physical, at the CAD's;
-    /// where an effect is beyond a bound, there.
+    /// where an effect is beyond a bound, there. `held` are held at their lower bound at first, as they were in a solution like this one.
     pub fn start<D, S, E, const B: usize>(
         &mut self,
         prior: &LimbPrior<T, E, B>,
         solver: &mut Solver<T, D, S, B>,
         bodies: &[InertialParameters<T>; B],
         effect: impl Fn(usize) -> T,
+        held: Held,
     ) where
         D: AsRef<[T]> + AsMut<[T]> + Clone,
         S: AsRef<[T]> + AsMut<[T]>,
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
         let layout = *solver.layout();
-        self.held = Held::default();
+        self.held = Held::NONE;
         self.iterations = 0;
         let theta = self.theta.as_mut();
         let cad = bodies.iter().zip(prior.cad()).take(layout.bodies());
@@ -137,8 +145,12 @@ where
         }
         let effects = theta.get_mut(layout.inertial()..).unwrap_or(&mut []);
         for (n, (to, known)) in effects.iter_mut().zip(prior.effects()).enumerate() {
-            *to = effect(n).max(real(known.lower)).min(real(known.upper));
-            self.held.set(n, *to != effect(n));
+            let free = match held.contains(n) && known.lower.is_finite() {
+                true => real(known.lower - 1.0),
+                false => effect(n),
+            };
+            *to = free.max(real(known.lower)).min(real(known.upper));
+            self.held.set(n, *to != free);
         }
         self.merge(prior, solver);
     }
@@ -162,15 +174,11 @@ where
             Stage::Merge if solver.advance()? => self.stage = Stage::Weigh,
             Stage::Weigh => {
                 self.cost = cost(prior, solver, self.theta.as_ref()).0;
-                self.stage = Stage::Expand { body: 0 };
+                self.expand_next(solver);
             }
             Stage::Expand { body } => self.expand(body, prior, solver)?,
-            Stage::Solve => {
-                solver.step_to(&bodies(self.bodies.as_ref(), solver)?)?;
-                self.stage = Stage::Search { halvings: 0 };
-            }
             Stage::Search { halvings } => self.search(halvings, prior, solver)?,
-            Stage::Release => self.release(prior, solver),
+            Stage::Release { converged } => self.release(converged, prior, solver),
             Stage::Free if solver.advance()? => self.stage = Stage::Know { body: 0 },
             Stage::Know { body } => self.know(body, prior, solver)?,
             Stage::Deviations if solver.advance()? => self.stage = Stage::Done,
@@ -216,7 +224,19 @@ where
         self.stage = Stage::Merge;
     }
 
-    /// Adds the bodies' priors, expanded about the present point, from this one on, as many as a step has time for.
+    /// Begins the next Newton step, with what the data say of the bodies.
+    fn expand_next<D, S, const B: usize>(&mut self, solver: &Solver<T, D, S, B>)
+    where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+    {
+        let numbers = self.bodies.as_mut().iter_mut().zip(solver.reduced());
+        numbers.for_each(|(to, from)| *to = from);
+        self.stage = Stage::Expand { body: 0 };
+    }
+
+    /// Adds the bodies' priors, expanded about the present point, from this one on, as many as a step has time for; after the last, solves for
+    /// the Newton step.
     fn expand<D, S, E, const B: usize>(
         &mut self,
         first: usize,
@@ -228,12 +248,8 @@ where
         S: AsRef<[T]> + AsMut<[T]>,
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
-        let (triangle, layout) = (self.bodies.as_mut(), *solver.layout());
-        if first == 0 {
-            let numbers = triangle.iter_mut().zip(solver.reduced());
-            numbers.for_each(|(to, from)| *to = from);
-        }
-        let mut triangle = Factor::in_storage(layout.inertial(), triangle)?;
+        let layout = *solver.layout();
+        let mut triangle = Factor::in_storage(layout.inertial(), self.bodies.as_mut())?;
         let end = part(first, layout.bodies());
         for b in first..end {
             if let Some(rows) = prior.near(b, &body(self.theta.as_ref(), b)) {
@@ -243,7 +259,8 @@ where
         self.stage = if end < layout.bodies() {
             Stage::Expand { body: end }
         } else {
-            Stage::Solve
+            solver.step_to(&bodies(self.bodies.as_ref(), solver)?)?;
+            Stage::Search { halvings: 0 }
         };
         Ok(())
     }
@@ -301,7 +318,8 @@ where
                 _ => T::zero(),
             }
         });
-        if !falls && halvings < MAX_HALVINGS {
+        let stalls = moved < real(ROUNDING * ROUNDING) || halvings >= MAX_HALVINGS;
+        if !falls && !stalls {
             self.stage = Stage::Search {
                 halvings: halvings + 1,
             };
@@ -314,15 +332,17 @@ where
             core::mem::swap(&mut self.theta, &mut self.trial);
         }
         self.iterations += 1;
-        let converged = moved < real(CONVERGED * CONVERGED) || !falls;
+        let last = halvings == 0 && moved < real(CONVERGED * CONVERGED);
+        let converged = last || !falls;
         if self.iterations >= MAX_ITERATIONS {
             self.finish(prior, solver);
         } else if changed {
             self.merge(prior, solver);
-        } else if converged {
-            self.stage = Stage::Release;
         } else {
-            self.stage = Stage::Expand { body: 0 };
+            self.stage = Stage::Release { converged };
+            if self.held.is_empty() {
+                self.go_on(converged, prior, solver);
+            }
         }
         Ok(())
     }
@@ -359,9 +379,11 @@ where
         held
     }
 
-    /// Lets go of the effects whose cost falls away from their bound; where there is none, the present point is the minimum.
+    /// Lets go of the effects whose cost falls away from their bound; where there is none and the steps have converged, the present point is
+    /// the minimum.
     fn release<D, S, E, const B: usize>(
         &mut self,
+        converged: bool,
         prior: &LimbPrior<T, E, B>,
         solver: &mut Solver<T, D, S, B>,
     ) where
@@ -390,10 +412,28 @@ where
                     .set(n, self.held.contains(n) && inwards >= T::zero());
             }
         }
-        if self.held == before {
+        if self.held != before {
+            self.merge(prior, solver);
+        } else {
+            self.go_on(converged, prior, solver);
+        }
+    }
+
+    /// Goes on to the next Newton step, or from the minimum to the standard deviations.
+    fn go_on<D, S, E, const B: usize>(
+        &mut self,
+        converged: bool,
+        prior: &LimbPrior<T, E, B>,
+        solver: &mut Solver<T, D, S, B>,
+    ) where
+        D: AsRef<[T]> + AsMut<[T]> + Clone,
+        S: AsRef<[T]> + AsMut<[T]>,
+        E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+    {
+        if converged {
             self.finish(prior, solver);
         } else {
-            self.merge(prior, solver);
+            self.expand_next(solver);
         }
     }
 
