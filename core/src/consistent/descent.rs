@@ -1,7 +1,7 @@
 //! The way down to the least cost, from any physical bodies, in steps of bounded cost; see [`super`].
 
 use super::body;
-use crate::estimator::{EffectPrior, LimbPrior, STEP_COST, Solver};
+use crate::estimator::{EffectPrior, LimbPrior, Solver};
 use crate::factor::{Factor, FactorError, block_cost};
 use crate::inertia::barrier::Root;
 use crate::inertia::{INERTIAL, InertialParameters};
@@ -21,8 +21,8 @@ const CONVERGED: f64 = 3e-3;
 /// A step that is shorter than this, and does not lower the cost, is rounding.
 const ROUNDING: f64 = 1e-4;
 
-/// What the expansion of a body's prior costs, in the unit of [`block_cost`].
-const EXPANSION_COST: usize = 500;
+/// Where the ten rows of a body's prior cost more than this to add ([`block_cost`]), the first six have a step of their own.
+const STEP_COST: usize = 2000;
 
 /// Effects, by their place in θ behind the inertial ones, that are held at a bound.
 ///
@@ -75,9 +75,9 @@ enum Stage {
     Merge,
     /// The cost at the present point.
     Weigh,
-    /// This body's prior is expanded and added; after the last, the Newton step is found.
+    /// A body's prior is expanded, and these rows of it are added; after the last, the Newton step is found.
     Expand {
-        body: usize,
+        rows: usize,
     },
     /// The step is tried, halved this many times.
     Search {
@@ -89,9 +89,9 @@ enum Stage {
     },
     /// The solver merges the data, no effect held.
     Free,
-    /// This body's prior is expanded about the minimum.
+    /// A body's prior is expanded about the minimum.
     Know {
-        body: usize,
+        rows: usize,
     },
     /// The solver finds the standard deviations.
     Deviations,
@@ -176,11 +176,11 @@ where
                 self.cost = cost(prior, solver, self.theta.as_ref()).0;
                 self.expand_next(solver);
             }
-            Stage::Expand { body } => self.expand(body, prior, solver)?,
+            Stage::Expand { rows } => self.expand(rows, prior, solver)?,
             Stage::Search { halvings } => self.search(halvings, prior, solver)?,
             Stage::Release { converged } => self.release(converged, prior, solver),
-            Stage::Free if solver.advance()? => self.stage = Stage::Know { body: 0 },
-            Stage::Know { body } => self.know(body, prior, solver)?,
+            Stage::Free if solver.advance()? => self.stage = Stage::Know { rows: 0 },
+            Stage::Know { rows } => self.know(rows, prior, solver)?,
             Stage::Deviations if solver.advance()? => self.stage = Stage::Done,
             Stage::Merge | Stage::Free | Stage::Deviations | Stage::Done => {}
         }
@@ -232,11 +232,10 @@ where
     {
         let numbers = self.bodies.as_mut().iter_mut().zip(solver.reduced());
         numbers.for_each(|(to, from)| *to = from);
-        self.stage = Stage::Expand { body: 0 };
+        self.stage = Stage::Expand { rows: 0 };
     }
 
-    /// Adds the bodies' priors, expanded about the present point, from this one on, as many as a step has time for; after the last, solves for
-    /// the Newton step.
+    /// Adds rows of the bodies' priors, expanded about the present point, from these on; after the last, solves for the Newton step.
     fn expand<D, S, E, const B: usize>(
         &mut self,
         first: usize,
@@ -250,14 +249,13 @@ where
     {
         let layout = *solver.layout();
         let mut triangle = Factor::in_storage(layout.inertial(), self.bodies.as_mut())?;
-        let end = part(first, layout.bodies());
-        for b in first..end {
-            if let Some(rows) = prior.near(b, &body(self.theta.as_ref(), b)) {
-                solver.fold_body(b, &rows, Some(&mut triangle))?;
-            }
+        let (b, rows, next) = part(first, layout.bodies());
+        if let Some(near) = prior.near(b, &body(self.theta.as_ref(), b)) {
+            let near = near.get(rows).unwrap_or(&[]);
+            solver.fold_body(b, near, Some(&mut triangle))?;
         }
-        self.stage = if end < layout.bodies() {
-            Stage::Expand { body: end }
+        self.stage = if next < 2 * layout.bodies() {
+            Stage::Expand { rows: next }
         } else {
             solver.step_to(&bodies(self.bodies.as_ref(), solver)?)?;
             Stage::Search { halvings: 0 }
@@ -279,14 +277,12 @@ where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
         let (count, theta) = (solver.layout().bodies(), self.theta.as_ref());
-        let end = part(first, count);
-        for b in first..end {
-            if let Some(rows) = prior.near(b, &body(theta, b)) {
-                solver.fold_body(b, &rows, None)?;
-            }
+        let (b, rows, next) = part(first, count);
+        if let Some(near) = prior.near(b, &body(theta, b)) {
+            solver.fold_body(b, near.get(rows).unwrap_or(&[]), None)?;
         }
-        self.stage = if end < count {
-            Stage::Know { body: end }
+        self.stage = if next < 2 * count {
+            Stage::Know { rows: next }
         } else {
             solver.settle(|k| theta.get(k).copied().unwrap_or(T::zero()));
             Stage::Deviations
@@ -487,15 +483,11 @@ where
     Factor::in_storage(solver.layout().inertial(), storage)
 }
 
-/// The end of the bodies from `first` on whose priors are expanded and added in one step.
-fn part(first: usize, bodies: usize) -> usize {
-    let (mut end, mut cost) = (first, 0);
-    while end < bodies {
-        cost += EXPANSION_COST + 2 * block_cost(INERTIAL * (bodies - end) + 1);
-        if end > first && cost > 2 * STEP_COST {
-            break;
-        }
-        end += 1;
-    }
-    end
+/// Which rows of a body's prior, by sixes, are added in one step, and how many sixes are then behind it: two for each body.
+fn part(first: usize, bodies: usize) -> (usize, core::ops::Range<usize>, usize) {
+    let (b, half) = (first / 2, first % 2);
+    let width = INERTIAL * bodies.saturating_sub(b) + 1;
+    let both = half == 0 && 2 * block_cost(width) <= STEP_COST;
+    let end = if both { 2 } else { half + 1 };
+    (b, half..end, 2 * b + end)
 }

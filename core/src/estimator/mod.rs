@@ -87,7 +87,6 @@ pub(crate) use joints::floor;
 pub use joints::{JointFactors, NOISE_GUESS};
 pub use layout::Layout;
 pub use prior::{EffectPrior, LimbPrior};
-pub(crate) use solver::STEP_COST;
 pub use solver::{Solver, solver_len};
 
 use crate::effect::EffectKind;

@@ -7,11 +7,11 @@ use super::{EffectPrior, JointFactors, Layout, LimbPrior};
 use crate::Real;
 use crate::factor::{Factor, FactorError, ROWS, Run, block_cost, packed_len, row_start};
 use crate::inertia::INERTIAL;
-use crate::inertia::barrier::Expansion;
+use crate::inertia::barrier::KnownRows;
 use crate::scalar::sqrt;
 
 /// A step ends before what would bring its cost beyond this ([`block_cost`]), but does something.
-pub(crate) const STEP_COST: usize = 1700;
+const STEP_COST: usize = 1700;
 
 /// How many numbers a solver of `parameters` parameters keeps beside its copy of the data.
 pub const fn solver_len(parameters: usize) -> usize {
@@ -350,7 +350,7 @@ where
     pub(crate) fn fold_body(
         &mut self,
         b: usize,
-        known: &Expansion<T>,
+        known: &[KnownRows<T>],
         bodies: Option<&mut Factor<T, &mut [T]>>,
     ) -> Result<(), FactorError> {
         let layout = *self.data.layout();
@@ -423,7 +423,7 @@ where
 fn fold_known<T: Real>(
     factor: &mut Factor<T, &mut [T]>,
     first: usize,
-    known: &Expansion<T>,
+    known: &[KnownRows<T>],
     scratch: &mut [T],
 ) -> Result<(), FactorError> {
     let (blocks, _) = scratch.as_chunks_mut::<ROWS>();

@@ -10,8 +10,11 @@ use crate::scalar::{ln, real};
 
 type Square<T> = [[T; 4]; 4];
 
-/// Rows of ten numbers and a right-hand side, side by side: the first six, and the other four.
-pub(crate) type Expansion<T> = [[[T; ROWS]; INERTIAL + 1]; 2];
+/// Six rows of ten numbers and a right-hand side, side by side.
+pub(crate) type KnownRows<T> = [[T; ROWS]; INERTIAL + 1];
+
+/// Ten rows: the first six, and the other four.
+pub(crate) type Expansion<T> = [KnownRows<T>; 2];
 
 /// The triangle L of a pseudo-inertia P = L Lᵀ, and its inverse.
 #[derive(Clone, Copy, Debug)]
