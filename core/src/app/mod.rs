@@ -584,8 +584,9 @@ impl<T: Real> App<T> {
             Phase::Descend => solving.settings == self.settings && !leg.is_stale(),
         };
         if !has_prior {
-            // The prior that it was begun with is no more: the next solution is not far.
+            // The prior that it was begun with is no more: its turn is once more the next.
             self.solving = Slot::Empty;
+            self.next.0 = which;
             return;
         }
         let next = match solving.phase {
