@@ -25,6 +25,8 @@ pub(super) struct Extra {
     pub(super) coulomb: f64,
     /// kg on the RR calf, 0.12 m down and 0.02 m forward.
     pub(super) load: f64,
+    /// N that push each foot up.
+    pub(super) ground: f64,
 }
 
 /// A robot that hangs and swings its legs, and the device that listens to it.
@@ -89,6 +91,17 @@ impl Robot {
             }
             tau[j] += 0.05 * v[j] + coulomb * v[j].signum() + ACTUATORS[j].armature() * a[j];
             tau[j] += 0.1 * self.random();
+        }
+        // How the foot rises with each joint, the hip's offset left aside.
+        let (thigh, calf) = (q[1].sin_cos(), (q[1] + q[2]).sin_cos());
+        let (sideways, upright) = q[0].sin_cos();
+        let rises = [
+            0.213 * sideways * (thigh.1 + calf.1),
+            0.213 * upright * (thigh.0 + calf.0),
+            0.213 * upright * calf.0,
+        ];
+        for (tau, rises) in tau.iter_mut().zip(rises) {
+            *tau -= extra.ground * rises;
         }
         core::array::from_fn(|j| {
             let mode = Mode::foc(j as u8);

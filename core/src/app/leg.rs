@@ -3,6 +3,7 @@
 use super::alignment::Alignment;
 use super::counts::heard;
 use super::diagnosis::Evidence;
+use super::support::Support;
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::consistent::{Held, body, is_consistent};
@@ -112,6 +113,11 @@ pub(super) struct LegLine<T: Real> {
     forgetting: Slot<(Change<T>, usize)>,
     /// Data that were gathered are no longer what the factors hold.
     stale: bool,
+    /// What the calf says of a force at the foot; whether the feet carry the robot; and whether what came shortly before is still to be left
+    /// out.
+    support: Support<T>,
+    carried: bool,
+    spoilt: bool,
     /// A change to be told.
     changed: Slot<wire::Change>,
     counters: LegCounters,
@@ -134,6 +140,9 @@ impl<T: Real> LegLine<T> {
             memory_s: 0,
             forgetting: Slot::Empty,
             stale: false,
+            support: Support::new(),
+            carried: false,
+            spoilt: false,
             changed: Slot::Empty,
             counters: LegCounters::ZERO,
         }
@@ -161,7 +170,9 @@ impl<T: Real> LegLine<T> {
         if let Slot::Full(prior) = &self.prior {
             // The work space is as large as it says; without the analysis, every fold would count as unfolded.
             let _ = data.base.analyse(which, prior, work);
+            self.support.begin(prior, &data.base);
         }
+        (self.carried, self.spoilt) = (false, false);
         self.counters = LegCounters::ZERO;
     }
 
@@ -243,7 +254,7 @@ impl<T: Real> LegLine<T> {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
                 increment(&mut counters.used);
-                self.take(data);
+                self.take(data, &sample.q);
             }
             Push::Gap => {
                 increment(&mut counters.used);
@@ -255,7 +266,14 @@ impl<T: Real> LegLine<T> {
     }
 
     /// Lays the rows of the closed window by, to be folded in with others.
-    fn take(&mut self, data: &mut LegData<T>) {
+    fn take(&mut self, data: &mut LegData<T>, q: &[T; JOINTS_PER_LEG]) {
+        if let Some(window) = self.window.get() {
+            self.support.see(window.rows(), q);
+        }
+        if self.carried {
+            increment(&mut self.counters.carried);
+            return;
+        }
         // Steps so long that the turn to fold did not come.
         if data.folds.is_full() {
             self.fold(data);
@@ -269,6 +287,31 @@ impl<T: Real> LegLine<T> {
         } else if data.folds.take(window.rows()).is_err() {
             increment(&mut self.counters.unfolded);
         }
+    }
+
+    /// What the calf says of a force at the foot.
+    pub(super) fn support(&self) -> &Support<T> {
+        &self.support
+    }
+
+    /// Takes note of whether the feet carry the robot. As they begin to, what came shortly before is not of a robot that hangs either.
+    pub(super) fn set_carried(&mut self, carried: bool) {
+        self.spoilt |= carried && !self.carried;
+        self.carried = carried;
+    }
+
+    /// Whether the present block and what waits are to be left out.
+    pub(super) fn is_spoilt(&self) -> bool {
+        self.spoilt
+    }
+
+    /// Leaves out the present block and what waits to be folded in.
+    fn leave_out_spoilt(&mut self, data: &mut LegData<T>) {
+        self.spoilt = false;
+        self.stale = true;
+        let windows = data.folds.drop_waiting() as u32 + super::single(data.folds.restore()) as u32;
+        self.counters.carried = self.counters.carried.wrapping_add(windows);
+        data.test.begin_block();
     }
 
     /// Whether as many windows wait as are folded in together, or the first of another block of time does: all legs' blocks end at once,
@@ -288,6 +331,8 @@ impl<T: Real> LegLine<T> {
     pub(super) fn fold_on(&mut self, data: &mut LegData<T>) -> bool {
         if self.is_forgetting() {
             self.forget(data);
+        } else if self.spoilt {
+            self.leave_out_spoilt(data);
         } else if data.folds.waiting() == 0 {
             return false;
         } else if !self.close_block(data) {

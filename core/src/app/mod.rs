@@ -32,6 +32,9 @@ mod readings;
 mod request_tests;
 mod requests;
 mod snapshot;
+mod support;
+#[cfg(test)]
+mod support_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -59,6 +62,7 @@ use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
+use support::{HOLD_US, carries};
 pub use walking::{WALK_US, WalkingApp, WalkingMemory};
 
 /// Time between two estimates, each of the next leg in turn, µs.
@@ -186,6 +190,9 @@ pub struct App<T: Real> {
     solver: DeviceSolver<T>,
     gather: Gather<T>,
     diagnosis: Diagnosis<T>,
+    /// The feet are taken to carry the robot until then, µs.
+    carried_until: u64,
+    was_carried: bool,
     /// Steps left of the rest after one with work.
     rest: u8,
     descent: DeviceDescent<T>,
@@ -226,6 +233,8 @@ impl<T: Real> App<T> {
             solver: DeviceSolver::empty(),
             gather: Gather::new(),
             diagnosis: Diagnosis::new(),
+            carried_until: 0,
+            was_carried: false,
             rest: 0,
             descent: DeviceDescent::empty(),
             solving: Slot::Empty,
@@ -261,6 +270,7 @@ impl<T: Real> App<T> {
         self.solved = Slot::Empty;
         self.diagnosis.restart();
         self.rest = 0;
+        (self.carried_until, self.was_carried) = (0, false);
         self.hello_at = 0;
         self.counters_at = 0;
         self.load = Load::ZERO;
@@ -474,6 +484,7 @@ impl<T: Real> App<T> {
         }
         self.keep_up(now_us);
         self.obey(memory);
+        self.feel_ground(now_us);
         let folded = self.fold(memory);
         let effort = if folded { FOLDING_EFFORT } else { STEP_EFFORT };
         let lines = self.legs.iter_mut().zip(&mut memory.0);
@@ -492,6 +503,22 @@ impl<T: Real> App<T> {
         self.hello_at = within(self.hello_at, HELLO_US);
         self.counters_at = within(self.counters_at, REPORT_US);
         self.next.1 = within(self.next.1, ESTIMATE_US);
+        self.carried_until = within(self.carried_until, HOLD_US);
+    }
+
+    /// Judges whether the feet carry the robot; the next hello, which comes at once, says if that is new.
+    fn feel_ground(&mut self, now_us: u64) {
+        if carries(self.legs.iter().map(LegLine::support), now_us) {
+            self.carried_until = now_us.saturating_add(HOLD_US);
+        }
+        let carried = now_us < self.carried_until;
+        if carried != self.was_carried {
+            self.hello_at = 0;
+        }
+        self.was_carried = carried;
+        self.legs
+            .iter_mut()
+            .for_each(|leg| leg.set_carried(carried));
     }
 
     /// Does a step of what is due to a leg's windows: there are as many as are folded in together, or a block is at its end. False
@@ -499,7 +526,7 @@ impl<T: Real> App<T> {
     fn fold(&mut self, memory: &mut Memory<T>) -> bool {
         // A leg that forgets takes many steps: the others' windows do not wait for it.
         let due = |(line, data): &(&mut LegLine<T>, &mut LegData<T>)| {
-            LegLine::is_due(data) && !line.is_forgetting()
+            (LegLine::is_due(data) || line.is_spoilt()) && !line.is_forgetting()
         };
         let mut lines = self.legs.iter_mut().zip(&mut memory.0);
         if let Some((line, data)) = lines.find(due) {
@@ -699,6 +726,7 @@ impl<T: Real> App<T> {
             },
             load_unit: text(identity.load_unit),
             listens_to: self.listens_to,
+            carried: self.was_carried,
             kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }

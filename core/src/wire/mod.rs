@@ -114,6 +114,8 @@ pub struct Hello {
     pub kept: Kept,
     /// Legs that it listens to, bit n for the n-th in SDK order: [`Action::SetLegs`].
     pub listens_to: u8,
+    /// The robot's feet carry it, so that a device for a robot that hangs leaves its windows out ([`LegCounters::carried`]).
+    pub carried: bool,
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -361,6 +363,8 @@ pub struct LegCounters {
     pub changes: u32,
     /// Windows folded in and taken out again because the leg had changed in them, or not folded in while that was seen to.
     pub forgotten: u32,
+    /// Windows left out because the robot's feet carried it: it stood or walked, or had done so shortly before.
+    pub carried: u32,
     /// Solutions that failed: nothing determines some parameter.
     pub unsolved: u32,
 }
@@ -390,6 +394,7 @@ impl LegCounters {
         unfolded: 0,
         changes: 0,
         forgotten: 0,
+        carried: 0,
         unsolved: 0,
     };
 }

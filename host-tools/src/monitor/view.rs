@@ -175,6 +175,8 @@ impl View {
             }
             Some(_) => {}
         }
+        let before = self.hello.as_ref().is_some_and(|before| before.carried);
+        self.feet(before, hello.carried);
         self.hello = Some(hello.clone());
     }
 
@@ -192,6 +194,17 @@ impl View {
             Kept::OfAnother => self.happened(
                 "its snapshot is of another firmware, robot or model: begins anew".to_owned(),
             ),
+        }
+    }
+
+    /// Says when the robot is put on its feet, and when it hangs again.
+    fn feet(&mut self, before: bool, now: bool) {
+        match (before, now) {
+            (false, true) => self.happened(
+                "the robot's feet carry it: its windows are left out until it hangs".to_owned(),
+            ),
+            (true, false) => self.happened("the robot hangs".to_owned()),
+            _ => {}
         }
     }
 
@@ -395,6 +408,7 @@ impl View {
 fn is_same(one: &Hello, other: &Hello) -> bool {
     let with = Hello {
         listens_to: other.listens_to,
+        carried: other.carried,
         kept: other.kept,
         reset: other.reset,
         crash: other.crash.clone(),

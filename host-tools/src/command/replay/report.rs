@@ -111,6 +111,12 @@ impl Report {
                 let arrived = counters.samples;
                 warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
             }
+            if counters.carried > 0 {
+                let carried = counters.carried;
+                warnings.push(format!(
+                    "leg {name}: {carried} windows left out, in which the feet carried the robot"
+                ));
+            }
             if estimate.solution == Solution::Consistent {
                 warnings.push(format!(
                     "leg {name}: least squares alone has a body that cannot exist or friction below zero; this is the likeliest that can be"
