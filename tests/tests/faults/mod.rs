@@ -201,8 +201,9 @@ fn walk_line(what: &str, name: &str) -> String {
     assert_eq!(carried, [false, true, false], "{what}");
     let legs = app.counters(&memory, 0).legs;
     for leg in &legs {
-        // Nothing of the walk is left: 4.5 s, the 2 s after it, and the block of 2 s in which it began.
-        assert!((224..=430).contains(&leg.carried), "{what}: {leg:?}");
+        // Nothing of the walk is left: 4.5 s, the 2 s after it, the block of 2 s in which it began, and some tenths of a second until the
+        // mean force has fallen.
+        assert!((224..=445).contains(&leg.carried), "{what}: {leg:?}");
         assert_eq!((leg.changes, leg.unfolded + leg.unsolved), (0, 0), "{what}");
     }
     let outcome = Outcome {
