@@ -32,20 +32,28 @@ impl<T: Real> Root<T> {
         let mut physical = true;
         for i in 0..4 {
             for j in 0..i {
-                let known = (0..j).fold(T::zero(), |sum, k| sum + lower[i][k] * lower[j][k]);
-                lower[i][j] = (p[i][j] - known) * inverse[j][j];
+                let known = (0..j).fold(T::zero(), |sum, k| {
+                    sum + at(&lower, i, k) * at(&lower, j, k)
+                });
+                let left = at(&p, i, j) - known;
+                set(&mut lower, i, j, left * at(&inverse, j, j));
             }
-            let known = (0..i).fold(T::zero(), |sum, k| sum + lower[i][k] * lower[i][k]);
-            let pivot = p[i][i] - known;
+            let known = (0..i).fold(T::zero(), |sum, k| {
+                sum + at(&lower, i, k) * at(&lower, i, k)
+            });
+            let pivot = at(&p, i, i) - known;
             // What rounding leaves of a spread of nothing is not a spread; a NaN is none either.
-            let least = p[i][i].abs() * T::default_epsilon();
+            let least = at(&p, i, i).abs() * T::default_epsilon();
             physical &= pivot > least;
             let pivot = pivot.max(least + real(1e-30));
-            inverse[i][i] = pivot.inverse_sqrt();
-            lower[i][i] = pivot * inverse[i][i];
+            let scale = pivot.inverse_sqrt();
+            set(&mut inverse, i, i, scale);
+            set(&mut lower, i, i, pivot * scale);
             for j in 0..i {
-                let sum = (j..i).fold(T::zero(), |sum, k| sum + lower[i][k] * inverse[k][j]);
-                inverse[i][j] = -sum * inverse[i][i];
+                let sum = (j..i).fold(T::zero(), |sum, k| {
+                    sum + at(&lower, i, k) * at(&inverse, k, j)
+                });
+                set(&mut inverse, i, j, -sum * scale);
             }
         }
         Self {
@@ -65,9 +73,10 @@ impl<T: Real> Root<T> {
         let mut ratio = [[T::zero(); 4]; 4];
         for i in 0..4 {
             for j in 0..=i {
-                ratio[i][j] = (j..=i).fold(T::zero(), |sum, k| {
-                    sum + cad.inverse[i][k] * self.lower[k][j]
+                let sum = (j..=i).fold(T::zero(), |sum, k| {
+                    sum + at(&cad.inverse, i, k) * at(&self.lower, k, j)
                 });
+                set(&mut ratio, i, j, sum);
             }
         }
         ratio
@@ -80,7 +89,7 @@ impl<T: Real> Root<T> {
             .as_flattened()
             .iter()
             .fold(T::zero(), |sum, x| sum + *x * *x);
-        let root = (0..4).fold(T::one(), |product, k| product * ratio[k][k]);
+        let root = (0..4).fold(T::one(), |product, k| product * at(&ratio, k, k));
         trace - real::<T>(2.0) * ln(root) - real(4.0)
     }
 
@@ -99,7 +108,9 @@ impl<T: Real> Root<T> {
         for i in 0..4 {
             for j in 0..=i {
                 // Lᵀ P₀⁻¹ L at (i, j), subtracted from one.
-                let product = (i..4).fold(T::zero(), |sum, k| sum + ratio[k][i] * ratio[k][j]);
+                let product = (i..4).fold(T::zero(), |sum, k| {
+                    sum + at(&ratio, k, i) * at(&ratio, k, j)
+                });
                 let (weight, one) = if i == j {
                     (scale, T::one())
                 } else {
@@ -108,11 +119,12 @@ impl<T: Real> Root<T> {
                 let row = self.whitened(i, j);
                 let own = row.iter().zip(body.0.as_slice());
                 let own = own.fold(T::zero(), |sum, (r, x)| sum + *r * *x);
-                let half = &mut rows[n / ROWS];
-                for (to, x) in half.iter_mut().zip(row) {
-                    to[n % ROWS] = x * weight;
+                let right = own + one - product;
+                if let Some(half) = rows.get_mut(n / ROWS) {
+                    for (to, x) in half.iter_mut().zip(row.iter().chain([&right])) {
+                        to[n % ROWS] = *x * weight;
+                    }
                 }
-                half[INERTIAL][n % ROWS] = (own + one - product) * weight;
                 n += 1;
             }
         }
@@ -122,7 +134,9 @@ impl<T: Real> Root<T> {
     /// Entry (i, j) of L⁻¹ δP L⁻ᵀ as a row in δφ.
     #[inline(always)]
     fn whitened(&self, i: usize, j: usize) -> [T; INERTIAL] {
-        let (a, b) = (&self.inverse[i], &self.inverse[j]);
+        let zero = [T::zero(); 4];
+        let row = |n: usize| self.inverse.get(n).unwrap_or(&zero);
+        let (a, b) = (row(i), row(j));
         let off = |m: usize, n: usize| a[m] * b[n] + a[n] * b[m];
         let half = real::<T>(0.5);
         let [x, y, z] = [a[0] * b[0] * half, a[1] * b[1] * half, a[2] * b[2] * half];
@@ -139,6 +153,20 @@ impl<T: Real> Root<T> {
             -off(1, 2),
             x + y - z,
         ]
+    }
+}
+
+/// An entry; zero beyond the matrix.
+#[inline(always)]
+fn at<T: Real>(matrix: &Square<T>, i: usize, j: usize) -> T {
+    let entry = matrix.get(i).and_then(|row| row.get(j));
+    entry.copied().unwrap_or(T::zero())
+}
+
+#[inline(always)]
+fn set<T: Real>(matrix: &mut Square<T>, i: usize, j: usize, value: T) {
+    if let Some(entry) = matrix.get_mut(i).and_then(|row| row.get_mut(j)) {
+        *entry = value;
     }
 }
 
