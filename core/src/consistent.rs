@@ -7,8 +7,9 @@
 //! Σ_j ‖R_j θ − z_j‖² / σ_j²  +  Σ_b (2/s²) (tr(P₀⁻¹P_b) − log det(P₀⁻¹P_b) − 4)  +  Σ_e ((x_e − μ_e)/s_e)²,    x_e ≥ lower
 //! ```
 //!
-//! Each term is convex in θ, so the minimum is unique and every start finds it; each Newton step is the ordinary solution
-//! ([`Solver`]) with the bodies' priors expanded about where the last step ended. A step that leaves the physical bodies or
+//! Each term is convex in θ, so the minimum is unique and every start finds it. The data are merged once and leave, the effects taken as
+//! is best with each, a triangle over the bodies alone; each Newton step adds the bodies' priors to it, expanded about where the last step
+//! ended ([`Descent`]): a tenth of the ordinary solution ([`Solver`]). A step that leaves the physical bodies or
 //! raises the cost is halved (the barrier is self-concordant, so this ends: Boyd & Vandenberghe §9.6). Effects below their
 //! bound are put on it and let go when the cost falls away from it (an active set, as in Lawson & Hanson's NNLS).
 //!
@@ -24,7 +25,7 @@
 //! use proprio_core::consistent::{ConsistentSolver, body};
 //! use proprio_core::effect::EffectKind::Viscous;
 //! use proprio_core::estimator::{EffectPrior, JointFactors, Layout, LimbPrior, Solver, solver_len};
-//! use proprio_core::factor::FactorError;
+//! use proprio_core::factor::{FactorError, packed_len};
 //! use proprio_core::inertia::InertialParameters;
 //! use proprio_core::robot::Actuator;
 //!
@@ -51,62 +52,36 @@
 //! assert!(!body(free.values(), 0).is_physical() && free.values()[10] < 0.0);
 //!
 //! let theta = [0.0; LIMB.parameters()];
-//! let mut consistent = ConsistentSolver::new(&prior, Solver::new(data, storage), theta);
+//! let bodies = [0.0; packed_len(LIMB.inertial())];
+//! let mut consistent = ConsistentSolver::new(&prior, Solver::new(data, storage), theta, bodies);
 //! consistent.solve(&data)?;
 //! assert!(body(consistent.values(), 0).is_physical() && consistent.values()[10] >= 0.0);
 //! # Ok::<(), FactorError>(())
 //! ```
 
+mod descent;
+
+pub use descent::{Descent, Held, MAX_ITERATIONS};
+
 use crate::estimator::{
-    EFFECTS, EffectPrior, JointFactors, LEG, LEG_PARAMETERS, LegVector, LimbPrior, Solver,
-    solver_len,
+    EFFECTS, EffectPrior, JointFactors, LEG, LEG_INERTIAL, LEG_PARAMETERS, LegVector, LimbPrior,
+    Solver, solver_len,
 };
-use crate::factor::FactorError;
+use crate::factor::{FactorError, packed_len};
+use crate::inertia::barrier::Root;
 use crate::inertia::{INERTIAL, InertialParameters};
 use crate::regressor::leg::JOINTS_PER_LEG;
 use crate::{Real, scalar::real};
 
-/// Newton steps that a solution may take. 3 from the CAD on simulated motions; fewer than this from twenty random starts.
-pub const MAX_ITERATIONS: usize = 25;
-
-/// How often a step may be halved.
-const MAX_HALVINGS: u32 = 30;
-
-/// A Newton step that moves no parameter by more than this many standard deviations is the last.
-const CONVERGED: f64 = 1e-4;
-
-/// Effects, by their place in θ behind the inertial ones, that are held at a bound.
-///
-/// A limb may have up to 128.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Held(u128);
-
-impl Held {
-    /// Whether effect parameter n is held.
-    pub fn contains(self, n: usize) -> bool {
-        n < 128 && self.0 >> n & 1 == 1
-    }
-
-    fn set(&mut self, n: usize, held: bool) {
-        let bit = 1_u128.checked_shl(n as u32).unwrap_or(0);
-        self.0 = if held { self.0 | bit } else { self.0 & !bit };
-    }
-}
-
 /// The consistent solution of a limb, in steps of bounded cost.
 ///
-/// `D` and `S` store what [`Solver`] needs, `V` stores θ, `E` the effects' priors.
+/// `D` and `S` store what [`Solver`] needs, `V` stores θ, `W` the bodies' triangle ([`packed_len`] of their parameters), `E` the effects'
+/// priors.
 #[derive(Clone, Debug)]
-pub struct ConsistentSolver<T: Real, D, S, V, E, const B: usize> {
+pub struct ConsistentSolver<T: Real, D, S, V, W, E, const B: usize> {
     prior: LimbPrior<T, E, B>,
-    /// The prior expanded about where the last step ended, held effects pinned.
-    near: LimbPrior<T, E, B>,
     solver: Solver<T, D, S, B>,
-    theta: V,
-    trial: V,
-    held: Held,
-    iterations: usize,
-    stage: Stage,
+    descent: Descent<T, V, W>,
 }
 
 /// The consistent solution of a leg of hip, thigh and calf.
@@ -115,49 +90,32 @@ pub type LegConsistentSolver<T> = ConsistentSolver<
     [T; LEG.packed_len()],
     [T; solver_len(LEG_PARAMETERS)],
     LegVector<T>,
+    [T; packed_len(LEG_INERTIAL)],
     [EffectPrior; EFFECTS.len() * JOINTS_PER_LEG],
     JOINTS_PER_LEG,
 >;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
-    /// The prior of this body is expanded: a part of its own, for it takes as long as a tick allows.
-    Expand {
-        body: usize,
-        hold: bool,
-    },
-    /// The inner solver finds the Newton step.
-    Step,
-    /// The step is tried, halved this many times.
-    Search {
-        halvings: u32,
-    },
-    /// The inner solver finds the standard deviations at the minimum.
-    Deviations,
-    Done,
-}
-
-impl<T, D, S, V, E, const B: usize> ConsistentSolver<T, D, S, V, E, B>
+impl<T, D, S, V, W, E, const B: usize> ConsistentSolver<T, D, S, V, W, E, B>
 where
     T: Real,
     D: AsRef<[T]> + AsMut<[T]> + Clone,
     S: AsRef<[T]> + AsMut<[T]>,
     V: AsRef<[T]> + AsMut<[T]> + Clone,
+    W: AsRef<[T]> + AsMut<[T]>,
     E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]> + Clone,
 {
-    /// A solver for a limb with this prior; `theta` holds as many numbers as the limb has parameters.
-    pub fn new(prior: &LimbPrior<T, E, B>, solver: Solver<T, D, S, B>, theta: V) -> Self {
-        let (prior, near, trial) = (prior.clone(), prior.clone(), theta.clone());
-        let (held, iterations, stage) = (Held::default(), 0, Stage::Done);
+    /// A solver for a limb with this prior; `theta` holds as many numbers as the limb has parameters, `bodies` [`packed_len`] of its
+    /// inertial ones.
+    pub fn new(
+        prior: &LimbPrior<T, E, B>,
+        solver: Solver<T, D, S, B>,
+        theta: V,
+        bodies: W,
+    ) -> Self {
         Self {
-            prior,
-            near,
+            prior: prior.clone(),
             solver,
-            theta,
-            trial,
-            held,
-            iterations,
-            stage,
+            descent: Descent::new(theta.clone(), theta, bodies),
         }
     }
 
@@ -168,21 +126,13 @@ where
 
     /// Begins at any physical bodies; where one is not physical, at the CAD's.
     pub fn start_at(&mut self, data: &JointFactors<T, D, B>, bodies: &[InertialParameters<T>; B]) {
-        let layout = *self.layout();
-        self.held = Held::default();
-        self.iterations = 0;
-        let theta = self.theta.as_mut();
-        let cad = bodies.iter().zip(self.prior.cad()).take(layout.bodies());
-        for (to, (body, cad)) in theta.chunks_exact_mut(INERTIAL).zip(cad) {
-            let body = if body.is_physical() { body } else { cad };
-            to.copy_from_slice(body.0.as_slice());
-        }
-        let effects = theta.get_mut(layout.inertial()..).unwrap_or(&mut []);
-        for (to, effect) in effects.iter_mut().zip(self.prior.effects()) {
-            *to = real(effect.prior.mean);
-        }
         self.solver.data_mut().copy_from(data);
-        self.begin_step(true);
+        let effects = |n: usize| {
+            let effect = self.prior.effects().get(n);
+            effect.map_or(T::zero(), |effect| real(effect.prior.mean))
+        };
+        self.descent
+            .start(&self.prior, &mut self.solver, bodies, effects, Held::NONE);
     }
 
     /// Does the next bounded piece of work; true when the solution is new, and from then on.
@@ -190,14 +140,7 @@ where
     /// # Errors
     /// [`FactorError`] as of [`Solver::advance`].
     pub fn advance(&mut self) -> Result<bool, FactorError> {
-        match self.stage {
-            Stage::Expand { body, hold } => self.expand(body, hold),
-            Stage::Step if self.solver.advance()? => self.stage = Stage::Search { halvings: 0 },
-            Stage::Search { halvings } => self.search(halvings),
-            Stage::Deviations if self.solver.advance()? => self.stage = Stage::Done,
-            Stage::Step | Stage::Deviations | Stage::Done => {}
-        }
-        Ok(self.stage == Stage::Done)
+        self.descent.advance(&self.prior, &mut self.solver)
     }
 
     /// Starts and goes on to the end.
@@ -212,7 +155,7 @@ where
 
     /// θ: of the last finished solution when [`advance`](Self::advance) has said so, else of the step reached.
     pub fn values(&self) -> &[T] {
-        self.theta.as_ref()
+        self.descent.theta()
     }
 
     /// Standard deviations of the last finished solution, from the cost's curvature, bounds left aside.
@@ -227,22 +170,26 @@ where
 
     /// Newton steps that the solution took.
     pub fn iterations(&self) -> usize {
-        self.iterations
+        self.descent.iterations()
     }
 
     /// Effects that the data would have beyond their bound.
     pub fn held(&self) -> Held {
-        self.held
+        self.descent.held()
     }
 
     /// The cost of any θ (see the module); `None` where a body is not physical.
     pub fn cost(&self, theta: &[T]) -> Option<T> {
-        let (layout, data) = (self.layout(), self.solver.data());
+        let (layout, data) = (self.solver.layout(), self.solver.data());
         let mut cost = T::zero();
         for joint in 0..layout.bodies() {
             let noise = data.noise(joint);
             cost += data.sum_of_squares(joint, theta) / (noise * noise);
-            cost += self.prior.body_cost(joint, &body(theta, joint))?;
+            let root = Root::of(&body(theta, joint));
+            if !root.is_physical() {
+                return None;
+            }
+            cost += self.prior.body_cost(joint, &root);
         }
         let effects = theta.get(layout.inertial()..)?;
         for (value, EffectPrior { prior, .. }) in effects.iter().zip(self.prior.effects()) {
@@ -251,128 +198,22 @@ where
         }
         Some(cost)
     }
+}
 
-    fn layout(&self) -> &crate::estimator::Layout<B> {
-        self.solver.layout()
-    }
-
-    /// Begins the next step from the present point, or, if effects are not to be held, the standard deviations.
-    fn begin_step(&mut self, hold: bool) {
-        let inertial = self.layout().inertial();
-        let at = self.theta.as_ref().get(inertial..).unwrap_or(&[]);
-        let priors = self.prior.effects().iter().zip(at);
-        for (n, (to, (from, at))) in self.near.effects_mut().iter_mut().zip(priors).enumerate() {
-            *to = *from;
-            if hold && self.held.contains(n) {
-                to.prior.mean = if *at > real(from.lower) {
-                    from.upper
-                } else {
-                    from.lower
-                };
-                to.prior.std *= 1e-4;
-            }
-        }
-        self.stage = Stage::Expand { body: 0, hold };
-    }
-
-    /// Expands a body's prior about the present point; after the last, starts the inner solver.
-    fn expand(&mut self, b: usize, hold: bool) {
-        self.near.expand(b, &body(self.theta.as_ref(), b));
-        if b + 1 < self.layout().bodies() {
-            self.stage = Stage::Expand { body: b + 1, hold };
-            return;
-        }
-        self.solver.restart(&self.near);
-        self.stage = if hold { Stage::Step } else { Stage::Deviations };
-    }
-
-    /// Tries the Newton step, halved `halvings` times.
-    fn search(&mut self, halvings: u32) {
-        let held = self.try_step(real::<T>(0.5).powi(halvings as i32));
-        let falls = match (
-            self.cost(self.trial.as_ref()),
-            self.cost(self.theta.as_ref()),
-        ) {
-            // A rise within rounding is the minimum.
-            (Some(there), Some(here)) => {
-                there <= here + here.abs() * T::default_epsilon() * real(64.0)
-            }
-            _ => false,
-        };
-        if !falls && halvings < MAX_HALVINGS {
-            self.stage = Stage::Search {
-                halvings: halvings + 1,
-            };
-            return;
-        }
-        let pairs = self
-            .trial
-            .as_ref()
-            .iter()
-            .zip(self.theta.as_ref())
-            .zip(self.solver.std());
-        let moved = pairs.fold(T::zero(), |most, ((to, from), std)| {
-            most.max(((*to - *from) / *std).abs())
-        });
-        let mut changed = false;
-        if falls {
-            changed = held != self.held;
-            self.held = held;
-            core::mem::swap(&mut self.theta, &mut self.trial);
-            changed |= self.release();
-        }
-        self.iterations += 1;
-        let converged = (moved < real(CONVERGED) || !falls) && !changed;
-        self.begin_step(!(converged || self.iterations >= MAX_ITERATIONS));
-    }
-
-    /// Writes the trial point, effects kept within their bounds; returns which of them are at one.
-    fn try_step(&mut self, scale: T) -> Held {
-        let inertial = self.layout().inertial();
-        let from = self.theta.as_ref().iter().zip(self.solver.values());
-        for (trial, (from, to)) in self.trial.as_mut().iter_mut().zip(from) {
-            *trial = *from + (*to - *from) * scale;
-        }
-        let mut held = self.held;
-        let trial = self.trial.as_mut().get_mut(inertial..).unwrap_or(&mut []);
-        let from = self.theta.as_ref().get(inertial..).unwrap_or(&[]);
-        for (n, (value, effect)) in trial.iter_mut().zip(self.prior.effects()).enumerate() {
-            let (lower, upper) = (real::<T>(effect.lower), real::<T>(effect.upper));
-            if self.held.contains(n) {
-                *value = from.get(n).copied().unwrap_or(lower);
-            } else if *value < lower || *value > upper {
-                held.set(n, true);
-                *value = value.max(lower).min(upper);
-            }
-        }
-        held
-    }
-
-    /// Lets go of the effects whose cost falls away from their bound; true if there was one.
-    fn release(&mut self) -> bool {
-        let (layout, before) = (*self.layout(), self.held);
-        for joint in 0..layout.bodies() {
-            for e in 0..layout.effects(joint) {
-                let k = layout.effect_index(joint, e);
-                let n = k - layout.inertial();
-                let (Some(EffectPrior { prior, lower, .. }), Some(value), true) = (
-                    self.prior.effects().get(n),
-                    self.theta.as_ref().get(k),
-                    self.held.contains(n),
-                ) else {
-                    continue;
-                };
-                let (data, noise) = (self.solver.data(), self.solver.data().noise(joint));
-                let slope = data.slope(joint, e, self.theta.as_ref()) / (noise * noise)
-                    + (*value - real(prior.mean)) / real(prior.std * prior.std);
-                let inwards = if *value > real(*lower) { -slope } else { slope };
-                if inwards < T::zero() {
-                    self.held.set(n, false);
-                }
-            }
-        }
-        self.held != before
-    }
+/// Whether all bodies of θ could exist and all effects are within their bounds; the same instructions whatever θ is.
+pub(crate) fn is_consistent<T: Real, E, const B: usize>(
+    prior: &LimbPrior<T, E, B>,
+    theta: &[T],
+) -> bool
+where
+    E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
+{
+    let physical = (0..B).fold(true, |all, b| all & Root::of(&body(theta, b)).is_physical());
+    let effects = theta.get(INERTIAL * B..).unwrap_or(&[]);
+    let effects = effects.iter().zip(prior.effects());
+    effects.fold(physical, |all, (x, EffectPrior { lower, upper, .. })| {
+        all & (*x >= real(*lower)) & (*x <= real(*upper))
+    })
 }
 
 /// Body b of a limb's θ; no mass if θ ends before.

@@ -172,6 +172,15 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
         })
     }
 
+    /// Σ (R δ)² of some rows: how much ‖W θ − b‖² bends over a step δ.
+    pub(crate) fn bend(&self, rows: core::ops::Range<usize>, step: &[T]) -> T {
+        rows.fold(T::zero(), |sum, k| {
+            let r = self.row(k).split_last().map_or(&[] as &[T], |(_, r)| r);
+            let change = dot(r, step.get(k..).unwrap_or(&[]));
+            sum + change * change
+        })
+    }
+
     /// Entry k of R θ − z.
     fn misfit(&self, k: usize, theta: &[T]) -> T {
         self.row(k).split_last().map_or(T::zero(), |(z, r)| {
@@ -185,10 +194,19 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
     /// [`FactorError::Singular`] names the last column that nothing determines; [`FactorError::Length`] if `theta` does
     /// not hold p numbers. `theta` is then unspecified.
     pub fn solve(&self, theta: &mut [T]) -> Result<(), FactorError> {
-        if theta.len() != self.columns {
+        self.solve_rows(self.columns, theta)
+    }
+
+    /// [`solve`](Self::solve) for the first `rows` parameters; `theta` has the others.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    #[inline(always)]
+    pub(crate) fn solve_rows(&self, rows: usize, theta: &mut [T]) -> Result<(), FactorError> {
+        if theta.len() != self.columns || rows > self.columns {
             return Err(FactorError::Length(theta.len()));
         }
-        for k in (0..self.columns).rev() {
+        for k in (0..rows).rev() {
             let row = self.row(k);
             let (Some(pivot), Some(z), Some(r)) =
                 (row.first(), row.last(), row.get(1..self.columns - k))
@@ -266,7 +284,7 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
 }
 
 /// Where row k starts in packed storage.
-const fn row_start(columns: usize, k: usize) -> usize {
+pub(crate) const fn row_start(columns: usize, k: usize) -> usize {
     // Rows before it have columns + 1, columns, … entries.
     k * (2 * columns + 3 - if k <= columns { k } else { columns + 1 }) / 2
 }

@@ -6,12 +6,13 @@
 //! are positive definite exactly when a body of positive density could have them; [`log_cholesky`] are coordinates in which
 //! every body is one.
 
+pub(crate) mod barrier;
 pub mod log_cholesky;
 
 use crate::factor::BodyFactor;
 use crate::spatial::{Force, Motion, Transform};
 use crate::{Real, scalar::real};
-use nalgebra::{Cholesky, Matrix3, Matrix4, SMatrix, SVector, Vector3};
+use nalgebra::{ArrayStorage, Cholesky, Matrix3, Matrix4, SMatrix, SVector, Vector3};
 
 /// How many inertial parameters a body has.
 pub const INERTIAL: usize = 10;
@@ -32,6 +33,11 @@ pub const UNITS: [&str; INERTIAL] = [
 pub struct InertialParameters<T: Real>(pub SVector<T, INERTIAL>);
 
 impl<T: Real> InertialParameters<T> {
+    /// No mass at all, a constant.
+    pub(crate) const NONE: Self = Self(SVector::from_array_storage(ArrayStorage(
+        [[T::ZERO; INERTIAL]; 1],
+    )));
+
     /// No mass at all.
     pub fn zero() -> Self {
         Self(SVector::zeros())

@@ -96,6 +96,21 @@ pub(crate) fn sin_cos<T: Real>(angle: T) -> (T, T) {
     double_angle(sin, cos)
 }
 
+/// The natural logarithm of a positive number that is not denormal, by the same instructions whatever it is; error below 4e-16 of one and of itself.
+pub(crate) fn ln<T: Real>(x: T) -> T {
+    const ROOT_HALF: u64 = core::f64::consts::FRAC_1_SQRT_2.to_bits();
+    let bits = nalgebra::try_convert(x).unwrap_or(f64::NAN).to_bits();
+    // x = 2^k m with m from √½ to √2.
+    let k = (bits.wrapping_sub(ROOT_HALF) as i64) >> 52;
+    let m = f64::from_bits(bits.wrapping_sub((k as u64) << 52));
+    // ln m = 2 artanh s; |s| ≤ 0.172.
+    let s = (m - 1.0) / (m + 1.0);
+    let series = (0..11)
+        .rev()
+        .fold(0.0, |sum, n| sum * (s * s) + 1.0 / f64::from(2 * n + 1));
+    real(k as f64 * core::f64::consts::LN_2 + 2.0 * s * series)
+}
+
 /// e^(−x) for x ≥ 0, by the same instructions whatever the number; relative error below 1e-10 for x ≤ 40, and e^(−40)
 /// beyond, which is nothing beside one.
 pub(crate) fn exp_minus<T: Real>(x: T) -> T {
@@ -149,6 +164,14 @@ mod tests {
             prop_assert!((x.inverse_sqrt() * x.sqrt() - 1.0).abs() < 4.5e-16);
             let x = 10f64.powf(exponent / 8.0) as f32;
             prop_assert!((f64::from(x.inverse_sqrt()) * f64::from(x).sqrt() - 1.0).abs() < 6.1e-8);
+        }
+
+        #[test]
+        fn logarithms_agree_with_the_library(exponent in -300.0..300.0f64, near in 0.5..2.0f64) {
+            for x in [10f64.powf(exponent), near] {
+                let expected = x.ln();
+                prop_assert!((ln(x) - expected).abs() < 4e-16 * (1.0 + expected.abs()), "{x}");
+            }
         }
 
         #[test]

@@ -10,6 +10,7 @@ use proprio_core::estimator::{
     CAD_UNCERTAINTY, EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver,
     LegWindow, plausible,
 };
+use proprio_core::factor::packed_len;
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
@@ -92,8 +93,12 @@ impl ConsistentFit {
         let mut free = LegSolver::default();
         free.start(&prior, data);
         while !free.advance().map_err(|e| e.to_string())? {}
-        let mut solver =
-            LegConsistentSolver::new(&prior, LegSolver::default(), [0.0; LEG_PARAMETERS]);
+        let mut solver = LegConsistentSolver::new(
+            &prior,
+            LegSolver::default(),
+            [0.0; LEG_PARAMETERS],
+            [0.0; packed_len(LEG_INERTIAL)],
+        );
         solver.solve(data).map_err(|e| e.to_string())?;
         let theta = solver.values().to_vec();
         let negative = negative(free.values());

@@ -1,7 +1,8 @@
 //! Motions of hung legs whose torques obey the model exactly, for what has to be recovered from them.
 
-use nalgebra::SVector;
+use nalgebra::{Matrix3, SVector, Vector3};
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg, leg};
+use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use proprio_core::window::Sample;
@@ -47,4 +48,18 @@ pub fn sample_of(
         dq: v.into(),
         tau: tau.into(),
     }
+}
+
+/// The n-th sample of a leg that cannot be: friction drives its joints, and its calf is pulled up by more than it weighs.
+pub fn impossible(which: Leg, n: u64) -> Sample<f64, JOINTS_PER_LEG> {
+    let leg = leg::<f64>(which);
+    let mut bodies = leg.bodies().map(|body| body.inertia);
+    let below = Vector3::new(0.02, 0.0, -0.12);
+    bodies[JOINTS_PER_LEG - 1] =
+        bodies[JOINTS_PER_LEG - 1] + InertialParameters::from_com(-0.6, below, Matrix3::zeros());
+    let mut sample = sample_of(&leg.with_inertia(&bodies), which, n);
+    for (tau, (dq, [_, coulomb, _])) in sample.tau.iter_mut().zip(sample.dq.iter().zip(FRICTION)) {
+        *tau -= 1.5 * coulomb * dq.signum();
+    }
+    sample
 }

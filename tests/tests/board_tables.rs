@@ -9,6 +9,10 @@ use toml::Table;
 const ROWS: &[(&str, &[&str])] = &[
     ("instructions per tick, mean", &["tick_mean"]),
     ("instructions per tick, worst", &["tick_worst"]),
+    (
+        "instructions per tick where no leg could be as the data say: mean; worst",
+        &["impossible_tick_mean", "impossible_tick_worst"],
+    ),
     ("a polling cycle's bytes to frames", &["decode_cycle"]),
     (
         "a sample into the window; one that closes it",
@@ -26,8 +30,8 @@ const ROWS: &[(&str, &[&str])] = &[
         &["gather_step", "solver_step"],
     ),
     (
-        "one Newton step of the physically consistent solution of a leg (the device does none yet)",
-        &["consistent_newton_step"],
+        "physically consistent solution of a leg: one Newton step, all before it included; its dearest part",
+        &["consistent_newton_step", "consistent_part"],
     ),
     ("flash, bytes", &["flash_bytes"]),
     ("static RAM, bytes", &["static_ram_bytes"]),

@@ -4,10 +4,13 @@
 
 use proprio::device::replay::{ReplayError, bus_step, replay};
 use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
-use proprio_core::go2::Leg;
+use proprio_core::consistent::body;
+use proprio_core::estimator::{EFFECTS, LEG_INERTIAL};
+use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::window::Sample;
 use proprio_core::wire::{
     Action, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, HostMessage, Outcome, Request,
-    SCHEMA,
+    SCHEMA, Solution,
 };
 use proprio_tests::motion;
 
@@ -28,8 +31,17 @@ fn boot(scalar: image::Scalar) -> Option<Qemu> {
 
 /// `samples` steps of the legs in `legs`.
 fn steps(legs: &[Leg], samples: u64) -> Vec<BusStep> {
+    steps_of(motion::sample, legs, samples)
+}
+
+/// The same of another motion.
+fn steps_of(
+    sample: fn(Leg, u64) -> Sample<f64, JOINTS_PER_LEG>,
+    legs: &[Leg],
+    samples: u64,
+) -> Vec<BusStep> {
     let step = |n| {
-        let instant = Leg::ALL.map(|leg| legs.contains(&leg).then(|| motion::sample(leg, n)));
+        let instant = Leg::ALL.map(|leg| legs.contains(&leg).then(|| sample(leg, n)));
         bus_step(n * motion::SAMPLE_US, &instant).unwrap()
     };
     (1..=samples).map(step).collect()
@@ -48,6 +60,31 @@ fn told(device: &mut dyn Device, steps: &[BusStep]) -> (Vec<Estimate>, Vec<Diagn
     };
     replay(steps, device, &mut hear).unwrap();
     (estimates, diagnoses, counters)
+}
+
+#[test]
+fn of_what_cannot_be_the_board_tells_what_can_to_the_last_bit() {
+    let Some(mut qemu) = boot(image::Scalar::F64) else {
+        return;
+    };
+    let steps = steps_of(motion::impossible, &Leg::ALL, 4_000);
+    let board = told(&mut qemu, &steps);
+    let desktop = told(&mut Desktop::<f64>::new(), &steps);
+    assert_eq!((&board.0, &board.1), (&desktop.0, &desktop.1));
+    let mut consistent = 0;
+    for estimate in &board.0 {
+        let values: Vec<f64> = estimate.values.iter().map(|&x| f64::from(x)).collect();
+        assert!((0..JOINTS_PER_LEG).all(|b| body(&values, b).is_physical()));
+        let mut effects = values[LEG_INERTIAL..].iter().enumerate();
+        assert!(effects.all(|(n, value)| n % EFFECTS.len() == 3 || *value >= 0.0));
+        consistent += usize::from(estimate.solution == Solution::Consistent);
+    }
+    println!(
+        "{consistent} of {} estimates are consistent ones",
+        board.0.len()
+    );
+    // Eight seconds: each leg's first, which begins at the CAD's bodies and takes longest.
+    assert!(consistent >= Leg::ALL.len(), "{consistent}");
 }
 
 #[test]

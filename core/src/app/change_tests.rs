@@ -18,17 +18,19 @@ const SECOND: u64 = 500;
 
 /// What a robot may have beyond the CAD's bodies, usual friction and rotors.
 #[derive(Clone, Copy, Default)]
-struct Extra {
+pub(super) struct Extra {
     /// N m at the FL calf's joint.
-    bias: f64,
+    pub(super) bias: f64,
     /// N m at the RL thigh's joint.
-    coulomb: f64,
+    pub(super) coulomb: f64,
     /// kg on the RR calf, 0.12 m down and 0.02 m forward.
-    load: f64,
+    pub(super) load: f64,
+    /// N that push each foot up.
+    pub(super) ground: f64,
 }
 
 /// A robot that hangs and swings its legs, and the device that listens to it.
-struct Robot {
+pub(super) struct Robot {
     device: Box<Whole<f64>>,
     noise: u64,
     step: u64,
@@ -36,7 +38,7 @@ struct Robot {
 }
 
 impl Robot {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             device: Whole::new(DESKTOP),
             noise: 1,
@@ -90,6 +92,17 @@ impl Robot {
             tau[j] += 0.05 * v[j] + coulomb * v[j].signum() + ACTUATORS[j].armature() * a[j];
             tau[j] += 0.1 * self.random();
         }
+        // How the foot rises with each joint, the hip's offset left aside.
+        let (thigh, calf) = (q[1].sin_cos(), (q[1] + q[2]).sin_cos());
+        let (sideways, upright) = q[0].sin_cos();
+        let rises = [
+            0.213 * sideways * (thigh.1 + calf.1),
+            0.213 * upright * (thigh.0 + calf.0),
+            0.213 * upright * calf.0,
+        ];
+        for (tau, rises) in tau.iter_mut().zip(rises) {
+            *tau -= extra.ground * rises;
+        }
         core::array::from_fn(|j| {
             let mode = Mode::foc(j as u8);
             Reply::from_joint(mode, ACTUATORS[j].gear, q[j], v[j], tau[j], 30).unwrap()
@@ -97,9 +110,17 @@ impl Robot {
     }
 
     /// Goes on for so many seconds; what is told meanwhile.
-    fn run(&mut self, seconds: u64, extra: impl Fn(f64) -> Extra) -> &[DeviceMessage] {
+    pub(super) fn run(&mut self, seconds: u64, extra: impl Fn(f64) -> Extra) -> &[DeviceMessage] {
+        self.run_steps(seconds * SECOND, extra)
+    }
+
+    pub(super) fn run_steps(
+        &mut self,
+        steps: u64,
+        extra: impl Fn(f64) -> Extra,
+    ) -> &[DeviceMessage] {
         let from = self.told.len();
-        for n in 0..seconds * SECOND {
+        for n in 0..steps {
             self.step += 1;
             let extra = extra(n as f64 / SECOND as f64);
             let brought = Leg::ALL.map(|leg| bytes(&self.replies(leg, &extra), false));
@@ -112,23 +133,28 @@ impl Robot {
         &self.told[from..]
     }
 
+    pub(super) fn ask(&mut self, id: u32, action: Action) {
+        let Whole { app, memory } = &mut *self.device;
+        app.handle(memory, &HostMessage::Request(Request { id, action }));
+    }
+
     fn now_us(&self) -> u64 {
         self.step * STEP_US
     }
 
-    fn estimate(&self, leg: Leg) -> &Estimate {
+    pub(super) fn estimate(&self, leg: Leg) -> &Estimate {
         tests::last_estimate(&self.told, leg.index())
     }
 
     /// Value and standard deviation of a joint's n-th effect.
-    fn effect(&self, leg: Leg, joint: usize, n: usize) -> (f64, f64) {
+    pub(super) fn effect(&self, leg: Leg, joint: usize, n: usize) -> (f64, f64) {
         let estimate = self.estimate(leg);
         let place = LEG_INERTIAL + 4 * joint + n;
         let (value, std) = (estimate.values[place], estimate.std[place]);
         (f64::from(value), f64::from(std))
     }
 
-    fn counters(&self, leg: Leg) -> LegCounters {
+    pub(super) fn counters(&self, leg: Leg) -> LegCounters {
         self.device.app.counters(&self.device.memory, 0).legs[leg.index()]
     }
 }

@@ -3,14 +3,18 @@
 use super::alignment::Alignment;
 use super::counts::heard;
 use super::diagnosis::Evidence;
+use super::support::Support;
 use crate::Real;
 use crate::bus::{Listener, Queue};
+use crate::consistent::{Held, body, is_consistent};
 use crate::estimator::{
-    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceFolds,
-    DevicePrior, DeviceSolver, DeviceWindow, Gather, LegBase, NOISE_GUESS, Verdict,
+    Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceDescent,
+    DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, Gather, LEG_INERTIAL, LegBase,
+    MAX_EFFECTS, NOISE_GUESS, Verdict,
 };
 use crate::factor::{Factor, FactorError};
 use crate::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg};
+use crate::inertia::InertialParameters;
 use crate::scalar::{exp_minus, real};
 use crate::slot::Slot;
 use crate::spatial::Transform;
@@ -99,12 +103,21 @@ pub(super) struct LegLine<T: Real> {
     beliefs: Beliefs,
     /// The joints' noise by the last solution, N m.
     noise: [T; JOINTS_PER_LEG],
+    /// The bodies of the last consistent solution; none, and so not physical, at first.
+    bodies: [InertialParameters<T>; JOINTS_PER_LEG],
+    /// The effects that it had at a bound, and of which model.
+    held: (Held, Active),
     /// Data of so many seconds ago weigh 1/e; 0: as much as new ones.
     memory_s: u32,
     /// A change that is being forgotten, and how many of its directions are.
     forgetting: Slot<(Change<T>, usize)>,
     /// Data that were gathered are no longer what the factors hold.
     stale: bool,
+    /// What the calf says of a force at the foot; whether the feet carry the robot; and whether what came shortly before is still to be left
+    /// out.
+    support: Support<T>,
+    carried: bool,
+    spoilt: bool,
     /// A change to be told.
     changed: Slot<wire::Change>,
     counters: LegCounters,
@@ -122,9 +135,14 @@ impl<T: Real> LegLine<T> {
             prior: Slot::Empty,
             beliefs: Beliefs::NONE,
             noise: [T::ZERO; JOINTS_PER_LEG],
+            bodies: [InertialParameters::NONE; JOINTS_PER_LEG],
+            held: (Held::NONE, Active::NONE),
             memory_s: 0,
             forgetting: Slot::Empty,
             stale: false,
+            support: Support::new(),
+            carried: false,
+            spoilt: false,
             changed: Slot::Empty,
             counters: LegCounters::ZERO,
         }
@@ -146,11 +164,15 @@ impl<T: Real> LegLine<T> {
         self.active = DEFAULT_ACTIVE;
         self.beliefs = Beliefs::NONE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];
+        self.bodies = [InertialParameters::zero(); JOINTS_PER_LEG];
+        self.held = (Held::NONE, Active::NONE);
         self.set_prior(which);
         if let Slot::Full(prior) = &self.prior {
             // The work space is as large as it says; without the analysis, every fold would count as unfolded.
             let _ = data.base.analyse(which, prior, work);
+            self.support.begin(prior, &data.base);
         }
+        (self.carried, self.spoilt) = (false, false);
         self.counters = LegCounters::ZERO;
     }
 
@@ -232,7 +254,7 @@ impl<T: Real> LegLine<T> {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
                 increment(&mut counters.used);
-                self.take(data);
+                self.take(data, &sample.q);
             }
             Push::Gap => {
                 increment(&mut counters.used);
@@ -244,7 +266,14 @@ impl<T: Real> LegLine<T> {
     }
 
     /// Lays the rows of the closed window by, to be folded in with others.
-    fn take(&mut self, data: &mut LegData<T>) {
+    fn take(&mut self, data: &mut LegData<T>, q: &[T; JOINTS_PER_LEG]) {
+        if let Some(window) = self.window.get() {
+            self.support.see(window.rows(), q);
+        }
+        if self.carried {
+            increment(&mut self.counters.carried);
+            return;
+        }
         // Steps so long that the turn to fold did not come.
         if data.folds.is_full() {
             self.fold(data);
@@ -258,6 +287,31 @@ impl<T: Real> LegLine<T> {
         } else if data.folds.take(window.rows()).is_err() {
             increment(&mut self.counters.unfolded);
         }
+    }
+
+    /// What the calf says of a force at the foot.
+    pub(super) fn support(&self) -> &Support<T> {
+        &self.support
+    }
+
+    /// Takes note of whether the feet carry the robot. As they begin to, what came shortly before is not of a robot that hangs either.
+    pub(super) fn set_carried(&mut self, carried: bool) {
+        self.spoilt |= carried && !self.carried;
+        self.carried = carried;
+    }
+
+    /// Whether the present block and what waits are to be left out.
+    pub(super) fn is_spoilt(&self) -> bool {
+        self.spoilt
+    }
+
+    /// Leaves out the present block and what waits to be folded in.
+    fn leave_out_spoilt(&mut self, data: &mut LegData<T>) {
+        self.spoilt = false;
+        self.stale = true;
+        let windows = data.folds.drop_waiting() as u32 + super::single(data.folds.restore()) as u32;
+        self.counters.carried = self.counters.carried.wrapping_add(windows);
+        data.test.begin_block();
     }
 
     /// Whether as many windows wait as are folded in together, or the first of another block of time does: all legs' blocks end at once,
@@ -277,6 +331,8 @@ impl<T: Real> LegLine<T> {
     pub(super) fn fold_on(&mut self, data: &mut LegData<T>) -> bool {
         if self.is_forgetting() {
             self.forget(data);
+        } else if self.spoilt {
+            self.leave_out_spoilt(data);
         } else if data.folds.waiting() == 0 {
             return false;
         } else if !self.close_block(data) {
@@ -471,6 +527,52 @@ impl<T: Real> LegLine<T> {
         if !self.stale {
             data.test.learn(solver.values(), active, &data.base);
         }
+    }
+
+    /// Whether all bodies of a solution could exist and all effects are within their bounds.
+    #[inline(never)]
+    pub(super) fn is_consistent(&self, solver: &DeviceSolver<T>) -> bool {
+        let prior = self.prior.get();
+        prior.is_none_or(|prior| is_consistent(prior, solver.values()))
+    }
+
+    /// Begins the consistent solution of what has been solved freely, at the last one's bodies.
+    pub(super) fn descend(&mut self, descent: &mut DeviceDescent<T>, solver: &mut DeviceSolver<T>) {
+        let Some(prior) = self.prior.get() else {
+            return;
+        };
+        let mut effects = [T::zero(); MAX_EFFECTS];
+        let free = solver.values().get(LEG_INERTIAL..).unwrap_or(&[]);
+        let pairs = effects.iter_mut().zip(free);
+        pairs.for_each(|(to, from)| *to = *from);
+        let effect = |n: usize| effects.get(n).copied().unwrap_or(T::zero());
+        let held = match self.held {
+            (held, of) if of == self.active => held,
+            _ => Held::NONE,
+        };
+        descent.start(prior, solver, &self.bodies, effect, held);
+    }
+
+    /// Goes on with it; true when the solver has it.
+    pub(super) fn descend_on(
+        &mut self,
+        descent: &mut DeviceDescent<T>,
+        solver: &mut DeviceSolver<T>,
+    ) -> Result<bool, FactorError> {
+        let Some(prior) = self.prior.get() else {
+            return Ok(true);
+        };
+        let done = descent.advance(prior, solver)?;
+        if done {
+            self.bodies = core::array::from_fn(|b| body(descent.theta(), b));
+            self.held = (descent.held(), self.active);
+        }
+        Ok(done)
+    }
+
+    /// Whether what was gathered is no longer what the factors hold.
+    pub(super) fn is_stale(&self) -> bool {
+        self.stale
     }
 
     /// Adds an effect of [`crate::estimator::COLUMNS`] to a joint's model, or drops it; false if that is how it was.

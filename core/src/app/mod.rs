@@ -9,7 +9,8 @@
 //! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
 //!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;
 //! 4. puts the samples into the legs' windows; the rows of a window that closes wait to be folded;
-//! 5. if it did not fold, does one part of a solution or of the diagnosis;
+//! 5. if it did not fold, does one part of a solution or of the diagnosis; a solution that could not be is followed by the likeliest that
+//!    could ([`crate::consistent`]), which is told in its place;
 //! 6. says at most one message.
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
@@ -20,6 +21,8 @@
 mod alignment;
 #[cfg(test)]
 mod change_tests;
+#[cfg(test)]
+mod consistent_tests;
 mod copy;
 mod counts;
 mod diagnosis;
@@ -29,6 +32,9 @@ mod readings;
 mod request_tests;
 mod requests;
 mod snapshot;
+mod support;
+#[cfg(test)]
+mod support_tests;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -39,13 +45,13 @@ mod walking_tests;
 
 use crate::Real;
 use crate::estimator::{
-    Active, COLUMNS, DEFAULT_ACTIVE, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
+    Active, COLUMNS, DEFAULT_ACTIVE, DeviceDescent, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
 };
 use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use crate::slot::Slot;
 use crate::wire::{
     self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
-    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA,
+    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA, Solution,
 };
 pub use alignment::Alignment;
 use copy::FactorCopy;
@@ -56,6 +62,7 @@ use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
 use requests::Requests;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
+use support::{HOLD_US, carries};
 pub use walking::{WALK_US, WalkingApp, WalkingMemory};
 
 /// Time between two estimates, each of the next leg in turn, µs.
@@ -149,6 +156,30 @@ impl<T: Real> Default for Memory<T> {
     }
 }
 
+/// A leg that is being solved.
+#[derive(Clone, Copy)]
+struct Solving {
+    which: Leg,
+    /// When its data end.
+    time_us: u64,
+    phase: Phase,
+    /// [`App::settings`] when its data were gathered.
+    settings: u32,
+}
+
+/// How far a leg's solution is.
+#[derive(Clone, Copy, PartialEq)]
+enum Phase {
+    /// Its data are being gathered.
+    Gather,
+    /// Least squares alone.
+    Solve,
+    /// Is that one that could be?
+    Judge,
+    /// The likeliest of those that could.
+    Descend,
+}
+
 /// The application: four legs' lines and the solver that serves them in turn.
 pub struct App<T: Real> {
     identity: Slot<Identity>,
@@ -159,14 +190,20 @@ pub struct App<T: Real> {
     solver: DeviceSolver<T>,
     gather: Gather<T>,
     diagnosis: Diagnosis<T>,
+    /// The feet are taken to carry the robot until then, µs.
+    carried_until: u64,
+    was_carried: bool,
     /// Steps left of the rest after one with work.
     rest: u8,
-    /// The leg being solved, the time its data end, and whether its data are still being gathered.
-    solving: Slot<(Leg, u64, bool)>,
+    descent: DeviceDescent<T>,
+    /// What is being solved.
+    solving: Slot<Solving>,
+    /// The diagnosis was the last to go on beside a consistent solution.
+    diagnosed: bool,
     /// The leg to solve next, and when.
     next: (Leg, u64),
     /// A solution to be told.
-    solved: Slot<(Leg, u64)>,
+    solved: Slot<(Leg, u64, Solution)>,
     requests: Requests,
     snapshots: Snapshots,
     /// Another number after each change that the host has made.
@@ -196,8 +233,12 @@ impl<T: Real> App<T> {
             solver: DeviceSolver::empty(),
             gather: Gather::new(),
             diagnosis: Diagnosis::new(),
+            carried_until: 0,
+            was_carried: false,
             rest: 0,
+            descent: DeviceDescent::empty(),
             solving: Slot::Empty,
+            diagnosed: false,
             next: (Leg::FR, 0),
             solved: Slot::Empty,
             requests: Requests::new(),
@@ -229,6 +270,7 @@ impl<T: Real> App<T> {
         self.solved = Slot::Empty;
         self.diagnosis.restart();
         self.rest = 0;
+        (self.carried_until, self.was_carried) = (0, false);
         self.hello_at = 0;
         self.counters_at = 0;
         self.load = Load::ZERO;
@@ -442,6 +484,7 @@ impl<T: Real> App<T> {
         }
         self.keep_up(now_us);
         self.obey(memory);
+        self.feel_ground(now_us);
         let folded = self.fold(memory);
         let effort = if folded { FOLDING_EFFORT } else { STEP_EFFORT };
         let lines = self.legs.iter_mut().zip(&mut memory.0);
@@ -460,6 +503,22 @@ impl<T: Real> App<T> {
         self.hello_at = within(self.hello_at, HELLO_US);
         self.counters_at = within(self.counters_at, REPORT_US);
         self.next.1 = within(self.next.1, ESTIMATE_US);
+        self.carried_until = within(self.carried_until, HOLD_US);
+    }
+
+    /// Judges whether the feet carry the robot; the next hello, which comes at once, says if that is new.
+    fn feel_ground(&mut self, now_us: u64) {
+        if carries(self.legs.iter().map(LegLine::support), now_us) {
+            self.carried_until = now_us.saturating_add(HOLD_US);
+        }
+        let carried = now_us < self.carried_until;
+        if carried != self.was_carried {
+            self.hello_at = 0;
+        }
+        self.was_carried = carried;
+        self.legs
+            .iter_mut()
+            .for_each(|leg| leg.set_carried(carried));
     }
 
     /// Does a step of what is due to a leg's windows: there are as many as are folded in together, or a block is at its end. False
@@ -467,7 +526,7 @@ impl<T: Real> App<T> {
     fn fold(&mut self, memory: &mut Memory<T>) -> bool {
         // A leg that forgets takes many steps: the others' windows do not wait for it.
         let due = |(line, data): &(&mut LegLine<T>, &mut LegData<T>)| {
-            LegLine::is_due(data) && !line.is_forgetting()
+            (LegLine::is_due(data) || line.is_spoilt()) && !line.is_forgetting()
         };
         let mut lines = self.legs.iter_mut().zip(&mut memory.0);
         if let Some((line, data)) = lines.find(due) {
@@ -479,7 +538,8 @@ impl<T: Real> App<T> {
         forgetting.map(|(line, data)| line.fold_on(data)).is_some()
     }
 
-    /// One part of a solution, or of the diagnosis where none is due; then a rest.
+    /// One part of a solution, or of the diagnosis where none is due; then a rest. Beside a consistent solution, which takes many parts, the
+    /// diagnosis has every second one.
     fn work(&mut self, memory: &mut Memory<T>, now_us: u64) {
         if let Some(left) = self.rest.checked_sub(1) {
             self.rest = left;
@@ -490,7 +550,10 @@ impl<T: Real> App<T> {
         if !self.listens_to(n) {
             self.diagnosis.skip_leg();
         }
-        if !self.solve(memory, now_us)
+        let descends =
+            matches!(&self.solving, Slot::Full(solving) if solving.phase == Phase::Descend);
+        self.diagnosed = descends && !self.diagnosed;
+        if (self.diagnosed || !self.solve(memory, now_us))
             && self.listens_to(n)
             && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
@@ -500,50 +563,107 @@ impl<T: Real> App<T> {
 
     /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
     fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
-        let Slot::Full((which, time_us, gathering)) = self.solving else {
-            let (which, due) = self.next;
-            if !self.listens_to(which.index()) {
-                // Its turn is the next one's, as soon as there is one to be solved.
-                self.next.0 = following(which);
-                return false;
-            }
-            let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
-            if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
-                return false;
-            }
-            // What waits is folded in before, in steps of its own.
-            if leg.fold_on(data) {
-                return true;
-            }
-            leg.gather(data, &mut self.gather, &mut self.solver);
-            self.solving = Slot::Full((which, now_us, true));
-            // A solver that cannot keep up does not try to catch up.
-            let due = due
-                .saturating_add(ESTIMATE_US)
-                .max(now_us.saturating_sub(ESTIMATE_US));
-            self.next = (following(which), due);
+        match self.solving {
+            Slot::Full(solving) => self.solve_on(memory, solving),
+            Slot::Empty => return self.begin_solving(memory, now_us),
+        }
+        true
+    }
+
+    /// Begins the next leg's solution when it is due; false if it is not.
+    fn begin_solving(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
+        let (which, due) = self.next;
+        if !self.listens_to(which.index()) {
+            // Its turn is the next one's, as soon as there is one to be solved.
+            self.next.0 = following(which);
+            return false;
+        }
+        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
+        if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
+            return false;
+        }
+        // What waits is folded in before, in steps of its own.
+        if leg.fold_on(data) {
             return true;
+        }
+        leg.gather(data, &mut self.gather, &mut self.solver);
+        self.solving = Slot::Full(Solving {
+            which,
+            time_us: now_us,
+            phase: Phase::Gather,
+            settings: self.settings,
+        });
+        // A solver that cannot keep up does not try to catch up.
+        let due = due
+            .saturating_add(ESTIMATE_US)
+            .max(now_us.saturating_sub(ESTIMATE_US));
+        self.next = (following(which), due);
+        true
+    }
+
+    /// Goes on with a solution.
+    fn solve_on(&mut self, memory: &mut Memory<T>, solving: Solving) {
+        let Solving { which, time_us, .. } = solving;
+        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
+        let has_prior = match solving.phase {
+            Phase::Gather | Phase::Solve => true,
+            Phase::Judge => solving.settings == self.settings,
+            Phase::Descend => solving.settings == self.settings && !leg.is_stale(),
         };
-        let leg = &mut self.legs[which.index()];
-        let done = match gathering {
-            true => leg.gather_on(&memory.0[which.index()], &mut self.gather, &mut self.solver),
-            false => self.solver.advance(),
-        };
-        match (gathering, done) {
-            (_, Ok(false)) => {}
-            (true, Ok(true)) => self.solving = Slot::Full((which, time_us, false)),
-            (false, Ok(true)) => {
-                let data = &mut memory.0[which.index()];
-                leg.learn(data, &self.solver, self.gather.active());
+        if !has_prior {
+            // The prior that it was begun with is no more: its turn is once more the next.
+            self.solving = Slot::Empty;
+            self.next.0 = which;
+            return;
+        }
+        let next = match solving.phase {
+            Phase::Gather => leg
+                .gather_on(data, &mut self.gather, &mut self.solver)
+                .map(|done| done.then_some(Phase::Solve)),
+            Phase::Solve => self.solver.advance().map(|done| {
+                done.then(|| {
+                    leg.learn(data, &self.solver, self.gather.active());
+                    Phase::Judge
+                })
+            }),
+            Phase::Judge if leg.is_consistent(&self.solver) => {
+                self.solved = Slot::Full((which, time_us, Solution::Free));
                 self.solving = Slot::Empty;
-                self.solved = Slot::Full((which, time_us));
+                return;
             }
-            (_, Err(_)) => {
+            Phase::Judge => {
+                leg.descend(&mut self.descent, &mut self.solver);
+                Ok(Some(Phase::Descend))
+            }
+            Phase::Descend => match leg.descend_on(&mut self.descent, &mut self.solver) {
+                Ok(true) => {
+                    self.solved = Slot::Full((which, time_us, Solution::Consistent));
+                    self.solving = Slot::Empty;
+                    return;
+                }
+                Ok(false) => Ok(None),
+                Err(error) => Err(error),
+            },
+        };
+        match next {
+            Ok(Some(phase)) => {
+                let settings = match phase {
+                    // The model may have been set while its data were gathered: it is then gathered anew.
+                    Phase::Solve => self.settings,
+                    _ => solving.settings,
+                };
+                self.solving = Slot::Full(Solving {
+                    phase,
+                    settings,
+                    ..solving
+                });
+            }
+            Ok(None) => {}
+            Err(_) => {
                 self.solving = Slot::Empty;
                 leg.count_unsolved();
             }
         }
-        true
     }
 
     /// The most urgent message that is due.
@@ -559,8 +679,9 @@ impl<T: Real> App<T> {
         if let Some(change) = lines.find_map(|(leg, line)| line.take_change(leg)) {
             return Some(DeviceMessage::Change(change));
         }
-        if let Some((which, time_us)) = self.solved.take() {
-            return Some(DeviceMessage::Estimate(self.estimate(which, time_us)));
+        if let Some((which, time_us, solution)) = self.solved.take() {
+            let estimate = self.estimate(which, time_us, solution);
+            return Some(DeviceMessage::Estimate(estimate));
         }
         if now_us >= self.counters_at {
             self.counters_at = now_us.saturating_add(REPORT_US);
@@ -605,12 +726,13 @@ impl<T: Real> App<T> {
             },
             load_unit: text(identity.load_unit),
             listens_to: self.listens_to,
+            carried: self.was_carried,
             kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }
     }
 
-    fn estimate(&self, which: Leg, time_us: u64) -> Estimate {
+    fn estimate(&self, which: Leg, time_us: u64, solution: Solution) -> Estimate {
         const {
             assert!(LEG_INERTIAL + MAX_EFFECTS <= wire::MAX_PARAMETERS);
             assert!(COLUMNS.len() <= wire::MAX_EFFECTS);
@@ -625,6 +747,7 @@ impl<T: Real> App<T> {
             time_us,
             windows: single(solver.windows()) as u32,
             effects: active.0,
+            solution,
             values: fitting(values.zip(neutral).map(|(v, n)| v + n)),
             std: fitting(solver.std().iter().copied().map(single)),
             noise: solver.noise().map(single),

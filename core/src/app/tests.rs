@@ -2,13 +2,15 @@
 
 use std::{boxed::Box, vec::Vec};
 
+use nalgebra::SVector;
 use proptest::prelude::*;
 
 use super::*;
 use crate::bus::{Command, Mode, Reply, crc::SEED_GO2};
 use crate::effect::EffectKind;
 use crate::estimator::tests::{LegEstimator, solved};
-use crate::go2::ACTUATORS;
+use crate::go2::{self, ACTUATORS};
+use crate::spatial::Transform;
 use crate::window::Sample;
 
 /// Long enough for every leg's turn to be solved to come once more, and for the solution.
@@ -57,17 +59,24 @@ impl<T: Real> Whole<T> {
     }
 }
 
-/// A motion that excites every joint, and torques that vary with it.
+/// A motion that excites every joint, and the torques of the CAD's bodies, rotors and a usual friction.
 pub(super) fn motion(step: u64, leg: usize) -> [Reply; 3] {
     let t = step as f64 * 2e-3 + leg as f64;
-    core::array::from_fn(|j| {
+    let (mut q, mut v, mut a) = (SVector::zeros(), SVector::zeros(), SVector::zeros());
+    for j in 0..3 {
         let (amplitude, rate) = ([0.4, 0.5, 0.6][j], [5.0, 7.0, 9.0][j]);
-        let offset = [0.0, 0.8, -1.6][j];
-        let (sin, cos) = (rate * t).sin_cos();
-        let tau =
-            0.01 * rate * rate * sin + 0.2 * cos.signum() + 2.0 * (offset + amplitude * sin).sin();
-        let (q, dq) = (offset + amplitude * sin, amplitude * rate * cos);
-        Reply::from_joint(Mode::foc(j as u8), ACTUATORS[j].gear, q, dq, tau, 30).unwrap()
+        let (sin, cos) = f64::sin_cos(rate * t);
+        q[j] = [0.0, 0.8, -1.6][j] + amplitude * sin;
+        v[j] = amplitude * rate * cos;
+        a[j] = -amplitude * rate * rate * sin;
+    }
+    let tree = go2::leg::<f64>(Leg::ALL[leg]);
+    let kinematics = tree.kinematics(&Transform::identity(), &q, &v);
+    let bodies = tree.inverse_dynamics(&kinematics, &v, &a);
+    core::array::from_fn(|j| {
+        let motor = &ACTUATORS[j];
+        let tau = bodies[j] + 0.05 * v[j] + 0.2 * v[j].signum() + motor.armature() * a[j];
+        Reply::from_joint(Mode::foc(j as u8), motor.gear, q[j], v[j], tau, 30).unwrap()
     })
 }
 

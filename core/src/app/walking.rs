@@ -412,6 +412,7 @@ impl<T: Real> WalkingApp<T> {
             },
             load_unit: text(identity.load_unit),
             listens_to: super::ALL_LEGS,
+            carried: false,
             kept: Kept::NoStorage,
             effects: Vec::new(),
         }

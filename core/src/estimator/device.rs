@@ -30,6 +30,7 @@ pub use window::{DeviceRows, DeviceWindow};
 use super::{
     CAD_UNCERTAINTY, EffectPrior, JointFactors, LEG_INERTIAL, Layout, LimbPrior, Solver, solver_len,
 };
+use crate::consistent::Descent;
 use crate::effect::{EffectKind, Form, JointState, Term};
 use crate::factor::packed_len;
 use crate::inertia::INERTIAL;
@@ -198,6 +199,10 @@ pub type DeviceSolver<T> = Solver<
 /// The prior of a leg with any of the effects active.
 pub type DevicePrior<T> = LimbPrior<T, Vec<EffectPrior, MAX_EFFECTS>, JOINTS_PER_LEG>;
 
+/// The consistent solution of a leg with any of the effects active, that a device's solver serves.
+pub type DeviceDescent<T> =
+    Descent<T, [T; LEG_INERTIAL + MAX_EFFECTS], [T; packed_len(LEG_INERTIAL)]>;
+
 /// Which effects of [`COLUMNS`] the model of each joint of a leg has, bit n for the n-th.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Active(pub [u32; JOINTS_PER_LEG]);
@@ -268,6 +273,14 @@ impl<T: Real> DevicePrior<T> {
             }
         }
         self.set_effects(effects);
+    }
+}
+
+impl<T: Real> DeviceDescent<T> {
+    /// One that has solved nothing yet: all zeros.
+    pub const fn empty() -> Self {
+        let theta = [T::ZERO; LEG_INERTIAL + MAX_EFFECTS];
+        Self::new(theta, theta, [T::ZERO; packed_len(LEG_INERTIAL)])
     }
 }
 

@@ -156,13 +156,17 @@ impl<T: Real, S: AsRef<[T]> + AsMut<[T]>, const B: usize> JointFactors<T, S, B> 
         })
     }
 
-    /// Half the slope of a joint's sum of squared residuals along its effect `effect`, at any parameters θ of the limb.
-    pub fn slope(&self, joint: usize, effect: usize, theta: &[T]) -> T {
+    /// Half the slopes of a joint's sum of squared residuals along each of its effects, at any parameters θ of the limb, into `slopes`.
+    pub(crate) fn slopes(&self, joint: usize, theta: &[T], slopes: &mut [T]) {
         let factor = self.joint(joint);
-        (0..=effect).fold(T::zero(), |sum, k| {
-            let r = factor.row(k).get(effect - k).copied().unwrap_or(T::zero());
-            sum + r * self.misfit(&factor, joint, k, theta)
-        })
+        slopes.fill(T::zero());
+        for k in 0..self.layout.effects(joint) {
+            let misfit = self.misfit(&factor, joint, k, theta);
+            let later = slopes.get_mut(k..).unwrap_or(&mut []);
+            for (slope, r) in later.iter_mut().zip(factor.row(k)) {
+                *slope += *r * misfit;
+            }
+        }
     }
 
     /// Entry k of \[R θ − z; −ρ\] of a joint.

@@ -78,7 +78,7 @@ mod solver;
 
 pub use device::{
     Active, Beliefs, BlockTest, COLUMNS, Change, ChangeKind, DEFAULT_ACTIVE, DeviceColumns,
-    DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
+    DeviceDescent, DeviceFolds, DevicePrior, DeviceRows, DeviceSolver, DeviceWindow, FOLDS, Gather,
     LONGEST_TRIANGLE, LegBase, Verdict,
 };
 #[cfg(feature = "app")]

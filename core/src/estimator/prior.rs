@@ -3,6 +3,7 @@
 use crate::Real;
 use crate::effect::{EffectKind, Prior};
 use crate::factor::{BodyFactor, Factor, packed_len};
+use crate::inertia::barrier::{Expansion, Root};
 use crate::inertia::{INERTIAL, InertialParameters};
 use crate::robot::Actuator;
 use crate::scalar::real;
@@ -115,10 +116,6 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
         }
     }
 
-    pub(crate) fn effects_mut(&mut self) -> &mut [EffectPrior] {
-        self.effects.as_mut()
-    }
-
     /// The prior of body b as a triangle of ten rows.
     pub(crate) fn body(&self, b: usize) -> Option<&BodyFactor<T>> {
         self.bodies.get(b)
@@ -126,24 +123,37 @@ impl<T: Real, E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>, const B: usize> Li
 
     /// The prior of the n-th effect parameter as a triangle of one row.
     pub(crate) fn effect(&self, n: usize) -> Factor<T, [T; packed_len(1)]> {
-        let mut row = Factor::<T, [T; packed_len(1)]>::new::<1>();
-        if let Some(EffectPrior { prior, .. }) = self.effects().get(n) {
-            // One finite number; a standard deviation of zero would be refused, and then nothing is known.
-            let _ = row.add_prior(0, real(prior.mean), real(prior.std), &mut [T::zero(); 2]);
-        }
-        row
+        self.effects().get(n).map_or(Factor::new::<1>(), |effect| {
+            known(real(effect.prior.mean), real(effect.prior.std))
+        })
     }
 
-    /// The cost of a body: its divergence from the CAD's, weighted; `None` if it is not physical.
-    pub(crate) fn body_cost(&self, b: usize, body: &InertialParameters<T>) -> Option<T> {
-        let s = self.uncertainty[b];
-        Some(body.divergence(&self.cad[b])? * real(2.0) / (s * s))
+    /// The n-th effect parameter held at `value`: known ten thousand times as well as before.
+    pub(crate) fn pin(&self, n: usize, value: T) -> Factor<T, [T; packed_len(1)]> {
+        self.effects().get(n).map_or(Factor::new::<1>(), |effect| {
+            known(value, real(effect.prior.std * 1e-4))
+        })
     }
 
-    /// The same prior with body b's expanded about `body`: see [`InertialParameters::divergence_near`].
-    pub(crate) fn expand(&mut self, b: usize, body: &InertialParameters<T>) {
-        if let Some(expanded) = body.divergence_near(&self.cad[b], self.uncertainty[b]) {
-            self.bodies[b] = expanded;
+    /// Body b's weighted divergence from the CAD's; without meaning if `root`, the body's, is not of a physical one.
+    pub(crate) fn body_cost(&self, b: usize, root: &Root<T>) -> T {
+        match (self.cad.get(b), self.uncertainty.get(b)) {
+            (Some(cad), Some(s)) => root.divergence(&Root::of(cad)) * real(2.0) / (*s * *s),
+            _ => T::zero(),
         }
     }
+
+    /// Body b's prior expanded about `body`: see [`InertialParameters::divergence_near`].
+    pub(crate) fn near(&self, b: usize, body: &InertialParameters<T>) -> Option<Expansion<T>> {
+        let (cad, s) = (self.cad.get(b)?, self.uncertainty.get(b)?);
+        Some(Root::of(body).expansion(body, &Root::of(cad), *s))
+    }
+}
+
+/// One parameter that is known so well.
+fn known<T: Real>(mean: T, std: T) -> Factor<T, [T; packed_len(1)]> {
+    let mut row = Factor::<T, [T; packed_len(1)]>::new::<1>();
+    // One finite number; a standard deviation of zero would be refused, and then nothing is known.
+    let _ = row.add_prior(0, mean, std, &mut [T::zero(); 2]);
+    row
 }

@@ -5,8 +5,9 @@
 
 use super::{EffectPrior, JointFactors, Layout, LimbPrior};
 use crate::Real;
-use crate::factor::{Factor, FactorError, ROWS, Run, block_cost, packed_len};
+use crate::factor::{Factor, FactorError, ROWS, Run, block_cost, packed_len, row_start};
 use crate::inertia::INERTIAL;
+use crate::inertia::barrier::KnownRows;
 use crate::scalar::sqrt;
 
 /// A step ends before what would bring its cost beyond this ([`block_cost`]), but does something.
@@ -54,6 +55,8 @@ pub struct Solver<T, D, S, const B: usize> {
     data: JointFactors<T, D, B>,
     storage: S,
     stage: Stage,
+    /// The data alone are merged, without the bodies' prior, and not solved.
+    only_data: bool,
     noise: [T; B],
     windows: T,
 }
@@ -80,6 +83,7 @@ where
             data,
             storage,
             stage: Stage::Done,
+            only_data: false,
             noise: [T::ZERO; B],
             windows: T::ZERO,
         }
@@ -99,22 +103,46 @@ where
     where
         E: AsRef<[EffectPrior]> + AsMut<[EffectPrior]>,
     {
-        self.stage = Stage::Merge { joint: 0, row: 0 };
+        self.begin_merge(false, prior.effects().len(), |n| prior.effect(n));
         let layout = *self.layout();
         let Ok(mut parts) = Parts::of(self.storage.as_mut(), layout.parameters()) else {
             return;
         };
-        parts.factor.clear();
-        parts.variance.fill(T::zero());
         // The columns follow from the layout, so that no placement can fail.
         for b in 0..layout.bodies() {
             if let Some(body) = prior.body(b) {
                 let _ = parts.factor.place(layout.solver_column(INERTIAL * b), body);
             }
         }
-        for n in 0..prior.effects().len() {
+    }
+
+    /// Begins to merge the data that `data_mut` holds on top of what is known of each of so many effects, nothing of the bodies; when
+    /// [`advance`](Self::advance) says true, [`reduced`](Self::reduced) has what they say. The values stay those of the last solution.
+    pub(crate) fn merge_data(
+        &mut self,
+        effects: usize,
+        effect: impl Fn(usize) -> Factor<T, [T; packed_len(1)]>,
+    ) {
+        self.begin_merge(true, effects, effect);
+    }
+
+    fn begin_merge(
+        &mut self,
+        only_data: bool,
+        effects: usize,
+        effect: impl Fn(usize) -> Factor<T, [T; packed_len(1)]>,
+    ) {
+        self.stage = Stage::Merge { joint: 0, row: 0 };
+        self.only_data = only_data;
+        let layout = *self.layout();
+        let Ok(mut parts) = Parts::of(self.storage.as_mut(), layout.parameters()) else {
+            return;
+        };
+        parts.factor.clear();
+        parts.variance.fill(T::zero());
+        for n in 0..effects {
             let column = layout.solver_column(layout.inertial() + n);
-            let _ = parts.factor.place(column, &prior.effect(n));
+            let _ = parts.factor.place(column, &effect(n));
         }
     }
 
@@ -242,10 +270,112 @@ where
                 joint: joint + 1,
                 row: 0,
             }
+        } else if self.only_data {
+            Stage::Done
         } else {
             Stage::Solve
         };
         Ok(cost)
+    }
+
+    /// Of data that are merged: what they say of the bodies, the effects taken as is best with each.
+    pub(crate) fn reduced(&self) -> impl Iterator<Item = T> + '_ {
+        let p = self.layout().parameters();
+        let start = row_start(p, p - self.layout().inertial());
+        let numbers = self.storage.as_ref().get(start..packed_len(p));
+        numbers.unwrap_or(&[]).iter().copied()
+    }
+
+    /// Of data that are merged: the effects that are best with the bodies that solve `bodies`, which is over their columns; both are
+    /// [`step`](Self::step) then.
+    pub(crate) fn step_to(&mut self, bodies: &Factor<T, &[T]>) -> Result<(), FactorError> {
+        let p = self.data.layout().parameters();
+        let parts = Parts::of(self.storage.as_mut(), p)?;
+        let effects = p - self.data.layout().inertial();
+        bodies.solve(parts.next.get_mut(effects..).unwrap_or(&mut []))?;
+        parts.factor.solve_rows(effects, parts.next)
+    }
+
+    /// Parameter k of θ where [`step_to`](Self::step_to) leads.
+    pub(crate) fn step(&self, k: usize) -> T {
+        let p = self.layout().parameters();
+        let place = packed_len(p) + 2 * p + self.layout().solver_column(k);
+        self.storage
+            .as_ref()
+            .get(place)
+            .copied()
+            .unwrap_or(T::zero())
+    }
+
+    /// Of data that are merged: the sum of squared residuals, those of what is known of effects among them, at any θ.
+    pub(crate) fn misfit(&mut self, theta: impl Fn(usize) -> T) -> T {
+        match self.ordered(theta) {
+            Ok(parts) => {
+                let p = parts.factor.columns();
+                let theta = parts.scratch.get(..p).unwrap_or(&[]);
+                parts.factor.sum_of_squares(theta)
+            }
+            Err(_) => T::zero(),
+        }
+    }
+
+    /// Of data that are merged: how much the cost bends over a step δθ, if `bodies` is what it is with the bodies' prior.
+    pub(crate) fn bend(&mut self, bodies: &Factor<T, &[T]>, step: impl Fn(usize) -> T) -> T {
+        let inertial = self.data.layout().inertial();
+        match self.ordered(step) {
+            Ok(parts) => {
+                let p = parts.factor.columns();
+                let step = parts.scratch.get(..p).unwrap_or(&[]);
+                let effects = parts.factor.bend(0..p - inertial, step);
+                let own = step.get(p - inertial..).unwrap_or(&[]);
+                effects + bodies.bend(0..inertial, own)
+            }
+            Err(_) => T::zero(),
+        }
+    }
+
+    /// The parts, with θ in the order of the columns in front of the scratch.
+    fn ordered(&mut self, theta: impl Fn(usize) -> T) -> Result<Parts<'_, T>, FactorError> {
+        let layout = *self.data.layout();
+        let parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
+        for k in 0..layout.parameters() {
+            if let Some(to) = parts.scratch.get_mut(layout.solver_column(k)) {
+                *to = theta(k);
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Adds what is known of body b to data that are merged, or to a triangle over the bodies' columns.
+    pub(crate) fn fold_body(
+        &mut self,
+        b: usize,
+        known: &[KnownRows<T>],
+        bodies: Option<&mut Factor<T, &mut [T]>>,
+    ) -> Result<(), FactorError> {
+        let layout = *self.data.layout();
+        let mut parts = Parts::of(self.storage.as_mut(), layout.parameters())?;
+        match bodies {
+            Some(bodies) => fold_known(bodies, INERTIAL * b, known, parts.scratch),
+            None => {
+                let first = layout.solver_column(INERTIAL * b);
+                fold_known(&mut parts.factor, first, known, parts.scratch)
+            }
+        }
+    }
+
+    /// Takes θ for the solution of what is merged; the next steps find its standard deviations.
+    pub(crate) fn settle(&mut self, theta: impl Fn(usize) -> T) {
+        let layout = *self.data.layout();
+        if let Ok(parts) = Parts::of(self.storage.as_mut(), layout.parameters()) {
+            parts.variance.fill(T::zero());
+            for k in 0..layout.parameters() {
+                if let Some(to) = parts.next.get_mut(layout.solver_column(k)) {
+                    *to = theta(k);
+                }
+            }
+        }
+        self.stage = Stage::Variance { column: 0 };
     }
 
     /// Solves the triangle; returns the cost.
@@ -287,6 +417,27 @@ where
         self.stage = Stage::Done;
         Ok(())
     }
+}
+
+/// Folds what is known of a body, whose columns begin at `first`, into a triangle.
+fn fold_known<T: Real>(
+    factor: &mut Factor<T, &mut [T]>,
+    first: usize,
+    known: &[KnownRows<T>],
+    scratch: &mut [T],
+) -> Result<(), FactorError> {
+    let (blocks, _) = scratch.as_chunks_mut::<ROWS>();
+    let width = (factor.columns() + 1).saturating_sub(first);
+    for rows in known {
+        let block = blocks.get_mut(..width).unwrap_or(&mut []);
+        block.fill([T::zero(); ROWS]);
+        if let ([own @ .., right], Some((last, body))) = (rows, block.split_last_mut()) {
+            body.iter_mut().zip(own).for_each(|(to, from)| *to = *from);
+            *last = *right;
+        }
+        factor.fold_block(first, block)?;
+    }
+    Ok(())
 }
 
 /// A number of a dot product costs half of one that is rotated; each dot product, some more.

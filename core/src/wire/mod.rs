@@ -114,6 +114,8 @@ pub struct Hello {
     pub kept: Kept,
     /// Legs that it listens to, bit n for the n-th in SDK order: [`Action::SetLegs`].
     pub listens_to: u8,
+    /// The robot's feet carry it, so that a device for a robot that hangs leaves its windows out ([`LegCounters::carried`]).
+    pub carried: bool,
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -174,12 +176,23 @@ pub struct Estimate {
     pub windows: u32,
     /// Which effects each joint's model has: bit n for the n-th of [`Hello::effects`].
     pub effects: [u32; JOINTS_PER_LEG],
+    /// Which solution it is.
+    pub solution: Solution,
     /// θ: the inertial parameters, then each joint's effects in the order of [`Hello::effects`].
     pub values: Parameters,
     /// Standard deviations of θ.
     pub std: Parameters,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
     pub noise: [f32; JOINTS_PER_LEG],
+}
+
+/// Which solution of a leg's data is told. Either way each body could exist and each effect is within its bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Solution {
+    /// Least squares alone.
+    Free,
+    /// Least squares alone had a body that cannot exist or an effect beyond its bounds: the likeliest one that can.
+    Consistent,
 }
 
 /// What one effect brings to a joint, judged on data that the models were not fitted to.
@@ -350,6 +363,8 @@ pub struct LegCounters {
     pub changes: u32,
     /// Windows folded in and taken out again because the leg had changed in them, or not folded in while that was seen to.
     pub forgotten: u32,
+    /// Windows left out because the robot's feet carried it: it stood or walked, or had done so shortly before.
+    pub carried: u32,
     /// Solutions that failed: nothing determines some parameter.
     pub unsolved: u32,
 }
@@ -379,6 +394,7 @@ impl LegCounters {
         unfolded: 0,
         changes: 0,
         forgotten: 0,
+        carried: 0,
         unsolved: 0,
     };
 }

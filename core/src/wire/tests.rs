@@ -39,6 +39,7 @@ fn hello() -> Hello {
         )
         .unwrap(),
         listens_to: 255,
+        carried: true,
         kept: Kept::OfAnother,
         effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
             String::try_from("123456789012345678901234").unwrap()
@@ -89,6 +90,7 @@ fn largest() -> [DeviceMessage; 9] {
         unfolded: m,
         changes: m,
         forgotten: m,
+        carried: m,
         unsolved: m,
     };
     let line = LineLosses {
@@ -109,6 +111,7 @@ fn largest() -> [DeviceMessage; 9] {
             time_us: u64::MAX,
             windows: m,
             effects: [m; 3],
+            solution: Solution::Consistent,
             values: full.clone(),
             std: full,
             noise: [f32::MIN; 3],

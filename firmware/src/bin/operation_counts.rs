@@ -1,8 +1,8 @@
 //! Counts the instructions of the core's operations on the emulated board, over data as different as they can be, and says
 //! the fewest and the most of each: one line `name fewest most` on semihosting's standard output.
 //!
-//! The consistent solution is counted too, though the application does not run it: what a Newton step costs, its dearest
-//! part, and how many steps there are (`consistent_newton_steps` is no number of instructions).
+//! Of the consistent solution: what a Newton step costs, with all parts before the next one, the dearest part, and how many steps there are
+//! (`consistent_newton_steps` is no number of instructions).
 #![no_std]
 #![no_main]
 
@@ -15,8 +15,10 @@ use proprio_core::bus::{Command, Decoder, Mode, Reply, crc::SEED_GO2};
 use proprio_core::consistent::LegConsistentSolver;
 use proprio_core::estimator::{
     BlockTest, DEFAULT_ACTIVE, DeviceFolds, DevicePrior, DeviceSolver, DeviceWindow, EFFECTS,
-    Gather, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow, plausible,
+    Gather, LEG_INERTIAL, LEG_PARAMETERS, LegBase, LegFactors, LegPrior, LegSolver, LegWindow,
+    plausible,
 };
+use proprio_core::factor::packed_len;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg, leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
@@ -169,6 +171,7 @@ fn main() -> ! {
             &LegPrior::of(Leg::FR),
             LegSolver::empty(),
             [0.0; LEG_PARAMETERS],
+            [0.0; packed_len(LEG_INERTIAL)],
         )
     });
     let (analysed, cost) = counter.count(|| base.analyse(Leg::FR, &prior, work));

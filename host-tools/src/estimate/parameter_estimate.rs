@@ -5,7 +5,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{
     CAD_UNCERTAINTY, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
 };
-use proprio_core::factor::FactorError;
+use proprio_core::factor::{FactorError, packed_len};
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
 use serde::Serialize;
 
@@ -111,7 +111,8 @@ pub fn solve(
             })
         }
         Constraint::Physical => {
-            let mut solver = LegConsistentSolver::new(prior, solver, [0.0; LEG_PARAMETERS]);
+            let bodies = [0.0; packed_len(LEG_INERTIAL)];
+            let mut solver = LegConsistentSolver::new(prior, solver, [0.0; LEG_PARAMETERS], bodies);
             solver.solve(data)?;
             let held = solver.held();
             Ok(Fit {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
-    LegCounters, Outcome, Reset,
+    LegCounters, Outcome, Reset, Solution,
 };
 
 use super::residual::Residual;
@@ -44,6 +44,8 @@ pub struct LegView {
     pub parameters: Vec<ParameterEstimate>,
     /// Windows of data in it.
     pub windows: u32,
+    /// Least squares alone had a body that cannot exist or an effect beyond its bounds: this is the likeliest that can be.
+    pub consistent: bool,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
     pub noise: [f64; JOINTS_PER_LEG],
     /// The same of the newest windows.
@@ -51,6 +53,7 @@ pub struct LegView {
     /// Samples a second.
     pub rate: f64,
     above: [bool; JOINTS_PER_LEG],
+    was_consistent: bool,
     lost: u32,
 }
 
@@ -172,6 +175,8 @@ impl View {
             }
             Some(_) => {}
         }
+        let before = self.hello.as_ref().is_some_and(|before| before.carried);
+        self.feet(before, hello.carried);
         self.hello = Some(hello.clone());
     }
 
@@ -192,6 +197,17 @@ impl View {
         }
     }
 
+    /// Says when the robot is put on its feet, and when it hangs again.
+    fn feet(&mut self, before: bool, now: bool) {
+        match (before, now) {
+            (false, true) => self.happened(
+                "the robot's feet carry it: its windows are left out until it hangs".to_owned(),
+            ),
+            (true, false) => self.happened("the robot hangs".to_owned()),
+            _ => {}
+        }
+    }
+
     fn estimate(&mut self, estimate: &Estimate) {
         let n = usize::from(estimate.leg);
         let (Some(hello), Some(leg)) = (&self.hello, Leg::ALL.get(n)) else {
@@ -204,6 +220,9 @@ impl View {
         let first = view.windows == 0 && estimate.windows > 0;
         view.parameters = parameters;
         view.windows = estimate.windows;
+        view.consistent = estimate.solution == Solution::Consistent;
+        let first_consistent = view.consistent && !view.was_consistent;
+        view.was_consistent |= view.consistent;
         view.noise = estimate.noise.map(f64::from);
         let mut above = Vec::new();
         for (j, joint) in JointId::of(*leg).into_iter().enumerate() {
@@ -217,6 +236,12 @@ impl View {
         }
         if first {
             self.happened(format!("first data of {}", leg.name()));
+        }
+        if first_consistent {
+            self.happened(format!(
+                "{}: least squares has an impossible body or friction below zero; the likeliest that can be is shown",
+                leg.name()
+            ));
         }
         for joint in above {
             self.happened(format!("{}: residual above its band", joint.name()));
@@ -383,6 +408,7 @@ impl View {
 fn is_same(one: &Hello, other: &Hello) -> bool {
     let with = Hello {
         listens_to: other.listens_to,
+        carried: other.carried,
         kept: other.kept,
         reset: other.reset,
         crash: other.crash.clone(),

@@ -13,6 +13,7 @@ use proprio_core::wire::{
     DeviceMessage, Estimate, HostMessage, LegCounters, Losses, MAX_FRAME, Receiver, Sender,
 };
 use proprio_tests::motion::{self, FRICTION};
+use proprio_tests::walks;
 
 /// Silent steps at the end, in which all is solved and told.
 const SILENT: u64 = 600;
@@ -157,6 +158,7 @@ fn counted(fr: &LegCounters, losses: &Losses) -> String {
         ("gaps", fr.gaps),
         ("changes", fr.changes),
         ("windows left out", fr.forgotten),
+        ("windows on its feet", fr.carried),
         ("host frames bad", losses.host_frames_bad),
         ("frames dropped", losses.frames_dropped),
     ];
@@ -165,10 +167,75 @@ fn counted(fr: &LegCounters, losses: &Losses) -> String {
     counts.join(", ")
 }
 
+/// 10 s of a robot that hangs, a walk of 4.5 s, and 10 s again: the walk's line of the table.
+fn walk_line(what: &str, name: &str) -> String {
+    let (mut app, mut memory) = (
+        Box::new(App::<f64>::new(IDENTITY)),
+        Box::new(Memory::<f64>::new()),
+    );
+    let walk = walks::samples(name);
+    let hang =
+        |n| Leg::ALL.map(|leg| cycle(leg, &motion::sample(leg, n)).expect("it fits a frame"));
+    let before = (1..=GOOD).map(hang);
+    let after = (GOOD + 1..=2 * GOOD).map(hang);
+    let walked = walk.iter().map(|sample| walks::step(sample).bus.buses);
+    let silent = std::iter::repeat_n(Default::default(), SILENT as usize);
+    let (mut estimate, mut carried) = (None, [false; 3]);
+    let steps = before.chain(walked).chain(after).chain(silent);
+    for (n, buses) in (1..).zip(steps) {
+        let time_us = n * motion::SAMPLE_US;
+        for (leg, bus) in buses.iter().enumerate() {
+            app.hear(&mut memory, leg, bus, time_us);
+        }
+        let part = usize::from(n > GOOD) + usize::from(n > GOOD + walk.len() as u64 + GOOD / 2);
+        app.step(&mut memory, time_us, &mut |message| match message {
+            DeviceMessage::Estimate(told) if told.leg == 0 => {
+                finite(told);
+                estimate = Some(told.clone());
+            }
+            DeviceMessage::Hello(hello) => carried[part] |= hello.carried,
+            _ => {}
+        });
+    }
+    // The hello says it while it lasts, and only then.
+    assert_eq!(carried, [false, true, false], "{what}");
+    let legs = app.counters(&memory, 0).legs;
+    for leg in &legs {
+        // Nothing of the walk is left: 4.5 s, the 2 s after it, the block of 2 s in which it began, and some tenths of a second until the
+        // mean force has fallen.
+        assert!((224..=445).contains(&leg.carried), "{what}: {leg:?}");
+        assert_eq!((leg.changes, leg.unfolded + leg.unsolved), (0, 0), "{what}");
+    }
+    let outcome = Outcome {
+        legs,
+        losses: Losses::ZERO,
+        bytes: 0,
+        answers: 0,
+        estimate,
+    };
+    let off = friction_off(&outcome);
+    assert!(off < 0.05, "{what}: friction off by {off}");
+    let [fr, ..] = &outcome.legs;
+    format!(
+        "| {what} | {} | {} | {} | {off:.3} |\n",
+        walk.len() / 10,
+        fr.windows,
+        fr.carried
+    )
+}
+
 #[test]
 fn whatever_goes_wrong_is_counted_and_passes() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/faults.md");
     let lines: String = cases().into_iter().chain(host_cases()).map(line).collect();
+    let walks: String = [
+        ("stands and sways", "sway"),
+        ("trots", "trot"),
+        ("trots with a load", "load"),
+        ("trots with moments in the air", "flying"),
+    ]
+    .map(|(what, name)| walk_line(what, name))
+    .concat();
     let text = format!(
         "# What goes wrong around a board\n\nEach line is 10 s of a good robot, 2 s of the fault on the bus of FR, its clock or \
          the host's line, and 10 s of a good robot again, heard by the\ndevice's code (`tests/tests/faults/mod.rs`, which makes this \
@@ -181,7 +248,10 @@ fn whatever_goes_wrong_is_counted_and_passes() {
          played to the firmware's image in the emulator as well (`tests/tests/faults/emulated.rs`): five of the bus and the clock, after \
          which\nits counters and estimates are those of the desktop to the bit, and the host that floods or sends random bytes. No step \
          of theirs is over\nits budget.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
-         |\n{lines}"
+         |\n{lines}\n## A robot that is put on its feet\n\n10 s of a robot that hangs, a simulated walk of 4.5 s (`tests/oracle/walk`), \
+         and 10 s of the robot that hangs again. Its feet carry it\n([how it is told](board.md#a-robot-that-is-put-on-its-feet)): the walk's windows, those of \
+         the 2 s after it and of the block of 2 s in which\nit began are left out, in all legs; every hello says so while it lasts. No change is announced.\n\n\
+         | the robot | windows of the walk | windows of FR folded in | left out | friction off by |\n| --- | --- | --- | --- | --- |\n{walks}"
     );
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {
         std::fs::write(path, &text).unwrap();

@@ -130,7 +130,7 @@ fn what_is_kept_comes_back_and_goes_on() {
     let mut after = Keeping::start(before.flash.clone());
     assert_eq!(after.status(), Kept::Restored);
     assert!(after.numbers() == before.numbers());
-    let told = after.run(2_000);
+    let told = after.run(2_500);
     let hello = told.iter().find_map(|message| match message {
         DeviceMessage::Hello(hello) => Some(hello.kept),
         _ => None,

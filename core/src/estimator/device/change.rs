@@ -249,6 +249,8 @@ impl<T: Real> BlockTest<T> {
         }
         self.known[1] = self.known[0];
         self.triangles.fill(T::zero());
+        // What waits may have been left out.
+        self.seen = 0;
     }
 
     /// Whether it has looked at all windows that wait.

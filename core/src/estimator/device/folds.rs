@@ -178,8 +178,17 @@ impl<T: Real> DeviceFolds<T> {
         });
     }
 
+    /// Leaves out the windows that wait; how many they were.
+    pub fn drop_waiting(&mut self) -> usize {
+        self.rows.as_flattened_mut().fill(T::zero());
+        core::mem::take(&mut self.waiting)
+    }
+
     /// Takes the present block's windows out again; how many they were.
     pub fn restore(&mut self) -> T {
+        if !self.begun {
+            return T::zero();
+        }
         let fold = self.fold_of_block();
         let windows = self.block_windows();
         if let (Some(storage), Some(now)) = (self.storage.get_mut(fold), self.windows.get_mut(fold))

@@ -9,7 +9,9 @@ use crate::log::{JointId, leg_named};
 use crate::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::{self, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters};
+use proprio_core::wire::{
+    self, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters, Solution,
+};
 use serde::Serialize;
 
 use super::Played;
@@ -108,6 +110,17 @@ impl Report {
             if counters.samples != played {
                 let arrived = counters.samples;
                 warnings.push(format!("leg {name}: {arrived} of {played} samples arrived"));
+            }
+            if counters.carried > 0 {
+                let carried = counters.carried;
+                warnings.push(format!(
+                    "leg {name}: {carried} windows left out, in which the feet carried the robot"
+                ));
+            }
+            if estimate.solution == Solution::Consistent {
+                warnings.push(format!(
+                    "leg {name}: least squares alone has a body that cannot exist or friction below zero; this is the likeliest that can be"
+                ));
             }
             let estimates = parameters_of(estimate, hello);
             parameters

@@ -33,10 +33,12 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, view: &View, screen: &Screen, 
     };
     let cad = if width >= WIDE { "CAD" } else { "" };
     let cad_width = numbers - VALUE;
-    let first = format!(
-        "{:<NAME$}{:>VALUE$}{cad:>cad_width$}",
-        "parameter", "estimate"
-    );
+    // What is a constrained solution says so, where its numbers stand.
+    let estimate = match view.legs[leg.index()].consistent {
+        true => "consistent",
+        false => "estimate",
+    };
+    let first = format!("{:<NAME$}{estimate:>VALUE$}{cad:>cad_width$}", "parameter");
     let mut lines = vec![Line::from(vec![
         Span::styled(first, bold()),
         Span::styled(format!("  {}", scale(bar)), dim()),

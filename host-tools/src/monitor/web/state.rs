@@ -82,6 +82,7 @@ struct BusState {
     leg: &'static str,
     rate: f64,
     windows: u32,
+    solution: &'static str,
     lost: u32,
 }
 
@@ -183,6 +184,10 @@ fn buses(view: &View) -> Vec<BusState> {
         leg: leg.name(),
         rate: known.rate,
         windows: known.windows,
+        solution: match known.consistent {
+            true => "consistent",
+            false => "free",
+        },
         lost: view.lost(n),
     });
     buses.collect()
