@@ -4,7 +4,7 @@
 //! ([`proprio_core::window::FreeBaseWindow`]). All else moves the readings, and its columns are differences: what an equation leaves if the
 //! readings are moved a little, less what it leaves as they are. So rows are made at parameters near the fit's ([`super::data::Data::of`]).
 //!
-//! Delays are against the torques. A quarter of a millisecond at a swinging calf is 15 % of its viscous friction: a position that leads
+//! Delays are against the torques. A quarter of a millisecond at a swinging calf is a tenth of its viscous friction: a position that leads
 //! its torque by half a step, as a simulation's may, or lags behind it by what the bus takes, shows in nothing else.
 
 use nalgebra::{DVector, Rotation3, Vector3};

@@ -219,12 +219,16 @@ fn of_lag(joints: &[JointReport], sign: f64) -> Option<Finding> {
     let (least, most) = (range(f64::min)?, range(f64::max)?);
     let std = 1e3 * lags().map(|v| v.lag_std).fold(0.0, f64::max);
     let side = if sign > 0.0 { "later" } else { "earlier" };
-    let what = if off.len() == 1 {
-        format!("reports its velocity {most:.1} ±{std:.1} ms {side} than its position")
+    let [least, most] = [least, most].map(|lag| format!("{lag:.1}"));
+    let range = if least == most {
+        most
     } else {
-        format!(
-            "report their velocities {least:.1} to {most:.1} ±{std:.1} ms {side} than their positions"
-        )
+        format!("{least} to {most}")
+    };
+    let what = if off.len() == 1 {
+        format!("reports its velocity {range} ±{std:.1} ms {side} than its position")
+    } else {
+        format!("report their velocities {range} ±{std:.1} ms {side} than their positions")
     };
     Some(Finding {
         joints: off.iter().map(|joint| joint.joint.clone()).collect(),
