@@ -15,7 +15,7 @@ use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::wire::Hello;
 use serde::{Deserialize, Serialize};
 
-use crate::estimate::{self, ParameterEstimate};
+use crate::estimate::{self, Constraint, ParameterEstimate};
 use crate::log::JointId;
 use crate::output::{AtomicFile, WriteError};
 
@@ -219,7 +219,13 @@ impl Factors {
             leg,
             windows: solver.windows(),
             noise: *solver.noise(),
-            parameters: estimate::of_device(leg, &effects, solver.values(), solver.std())?,
+            parameters: estimate::of_device(
+                leg,
+                &effects,
+                solver.values(),
+                solver.std(),
+                Constraint::Free,
+            )?,
         })
     }
 }

@@ -52,6 +52,8 @@ fn a_counterbalance_is_named_and_a_wrists_rotors_are_told() {
             (a - b).abs() < 3.0 * a_std.hypot(b_std),
             "{name}: {a} ±{a_std}, {b} ±{b_std}"
         );
-        assert!(a > 5.0 * a_std && b > 5.0 * b_std, "{name}");
+        // Both logs together know it to more than seven standard deviations, each alone to more than four.
+        assert!((a / a_std).hypot(b / b_std) > 7.0, "{name}");
+        assert!(a > 4.0 * a_std && b > 4.0 * b_std, "{name}");
     }
 }

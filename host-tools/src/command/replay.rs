@@ -92,9 +92,8 @@ impl Replay {
         }
         let mut steps = Steps::new(LogReader::open(&self.log, Selection::Motion)?, &legs);
         let mut told = Told::default();
-        replay(&mut steps, &mut *device, &mut |message| told.hear(message))?;
+        let last_us = replay(&mut steps, &mut *device, &mut |message| told.hear(message))?;
         if let Some(path) = &self.factors {
-            let last_us = steps.last_us.unwrap_or_default() + replay::SILENCE_US;
             let mut hear = |message| told.hear(message);
             let factors = pull(&mut *device, &legs, last_us, &mut hear);
             factors.map_err(ReplayError::from)?.write(path)?;
@@ -233,12 +232,12 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// Plays all steps.
+/// Plays all steps; the time of the last, µs.
 fn replay(
     steps: &mut Steps,
     device: &mut dyn Device,
     told: &mut dyn FnMut(DeviceMessage),
-) -> Result<(), Error> {
+) -> Result<u64, Error> {
     let mut failed = None;
     let played = std::iter::from_fn(|| {
         steps.next().unwrap_or_else(|error| {
@@ -246,8 +245,8 @@ fn replay(
             None
         })
     });
-    replay::replay(played.map(Ok), device, told)?;
-    failed.map_or(Ok(()), Err)
+    let last_us = replay::replay(played.map(Ok), device, told)?;
+    failed.map_or(Ok(last_us), Err)
 }
 
 fn parse_adapter(text: &str) -> Result<(Leg, String), String> {

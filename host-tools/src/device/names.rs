@@ -3,9 +3,9 @@
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Walk};
+use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Solution, Walk};
 
-use crate::estimate::{self, ParameterEstimate};
+use crate::estimate::{self, Constraint, ParameterEstimate};
 use crate::log::JointId;
 
 /// Where the device's numbers point; none beyond what the robot and the device have.
@@ -68,7 +68,11 @@ pub fn parameters_of(
     let [values, std] = [&told.values, &told.std]
         .map(|numbers| numbers.iter().map(|&x| f64::from(x)).collect::<Vec<_>>());
     let active = of_masks(leg, &told.effects, hello);
-    estimate::of_device(leg, &active, &values, &std)
+    let constraint = match told.solution {
+        Solution::Free => Constraint::Free,
+        Solution::Consistent => Constraint::Physical,
+    };
+    estimate::of_device(leg, &active, &values, &std, constraint)
 }
 
 /// The place of an effect among those that a device keeps columns for.

@@ -11,13 +11,12 @@ use super::{BusStep, Device, DeviceError};
 /// What the legs measured at one time; a leg that a log does not have is silent.
 pub type Instant = [Option<Sample<f64, JOINTS_PER_LEG>>; LEGS];
 
-/// Silent steps after the last sample, in which the device folds and solves what it has.
+/// Silent steps after the last sample, in which the device folds and solves what it has: longer than the second after which counters come.
 const SILENT_STEPS: u64 = 600;
 /// Time between silent steps, µs.
 const SILENT_STEP_US: u64 = 2_000;
-
-/// Length of that silence, µs.
-pub const SILENCE_US: u64 = SILENT_STEPS * SILENT_STEP_US;
+/// How often there is such a silence at most: physically consistent solutions of four legs take eight seconds.
+const MOST_SILENCES: usize = 15;
 
 /// Why a replay ended.
 #[derive(Debug, thiserror::Error)]
@@ -82,7 +81,7 @@ pub fn bus_step(time_us: u64, instant: &Instant) -> Result<BusStep, ReplayError>
     Ok(step)
 }
 
-/// Plays `steps` and then silence, until all that was played is in what the device told. Times must grow.
+/// Plays `steps` and then silence, until all that was played is in what the device told. Times must grow. Gives the time of the last step, µs.
 ///
 /// # Errors
 /// [`ReplayError`]; the first error of `steps` ends the replay.
@@ -90,23 +89,68 @@ pub fn replay(
     steps: impl IntoIterator<Item = Result<BusStep, ReplayError>>,
     device: &mut dyn Device,
     told: &mut dyn FnMut(DeviceMessage),
-) -> Result<(), ReplayError> {
+) -> Result<u64, ReplayError> {
     let mut time_us = 0;
+    let mut played = [false; LEGS];
     for step in steps {
         let step = step?;
         time_us = step.time_us;
+        let buses = played.iter_mut().zip(&step.buses);
+        buses.for_each(|(played, bytes)| *played |= !bytes.is_empty());
         device.play(&step, told)?;
     }
-    for _ in 0..SILENT_STEPS {
-        time_us += SILENT_STEP_US;
-        device.play(
-            &BusStep {
+    device.settle(told)?;
+    let mut covered = Covered::default();
+    for _ in 0..MOST_SILENCES {
+        let mut hear = |message: DeviceMessage| {
+            covered.hear(&message);
+            told(message);
+        };
+        for _ in 0..SILENT_STEPS {
+            time_us += SILENT_STEP_US;
+            let silent = BusStep {
                 time_us,
                 ..BusStep::default()
-            },
-            told,
-        )?;
+            };
+            device.play(&silent, &mut hear)?;
+        }
+        device.settle(&mut hear)?;
+        if covered.all_of(&played) {
+            break;
+        }
     }
-    device.settle(told)?;
-    Ok(())
+    Ok(time_us)
+}
+
+/// Of which legs the device has told an estimate that was begun after all samples had come, by the device's own clock.
+#[derive(Default)]
+struct Covered {
+    /// When the device first counted what it had heard, µs.
+    counted_us: Option<u64>,
+    /// When each leg's last estimate was begun, µs.
+    begun_us: [u64; LEGS],
+}
+
+impl Covered {
+    fn hear(&mut self, message: &DeviceMessage) {
+        match message {
+            DeviceMessage::Counters(counters) => {
+                self.counted_us.get_or_insert(counters.time_us);
+            }
+            DeviceMessage::Estimate(estimate) => {
+                if let Some(begun) = self.begun_us.get_mut(usize::from(estimate.leg)) {
+                    *begun = estimate.time_us;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn all_of(&self, played: &[bool; LEGS]) -> bool {
+        let Some(counted) = self.counted_us else {
+            return false;
+        };
+        let mut legs = played.iter().zip(&self.begun_us);
+        legs.all(|(played, begun)| !played || *begun >= counted)
+    }
 }

@@ -138,8 +138,12 @@ pub fn of_leg(
     let there = match constraint {
         Constraint::Free => prior.std,
         Constraint::Physical => {
-            let near = seen_from(&known, fit);
-            solve(&near, &LegFactors::default(), Constraint::Free)?.std
+            solve(
+                &seen_from(&known, &fit.values),
+                &LegFactors::default(),
+                Constraint::Free,
+            )?
+            .std
         }
     };
     let named = parameter::names_of_leg(leg).into_iter().enumerate();
@@ -158,14 +162,14 @@ pub fn of_leg(
     Ok(estimates.collect())
 }
 
-/// The prior as it looks from a physical fit: a body twice as heavy is known half as well.
-fn seen_from(prior: &LegPrior<f64>, fit: &Fit) -> LegPrior<f64> {
+/// The prior as it looks from physical `values`: a body twice as heavy is known half as well.
+fn seen_from(prior: &LegPrior<f64>, values: &[f64]) -> LegPrior<f64> {
     let effects = std::array::from_fn(|n| prior.effects()[n]);
-    let bodies = std::array::from_fn(|b| body(&fit.values, b));
+    let bodies = std::array::from_fn(|b| body(values, b));
     LegPrior::new(bodies, [CAD_UNCERTAINTY; JOINTS_PER_LEG], effects)
 }
 
-/// A leg's parameters as a device tells them: the inertial ones, then the effects that it says it has.
+/// A leg's parameters as a device tells them: the inertial ones, then the effects that it says it has. `constraint`: which solution it is.
 ///
 /// # Errors
 /// As [`of_leg`].
@@ -174,29 +178,44 @@ pub fn of_device(
     effects: &[(JointId, EffectKind)],
     values: &[f64],
     std: &[f64],
+    constraint: Constraint,
 ) -> Result<Vec<ParameterEstimate>, FactorError> {
     let number = |from: &[f64], k: usize| from.get(k).copied().unwrap_or(f64::NAN);
-    let prior = solve(&LegPrior::of(leg), &LegFactors::default(), Constraint::Free)?;
+    let physical = constraint == Constraint::Physical;
+    let known = LegPrior::of(leg);
+    let prior = solve(&known, &LegFactors::default(), Constraint::Free)?;
+    let there = match physical {
+        false => prior.std,
+        true => {
+            let near = seen_from(&known, values);
+            solve(&near, &LegFactors::default(), Constraint::Free)?.std
+        }
+    };
     let inertial = parameter::names_of_leg(leg)
         .into_iter()
         .take(LEG_INERTIAL)
         .enumerate()
-        .map(|(k, (name, unit))| (name, unit, prior.values[k], prior.std[k]));
+        .map(|(k, (name, unit))| (name, unit, [prior.values[k], prior.std[k], there[k]], None));
     let effects = effects.iter().map(|&(joint, effect)| {
         let prior = effect.prior(&ACTUATORS[joint.place()]);
         let name = parameter::name(effect.name(), joint);
-        (name, parameter::unit(effect), prior.mean, prior.std)
+        let lower = effect.description().parameters.first().map(|p| p.lower);
+        let known = [prior.mean, prior.std, prior.std];
+        (name, parameter::unit(effect), known, lower)
     });
     let all = inertial.chain(effects).enumerate();
-    let estimates = all.map(|(k, (name, unit, prior, prior_std))| ParameterEstimate {
-        name,
-        unit,
-        value: number(values, k),
-        std: number(std, k),
-        prior,
-        prior_std,
-        status: Status::of(number(std, k), prior_std),
-        at_bound: false,
+    let estimates = all.map(|(k, (name, unit, [prior, prior_std, there], lower))| {
+        let (value, std) = (number(values, k), number(std, k));
+        ParameterEstimate {
+            name,
+            unit,
+            value,
+            std,
+            prior,
+            prior_std,
+            status: Status::there(std, prior_std, std, there),
+            at_bound: physical && lower == Some(value),
+        }
     });
     Ok(estimates.collect())
 }
@@ -288,9 +307,13 @@ mod tests {
         light.values[..LEG_INERTIAL]
             .iter_mut()
             .for_each(|x| *x /= 3.0);
-        light.std = solve(&seen_from(&prior, &light), &nothing, Constraint::Free)
-            .unwrap()
-            .std;
+        light.std = solve(
+            &seen_from(&prior, &light.values),
+            &nothing,
+            Constraint::Free,
+        )
+        .unwrap()
+        .std;
         assert!(light.std[0] < 0.4 * cad.std[0]);
         for fit in [cad, light] {
             let told = of_leg(Leg::FR, &fit, Constraint::Physical).unwrap();

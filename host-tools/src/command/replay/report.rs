@@ -43,6 +43,8 @@ struct LegReport {
     /// Rows of the log that repeat the one before: not played, since a bus never says what it measured twice.
     repeated: u32,
     windows: u32,
+    /// Least squares has a body that cannot exist or friction below zero: the parameters are the likeliest that can be.
+    consistent: bool,
     /// Each joint's noise: standard deviation of a window's mean torque, N m.
     noise: [f32; 3],
 }
@@ -117,7 +119,8 @@ impl Report {
                     "leg {name}: {carried} windows left out, in which the feet carried the robot"
                 ));
             }
-            if estimate.solution == Solution::Consistent {
+            let consistent = estimate.solution == Solution::Consistent;
+            if consistent {
                 warnings.push(format!(
                     "leg {name}: least squares alone has a body that cannot exist or friction below zero; this is the likeliest that can be"
                 ));
@@ -131,6 +134,7 @@ impl Report {
                 played,
                 repeated,
                 windows,
+                consistent,
                 noise,
             });
         }
