@@ -7,13 +7,18 @@
 //!   to the swing alone, and what is in contact is found anew with that fit, until both agree (a trimmed fit: Rousseeuw &
 //!   Leroy 1987, ch. 4).
 //! - The ground pushes and does not pull, within a cone of friction.
+//! - It lasts: a weak one shows in the mean over a run of windows, not in each.
 //! - The joints agree: the force, from all joints but one, predicts that one's residual. What acts on one joint alone looks
 //!   to it like a force that the others would feel, and do not.
+//!
+//! First swing and contact are found under the model's own effects; the fit of the whole catalogue begins there. Begun anew it would
+//! take a weak force in a quarter of the windows for its effects, and not find back (a trimmed fit ends at the minimum next to its start).
 //!
 //! All residuals are of time that the fit has not seen.
 
 mod judge;
 mod report;
+mod residuals;
 mod words;
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
@@ -31,6 +36,7 @@ use crate::estimate::folding::Folding;
 use crate::estimate::triangle::Triangle;
 use crate::select::screen::{cad_prior, possible};
 pub(crate) use report::{LeftOut, leave_out_contact};
+use residuals::Residuals;
 pub(crate) use words::words;
 
 /// Coefficient of friction of the ground at most: rubber on dry concrete.
@@ -41,10 +47,12 @@ const LEAST_DEVIATION: f64 = 6.0;
 const SHORTEST: usize = 3;
 /// Fewest episodes: from fewer, nothing can be said of how they agree.
 const LEAST_EPISODES: usize = 4;
-/// Times that the swing and the fit to it are found anew.
-const ROUNDS: usize = 6;
+/// Times that the swing and the fit to it are found anew: MuJoCo's weak forces settle in eight at most.
+const ROUNDS: usize = 12;
 /// Least share of windows in swing that the catalogue can be fitted to.
 const LEAST_SWING: f64 = 0.1;
+/// Share of the windows that a second start leaves out of the fit to swing: a trimmed fit resists so much.
+const LIKELY: f64 = 0.4;
 /// Least noise of a joint, as a share of the friction that is expected of it.
 const LEAST_NOISE: f64 = 0.1;
 /// A force weaker than this is not told from what the model has wrong, N.
@@ -101,19 +109,24 @@ impl Contact {
 
     /// What a limb's residuals say; `None` if hardly anything is unlike swing, or the limb is too short to tell.
     pub(crate) fn of(fit: &LimbFit) -> Option<Self> {
+        // A look with the effects of the model alone first, without the columns of a catalogue that it does not have. A force that is no
+        // larger than what these have wrong in swing is overlooked.
+        let mut own = Search::new(fit, false)?;
+        let mut has_swing = own.run(None);
+        let none = |own: &Search| own.episodes(Phase::Contact).len() < LEAST_EPISODES;
+        if has_swing && none(&own) {
+            // The fit may have taken the force for swing: once more from the windows that it likes best.
+            let likeliest = own.likeliest();
+            has_swing = own.run(Some(likeliest));
+            if has_swing && none(&own) {
+                return None;
+            }
+        }
         let mut search = Search::new(fit, true)?;
-        search.run().then(|| search.judge())?
+        // Little swing is what a leg on the ground has.
+        let begin = has_swing.then_some(own.phases);
+        search.run(begin).then(|| search.judge())?
     }
-}
-
-/// Whether a contact is worth looking for: a look with the effects of the model alone, without the columns of a catalogue that
-/// it does not have. A force that is no larger than what these have wrong in swing is overlooked.
-pub(crate) fn is_suspected(fit: &LimbFit) -> bool {
-    let Some(mut search) = Search::new(fit, false) else {
-        return false;
-    };
-    // Little swing is what a leg on the ground has.
-    !search.run() || search.episodes(Phase::Contact).len() >= LEAST_EPISODES
 }
 
 /// One window of the limb.
@@ -142,10 +155,9 @@ struct Search<'a> {
     described: bool,
     /// Away from the ground.
     up: Vector3<f64>,
-    /// Measured − predicted torque of each window's joints, N m.
-    residuals: Vec<Vec<f64>>,
-    /// Of each joint in swing, N m.
-    noise: Vec<f64>,
+    residuals: Residuals,
+    /// Their means over runs of windows; none before the first fit.
+    runs: Residuals,
     phases: Vec<Phase>,
 }
 
@@ -181,27 +193,31 @@ impl<'a> Search<'a> {
             columns,
             described: foot.described,
             up: Vector3::z(),
-            residuals: Vec::new(),
-            noise: fit.noise.clone(),
+            residuals: Residuals::default(),
+            runs: Residuals::default(),
             phases: vec![Phase::Swing; windows.len()],
             windows,
             fit,
         })
     }
 
-    /// Finds swing and contact, beginning with the model as it is given; false if too little swing is found.
+    /// Finds swing and contact, beginning with the phases that are given or the model as it is given; false if too little swing is found.
     ///
     /// On little swing the whole catalogue may predict worse than the model as it is given: of each joint, the one that
     /// predicts unseen swing better is taken.
-    fn run(&mut self) -> bool {
+    fn run(&mut self, begin: Option<Vec<Phase>>) -> bool {
         let given = self.given();
-        self.residuals.clone_from(&given);
+        self.residuals.own.clone_from(&given);
         let friction = self.friction();
         // Generous with contact at first: a force that the fit takes for swing it explains away.
-        self.noise = friction.iter().map(|noise| 0.5 * noise).collect();
+        self.residuals.noise = friction.iter().map(|noise| 0.5 * noise).collect();
+        let mut begin = begin;
         for round in 0..ROUNDS {
             let before = self.phases.clone();
-            self.classify();
+            match begin.take() {
+                Some(phases) => self.phases = phases,
+                None => self.classify(),
+            }
             if (self.count(Phase::Swing) as f64) < LEAST_SWING * self.windows.len() as f64 {
                 return false;
             }
@@ -215,12 +231,17 @@ impl<'a> Search<'a> {
             for joint in 0..friction.len() {
                 let better = usize::from(scales[1][joint] < scales[0][joint]);
                 let chosen = [&given, &fitted][better];
-                for (to, from) in self.residuals.iter_mut().zip(chosen) {
+                for (to, from) in self.residuals.own.iter_mut().zip(chosen) {
                     to[joint] = from[joint];
                 }
                 // A leg at rest has less noise than one that moves.
-                self.noise[joint] = scales[better][joint].max(LEAST_NOISE * friction[joint]);
+                let least = LEAST_NOISE * friction[joint];
+                self.residuals.noise[joint] = scales[better][joint].max(least);
             }
+            self.runs.own = self.residuals.runs();
+            let noise = self.scale(&self.runs.own, 0.5, 0.6745, swing);
+            let least = friction.iter().map(|friction| LEAST_NOISE * friction);
+            self.runs.noise = noise.iter().zip(least).map(|(n, l)| n.max(l)).collect();
         }
         true
     }
@@ -228,12 +249,28 @@ impl<'a> Search<'a> {
     /// What the model as it is given may have wrong in swing, of each joint, N m: friction as the catalogue expects it, or
     /// less where a quarter of all windows says so; half of the time or more may be contact.
     fn friction(&self) -> Vec<f64> {
-        let small = self.scale(&self.residuals, 0.25, 0.3186, |_| true);
+        let small = self.scale(&self.residuals.own, 0.25, 0.3186, |_| true);
         let of = |(joint, small): (usize, f64)| {
             let (mean, std) = self.fit.data.prior((EffectKind::Coulomb, joint), 0);
             small.min(mean + std)
         };
         small.into_iter().enumerate().map(of).collect()
+    }
+
+    /// As if in contact: the windows that the present fit to swing explains worst, as many as a leg that walks may have in stance.
+    fn likeliest(&self) -> Vec<Phase> {
+        let deviations: Vec<f64> = (0..self.windows.len())
+            .map(|w| self.runs.deviation(w))
+            .collect();
+        let mut sorted = deviations.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let at = ((1.0 - LIKELY) * sorted.len() as f64) as usize;
+        let least = sorted.get(at).copied().unwrap_or(f64::INFINITY);
+        let phase = |d: f64| match d >= least {
+            true => Phase::Contact,
+            false => Phase::Swing,
+        };
+        deviations.into_iter().map(phase).collect()
     }
 
     fn count(&self, phase: Phase) -> usize {
@@ -306,13 +343,13 @@ impl<'a> Search<'a> {
             rows: &self.rows,
             theta: &theta,
             correlation,
-            noise: &self.noise,
+            noise: &self.residuals.noise,
         };
         let folds = folding.folds(&swing);
         let all = self.columns.entries.len();
         let prior = cad_prior(data);
         let solve = |train: &Vec<HeapFactor>| {
-            Triangle::new(&self.columns, &prior, train, &self.noise, all).solve(&[])
+            Triangle::new(&self.columns, &prior, train, &self.residuals.noise, all).solve(&[])
         };
         let (trains, _) = folds.without_each(&self.columns);
         trains.iter().map(solve).collect()
@@ -321,12 +358,12 @@ impl<'a> Search<'a> {
     /// Says of each window what it is.
     fn classify(&mut self) {
         let phase = |w: usize| {
-            let sizes = self.residuals[w].iter().zip(&self.noise);
-            let deviation: f64 = sizes.map(|(r, noise)| (r / noise).powi(2)).sum();
-            if deviation < LEAST_DEVIATION.powi(2) {
+            let looks = [&self.residuals, &self.runs].into_iter();
+            let mut looks = looks.filter(|of| !of.own.is_empty());
+            let Some(unlike) = looks.find(|of| of.deviation(w) >= LEAST_DEVIATION.powi(2)) else {
                 return Phase::Swing;
-            }
-            let force = self.force(w, None, &weak());
+            };
+            let force = self.force(unlike, w, None, &weak());
             let normal = force.dot(&self.up);
             let tangential = (force - self.up * normal).norm();
             if normal > LEAST_FORCE && tangential <= FRICTION * normal {
@@ -365,14 +402,20 @@ impl<'a> Search<'a> {
         runs
     }
 
-    /// The most likely force on the foot in window w (N) from all joints but `without`; `likely` is the inverse of the second
+    /// The most likely force on the foot in window w (N) from `residuals` of all joints but `without`; `likely` is the inverse of the second
     /// moment that forces are expected to have, 1/N².
-    fn force(&self, w: usize, without: Option<usize>, likely: &Matrix3<f64>) -> Vector3<f64> {
+    fn force(
+        &self,
+        residuals: &Residuals,
+        w: usize,
+        without: Option<usize>,
+        likely: &Matrix3<f64>,
+    ) -> Vector3<f64> {
         let (mut information, mut right) = (*likely, Vector3::zeros());
         let window = &self.windows[w];
-        for (j, r) in self.residuals[w].iter().enumerate() {
+        for (j, r) in residuals.own[w].iter().enumerate() {
             if Some(j) != without {
-                let (column, weight) = (window.jacobian.column(j), self.noise[j].powi(-2));
+                let (column, weight) = (window.jacobian.column(j), residuals.noise[j].powi(-2));
                 information += column * column.transpose() * weight;
                 right -= column * (r * weight);
             }

@@ -46,7 +46,7 @@ impl Search<'_> {
         let normal = |run: &[usize; 2]| {
             let windows = run[0]..run[1];
             let sum: f64 = windows
-                .map(|w| self.force(w, None, &weak()).dot(&self.up))
+                .map(|w| self.force(&self.residuals, w, None, &weak()).dot(&self.up))
                 .sum();
             let length = (run[1] - run[0]) as f64;
             let weight = length.min(ALIKE);
@@ -73,8 +73,8 @@ impl Search<'_> {
         let (mut before, mut falls) = (vec![0.0; folds], vec![0.0; folds]);
         for w in (0..self.windows.len()).filter(|&w| self.phases[w] == Phase::Contact) {
             let window = &self.windows[w];
-            for (j, r) in self.residuals[w].iter().enumerate() {
-                let force = self.force(w, Some(j), &likely[window.fold]);
+            for (j, r) in self.residuals.own[w].iter().enumerate() {
+                let force = self.force(&self.residuals, w, Some(j), &likely[window.fold]);
                 let left = r + window.jacobian.column(j).dot(&force);
                 before[window.fold] += r * r;
                 falls[window.fold] += r * r - left * left;
@@ -89,7 +89,7 @@ impl Search<'_> {
             .filter(|&w| self.phases[w] == Phase::Contact && self.windows[w].fold != fold);
         let (mut sum, mut n) = (Matrix3::zeros(), 0.0);
         for w in others {
-            let force = self.force(w, None, &weak());
+            let force = self.force(&self.residuals, w, None, &weak());
             sum += force * force.transpose();
             n += 1.0;
         }

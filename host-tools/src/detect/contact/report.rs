@@ -31,7 +31,6 @@ pub(crate) fn leave_out_contact<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option
         .filter(|place| data.can_tell(*place))
         .collect();
     let contact = LimbFit::of(&data, &fitted, &How::default())
-        .filter(super::is_suspected)
         .and_then(|fit| Contact::of(&fit))
         .filter(Contact::is_significant);
     let Some(contact) = contact else {
