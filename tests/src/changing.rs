@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 use proprio::device::replay::cycle;
-use proprio::device::{BusStep, Desktop, Device};
+use proprio::device::{BusStep, Desktop, Device, DeviceError};
 use proprio::monitor::Robot;
 use proprio::simulator::hidden::typical;
 use proprio::simulator::{HiddenEffect, Hide};
@@ -85,9 +85,9 @@ impl Iterator for ExactRobot {
     }
 }
 
-/// A device in this process, and the last that it said of each leg.
+/// A device, and the last that it said of each leg.
 pub struct Listener {
-    device: Desktop<f64>,
+    device: Box<dyn Device>,
     /// The last estimates.
     pub estimates: [Option<Estimate>; LEGS],
     /// The last counters.
@@ -101,10 +101,15 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// One that has heard nothing.
+    /// One in this process that has heard nothing.
     pub fn new() -> Self {
+        Self::of(Box::new(Desktop::<f64>::new()))
+    }
+
+    /// What `device` says, which has heard nothing.
+    pub fn of(device: Box<dyn Device>) -> Self {
         Self {
-            device: Desktop::new(),
+            device,
             estimates: Default::default(),
             counters: Counters::default(),
             changes: Vec::new(),
@@ -116,9 +121,24 @@ impl Listener {
     /// Hears one step of a robot's buses.
     ///
     /// # Panics
-    /// Never: a device in this process does not fail.
+    /// If the device fails; one in this process does not.
     pub fn hear(&mut self, step: &BusStep) {
         self.steps += 1;
+        self.ask(|device, told| device.play(step, told));
+    }
+
+    /// Waits until all that was heard is in what the device has said.
+    ///
+    /// # Panics
+    /// As [`Self::hear`].
+    pub fn settle(&mut self) {
+        self.ask(|device, told| device.settle(told));
+    }
+
+    fn ask(
+        &mut self,
+        what: impl FnOnce(&mut dyn Device, &mut dyn FnMut(DeviceMessage)) -> Result<(), DeviceError>,
+    ) {
         let Self {
             device,
             estimates,
@@ -139,7 +159,7 @@ impl Listener {
                 _ => {}
             }
         };
-        device.play(step, &mut told).expect("it is in this process");
+        what(&mut **device, &mut told).expect("the device answers");
     }
 
     /// Hears `before` until `seconds` of its time, then `after` for so many more.

@@ -1,5 +1,6 @@
 //! Days of an unchanged robot heard by the device's code in this process: `cargo run --release -p proprio-tests --bin soak -- --accept`
-//! writes `tests/soak.md`; `--hours 0.1` is a short one.
+//! writes `tests/soak.md`; `--hours 0.1` is a short one. `--board --hours 1 --accept` has the firmware's image on the emulated board hear it, and
+//! writes `tests/soak_board.md`.
 //!
 //! All four legs, 500 samples a second each: 1.7e8 samples of a leg in 24 h. The robot is one whose torques obey the model but for noise
 //! with a memory, or, with `--simulated`, forward dynamics with a real Go2's friction and sensors, which takes ten times as long. Nothing may
@@ -11,8 +12,8 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use proprio::device::BusStep;
 use proprio::device::names::words_of;
+use proprio::device::{BusStep, DeviceError, Qemu, image};
 use proprio_core::estimator::LEG_INERTIAL;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{ChangeKind, Counters, Estimate};
@@ -30,7 +31,10 @@ struct Arguments {
     /// Forward dynamics, friction and sensors of a real Go2
     #[arg(long)]
     simulated: bool,
-    /// Write tests/soak.md, or tests/soak_simulated.md
+    /// The firmware's image on the emulated board, not its code in this process
+    #[arg(long, conflicts_with = "simulated")]
+    board: bool,
+    /// Write tests/soak.md, soak_simulated.md or soak_board.md
     #[arg(long)]
     accept: bool,
 }
@@ -41,7 +45,16 @@ const LOAD: &str = "payload:RR_calf=0.5,z=-0.12";
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let end_us = (arguments.hours * 3.6e9) as u64;
-    let mut listener = Listener::new();
+    let mut listener = match arguments.board {
+        false => Listener::new(),
+        true => match emulated() {
+            Ok(board) => Listener::of(Box::new(board)),
+            Err(error) => {
+                eprintln!("soak: {error}");
+                return ExitCode::FAILURE;
+            }
+        },
+    };
     let (unchanged, loaded) = (robot("", arguments.seed), robot(LOAD, arguments.seed));
     let (rows, found, noticed);
     if arguments.simulated {
@@ -68,10 +81,12 @@ fn main() -> ExitCode {
     let (text, good) = (text + &found, unharmed && noticed);
     print!("{text}");
     if arguments.accept {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(match arguments.simulated {
-            true => "soak_simulated.md",
-            false => "soak.md",
-        });
+        let name = match (arguments.simulated, arguments.board) {
+            (true, _) => "soak_simulated.md",
+            (_, true) => "soak_board.md",
+            _ => "soak.md",
+        };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
         if let Err(error) = std::fs::write(&path, text) {
             eprintln!("soak: {}: {error}", path.display());
             return ExitCode::FAILURE;
@@ -82,6 +97,11 @@ fn main() -> ExitCode {
     } else {
         ExitCode::FAILURE
     }
+}
+
+/// The firmware's image, booted.
+fn emulated() -> Result<Qemu, DeviceError> {
+    Qemu::boot(&image::build(image::Scalar::F64)?)
 }
 
 /// What a device has heard, and what became of it.
@@ -103,6 +123,7 @@ fn hear(listener: &mut Listener, steps: impl Iterator<Item = BusStep>, end_us: u
         listener.hear(&step);
         let last = now_us + 2_000 > end_us;
         if now_us >= look_us || last {
+            listener.settle();
             lines += &row(now_us, listener);
             eprint!("{}", row(now_us, listener));
             look_us *= 4;
@@ -151,18 +172,22 @@ fn report(arguments: &Arguments, heard: &Heard) -> (String, bool) {
     let (rows, counters) = (&heard.lines, &heard.counters);
     let mut text = format!(
         "# An unchanged robot for long\n\nMade by `cargo run --release -p proprio-tests --bin soak -- --hours {}{} --accept`: four legs \
-         at 500 samples a second, {}, heard by the\ndevice's code on the desktop in double precision, seed {}.\n\n| h | samples used | windows folded | changes announced | windows left out | Coulomb \
+         at 500 samples a second, {}, heard by the\n{} in double precision, seed {}.\n\n| h | samples used | windows folded | changes announced | windows left out | Coulomb \
          friction of FR_calf, N m | its noise, N m | all finite |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n{rows}\n",
         arguments.hours,
-        if arguments.simulated {
-            " --simulated"
-        } else {
-            ""
+        match (arguments.simulated, arguments.board) {
+            (true, _) => " --simulated",
+            (_, true) => " --board",
+            _ => "",
         },
         if arguments.simulated {
             "forward dynamics with a real Go2's friction and sensors"
         } else {
             "torques that obey the model but for noise that remembers 50 ms"
+        },
+        match arguments.board {
+            true => "firmware's image on the emulated board",
+            false => "device's code on the desktop",
         },
         arguments.seed
     );
@@ -184,6 +209,15 @@ fn report(arguments: &Arguments, heard: &Heard) -> (String, bool) {
             counters.unsolved
         );
     }
+    if arguments.board {
+        let load = &counters.load;
+        good &= load.over_budget == 0;
+        let _ = writeln!(
+            text,
+            "\nSteps: {}, {} of them over budget; the dearest {} instructions; stack {} bytes.",
+            load.ticks, load.over_budget, load.worst, load.stack_bytes
+        );
+    }
     (text, good)
 }
 
@@ -197,6 +231,7 @@ fn pick_up(
     for step in steps.take_while(|step| step.time_us <= from_us + 20_000_000) {
         listener.hear(&step);
     }
+    listener.settle();
     let found = listener.changes.get(false_ones..).unwrap_or(&[]);
     let good = found.first().is_some_and(|change| {
         (change.leg, change.joint, change.kind) == (2, 2, ChangeKind::Load)
