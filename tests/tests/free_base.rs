@@ -254,6 +254,66 @@ fn feet_without_sensors_cost_no_truth() {
     }
 }
 
+/// Feet that are told wrong in a tenth of the windows, a foot on the ground as in the air and one in the air as on the ground, move no
+/// parameter by two of its standard deviations.
+#[test]
+fn wrong_feet_in_a_tenth_of_the_windows_move_nothing() {
+    let folder = empty_folder();
+    for name in ["trot", "flying"] {
+        let text = text(name);
+        let feet = |line: &str| -> [f64; 4] {
+            let last = line.rsplit(',').take(4).map(|count| count.parse().unwrap());
+            let mut last: Vec<f64> = last.collect();
+            last.reverse();
+            last.try_into().unwrap()
+        };
+        let counts: Vec<[f64; 4]> = text.lines().skip(1).map(feet).collect();
+        let range = |foot: usize, pick: fn(f64, f64) -> f64| {
+            let all = counts.iter().map(|row| row[foot]);
+            all.reduce(pick).unwrap()
+        };
+        let ranges: [[f64; 2]; 4] = std::array::from_fn(|foot| {
+            let pick: [fn(f64, f64) -> f64; 2] = [f64::min, f64::max];
+            pick.map(|pick| range(foot, pick))
+        });
+        let mut wrong = 0;
+        let lines = text.lines().enumerate().map(|(n, line)| {
+            if n == 0 {
+                return format!("{line}\n");
+            }
+            // A window is 20 samples; every tenth of each foot's, not all feet's at once.
+            let told: Vec<String> = (0..4)
+                .map(|foot| {
+                    let ([low, high], count) = (ranges[foot], counts[n - 1][foot]);
+                    let mirrored = low + high - count;
+                    let is_wrong = (n / 20 * 7 + foot * 3) % 10 == 0;
+                    wrong += usize::from(is_wrong);
+                    format!("{}", if is_wrong { mirrored } else { count })
+                })
+                .collect();
+            let rest = line.rsplitn(5, ',').last().unwrap();
+            format!("{rest},{}\n", told.join(","))
+        });
+        let spoilt: String = lines.collect();
+        let share = wrong as f64 / (4 * counts.len()) as f64;
+        assert!((share - 0.1).abs() < 0.01, "{share}");
+        let path = folder.path().join(format!("{name}.csv"));
+        fs::write(&path, spoilt).unwrap();
+        let spoilt = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
+        let right = identified(name);
+        let mut worst: f64 = 0.0;
+        for (there, here) in spoilt.parameters.iter().zip(&right.parameters) {
+            let moved = (there.value - here.value).abs() / there.std.max(here.std);
+            assert!(moved < 2.0, "{name}: {} by {moved:.1} std", there.name);
+            worst = worst.max(moved);
+        }
+        println!(
+            "{name}: no parameter moves by more than {worst:.2} std; windows {:?}, {:?}",
+            right.windows, spoilt.windows
+        );
+    }
+}
+
 /// A robot that a hand swings: the hand's force is told by nothing, so neither is the mass that it bears. The legs are.
 #[test]
 fn of_a_robot_that_is_swung_by_hand_the_legs_are_told_and_the_mass_is_not() {
