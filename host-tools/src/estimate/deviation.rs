@@ -33,7 +33,8 @@ impl Deviations {
     pub(crate) fn of(fit: &LimbFit) -> Self {
         let independent = inverse(&fit.solution.factor);
         let prior = fit.problem.prior_information(&fit.solution.theta);
-        let blocks = sandwich(&independent, &fit.block_scores(), &prior);
+        let scores: Vec<BlockScore> = fit.block_scores().map(|(_, score)| score).collect();
+        let blocks = sandwich(&independent, &scores, &prior);
         Self {
             independent,
             blocks,

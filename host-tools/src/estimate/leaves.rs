@@ -208,12 +208,13 @@ impl LimbFit<'_> {
         self.group_squares(&cad, |_| true)
     }
 
-    /// What each block of time says at the solution.
-    pub(crate) fn block_scores(&self) -> Vec<BlockScore> {
-        let told =
-            (self.groups.blocks.iter()).filter(|block| block.iter().any(|rows| rows.count() > 0.0));
-        let of =
-            |block: &Vec<Group>| BlockScore::of(stacked(block, &self.noise), &self.solution.theta);
-        told.map(of).collect()
+    /// What each block of time that has rows says at the solution, beside its number.
+    pub(crate) fn block_scores(&self) -> impl Iterator<Item = (usize, BlockScore)> + '_ {
+        let blocks = self.groups.blocks.iter().enumerate();
+        let told = blocks.filter(|(_, block)| block.iter().any(|rows| rows.count() > 0.0));
+        told.map(|(n, block)| {
+            let rows = stacked(block, &self.noise);
+            (n, BlockScore::of(rows, &self.solution.theta))
+        })
     }
 }

@@ -7,7 +7,8 @@
 //!    bounds, ordered so that many nested models can be read off.
 //! 4. `fit`, with `shapes`, `looseness`, `limit` and `directions`: Gauss-Newton over the predictor's derivatives. `robot`: all limbs, and what they share.
 //! 5. `leaves`: what a fit predicts, and what it leaves. `nested`: a fit as factors, from which every model that leaves effects out of it can be read.
-//! 6. `deviation`: standard deviations that hold where residuals remember; [`parameter_estimate`]: what is told of a parameter.
+//! 6. `deviation`: standard deviations that hold where residuals remember; `spread`: by how much values differ from stretch to stretch;
+//!    [`parameter_estimate`]: what is told of a parameter.
 
 pub(crate) mod blocks;
 pub(crate) mod deviation;
@@ -26,6 +27,7 @@ pub mod parameter_estimate;
 pub(crate) mod robot;
 pub(crate) mod shape_deviation;
 pub(crate) mod shapes;
+pub(crate) mod spread;
 pub(crate) mod stages;
 pub(crate) mod triangle;
 pub(crate) mod whitening;

@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::estimate::Status;
 use crate::estimate::bounded::inverse;
 use crate::estimate::fit::LimbFit;
+use crate::estimate::spread::Spread;
 use reduction::{Reduction, pivoted};
 
 /// A combination changes the data by less than this many standard deviations of the noise when it changes by one of its prior:
@@ -114,6 +115,7 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
     let deviations = fit.deviations();
+    let spread = Spread::of(fit, &deviations);
     let prior = fit
         .problem
         .without_data()
@@ -125,7 +127,7 @@ fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
         let first = structure.independent[r];
         let p = DVector::from_column_slice(combination);
         let [std_independent, blocks] = deviations.of_combination(&p);
-        let std = std_independent.max(blocks);
+        let std = (std_independent.max(blocks)).hypot(spread.of_combination(&p));
         let prior_std = prior
             .as_ref()
             .map_or(f64::INFINITY, |prior| prior.tr_mul(&p).norm());

@@ -15,6 +15,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::estimate::shapes::has_shape;
+use crate::estimate::spread::Spread;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
 use crate::model::{Model, ModelEffect};
@@ -184,6 +185,7 @@ pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
 pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = fit.deviations();
+    let spread = Spread::of(fit, &deviations);
     let prior = fit.problem.without_data().solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);
@@ -193,7 +195,8 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
         .map(|(k, entry)| {
             let [independent, blocks] = deviations.of_parameter(k);
             let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k]);
-            let std = independent.max(blocks).hypot(fit.unknown(k));
+            let std_between = spread.of_parameter(k);
+            let std = (independent.max(blocks).hypot(fit.unknown(k))).hypot(std_between);
             let body = fit.data.body_of(entry.joint);
             FittedParameter {
                 estimate: ParameterEstimate {
@@ -209,6 +212,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
                     at_bound: fit.solution.held[k] && !fit.is_found_by_trying(k),
                 },
                 std_independent: independent,
+                std_between,
                 place: entry
                     .effect
                     .map_or(Where::Body(body, entry.parameter), |effect| {

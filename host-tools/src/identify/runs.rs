@@ -108,14 +108,16 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
             .iter()
             .enumerate()
             .filter_map(|(run, fitted)| {
-                let estimate = fitted.parameter(name)?;
+                let parameter = fitted.fitted(name)?;
+                let estimate = &parameter.estimate;
                 let counts = estimate.status == Status::Identified
                     && !estimate.at_bound
                     && estimate.std > 0.0;
                 counts.then_some(RunValue {
                     run,
                     value: estimate.value,
-                    std: estimate.std,
+                    // What differs within a run is no reason to take less notice of what differs between runs.
+                    std: (estimate.std.powi(2) - parameter.std_between.powi(2)).sqrt(),
                 })
             })
             .collect();

@@ -55,11 +55,13 @@ pub struct Fitted {
 /// A parameter and where it belongs in the model.
 #[derive(Debug, Clone, Serialize)]
 pub struct FittedParameter {
-    /// Value, standard deviation (the larger of the two ways), prior, status.
+    /// Value, standard deviation (the larger of the two ways, and what values differ between stretches), prior, status.
     #[serde(flatten)]
     pub estimate: ParameterEstimate,
     /// Standard deviation if residuals were independent.
     pub std_independent: f64,
+    /// By how much the value differs from stretch to stretch of the log, or from log to log, beyond chance (standard deviation); 0 if it does not.
+    pub std_between: f64,
     /// Where the model holds it.
     #[serde(skip)]
     pub place: Where,
@@ -85,6 +87,7 @@ impl FittedParameter {
                 at_bound: false,
             },
             std_independent: std,
+            std_between: 0.0,
             place: Where::Effect(effect, joint, n),
         }
     }
@@ -158,10 +161,13 @@ impl Fitted {
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        self.parameters
-            .iter()
-            .map(|p| &p.estimate)
-            .find(|p| p.name == name)
+        self.fitted(name).map(|p| &p.estimate)
+    }
+
+    /// The same with what its errors are made of.
+    pub(crate) fn fitted(&self, name: &str) -> Option<&FittedParameter> {
+        let mut all = self.parameters.iter();
+        all.find(|p| p.estimate.name == name)
     }
 
     /// `model` with these values and `provenance`.
@@ -278,10 +284,12 @@ impl fmt::Display for Fitted {
             .count();
         writeln!(
             f,
-            "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give;\n{}\n\
+            "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give, and by how much\n\
+             values differ between stretches of time or logs;\n{}\n{}\
              rms of the mean torque over windows, N m: of the fit, on stretches of time it has not seen, and of the CAD's \
              rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
             LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
+            words::between(&self.parameters),
             inertial().count(),
         )?;
         words::stages(f, &self.stages)?;

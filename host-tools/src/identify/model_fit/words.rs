@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write};
 
-use super::result::Fitted;
+use super::result::{Fitted, FittedParameter};
 use crate::estimate::stages::Stage;
 use crate::identify::runs::{Consistency, Run};
 use crate::table::{Table, with_std};
@@ -24,6 +24,25 @@ pub(super) fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Resul
         "By stages ({}): rms {} N m.",
         names.join(", then "),
         errors.join(", ")
+    )
+}
+
+/// Which parameters have other values at another time, beyond chance: a line, or none.
+pub(super) fn between(parameters: &[FittedParameter]) -> String {
+    let differs = |p: &&FittedParameter| p.std_between > 0.0;
+    let mut differing: Vec<&FittedParameter> = parameters.iter().filter(differs).collect();
+    let share = |p: &FittedParameter| p.std_between / p.estimate.std;
+    differing.sort_by(|a, b| share(b).total_cmp(&share(a)));
+    let Some(most) = differing.first() else {
+        return String::new();
+    };
+    format!(
+        "{} of {} parameters have other values in other stretches of time than noise explains, {} the most ({}): the model\n\
+         lacks something there, and another log may give other values.\n",
+        differing.len(),
+        parameters.len(),
+        most.estimate.name,
+        with_std(most.estimate.value, most.std_between),
     )
 }
 
