@@ -7,7 +7,7 @@
 //!   to the swing alone, and what is in contact is found anew with that fit, until both agree (a trimmed fit: Rousseeuw &
 //!   Leroy 1987, ch. 4).
 //! - The ground pushes and does not pull, within a cone of friction.
-//! - It lasts: a weak one shows in the mean over a run of windows, not in each.
+//! - It lasts: a weak one shows in the median over a run of windows, not in each.
 //! - The joints agree: the force, from all joints but one, predicts that one's residual. What acts on one joint alone looks
 //!   to it like a force that the others would feel, and do not.
 //!
@@ -156,7 +156,7 @@ struct Search<'a> {
     /// Away from the ground.
     up: Vector3<f64>,
     residuals: Residuals,
-    /// Their means over runs of windows; none before the first fit.
+    /// Their medians over runs of windows; none before the first fit.
     runs: Residuals,
     phases: Vec<Phase>,
 }

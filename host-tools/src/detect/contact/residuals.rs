@@ -1,7 +1,7 @@
 //! What the model leaves of each window's torques, and how large that is in swing.
 
-/// Windows to either side that a run's mean is over: half of the shortest stance of a trot. A force that is no larger than a window's
-/// noise shows in the mean over a run.
+/// Windows to either side that a run's median is over: half of the shortest stance of a trot. A force that is no larger than a window's
+/// noise shows in it, and unlike a mean it does not reach over an episode's ends.
 const RUN: usize = 2;
 
 /// Measured − predicted torque of each window's joints and what is usual of it, N m.
@@ -19,14 +19,18 @@ impl Residuals {
         sizes.map(|(r, noise)| (r / noise).powi(2)).sum()
     }
 
-    /// Means over runs of windows, each beside the window in its middle; their noise is not known yet.
+    /// Medians over runs of windows, each beside the window in its middle; their noise is not known yet.
     pub(super) fn runs(&self) -> Vec<Vec<f64>> {
         let n = self.own.len();
-        let mean = |w: usize| {
+        let median = |w: usize| {
             let run = &self.own[w.saturating_sub(RUN)..(w + RUN + 1).min(n)];
-            let of = |j: usize| run.iter().map(|r| r[j]).sum::<f64>() / run.len() as f64;
+            let of = |j: usize| {
+                let mut own: Vec<f64> = run.iter().map(|r| r[j]).collect();
+                own.sort_unstable_by(f64::total_cmp);
+                own[own.len() / 2]
+            };
             (0..self.own[w].len()).map(of).collect()
         };
-        (0..n).map(mean).collect()
+        (0..n).map(median).collect()
     }
 }
