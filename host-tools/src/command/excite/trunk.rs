@@ -1,0 +1,152 @@
+//! `excite --standing`: the trunk's motion over planted feet.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::estimate::Status;
+use crate::excite::output::{TrunkCoefficients, write_trunk_csv};
+use crate::excite::trunk::{self, StandingDesign, TrunkParameter};
+use crate::excite::{Measures, Settings};
+use crate::model::Model;
+use crate::output;
+use crate::table::{Table, with_std};
+
+use super::{Error, Excite, Shown, json, write_motion};
+
+/// Length of a period unless another is asked for, s, and waves in it: from 0.4 to 2 Hz, which a robot on its feet follows.
+const PERIOD: f64 = 2.5;
+const HARMONICS: usize = 5;
+
+/// What is reported of a motion of the trunk.
+#[derive(Debug, Serialize)]
+struct TrunkReport {
+    motion: PathBuf,
+    coefficients: PathBuf,
+    #[serde(flatten)]
+    measures: Measures,
+    violations: usize,
+    seconds: f64,
+    duration: f64,
+    seed: u64,
+    interrupted: bool,
+    /// The largest share of its friction cone that a foot uses.
+    cone: f64,
+    /// The least normal force of a foot, N.
+    least_load: f64,
+    /// How far the feet's balls roll, m.
+    rolling: f64,
+    trunk: Vec<TrunkParameter>,
+}
+
+/// Designs, writes and reports.
+pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<String, Error> {
+    output::finish_on_interrupt();
+    let settings = settings(asked);
+    let ground = asked.trunk.ground();
+    let design = trunk::standing(model, &settings, ground, &Shown::new())?;
+    // What is not within the limits is not written: it must not be played.
+    if let Some(first) = design.violations.first() {
+        return Err(Error::NotWithinLimits(first.clone()));
+    }
+    let duration = design.motion.duration();
+    write_motion(&asked.output, |file| {
+        write_trunk_csv(file, duration, |t| design.command(t), asked.gains())
+    })?;
+    let coefficients = asked.coefficients();
+    let series = TrunkCoefficients::of(&design.motion, ground.height, asked.seed);
+    output::write(&coefficients, &json(&series))?;
+    let report = TrunkReport::of(asked, design, begun.elapsed().as_secs_f64());
+    Ok(if asked.json {
+        json(&report)
+    } else {
+        report.to_string()
+    })
+}
+
+fn settings(asked: &Excite) -> Settings {
+    let usual = || asked.duration / (asked.duration / PERIOD).round().max(1.0);
+    Settings {
+        duration: asked.duration,
+        period: asked.period.unwrap_or_else(usual),
+        harmonics: asked.harmonics.unwrap_or(HARMONICS),
+        margins: asked.limits.margins(),
+        seed: asked.seed,
+        starts: asked.starts,
+        ..Settings::default()
+    }
+}
+
+impl TrunkReport {
+    fn of(asked: &Excite, design: StandingDesign, seconds: f64) -> Self {
+        let [cone, least_load] = design.cone;
+        Self {
+            motion: asked.output.clone(),
+            coefficients: asked.coefficients(),
+            measures: design.measures,
+            violations: design.violations.len(),
+            seconds,
+            duration: asked.duration,
+            seed: asked.seed,
+            interrupted: output::asked_to_finish(),
+            cone,
+            least_load,
+            rolling: design.rolling,
+            trunk: design.trunk,
+        }
+    }
+}
+
+/// What is said of a parameter, as identifications say it.
+fn said(status: Status) -> &'static str {
+    match status {
+        Status::Identified => "identified",
+        Status::Prior => "prior",
+        Status::Unexcited => "unexcited",
+    }
+}
+
+impl fmt::Display for TrunkReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        table.row(["trunk", "unit", "model", "± before", "± after", ""].map(str::to_owned));
+        for own in &self.trunk {
+            table.row([
+                own.name.clone(),
+                own.unit.to_owned(),
+                with_std(own.value, own.std),
+                format!("{:.2e}", own.prior_std),
+                format!("{:.2e}", own.std),
+                said(own.status).to_owned(),
+            ]);
+        }
+        writeln!(
+            f,
+            "{table}\nExpected of `identify --free-base` for 0.1 N m of noise in an equation; before any data the trunk is known to 30 %.\n\
+             Condition number of the trunk's columns {:.1} (in SI {:.1}), rank {}; log det {:.1} beside all other parameters.\n\
+             At every sample within the limits; a foot uses {:.0} % of its friction cone at most, and carries {:.1} N at least.\n\
+             A foot's ball rolls up to {:.1} mm, which the design takes for standing still.",
+            self.measures.condition_number,
+            self.measures.condition_number_si,
+            self.measures.rank,
+            self.measures.log_det,
+            100.0 * self.cone,
+            self.least_load,
+            1e3 * self.rolling,
+        )?;
+        if self.interrupted {
+            writeln!(f, "Interrupted: the best motion until then.")?;
+        }
+        writeln!(
+            f,
+            "{}: {} s at 500 Hz, seed {}, found in {:.1} s\n{}: its coefficients",
+            self.motion.display(),
+            self.duration,
+            self.seed,
+            self.seconds,
+            self.coefficients.display()
+        )
+    }
+}
