@@ -596,3 +596,40 @@ fn a_stance_that_cannot_be_is_refused_with_the_fix() {
         assert!(!folder.path().join("sway.csv").exists());
     }
 }
+
+#[test]
+fn a_motion_of_a_robot_that_hangs_is_chosen_and_told() {
+    let folder = folder();
+    let quick = [
+        "excite",
+        "--suspended",
+        "--starts",
+        "1",
+        "--harmonics",
+        "4",
+        "--duration",
+        "5",
+    ];
+    let design = json(&done(
+        folder.path(),
+        &[&quick[..], &["--json", "-o", "swing.csv"]].concat(),
+    ));
+    assert_eq!(design["violations"].as_u64(), Some(0));
+    for key in ["condition_number", "log_det", "seconds", "tilt"] {
+        assert!(design[key].is_f64(), "{key}: {design}");
+    }
+    let trunk = design["trunk"].as_array().unwrap();
+    assert_eq!(trunk.len(), 10);
+    let of = |name: &str| trunk.iter().find(|p| p["name"] == name).unwrap();
+    let left =
+        |name: &str| of(name)["std"].as_f64().unwrap() / of(name)["prior_std"].as_f64().unwrap();
+    assert!(left("Ixx:base") < 1.0 && left("hz:base") < 0.9, "{design}");
+    let text = fs::read_to_string(folder.path().join("swing.csv")).unwrap();
+    assert_eq!(text.lines().count(), 1 + 2501);
+    let told = done(folder.path(), &[&quick[..], &["-o", "again.csv"]].concat());
+    assert!(told.contains("rope") && told.contains("m:base"), "{told}");
+    assert_eq!(
+        fs::read_to_string(folder.path().join("again.csv")).unwrap(),
+        text
+    );
+}

@@ -16,6 +16,7 @@ mod knowledge;
 mod leg;
 mod standing;
 mod state;
+mod suspended;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -29,6 +30,7 @@ use crate::model::{BASE, Model};
 pub use footing::TRUNK_COORDINATES;
 use standing::Standing;
 use state::{Drive, Robot, State};
+use suspended::{Hanging, Suspended};
 pub use table::{TrunkParameter, measured};
 
 /// What the feet stand on, and how.
@@ -164,6 +166,60 @@ pub fn standing(
         violations,
         motion,
         standing,
+    })
+}
+
+/// A motion of the legs of a robot that hangs by a rope, and what it tells.
+pub struct SuspendedDesign {
+    /// Series of the twelve joints, rad.
+    pub motion: Motion,
+    /// What it tells, as of a motion over planted feet.
+    pub measures: Measures,
+    /// Limits that are exceeded at a sample, in words: none, or the motion must not be played.
+    pub violations: Vec<String>,
+    /// The trunk's parameters.
+    pub trunk: Vec<TrunkParameter>,
+    /// How far the trunk tilts, rad, by a model of a rope without friction.
+    pub tilt: f64,
+    hanging: Hanging,
+}
+
+impl std::fmt::Debug for SuspendedDesign {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SuspendedDesign")
+            .field("motion", &self.motion)
+            .field("measures", &self.measures)
+            .finish_non_exhaustive()
+    }
+}
+
+impl SuspendedDesign {
+    /// What to command at `t` seconds; none before the start and after the end.
+    pub fn command(&self, t: f64) -> Option<TrunkCommand> {
+        self.hanging.command(t)
+    }
+}
+
+/// Chooses, of random motions of the legs of a robot that hangs by a rope, the one that tells the most of the trunk.
+///
+/// # Errors
+/// As [`standing`].
+pub fn suspended(
+    model: &Model,
+    settings: &Settings,
+    supervisor: &dyn Supervisor,
+) -> Result<SuspendedDesign, ExciteError> {
+    is_go2(model)?;
+    let suspended = Suspended::new(model, settings)?;
+    let (hanging, seen) = suspended.design(settings, supervisor)?;
+    let rows = suspended.rows(&hanging);
+    Ok(SuspendedDesign {
+        motion: hanging.motion.clone(),
+        measures: table::measures(&suspended.prior, &rows).unwrap_or(table::NOTHING),
+        violations: suspended.violations(&hanging),
+        trunk: table::parameters(model, seen.std),
+        tilt: hanging.tilt(),
+        hanging,
     })
 }
 
