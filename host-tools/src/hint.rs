@@ -135,7 +135,7 @@ fn of_excite(error: &ExciteError) -> Option<String> {
     let hint = match error {
         ExciteError::Setting { .. } => "`proprio excite --help` tells what each number is",
         ExciteError::Pose { .. } => {
-            "begin elsewhere: `--pose JOINT=RAD,…`, or keep back less of that limit"
+            "begin elsewhere: `--pose JOINT=RAD,…` (`--height` of a robot that stands), or keep back less of that limit"
         }
         ExciteError::NoRoom { .. } => {
             "keep back less of the robot's limits, or correct them in the URDF"
@@ -146,6 +146,9 @@ fn of_excite(error: &ExciteError) -> Option<String> {
         ExciteError::TooLarge(..) => "make the joints that can be held still fixed in the URDF",
         ExciteError::Unknown(unknown) => return model::of_name(unknown),
         ExciteError::NotDesignable(_) => "`proprio diagnose` says in words which motion tells it",
+        ExciteError::NotAGo2 => {
+            "`proprio excite` without them designs motions of a limb on a fixed base"
+        }
         ExciteError::Shape { .. } => {
             "lengths are in m, in the frame of the joint that moves the shape"
         }

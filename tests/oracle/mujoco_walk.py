@@ -189,10 +189,12 @@ def by_hand(data, t):
     return [*force, *(150 * axis - 12 * (is_now @ data.qvel[3:6]))]
 
 
-def simulate(kind, seconds, bodies, random):
+def simulate(kind, seconds, bodies, random, gait=None):
+    """Rows of a log. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward."""
     model = mujoco.MjModel.from_xml_string(mjcf(bodies))
     data = mujoco.MjData(model)
-    gait = Gait(kind, random)
+    gait = gait or Gait(kind, random)
+    ahead = getattr(gait, "torque", lambda t: 0.0)
     data.qpos[2] = SWUNG if kind == "swung" else 0.30
     base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "base")
     data.qpos[7:] = gait.angles(0.0)
@@ -205,7 +207,7 @@ def simulate(kind, seconds, bodies, random):
             want, later = later, gait.angles(max(t + CONTROL * STEP, 0.0))
             speed = (later - want) / (CONTROL * STEP)
             torque = GAIN_P * (want - data.qpos[7:]) + GAIN_D * (speed - data.qvel[6:])
-            data.ctrl[:] = np.clip(torque, -EFFORT, EFFORT)
+            data.ctrl[:] = np.clip(torque + ahead(max(t, 0.0)), -EFFORT, EFFORT)
         if kind == "swung":
             data.xfrc_applied[base] = by_hand(data, t)
         if t >= 0 and step % SAMPLE == min(1, SAMPLE - 1):
@@ -250,6 +252,24 @@ def written(rows, random, bias):
     return out.getvalue()
 
 
+def told(gait, load, bodies, bias):
+    """The truth that lies beside a log."""
+    return {
+        "gait": gait,
+        "load": load,
+        "mass": float(sum(phi[0] for phi in bodies)),
+        "bodies": {b: dict(zip("m hx hy hz Ixx Ixy Ixz Iyy Iyz Izz".split(), map(float, phi)))
+                   for b, phi in zip(["base", *JOINTS], bodies)},
+        "effects": {f"{e}:{j}": float(x) for e, values in FRICTION.items() for j, x in zip(JOINTS, values)},
+        "acc_bias": list(map(float, bias["acc"])),
+        "gyro_bias": list(map(float, bias["gyro"])),
+    }
+
+
+def imu_bias(random):
+    return {"gyro": 0.003 * random.normal(size=3), "acc": np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)}
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("-o", type=Path, default=FOLDER)
@@ -264,22 +284,13 @@ def main():
         seed += args.seed
         random = np.random.default_rng([seed, 3])
         bodies = robot(seed, load)
-        bias = {"gyro": 0.003 * random.normal(size=3), "acc": np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)}
+        bias = imu_bias(random)
         rows = simulate(gait, args.seconds or seconds, bodies, random)
         packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
         (args.o / f"{name}.csv.gz").write_bytes(packed)
         air = np.mean([[f < 1e-6 for f in row[6]] for row in rows])
         print(f"{name}: {len(rows)} samples, {len(packed)} bytes; a foot is in the air for {100 * air:.0f} % of the time")
-        truth[name] = {
-            "gait": gait,
-            "load": load,
-            "mass": float(sum(phi[0] for phi in bodies)),
-            "bodies": {b: dict(zip("m hx hy hz Ixx Ixy Ixz Iyy Iyz Izz".split(), map(float, phi)))
-                       for b, phi in zip(["base", *JOINTS], bodies)},
-            "effects": {f"{e}:{j}": float(x) for e, values in FRICTION.items() for j, x in zip(JOINTS, values)},
-            "acc_bias": list(map(float, bias["acc"])),
-            "gyro_bias": list(map(float, bias["gyro"])),
-        }
+        truth[name] = told(gait, load, bodies, bias)
     manifest = {"command": "python mujoco_walk.py", "mujoco": mujoco.__version__, "numpy": np.__version__, "logs": truth}
     (args.o / "truth.json").write_text(json.dumps(manifest, indent=1) + "\n")
 

@@ -759,3 +759,38 @@ fn a_model_that_walks_are_not_judged_with_is_refused() {
         }
     }
 }
+
+/// A designed motion over planted feet, played by MuJoCo (`tests/oracle/mujoco_standing.py`): the total mass within 1 %, the trunk's centre
+/// of mass within 3 mm, each within three of its deviations.
+#[test]
+fn a_designed_stance_tells_the_trunk() {
+    let all = json(&fs::read_to_string(folder().join("standing.json")).unwrap());
+    let truth = &all["logs"]["standing"];
+    let found = identified("standing");
+    let value = |quantity: &str| *found.quantity(quantity).unwrap();
+    let (total, mass) = (value("total_mass"), number(&truth["mass"]));
+    println!(
+        "{:.3} ± {:.3} kg, truth {mass:.3}; rms {:.4}",
+        total.value, total.std, found.rms
+    );
+    assert!((total.value / mass - 1.0).abs() < 0.01, "{total:?}, {mass}");
+    assert!(
+        (total.value - mass).abs() < 3.0 * total.std,
+        "{total:?}, {mass}"
+    );
+    for (axis, expected) in com(truth).into_iter().enumerate() {
+        let own = value(["trunk_com_x", "trunk_com_y", "trunk_com_z"][axis]);
+        println!(
+            "  com {axis}: {:.4} ± {:.4} m, truth {expected:.4}",
+            own.value, own.std
+        );
+        assert!(
+            (own.value - expected).abs() < 3e-3,
+            "{axis}: {own:?}, {expected}"
+        );
+        assert!(
+            (own.value - expected).abs() < 3.0 * own.std,
+            "{axis}: {own:?}, {expected}"
+        );
+    }
+}

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod report;
+mod trunk;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,10 +11,10 @@ use std::time::Instant;
 
 use crate::excite::output::{Coefficients, Gains, write_csv};
 use crate::excite::shapes::Shapes;
-use crate::excite::{self, Goal, LimbDesign, Settings, Supervisor, earlier};
+use crate::excite::{self, Goal, Settings, Supervisor, earlier};
 use crate::model::{Limb, Model, UnknownName};
 use crate::output::{self, AtomicFile, WriteError};
-use arguments::{Cost, LimitArguments, Separation, parse_pose, parse_separation};
+use arguments::{Cost, LimitArguments, Separation, TrunkArguments, parse_pose, parse_separation};
 use clap::Args;
 use report::Report;
 
@@ -28,6 +29,9 @@ const MOST_GAIN: f64 = 500.0;
 /// Each joint follows a Fourier series that begins and ends at rest in one pose. Limits of position, velocity, acceleration,
 /// torque and power hold at every instant, for parameters off by --uncertainty, and no shape comes nearer than --distance to
 /// another. Ctrl-C ends the search with the best motion so far; a second one ends the program.
+///
+/// A robot that hangs by its trunk tells nothing of it. --standing designs a motion of the trunk over four planted feet, for
+/// `identify --free-base`.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Excite {
@@ -52,9 +56,9 @@ pub(crate) struct Excite {
     /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to tell a load from rotor inertia, the duration]
     #[arg(long, value_name = "S")]
     period: Option<f64>,
-    /// Waves of a series: the fastest is this many in a period
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    harmonics: usize,
+    /// Waves of a series: the fastest is this many in a period [default: 10; of the trunk's, 5]
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
     /// What the motion is to be good for
     #[arg(long, value_enum, default_value_t = Cost::Condition)]
     cost: Cost,
@@ -75,6 +79,8 @@ pub(crate) struct Excite {
     /// Where to begin and end, rad: FR_hip=0.1,FR_calf=-1.8 [default: a bent leg]
     #[arg(long, value_name = "JOINT=RAD", value_delimiter = ',', value_parser = parse_pose)]
     pose: Vec<(String, f64)>,
+    #[command(flatten)]
+    trunk: TrunkArguments,
     #[command(flatten)]
     limits: LimitArguments,
     /// A file of shapes to stay clear of: capsules of the robot and around it, planes
@@ -101,14 +107,17 @@ impl Excite {
     pub(crate) fn run(self) -> Result<String, Error> {
         let begun = Instant::now();
         let model = model_or_default(self.model.as_deref(), false)?;
+        if self.trunk.standing {
+            return trunk::standing(&self, &model, begun);
+        }
+        if self.trunk.suspended {
+            return trunk::suspended(&self, &model, begun);
+        }
         let limbs = chosen(&model, &self.legs)?;
         let settings = self.settings(&model, &limbs)?;
         output::finish_on_interrupt();
         let designs = excite::design(&model, &limbs, &settings, &Shown::new())?;
-        let coefficients = self
-            .coefficients
-            .clone()
-            .unwrap_or_else(|| self.output.with_extension("json"));
+        let coefficients = self.coefficients();
         let report = Report::new(
             &self,
             &model,
@@ -121,11 +130,9 @@ impl Excite {
             let first = report.limbs.iter().flat_map(|limb| &limb.violations).next();
             return Err(Error::NotWithinLimits(first.cloned().unwrap_or_default()));
         }
-        let gains = Gains {
-            p: self.kp,
-            d: self.kd,
-        };
-        write_motion(&self.output, &model, &designs, gains)?;
+        write_motion(&self.output, |file| {
+            write_csv(file, &model, &designs, self.gains())
+        })?;
         output::write(
             &coefficients,
             &json(&Coefficients::of(&model, &designs, &settings)),
@@ -138,6 +145,19 @@ impl Excite {
         } else {
             report.to_string()
         })
+    }
+
+    /// Where the coefficients go.
+    fn coefficients(&self) -> PathBuf {
+        let beside = || self.output.with_extension("json");
+        self.coefficients.clone().unwrap_or_else(beside)
+    }
+
+    fn gains(&self) -> Gains {
+        Gains {
+            p: self.kp,
+            d: self.kd,
+        }
     }
 
     fn settings(&self, model: &Model, limbs: &[Limb]) -> Result<Settings, Error> {
@@ -160,20 +180,21 @@ impl Excite {
                 progress.set(done, total)
             })?
         };
-        let usual = || goal.usual_period(self.duration);
-        let period = self.period.unwrap_or_else(usual);
+        let usual_period = || goal.usual_period(self.duration);
+        let period = self.period.unwrap_or_else(usual_period);
+        let usual = Settings::default();
         Ok(Settings {
             earlier,
             goal,
             duration: self.duration,
             period,
-            harmonics: self.harmonics,
+            harmonics: self.harmonics.unwrap_or(usual.harmonics),
             pose: self.pose.clone(),
             margins: self.limits.margins(),
             shapes: self.shapes.as_deref().map(Shapes::read).transpose()?,
             seed: self.seed,
             starts: self.starts,
-            ..Settings::default()
+            ..usual
         })
     }
 }
@@ -196,18 +217,17 @@ pub(super) fn chosen(model: &Model, names: &[String]) -> Result<Vec<Limb>, Error
         .collect())
 }
 
+/// Writes a motion's file by `write`, whole or not at all.
 fn write_motion(
     path: &Path,
-    model: &Model,
-    designs: &[LimbDesign],
-    gains: Gains,
+    write: impl FnOnce(&mut AtomicFile) -> std::io::Result<()>,
 ) -> Result<(), Error> {
     let unwritable = |source| WriteError {
         path: path.to_owned(),
         source,
     };
     let mut file = AtomicFile::create(path)?;
-    write_csv(&mut file, model, designs, gains).map_err(unwritable)?;
+    write(&mut file).map_err(unwritable)?;
     file.flush().map_err(unwritable)?;
     file.commit()?;
     Ok(())
@@ -244,4 +264,6 @@ const EXAMPLES: &str = "Examples:
   proprio excite --cost determinant --duration 20 --seed 3
   proprio excite --legs FR --for m:FR_calf,coulomb:FR_calf
   proprio excite --legs FR --separate stribeck,quadratic_drag:FR_thigh -o next.csv
-  proprio excite --legs FR --from fr_log.csv -o next.csv";
+  proprio excite --legs FR --from fr_log.csv -o next.csv
+  proprio excite --standing -o sway.csv
+  proprio excite --suspended --duration 20 -o swing.csv";

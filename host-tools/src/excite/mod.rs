@@ -7,6 +7,8 @@
 //! too (`proof`): position, velocity, acceleration, torque and power for all parameters of a stated uncertainty, and what
 //! capsules come near ([`clearance`]).
 //!
+//! The trunk of a robot that stands or hangs freely has a room of its own ([`trunk`]).
+//!
 //! Limbs of a pinned base do not feel each other, and each is designed on its own; they share period and length.
 //!
 //! Literature: Swevers et al. 1997 (Fourier series), Gautier & Khalil 1992 (condition number), Park 2006 (slopes),
@@ -36,6 +38,7 @@ mod spectrum;
 #[cfg(test)]
 mod tests;
 mod told;
+pub mod trunk;
 
 use serde::Serialize;
 

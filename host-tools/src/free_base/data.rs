@@ -96,6 +96,13 @@ impl Data {
         Self::made(walks, setup, gravity, outside, true)
     }
 
+    /// The rows of all windows at the CAD's bodies, none left out for what a fit leaves of it: for a motion of which there is no fit.
+    pub(super) fn unjudged(walks: &Walks) -> Result<Self, FreeBaseError> {
+        let outside = vec![Vec::new(); walks.walks.len()];
+        let gravity = gravity_rows(&walks.walks);
+        Self::made(walks, RowSetup::cad(), gravity, outside, false)
+    }
+
     fn made(
         walks: &Walks,
         setup: RowSetup,

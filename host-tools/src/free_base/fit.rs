@@ -15,7 +15,7 @@ use crate::estimate::fit::{HOLD_ROUNDS, hold};
 use crate::estimate::robot::side_by_side;
 
 /// The noise of an equation before a fit tells it, and the least that is believed, N m.
-const FIRST_NOISE: f64 = 0.1;
+pub(crate) const FIRST_NOISE: f64 = 0.1;
 const LEAST_NOISE: f64 = 1e-4;
 /// Noises that differ by a smaller share weigh the prior alike.
 const SAME_NOISE: f64 = 0.01;

@@ -10,9 +10,10 @@
 //! 4. `data`: the rows as one factor per block of time.
 //!    `outside`: windows that no model of the catalogue explains.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
-//!    sensors get wrong.
+//!    sensors get wrong. `expected`: what a motion would tell before it is played.
 
 pub(crate) mod data;
+pub(crate) mod expected;
 pub(crate) mod fit;
 mod held;
 mod outside;

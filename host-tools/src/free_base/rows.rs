@@ -106,7 +106,7 @@ impl Block {
 }
 
 /// What the equations are multiplied by, so that their noise is alike: moments on the base (1), forces on it (m), joints' torques (1).
-pub(super) const SCALE: [f64; COORDINATES] = {
+pub(crate) const SCALE: [f64; COORDINATES] = {
     let mut scale = [1.0; COORDINATES];
     let mut c = 0;
     while c < 6 {

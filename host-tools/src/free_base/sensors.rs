@@ -34,7 +34,7 @@ pub(crate) const NAMES: [(&str, &str); SENSORS] = [
 
 /// Standard deviations before any data. An accelerometer's bias is tenths of m/s² (data sheets of the LSM6DSO and BMI088); a board is mounted by
 /// hand within three degrees; readings that a host polls fifty times a second are half of that time apart.
-pub(super) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01];
+pub(crate) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01];
 
 /// How far readings are moved for a column: far beyond rounding, and too little to be felt.
 const STEP: [f64; SENSORS - MOVED] = [1e-4, 1e-4, 1e-4, 1e-5, 1e-5];

@@ -136,7 +136,7 @@ impl ModelStructure {
 
     /// Priors and bounds of the effects, joint after joint, and of what sensors get wrong. An effect that a joint does not have is
     /// zero.
-    pub(super) fn others(&self) -> Vec<Bounded> {
+    pub(crate) fn others(&self) -> Vec<Bounded> {
         let effects = (0..JOINTS).flat_map(|j| (0..EFFECTS.len()).map(move |e| (j, e)));
         let effects = effects.map(|(j, e)| match self.effects[j][e] {
             true => self.effect(j, EFFECTS[e]),

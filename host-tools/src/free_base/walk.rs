@@ -7,6 +7,7 @@ use proprio_core::go2::{JOINTS, LEGS, Leg};
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::expected::Played;
 use super::{FreeBaseError, speed};
 use crate::log::{Log, Samples};
 
@@ -103,6 +104,20 @@ impl Walk {
         let warnings = warnings.map(|w| format!("{}: {w}", path.display()));
         let warnings = warnings.collect();
         Ok((walk, warnings))
+    }
+
+    /// A motion that was not recorded, its samples in the order of time: nothing is smoothed, for nothing has noise.
+    pub(super) fn of_motion(played: &[Played]) -> Self {
+        let mut walk = Self::empty(Path::new(""), false);
+        walk.time_us = played.iter().map(|s| (s.t * 1e6).round() as u64).collect();
+        walk.q = played.iter().map(|s| s.q).collect();
+        walk.dq = played.iter().map(|s| s.dq).collect();
+        walk.tau = played.iter().map(|s| s.tau).collect();
+        walk.gyro = played.iter().map(|s| s.gyro).collect();
+        walk.acc = played.iter().map(|s| s.acc).collect();
+        walk.down = played.iter().map(|s| s.down).collect();
+        walk.period = walk.middle_step();
+        walk
     }
 
     fn empty(path: &Path, feet: bool) -> Self {

@@ -1,6 +1,7 @@
 //! What can be asked of a design.
 
 use crate::excite::Margins;
+use crate::excite::trunk::Ground;
 use crate::model::UnknownName;
 use clap::{Args, ValueEnum};
 use proprio_core::effect::EffectKind;
@@ -45,6 +46,37 @@ impl LimitArguments {
             uncertainty: self.uncertainty,
             distance: self.distance,
             ground: self.ground,
+        }
+    }
+}
+
+/// Motions of the trunk.
+#[derive(Debug, Args)]
+pub(super) struct TrunkArguments {
+    /// Sway, heave, roll, pitch and yaw of the trunk over four planted feet, to tell the trunk's mass, centre of mass and inertia
+    #[arg(long, conflicts_with_all = ["legs", "cost", "parameters", "separate", "from", "pose", "shapes", "html", "ground"])]
+    pub(super) standing: bool,
+    /// Legs' motion of a robot that hangs by a rope, whose trunk answers: the best of --starts x 2 random ones by what it tells of the trunk.
+    /// `identify` does not take the trunk's equations of such a log yet
+    #[arg(long, conflicts_with_all = ["standing", "legs", "cost", "parameters", "separate", "from", "pose", "shapes", "html", "ground"])]
+    pub(super) suspended: bool,
+    /// With --standing: greatest tangential over normal force of a foot
+    #[arg(long, value_name = "MU", default_value_t = Ground::default().friction, requires = "standing")]
+    friction: f64,
+    /// With --standing: least normal force of each foot, N
+    #[arg(long, value_name = "N", default_value_t = Ground::default().least_load, requires = "standing")]
+    least_load: f64,
+    /// With --standing: height of the base above the floor in the middle of the motion, m
+    #[arg(long, value_name = "M", default_value_t = Ground::default().height, requires = "standing")]
+    height: f64,
+}
+
+impl TrunkArguments {
+    pub(super) fn ground(&self) -> Ground {
+        Ground {
+            friction: self.friction,
+            least_load: self.least_load,
+            height: self.height,
         }
     }
 }

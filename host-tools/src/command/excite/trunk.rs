@@ -1,0 +1,211 @@
+//! `excite --standing` and `--suspended`: motions that tell the trunk.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::estimate::Status;
+use crate::excite::output::{TrunkCoefficients, write_trunk_csv};
+use crate::excite::trunk::{self, TrunkCommand, TrunkParameter};
+use crate::excite::{Measures, Settings};
+use crate::model::Model;
+use crate::output;
+use crate::table::{Table, with_std};
+
+use super::{Error, Excite, Shown, json, write_motion};
+
+/// Length of a period unless another is asked for, s, and waves in it: from 0.4 to 2 Hz, which a robot on its feet follows.
+const PERIOD: f64 = 2.5;
+const HARMONICS: usize = 5;
+
+/// What is reported of a motion of the trunk.
+#[derive(Debug, Serialize)]
+struct TrunkReport {
+    motion: PathBuf,
+    coefficients: PathBuf,
+    #[serde(flatten)]
+    measures: Measures,
+    violations: usize,
+    seconds: f64,
+    duration: f64,
+    seed: u64,
+    interrupted: bool,
+    #[serde(flatten)]
+    support: Support,
+    trunk: Vec<TrunkParameter>,
+}
+
+/// What is particular of how the robot is carried.
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(untagged)]
+enum Support {
+    Standing {
+        /// The largest share of its friction cone that a foot uses.
+        cone: f64,
+        /// The least normal force of a foot, N.
+        least_load: f64,
+        /// How far the feet's balls roll, m.
+        rolling: f64,
+    },
+    Suspended {
+        /// How far the trunk tilts, rad.
+        tilt: f64,
+    },
+}
+
+/// Designs, writes and reports a motion over planted feet.
+pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<String, Error> {
+    output::finish_on_interrupt();
+    let settings = settings(asked);
+    let ground = asked.trunk.ground();
+    let design = trunk::standing(model, &settings, ground, &Shown::new())?;
+    let series = TrunkCoefficients::of(&design.motion, ground.height, asked.seed);
+    let [cone, least_load] = design.cone;
+    let report = TrunkReport {
+        support: Support::Standing {
+            cone,
+            least_load,
+            rolling: design.rolling,
+        },
+        trunk: design.trunk.clone(),
+        ..TrunkReport::new(asked, design.measures, begun)
+    };
+    written(asked, &report, &design.violations, &json(&series), |t| {
+        design.command(t)
+    })
+}
+
+/// The same for a robot that hangs by a rope.
+pub(super) fn suspended(asked: &Excite, model: &Model, begun: Instant) -> Result<String, Error> {
+    output::finish_on_interrupt();
+    let design = trunk::suspended(model, &settings(asked), &Shown::new())?;
+    let report = TrunkReport {
+        trunk: design.trunk.clone(),
+        support: Support::Suspended { tilt: design.tilt },
+        ..TrunkReport::new(asked, design.measures, begun)
+    };
+    let series = json(&design.motion);
+    written(asked, &report, &design.violations, &series, |t| {
+        design.command(t)
+    })
+}
+
+/// Writes motion and coefficients, and says what was found. What is not within the limits is not written: it must not be played.
+fn written(
+    asked: &Excite,
+    report: &TrunkReport,
+    violations: &[String],
+    series: &str,
+    command: impl Fn(f64) -> Option<TrunkCommand>,
+) -> Result<String, Error> {
+    if let Some(first) = violations.first() {
+        return Err(Error::NotWithinLimits(first.clone()));
+    }
+    write_motion(&asked.output, |file| {
+        write_trunk_csv(file, asked.duration, command, asked.gains())
+    })?;
+    output::write(&report.coefficients, series)?;
+    Ok(if asked.json {
+        json(report)
+    } else {
+        report.to_string()
+    })
+}
+
+fn settings(asked: &Excite) -> Settings {
+    let usual = || asked.duration / (asked.duration / PERIOD).round().max(1.0);
+    Settings {
+        duration: asked.duration,
+        period: asked.period.unwrap_or_else(usual),
+        harmonics: asked.harmonics.unwrap_or(HARMONICS),
+        margins: asked.limits.margins(),
+        seed: asked.seed,
+        starts: asked.starts,
+        ..Settings::default()
+    }
+}
+
+impl TrunkReport {
+    fn new(asked: &Excite, measures: Measures, begun: Instant) -> Self {
+        Self {
+            motion: asked.output.clone(),
+            coefficients: asked.coefficients(),
+            measures,
+            violations: 0,
+            seconds: begun.elapsed().as_secs_f64(),
+            duration: asked.duration,
+            seed: asked.seed,
+            interrupted: output::asked_to_finish(),
+            support: Support::Suspended { tilt: 0.0 },
+            trunk: Vec::new(),
+        }
+    }
+}
+
+/// What is said of a parameter, as identifications say it.
+fn said(status: Status) -> &'static str {
+    match status {
+        Status::Identified => "identified",
+        Status::Prior => "prior",
+        Status::Unexcited => "unexcited",
+    }
+}
+
+impl fmt::Display for TrunkReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut table = Table::default();
+        table.row(["trunk", "unit", "model", "± before", "± after", ""].map(str::to_owned));
+        for own in &self.trunk {
+            table.row([
+                own.name.clone(),
+                own.unit.to_owned(),
+                with_std(own.value, own.std),
+                format!("{:.2e}", own.prior_std),
+                format!("{:.2e}", own.std),
+                said(own.status).to_owned(),
+            ]);
+        }
+        writeln!(
+            f,
+            "{table}\nExpected for 0.1 N m of noise in an equation; before any data the trunk is known to 30 %.\n\
+             Condition number of the trunk's columns {:.1} (in SI {:.1}), rank {}; log det {:.1} beside all other parameters.",
+            self.measures.condition_number,
+            self.measures.condition_number_si,
+            self.measures.rank,
+            self.measures.log_det,
+        )?;
+        match self.support {
+            Support::Standing {
+                cone,
+                least_load,
+                rolling,
+            } => writeln!(
+                f,
+                "At every sample within the limits; a foot uses {:.0} % of its friction cone at most, and carries {least_load:.1} N at least.\n\
+                 A foot's ball rolls up to {:.1} mm, which the design takes for standing still.",
+                100.0 * cone,
+                1e3 * rolling,
+            )?,
+            Support::Suspended { tilt } => writeln!(
+                f,
+                "At every sample within the limits; on a rope without friction, tied straight above the centre of mass, the trunk tilts {:.0} \
+                 degrees at most.\n`identify` takes the legs of such a log, and the trunk's equations not yet: the rope's force is not measured.",
+                tilt.to_degrees(),
+            )?,
+        }
+        if self.interrupted {
+            writeln!(f, "Interrupted: the best motion until then.")?;
+        }
+        writeln!(
+            f,
+            "{}: {} s at 500 Hz, seed {}, found in {:.1} s\n{}: its coefficients",
+            self.motion.display(),
+            self.duration,
+            self.seed,
+            self.seconds,
+            self.coefficients.display()
+        )
+    }
+}

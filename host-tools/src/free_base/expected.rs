@@ -1,0 +1,85 @@
+//! What a motion is expected to tell before it is played: the windows and the prior of an identification, at a stated noise.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use proprio_core::go2::JOINTS;
+
+use super::data::Data;
+use super::fit::FIRST_NOISE;
+use super::stance::Stance;
+use super::structure::ModelStructure;
+use super::walk::Walk;
+use super::{FreeBaseError, Walks, imu};
+use crate::estimate::bounded::inverse;
+
+/// A sample of a motion as the robot's sensors would read it if they had no noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Played {
+    /// s.
+    pub(crate) t: f64,
+    /// Joint positions, rad.
+    pub(crate) q: [f64; JOINTS],
+    /// rad/s.
+    pub(crate) dq: [f64; JOINTS],
+    /// Motor torques, N m.
+    pub(crate) tau: [f64; JOINTS],
+    /// Angular velocity at the IMU, rad/s.
+    pub(crate) gyro: Vector3<f64>,
+    /// Specific force at the IMU, m/s².
+    pub(crate) acc: Vector3<f64>,
+    /// Unit vector along gravity in the IMU's axes.
+    pub(crate) down: Vector3<f64>,
+}
+
+/// Standard deviations of all parameters, in the order of the columns.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Expected {
+    /// Before any data.
+    pub(crate) prior_std: Vec<f64>,
+    /// After the motion, if residuals are independent and as large as a fit takes them to be before it knows them ([`FIRST_NOISE`]).
+    pub(crate) std: Vec<f64>,
+}
+
+/// What a motion on the feet tells.
+///
+/// # Errors
+/// [`FreeBaseError::NoWindows`] for a motion that is too short, [`FreeBaseError::Unsolvable`] if numbers overflow.
+pub(crate) fn expected(
+    structure: &ModelStructure,
+    played: Vec<Played>,
+) -> Result<Expected, FreeBaseError> {
+    let walk = Walk::of_motion(&played);
+    let stance = Stance::of(&walk, &imu());
+    let walks = Walks {
+        walks: vec![(walk, stance)],
+        warnings: Vec::new(),
+    };
+    of_walks(structure, &walks)
+}
+
+/// What the motion of a log tells, whatever the log's own noise.
+///
+/// # Errors
+/// As of an identification.
+pub(crate) fn expected_of_log(
+    structure: &ModelStructure,
+    log: &Path,
+) -> Result<Expected, FreeBaseError> {
+    of_walks(structure, &Walks::read(&[log.to_owned()], |_, _| ())?)
+}
+
+fn of_walks(structure: &ModelStructure, walks: &Walks) -> Result<Expected, FreeBaseError> {
+    let data = Data::unjudged(walks)?;
+    let problem = data.problem(structure, FIRST_NOISE);
+    let start = problem.start();
+    let prior = problem.prior_root(&start);
+    let solution = problem.solve().ok_or(FreeBaseError::Unsolvable)?;
+    let norms = |root: nalgebra::DMatrix<f64>| -> Vec<f64> {
+        (0..root.nrows()).map(|k| root.row(k).norm()).collect()
+    };
+    Ok(Expected {
+        prior_std: norms(prior),
+        std: norms(inverse(&solution.factor)),
+    })
+}
