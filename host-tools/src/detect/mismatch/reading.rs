@@ -164,7 +164,10 @@ struct Late<'a> {
 
 impl<'a> Late<'a> {
     fn of(torque: &[f64], data: &'a LimbData, windows: &'a [usize], times: &[i64]) -> Self {
-        let most = times.iter().map(|shift| shift.unsigned_abs() as usize).max();
+        let most = times
+            .iter()
+            .map(|shift| shift.unsigned_abs() as usize)
+            .max();
         let most = most.unwrap_or(0);
         let repeat = |x: Option<&f64>| vec![x.copied().unwrap_or(0.0); most];
         let time = &data.motion.time;
