@@ -13,6 +13,8 @@ mod words;
 use std::mem::discriminant;
 use std::path::PathBuf;
 
+use rayon::prelude::*;
+
 use crate::model::{Limb, Model};
 use crate::recording::{LimbRecording, Recording};
 use reading::{JointReading, Reading, shifts};
@@ -101,7 +103,7 @@ pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
 
 /// What is wrong between what is measured and what the model gives of the same motion.
 fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
-    let as_is: Vec<Reading> = (recording.limbs.iter())
+    let as_is: Vec<Reading> = (recording.limbs.par_iter())
         .filter_map(|(limb, samples)| Reading::of(model, limb, samples, true))
         .collect();
     if as_is.iter().all(|reading| reading.joints.is_empty()) {
@@ -301,20 +303,13 @@ fn late(readings: &[Reading], now: f64) -> Option<(f64, MismatchKind)> {
     let period = readings.first()?.period;
     let left = |shift: i64| {
         share(readings, &|joint| {
-            joint
-                .shifted
-                .get(&shift)
-                .map_or(f64::INFINITY, |torque| joint.left_of(torque, 1.0))
+            joint.left_at.get(&shift).copied().unwrap_or(f64::INFINITY)
         })
     };
     let all = shifts(period).map(|shift| (left(shift), shift));
     let (left, shift) = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let agrees = |joint: &&JointReading| {
-        let at = |torque: &Vec<f64>| joint.left_of(torque, 1.0);
-        let best = joint
-            .shifted
-            .iter()
-            .min_by(|a, b| at(a.1).total_cmp(&at(b.1)));
+        let best = joint.left_at.iter().min_by(|a, b| a.1.total_cmp(b.1));
         best.is_some_and(|(own, _)| own.signum() == shift.signum() && 2 * own.abs() >= shift.abs())
     };
     let joints = || readings.iter().flat_map(|reading| &reading.joints);

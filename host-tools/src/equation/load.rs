@@ -22,6 +22,8 @@ const LEAST_INERTIA: f64 = 1e-4;
 const PART: usize = 1024;
 /// Most numbers that are kept of a limb's loads, and of its late motion: 8 MB each.
 const MOST: usize = 1_000_000;
+/// The same of what bristles have transmitted: 2 MB.
+const MOST_OF_BRISTLES: usize = 250_000;
 
 /// What the gears transmit.
 pub(crate) struct Load {
@@ -51,7 +53,11 @@ impl Key {
 pub(crate) struct Loads {
     loads: Mutex<Vec<(Key, Arc<Load>)>>,
     late: Mutex<Option<(f64, Arc<Vec<Trajectory>>)>>,
+    bristles: Mutex<Vec<(Bristles, Arc<Vec<f64>>)>>,
 }
+
+/// Which bristles' impulse is kept: bits of the delay and of their displacement, and the joint.
+type Bristles = (u64, u64, usize);
 
 impl Loads {
     fn get(&self, key: &Key, loose: bool) -> Option<Arc<Load>> {
@@ -75,6 +81,37 @@ impl Loads {
         while total > MOST {
             total -= size(&all.remove(0).1);
         }
+    }
+}
+
+impl Motion {
+    /// What the bristles of a joint have transmitted ([`presliding`](Self::presliding)) by its motion `delay` seconds before, which is
+    /// asked for again by every prediction of a model that has them: those that were asked for last are kept.
+    pub(super) fn kept_presliding(
+        &self,
+        (motors, delay): (&[Trajectory], f64),
+        joint: usize,
+        displacement: f64,
+    ) -> Arc<Vec<f64>> {
+        let key = (delay.to_bits(), displacement.to_bits(), joint);
+        let kept = || {
+            let all = self.loads.bristles.lock();
+            all.unwrap_or_else(PoisonError::into_inner)
+        };
+        {
+            let mut all = kept();
+            if let Some(n) = all.iter().position(|(known, _)| *known == key) {
+                all[n..].rotate_left(1);
+                return all[all.len() - 1].1.clone();
+            }
+        }
+        let impulse = Arc::new(self.presliding(&motors[joint], displacement));
+        let mut all = kept();
+        all.push((key, impulse.clone()));
+        while all.len() > 1 && all.len() * impulse.len() > MOST_OF_BRISTLES {
+            all.remove(0);
+        }
+        impulse
     }
 }
 

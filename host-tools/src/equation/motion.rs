@@ -237,7 +237,7 @@ impl Motion {
                 state.temperature = self.temperature[k * n + j];
             }
             if let Some(displacement) = displacement(seen, j) {
-                let impulse = self.presliding(joint, displacement);
+                let impulse = self.kept_presliding((&joints, delay), j, displacement);
                 for k in range.clone() {
                     states[(k - first) * n + j].presliding = impulse[k];
                 }
@@ -273,7 +273,7 @@ impl Motion {
             let own = stretch.clone();
             presliding(&self.time[own.clone()], &joint.state[own], displacement)
         };
-        self.stretches.iter().flat_map(of).collect()
+        self.stretches.iter().map(of).collect::<Vec<_>>().concat()
     }
 
     /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.

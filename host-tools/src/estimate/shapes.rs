@@ -5,6 +5,7 @@
 //! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
 //! prediction. No shape sees the torque that it explains but as the right-hand side.
 
+use std::cell::OnceCell;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -206,7 +207,10 @@ impl<'a> Scan<'a> {
                     .for_each(|(r, x)| *r += value * x);
             }
         }
-        let span = |shape: f64| self.span(&windows, place, shape);
+        // Of some windows only nothing is kept: what all shapes stand beside is made once.
+        let basis = OnceCell::new();
+        let basis = || -> &Span { basis.get_or_init(|| self.basis(&windows, joint)) };
+        let span = |shape: f64| self.span(&windows, place, shape, &basis);
         let fall = |shape: f64| explained(&span(shape), &residual);
         let grid = self.grid(place);
         if effect == EffectKind::Cogging
@@ -214,11 +218,10 @@ impl<'a> Scan<'a> {
                 .iter()
                 .any(|shape| self.known(&windows, place, *shape).is_none())
         {
-            let basis = self.basis(&windows, joint);
             let harmonics = self.harmonics(&windows, joint);
             for (shape, columns) in grid.iter().zip(harmonics) {
                 let key = self.shape_key(&windows, place, *shape);
-                self.keep(key, beside(columns, &basis));
+                self.keep(key, beside(columns, basis()));
             }
         }
         let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
@@ -262,11 +265,17 @@ impl<'a> Scan<'a> {
         self.keep(key, basis)
     }
 
-    /// Directions that an effect of some shape adds to these.
-    fn span(&self, windows: &[usize], place: Place, shape: f64) -> Span {
+    /// Directions that an effect of some shape adds to the `basis`.
+    fn span<'b>(
+        &self,
+        windows: &[usize],
+        place: Place,
+        shape: f64,
+        basis: &dyn Fn() -> &'b Span,
+    ) -> Span {
         self.known(windows, place, shape).unwrap_or_else(|| {
             let columns = self.columns(windows, place, shape);
-            let span = beside(columns, &self.basis(windows, place.1));
+            let span = beside(columns, basis());
             self.keep(self.shape_key(windows, place, shape), span)
         })
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
 use super::candidate::Member;
 use super::criteria;
@@ -260,15 +261,13 @@ pub(super) fn held_out_with_shape(
         data.torque[w * n + j] - predicted[w * n + j]
     });
     let shape = shape_parameter(place.0);
-    let mut values = after.held_out()?;
-    for (fold, values) in values.iter_mut().enumerate() {
-        let Some(best) = scan.best(place, &|f| f != fold) else {
-            continue;
+    let of = |(fold, known): (usize, Values)| -> Option<Values> {
+        let best = scan.best(place, &|f| f != fold);
+        let before = after.values.get(place, shape);
+        let is_other = |best: &f64| (best - before).abs() > SAME_SHAPE * before.abs();
+        let Some(best) = best.filter(is_other) else {
+            return Some(known);
         };
-        let known = after.values.get(place, shape);
-        if (best - known).abs() <= SAME_SHAPE * known.abs() {
-            continue;
-        }
         let mut start = after.values.clone();
         start.set(place, shape, best);
         let train = data.without_fold(fold);
@@ -280,7 +279,10 @@ pub(super) fn held_out_with_shape(
             held: held.collect(),
             ..how()
         };
-        *values = LimbFit::of(&train, &places, &how)?.values;
-    }
+        Some(LimbFit::of(&train, &places, &how)?.values)
+    };
+    let values = after.held_out()?;
+    let values: Option<Vec<Values>> = values.into_par_iter().enumerate().map(of).collect();
+    let values = values?;
     Some(data.squares(&data.predicted_by_fold(&values)))
 }

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
+use crate::equation::dot::dot;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
 use crate::model::{Limb, Model};
@@ -24,13 +26,16 @@ pub(super) struct Reading {
 /// A joint's windows in which it moves.
 pub(super) struct JointReading {
     pub(super) name: String,
-    /// Mean torque measured, N m; and so many samples later, across gaps too, which are few.
+    /// Mean torque measured, N m.
     pub(super) torque: Vec<f64>,
-    pub(super) shifted: BTreeMap<i64, Vec<f64>>,
+    /// The share that is left of the torque so many samples later, across gaps too, which are few.
+    pub(super) left_at: BTreeMap<i64, f64>,
     /// What the model gives, its bodies and the effects that have a value, N m.
     pub(super) predicted: Vec<f64>,
     /// Mean velocity (rad/s), mean direction (−1 to 1), mean acceleration (rad/s²).
     friction: [Vec<f64>; 3],
+    /// Their scalar products.
+    products: [[f64; 3]; 3],
 }
 
 impl Reading {
@@ -50,7 +55,8 @@ impl Reading {
         };
         let joint =
             |(j, name): (usize, String)| JointReading::of(&data, j, name, &predicted, &times);
-        let joints = data.joint_names().into_iter().enumerate().map(joint);
+        let names: Vec<(usize, String)> = data.joint_names().into_iter().enumerate().collect();
+        let joints = names.into_par_iter().map(joint);
         let joints = joints.filter(|joint| joint.torque.len() >= LEAST_WINDOWS);
         Some(Self {
             joints: joints.collect(),
@@ -71,26 +77,31 @@ impl JointReading {
                 .map(|w| motion.mean(&motion.windows[*w], x))
                 .collect()
         };
-        let last = samples.len().saturating_sub(1) as i64;
-        let at =
-            |shift: i64| mean(&|k| samples.tau[(k as i64 + shift).clamp(0, last) as usize * n + j]);
         let velocity = |k: usize| samples.dq[k * n + j];
         let acceleration = windows.iter().map(|w| {
             let window = &motion.windows[*w];
             let [first, last] = window.samples;
             (velocity(last) - velocity(first)) / window.length
         });
-        Self {
+        let friction = [
+            mean(&velocity),
+            mean(&|k| velocity(k).signum()),
+            acceleration.collect(),
+        ];
+        let product = |a: usize, b: usize| dot(&friction[a], &friction[b]);
+        let mut own = Self {
             name,
-            torque: at(0),
-            shifted: times.iter().map(|shift| (*shift, at(*shift))).collect(),
+            torque: mean(&|k| samples.tau[k * n + j]),
+            left_at: BTreeMap::new(),
             predicted: windows.iter().map(|w| predicted[w * n + j]).collect(),
-            friction: [
-                mean(&velocity),
-                mean(&|k| velocity(k).signum()),
-                acceleration.collect(),
-            ],
-        }
+            products: [0, 1, 2].map(|a| [0, 1, 2].map(|b| product(a, b))),
+            friction,
+        };
+        let torque: Vec<f64> = samples.tau.iter().skip(j).step_by(n).copied().collect();
+        let late = Late::of(&torque, data, &windows, times);
+        let left = |shift: &i64| (*shift, own.left_of(&late.torque(*shift), 1.0));
+        own.left_at = times.par_iter().map(left).collect();
+        own
     }
 
     /// Share of the torque's square that model and friction leave.
@@ -100,19 +111,24 @@ impl JointReading {
 
     /// The same of another torque, which is the model's so many times.
     pub(super) fn left_of(&self, torque: &[f64], times: f64) -> f64 {
-        let total: f64 = torque.iter().map(|x| x * x).sum();
+        let total = dot(torque, torque);
         let beyond: Vec<f64> = torque
             .iter()
             .zip(&self.predicted)
             .map(|(x, p)| x / times - p)
             .collect();
-        let mut columns: Vec<&[f64]> = self.friction.iter().map(Vec::as_slice).collect();
+        let right: Vec<f64> = self.friction.iter().map(|x| dot(x, &beyond)).collect();
+        let square = dot(&beyond, &beyond);
+        let mut there: Vec<usize> = (0..right.len()).collect();
         // What would have to be negative is not there.
         loop {
-            let (found, left) = least_squares(&columns, &beyond);
-            let worst = (0..columns.len()).min_by(|a, b| found[*a].total_cmp(&found[*b]));
+            let count = there.len();
+            let normal = DMatrix::from_fn(count, count, |r, c| self.products[there[r]][there[c]]);
+            let told = DVector::from_fn(count, |r, _| right[there[r]]);
+            let (found, left) = solved(normal, &told, square);
+            let worst = (0..count).min_by(|a, b| found[*a].total_cmp(&found[*b]));
             match worst.filter(|k| found[*k] < 0.0) {
-                Some(k) => drop(columns.remove(k)),
+                Some(k) => drop(there.remove(k)),
                 None => return left * times * times / total.max(f64::MIN_POSITIVE),
             }
         }
@@ -135,19 +151,69 @@ pub(super) fn shifts(period: f64) -> impl Iterator<Item = i64> {
     (-most / step..=most / step).map(move |k| k * step)
 }
 
+/// A joint's torque at other times than that at which it was measured, window by window.
+struct Late<'a> {
+    /// N m, sample by sample, the first and the last as often again as it may be late.
+    torque: Vec<f64>,
+    most: usize,
+    /// Half of the time since the sample before, s.
+    half: Vec<f64>,
+    data: &'a LimbData<'a>,
+    windows: &'a [usize],
+}
+
+impl<'a> Late<'a> {
+    fn of(torque: &[f64], data: &'a LimbData, windows: &'a [usize], times: &[i64]) -> Self {
+        let most = times
+            .iter()
+            .map(|shift| shift.unsigned_abs() as usize)
+            .max();
+        let most = most.unwrap_or(0);
+        let repeat = |x: Option<&f64>| vec![x.copied().unwrap_or(0.0); most];
+        let time = &data.motion.time;
+        let half = time.windows(2).map(|pair| 0.5 * (pair[1] - pair[0]));
+        Self {
+            torque: [&repeat(torque.first()), torque, &repeat(torque.last())].concat(),
+            most,
+            half: std::iter::once(0.0).chain(half).collect(),
+            data,
+            windows,
+        }
+    }
+
+    /// The mean torque of each window so many samples later, N m.
+    fn torque(&self, shift: i64) -> Vec<f64> {
+        let begin = (self.most as i64 + shift) as usize;
+        let mean = |w: &usize| {
+            let window = &self.data.motion.windows[*w];
+            let [first, last] = window.samples;
+            let torque = &self.torque[begin + first..=begin + last];
+            let half = &self.half[first + 1..=last];
+            let steps = half.iter().zip(torque.windows(2));
+            let sum: f64 = steps.map(|(half, pair)| half * (pair[0] + pair[1])).sum();
+            sum / window.length
+        };
+        self.windows.iter().map(mean).collect()
+    }
+}
+
 /// Coefficients of columns, and the sum of squares that they leave.
 pub(super) fn least_squares(columns: &[&[f64]], torque: &[f64]) -> (DVector<f64>, f64) {
-    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     let n = columns.len();
-    if n == 0 {
-        return (DVector::zeros(0), dot(torque, torque));
-    }
     let normal = DMatrix::from_fn(n, n, |r, c| dot(columns[r], columns[c]));
     let right = DVector::from_fn(n, |r, _| dot(columns[r], torque));
+    solved(normal, &right, dot(torque, torque))
+}
+
+/// The same by the columns' scalar products with each other and with a torque, and that of the torque with itself.
+fn solved(normal: DMatrix<f64>, right: &DVector<f64>, square: f64) -> (DVector<f64>, f64) {
+    if right.is_empty() {
+        return (DVector::zeros(0), square);
+    }
     // Columns that are one another's multiples share what they explain.
     let least = 1e-12 * normal.diagonal().amax();
-    let found = normal.svd(true, true).solve(&right, least);
-    let found = found.unwrap_or_else(|_| DVector::zeros(n));
-    let left = dot(torque, torque) - right.dot(&found);
+    let found = normal.svd(true, true).solve(right, least);
+    let found = found.unwrap_or_else(|_| DVector::zeros(right.len()));
+    let left = square - right.dot(&found);
     (found, left.max(0.0))
 }
