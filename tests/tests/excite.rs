@@ -552,8 +552,8 @@ fn a_motion_of_the_trunk_over_planted_feet_is_designed_and_told() {
             "kd/FR_hip"
         ]
     );
-    assert_eq!(rows[1][1..13], rows[2251][1..13]);
     let cell = |row: usize, column: usize| rows[row][column].parse::<f64>().unwrap();
+    assert!((1..=12).all(|joint| (cell(1, joint) - cell(2251, joint)).abs() < 1e-6));
     for row in (2..2250).step_by(7) {
         for joint in 1..=12 {
             let slope = (cell(row + 1, joint) - cell(row - 1, joint)) / 0.004;
@@ -623,7 +623,7 @@ fn a_motion_of_a_robot_that_hangs_is_chosen_and_told() {
     let of = |name: &str| trunk.iter().find(|p| p["name"] == name).unwrap();
     let left =
         |name: &str| of(name)["std"].as_f64().unwrap() / of(name)["prior_std"].as_f64().unwrap();
-    assert!(left("Ixx:base") < 1.0 && left("hz:base") < 0.9, "{design}");
+    assert!(left("m:base") < 1.0 && left("hx:base") < 0.5, "{design}");
     let text = fs::read_to_string(folder.path().join("swing.csv")).unwrap();
     assert_eq!(text.lines().count(), 1 + 2501);
     let told = done(folder.path(), &[&quick[..], &["-o", "again.csv"]].concat());

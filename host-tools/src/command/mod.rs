@@ -80,7 +80,7 @@ enum Command {
     Demo(demo::Demo),
     Diagnose(diagnose::Diagnose),
     Effects(effects::Effects),
-    Excite(excite::Excite),
+    Excite(Box<excite::Excite>),
     Export(export::Export),
     Flash(flash::Flash),
     Identify(identify::Identify),
