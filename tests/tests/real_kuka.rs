@@ -11,11 +11,13 @@ fn identified(folder: &Path, logs: &[&str]) -> Value {
     json(&done(folder, &[&["identify"], logs, &options].concat()))
 }
 
-/// A parameter's value and its standard deviation.
-fn parameter(told: &Value, name: &str) -> [f64; 2] {
+/// A parameter's value, its standard deviation, and how much of that is not a difference between stretches of the log.
+fn parameter(told: &Value, name: &str) -> [f64; 3] {
     let all = told["parameters"].as_array().unwrap();
     let own = all.iter().find(|p| p["name"] == name).unwrap();
-    ["value", "std"].map(|key| own[key].as_f64().unwrap())
+    let [value, std, between] =
+        ["value", "std", "std_between"].map(|key| own[key].as_f64().unwrap());
+    [value, std, (std * std - between * between).sqrt()]
 }
 
 /// The hydraulic counterbalance of the second axis, which the URDF does not know, is named from the defaults, and more than half of the
@@ -47,13 +49,14 @@ fn a_counterbalance_is_named_and_a_wrists_rotors_are_told() {
     let [a, b] = [a, b].map(|log| identified(folder, &[&log]));
     for joint in ["A4", "A6"] {
         let name = format!("armature:{joint}");
-        let [[a, a_std], [b, b_std]] = [&a, &b].map(|told| parameter(told, &name));
+        let [[a, a_std, a_noise], [b, b_std, b_noise]] =
+            [&a, &b].map(|told| parameter(told, &name));
         assert!(
-            (a - b).abs() < 3.0 * a_std.hypot(b_std),
+            (a - b).abs() < 3.0 * a_noise.hypot(b_noise),
             "{name}: {a} ±{a_std}, {b} ±{b_std}"
         );
-        // Both logs together know it to more than seven standard deviations, each alone to more than four.
-        assert!((a / a_std).hypot(b / b_std) > 7.0, "{name}");
-        assert!(a > 4.0 * a_std && b > 4.0 * b_std, "{name}");
+        // Of A4 one log, of A6 the other has values that differ from stretch to stretch, and says so in its ±; the other log knows it well.
+        assert!((a / a_std).max(b / b_std) > 5.0, "{name}");
+        assert!(a > 4.0 * a_noise && b > 4.0 * b_noise, "{name}");
     }
 }

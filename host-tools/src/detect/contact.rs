@@ -11,12 +11,13 @@
 //! - The joints agree: the force, from all joints but one, predicts that one's residual. What acts on one joint alone looks
 //!   to it like a force that the others would feel, and do not.
 //!
-//! First swing and contact are found under the model's own effects; the fit of the whole catalogue begins there. Begun anew it would
-//! take a weak force in a quarter of the windows for its effects, and not find back (a trimmed fit ends at the minimum next to its start).
+//! For a weak force swing and contact are found under the model's own effects, and the fit of the whole catalogue begins there. Begun anew it
+//! would take a weak force in a quarter of the windows for its effects, and not find back (a trimmed fit ends at the minimum next to its start).
 //!
 //! All residuals are of time that the fit has not seen.
 
 mod judge;
+mod look;
 mod report;
 mod residuals;
 mod words;
@@ -35,6 +36,7 @@ use crate::estimate::fit::LimbFit;
 use crate::estimate::folding::Folding;
 use crate::estimate::triangle::Triangle;
 use crate::select::screen::{cad_prior, possible};
+use look::Look;
 pub(crate) use report::{LeftOut, leave_out_contact};
 use residuals::Residuals;
 pub(crate) use words::words;
@@ -47,12 +49,8 @@ const LEAST_DEVIATION: f64 = 6.0;
 const SHORTEST: usize = 3;
 /// Fewest episodes: from fewer, nothing can be said of how they agree.
 const LEAST_EPISODES: usize = 4;
-/// Times that the swing and the fit to it are found anew: MuJoCo's weak forces settle in eight at most.
-const ROUNDS: usize = 12;
 /// Least share of windows in swing that the catalogue can be fitted to.
 const LEAST_SWING: f64 = 0.1;
-/// Share of the windows that a second start leaves out of the fit to swing: a trimmed fit resists so much.
-const LIKELY: f64 = 0.4;
 /// Least noise of a joint, as a share of the friction that is expected of it.
 const LEAST_NOISE: f64 = 0.1;
 /// A force weaker than this is not told from what the model has wrong, N.
@@ -106,27 +104,6 @@ impl Contact {
             && self.gain > 2.0 * self.gain_error
             && self.pushing >= LEAST_PUSHING
     }
-
-    /// What a limb's residuals say; `None` if hardly anything is unlike swing, or the limb is too short to tell.
-    pub(crate) fn of(fit: &LimbFit) -> Option<Self> {
-        // A look with the effects of the model alone first, without the columns of a catalogue that it does not have. A force that is no
-        // larger than what these have wrong in swing is overlooked.
-        let mut own = Search::new(fit, false)?;
-        let mut has_swing = own.run(None);
-        let none = |own: &Search| own.episodes(Phase::Contact).len() < LEAST_EPISODES;
-        if has_swing && none(&own) {
-            // The fit may have taken the force for swing: once more from the windows that it likes best.
-            let likeliest = own.likeliest();
-            has_swing = own.run(Some(likeliest));
-            if has_swing && none(&own) {
-                return None;
-            }
-        }
-        let mut search = Search::new(fit, true)?;
-        // Little swing is what a leg on the ground has.
-        let begin = has_swing.then_some(own.phases);
-        search.run(begin).then(|| search.judge())?
-    }
 }
 
 /// One window of the limb.
@@ -156,13 +133,14 @@ struct Search<'a> {
     /// Away from the ground.
     up: Vector3<f64>,
     residuals: Residuals,
-    /// Their medians over runs of windows; none before the first fit.
+    look: Look,
+    /// Their medians over runs of windows; none before the first fit, or where they are not looked at.
     runs: Residuals,
     phases: Vec<Phase>,
 }
 
 impl<'a> Search<'a> {
-    fn new(fit: &'a LimbFit<'a>, catalogue: bool) -> Option<Self> {
+    fn new(fit: &'a LimbFit<'a>, look: Look, catalogue: bool) -> Option<Self> {
         let data = fit.data;
         let foot = Foot::of(data.model, data.limb)?;
         let (n, base) = (data.joints(), data.body.base(&fit.values));
@@ -194,6 +172,7 @@ impl<'a> Search<'a> {
             described: foot.described,
             up: Vector3::z(),
             residuals: Residuals::default(),
+            look,
             runs: Residuals::default(),
             phases: vec![Phase::Swing; windows.len()],
             windows,
@@ -212,7 +191,7 @@ impl<'a> Search<'a> {
         // Generous with contact at first: a force that the fit takes for swing it explains away.
         self.residuals.noise = friction.iter().map(|noise| 0.5 * noise).collect();
         let mut begin = begin;
-        for round in 0..ROUNDS {
+        for round in 0..self.look.rounds() {
             let before = self.phases.clone();
             match begin.take() {
                 Some(phases) => self.phases = phases,
@@ -238,10 +217,12 @@ impl<'a> Search<'a> {
                 let least = LEAST_NOISE * friction[joint];
                 self.residuals.noise[joint] = scales[better][joint].max(least);
             }
-            self.runs.own = self.residuals.runs();
-            let noise = self.scale(&self.runs.own, 0.5, 0.6745, swing);
-            let least = friction.iter().map(|friction| LEAST_NOISE * friction);
-            self.runs.noise = noise.iter().zip(least).map(|(n, l)| n.max(l)).collect();
+            if self.look == Look::Runs {
+                self.runs.own = self.residuals.runs();
+                let noise = self.scale(&self.runs.own, 0.5, 0.6745, swing);
+                let least = friction.iter().map(|friction| LEAST_NOISE * friction);
+                self.runs.noise = noise.iter().zip(least).map(|(n, l)| n.max(l)).collect();
+            }
         }
         true
     }
@@ -255,22 +236,6 @@ impl<'a> Search<'a> {
             small.min(mean + std)
         };
         small.into_iter().enumerate().map(of).collect()
-    }
-
-    /// As if in contact: the windows that the present fit to swing explains worst, as many as a leg that walks may have in stance.
-    fn likeliest(&self) -> Vec<Phase> {
-        let deviations: Vec<f64> = (0..self.windows.len())
-            .map(|w| self.runs.deviation(w))
-            .collect();
-        let mut sorted = deviations.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let at = ((1.0 - LIKELY) * sorted.len() as f64) as usize;
-        let least = sorted.get(at).copied().unwrap_or(f64::INFINITY);
-        let phase = |d: f64| match d >= least {
-            true => Phase::Contact,
-            false => Phase::Swing,
-        };
-        deviations.into_iter().map(phase).collect()
     }
 
     fn count(&self, phase: Phase) -> usize {

@@ -115,7 +115,7 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
     let deviations = fit.deviations();
-    let spread = Spread::of(fit, &deviations);
+    let spread = Spread::of(fit, deviations);
     let prior = fit
         .problem
         .without_data()

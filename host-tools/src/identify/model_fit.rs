@@ -185,7 +185,7 @@ pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
 pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = fit.deviations();
-    let spread = Spread::of(fit, &deviations);
+    let spread = Spread::of(fit, deviations);
     let prior = fit.problem.without_data().solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);

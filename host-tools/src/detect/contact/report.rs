@@ -30,9 +30,7 @@ pub(crate) fn leave_out_contact<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option
         .copied()
         .filter(|place| data.can_tell(*place))
         .collect();
-    let contact = LimbFit::of(&data, &fitted, &How::default())
-        .and_then(|fit| Contact::of(&fit))
-        .filter(Contact::is_significant);
+    let contact = LimbFit::of(&data, &fitted, &How::default()).and_then(|fit| Contact::of(&fit));
     let Some(contact) = contact else {
         return (data, None);
     };
