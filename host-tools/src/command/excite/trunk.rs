@@ -10,7 +10,7 @@ use crate::estimate::Status;
 use crate::excite::output::{TrunkCoefficients, write_trunk_csv};
 use crate::excite::trunk::{self, TrunkCommand, TrunkParameter};
 use crate::excite::{Measures, Settings};
-use crate::model::Model;
+use crate::model::{Model, significant};
 use crate::output;
 use crate::table::{Table, with_std};
 
@@ -162,8 +162,8 @@ impl fmt::Display for TrunkReport {
                 own.name.clone(),
                 own.unit.to_owned(),
                 with_std(own.value, own.std),
-                format!("{:.2e}", own.prior_std),
-                format!("{:.2e}", own.std),
+                significant(own.prior_std, 3).to_string(),
+                significant(own.std, 3).to_string(),
                 said(own.status).to_owned(),
             ]);
         }
