@@ -1,6 +1,6 @@
 //! The Cortex-M7 board that QEMU emulates as `mps2-an500`.
 //!
-//! UART0 is the host link, UART1 to UART4 are the buses of FR, FL, RR and RL. Under `-icount shift=6` an instruction takes
+//! UART0 is the host link, UART1 to UART4 are the buses of FR, FL, RR and RL; or a bus's bytes come to memory, as by DMA ([`Bus`]). Under `-icount shift=6` an instruction takes
 //! 2⁶ ns of emulated time and SysTick counts 40 ns, so that it counts instructions, the same in every run. The counts say
 //! nothing of a real core's latencies: they guard against regressions.
 //!
@@ -74,6 +74,65 @@ impl Uart {
     }
 }
 
+/// The last word before the [`RINGS`], if buses come to memory.
+const RINGS_IN_USE: u32 = u32::from_le_bytes(*b"RING");
+/// Where the buses' rings are in the board's PSRAM.
+const RINGS: usize = 0x6080_0000;
+/// Bytes of a bus's ring.
+const RING: usize = 64 * 1024;
+
+/// Where a motor bus's bytes come in.
+///
+/// The emulator takes some 8 µs for each byte of a UART, so that four buses run at half of a robot's speed. Who plays hours puts the bytes into
+/// the PSRAM, which the emulator can share with its host, before it says that they are there.
+pub enum Bus {
+    /// Byte by byte.
+    Uart(Uart),
+    /// To a ring in memory.
+    Ring {
+        /// Its first byte.
+        base: *const u8,
+        /// The next to be read.
+        at: usize,
+    },
+}
+
+impl Bus {
+    /// The next byte. Of a ring it is the caller who knows that one is there.
+    pub fn read(&mut self) -> Option<u8> {
+        match self {
+            Self::Uart(uart) => uart.read(),
+            Self::Ring { base, at } => {
+                // SAFETY: `at` is less than RING, and `base` begins that many bytes of the PSRAM which nothing else uses.
+                let byte = unsafe { base.add(*at).read_volatile() };
+                *at = (*at + 1) % RING;
+                Some(byte)
+            }
+        }
+    }
+
+    /// The bus behind `uart`, the `index`th.
+    fn new(index: usize, mut uart: Uart) -> Self {
+        // SAFETY: a word of the PSRAM, which is always there.
+        match unsafe { (RINGS as *const u32).sub(1).read_volatile() } {
+            RINGS_IN_USE => Self::Ring {
+                base: (RINGS + index * RING) as *const u8,
+                at: 0,
+            },
+            _ => {
+                uart.enable();
+                Self::Uart(uart)
+            }
+        }
+    }
+
+    fn clear_interrupt(&mut self) {
+        if let Self::Uart(uart) = self {
+            uart.clear_interrupt();
+        }
+    }
+}
+
 /// Counts instructions with SysTick.
 pub struct InstructionCounter(SYST);
 
@@ -114,8 +173,8 @@ pub type Flash = RamFlash<&'static mut [u8]>;
 pub struct Board {
     /// UART0.
     pub host: Uart,
-    /// UART1 to UART4, in the order of the legs.
-    pub buses: [Uart; 4],
+    /// UART1 to UART4 or their rings, in the order of the legs.
+    pub buses: [Bus; 4],
     /// SysTick.
     pub counter: InstructionCounter,
     /// PSRAM.
@@ -128,16 +187,20 @@ impl Board {
     pub fn take() -> Option<Self> {
         let core = cortex_m::Peripherals::take()?;
         let mut host = Uart::new(0x4000_4000);
-        let mut buses = [0x4000_5000, 0x4000_6000, 0x4000_7000, 0x4000_9000].map(Uart::new);
+        let mut index = 0..;
+        let buses = [0x4000_5000, 0x4000_6000, 0x4000_7000, 0x4000_9000].map(|base| {
+            let index = index.next().unwrap_or_default();
+            Bus::new(index, Uart::new(base))
+        });
         host.enable();
-        buses.iter_mut().for_each(Uart::enable);
         // The interrupts wake the core from its sleep and are never taken.
         cortex_m::interrupt::disable();
         let nvic = core.NVIC;
         // SAFETY: with interrupts disabled no handler runs.
         unsafe { nvic.iser[0].write(RECEIVE_IRQS) };
         let counter = InstructionCounter::new(core.SYST);
-        // SAFETY: the linker puts nothing in the PSRAM, and this is the only place that takes it, once: `Peripherals::take` above.
+        // SAFETY: the linker puts nothing in the PSRAM, this is the only place that takes its beginning, once (`Peripherals::take` above), and
+        // the rings are further.
         let flash = unsafe { core::slice::from_raw_parts_mut(FLASH as *mut u8, FLASH_LEN) };
         Some(Self {
             host,
@@ -156,7 +219,7 @@ impl Board {
     /// Forgets which bytes have come. Then read again before sleeping: a byte may have come just before.
     pub fn clear(&mut self) {
         self.host.clear_interrupt();
-        self.buses.iter_mut().for_each(Uart::clear_interrupt);
+        self.buses.iter_mut().for_each(Bus::clear_interrupt);
         // SAFETY: clearing pending interrupts that no handler waits for.
         unsafe { self.nvic.icpr[0].write(RECEIVE_IRQS) };
     }
