@@ -146,7 +146,7 @@ class Leg:
         # A torque in proportion to a signal and to the velocity.
         motors += "".join(f'<general joint="{j}" gaintype="affine" gainprm="0 0 1"/>' for j in JOINTS)
         # Friction as hard as MuJoCo makes it at this step.
-        return f"""<mujoco><compiler boundmass="0" boundinertia="0" autolimits="false"/>
+        return f"""<mujoco><compiler angle="radian" boundmass="0" boundinertia="0" autolimits="false"/>
             <option timestep="{STEP}" gravity="{text(self.gravity)}" integrator="RK4" iterations="50" tolerance="1e-10"/>
             <default><joint limited="false" solreffriction="{2 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/></default>
             <worldbody>{out}{closing}</worldbody><tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>"""

@@ -78,7 +78,7 @@ def leg(effects):
             bodies += f"""<body pos="{place}"><inertial pos="0 0 0" mass="{load}" diaginertia="{ball} {ball} {ball}"/></body>"""
     motors = "".join(f'<motor joint="{j}" gear="{value("torque_gain", j, 1.0)}"/>' for j in JOINTS)
     # Friction as hard as MuJoCo makes it: its width at standstill is then below the sensor's noise.
-    return f"""<mujoco><option timestep="{STEP}" gravity="0 0 {-GRAVITY}" integrator="implicitfast" iterations="200"
+    return f"""<mujoco><compiler angle="radian"/><option timestep="{STEP}" gravity="0 0 {-GRAVITY}" integrator="implicitfast" iterations="200"
         tolerance="1e-12"/>
       <default><joint limited="false" solreffriction="{2 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/></default>
       <worldbody>{bodies}{'</body>' * 3}</worldbody><actuator>{motors}</actuator></mujoco>"""

@@ -57,8 +57,14 @@ impl LimbFit<'_> {
         Some((there.theta - &self.solution.theta).as_slice().to_vec())
     }
 
+    /// How surely an effect's shape is known: by the prior alone where the prediction does not tell it.
+    pub(crate) fn known_shape(&self, place: Place) -> f64 {
+        let prior = self.data.prior(place, shape_parameter(place.0)).1;
+        self.shape_std(place).map_or(prior, |std| std.min(prior))
+    }
+
     /// Standard deviation of an effect's shape; `None` where the prediction does not depend on it.
-    pub(crate) fn shape_std(&self, place: Place) -> Option<f64> {
+    fn shape_std(&self, place: Place) -> Option<f64> {
         if place.0 == EffectKind::Saturation {
             let (limited, std) = self.limit?;
             return (limited == place).then_some(std);

@@ -236,7 +236,7 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
         let n = place.0.description().shape()?;
         let (mean, prior) = fit.data.prior(place, n);
         let body = fit.data.body_of(place.1);
-        let std = fit.shape_std(place).map_or(prior, |std| std.min(prior));
+        let std = fit.known_shape(place);
         let mut shape = FittedParameter::of_effect(
             fit.data.model,
             (place.0, body, n),

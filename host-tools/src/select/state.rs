@@ -167,10 +167,7 @@ impl<'a> State<'a> {
                 .find(|e| fit.columns.entries[**e].parameter == n);
             let Some(&entry) = own else {
                 let place = (effect, joint);
-                return (
-                    fit.values.get(place, n),
-                    fit.shape_std(place).unwrap_or(0.0),
-                );
+                return (fit.values.get(place, n), fit.known_shape(place));
             };
             let [independent, blocks] = deviations.of_parameter(entry);
             let std = independent.max(blocks).hypot(fit.unknown(entry));
