@@ -313,7 +313,7 @@ def pinocchio_leg():
 
 LEG = pinocchio_leg()
 FROM_PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
-WINDOW, INSTANTS = 0.02, 4  # s, of a window
+WINDOW = 0.02  # s
 REST = 0.02  # rad/s
 FINEST = 0.003  # N m: what the mechanics' own steps leave of a window
 
@@ -322,8 +322,8 @@ def size_over_std(case, run, effects, model, bodies):
     """The signature of what is missing, over the noise of window means, with what the model may fit instead taken off."""
     count = round(WINDOW / STEP)
     windows = len(run.t) // count - 1
-    # Middles of steps at whose ends no noise begins, since samples are an even number of steps apart.
-    at = (np.arange(windows)[:, None] * count + np.arange(4, count, count // INSTANTS)).ravel()
+    # The middles of all steps: of a motor that shakes with the noise that its controller sees, a few instants of a window are no mean.
+    at = np.arange(windows * count)
     q, dq, tau = ((x[at] + x[at + 1]) / 2 for x in reported(run, effects, None))
     ddq = np.diff(reported(run, effects, None)[1], axis=0)[at] / STEP
     data, theta = LEG.createData(), []
@@ -332,7 +332,7 @@ def size_over_std(case, run, effects, model, bodies):
         theta += [mass, *(mass * com), *about[np.triu_indices(3)]]
     columns = [10 * b + k for b in range(3) for k in FROM_PINOCCHIO]
     rows = np.array([pin.computeJointTorqueRegressor(LEG, data, *state)[:, columns] for state in zip(q, dq, ddq)])
-    mean = lambda x: x.reshape(windows, INSTANTS, *x.shape[1:]).mean(1)
+    mean = lambda x: x.reshape(windows, count, *x.shape[1:]).mean(1)
     own = {e: mean(x) for e, x in zip(PLAIN, (dq, np.sign(dq), ddq, np.ones_like(q)))}
     left = mean(tau - rows @ np.array(theta))
     # A reversal within a step is neither of its sides.

@@ -154,6 +154,7 @@ impl<'a> LimbFit<'a> {
             let scanned = match scanned {
                 Searched::Nothing if how.near => return None,
                 Searched::Better(values) => Some(values),
+                _ if pass < passes => fit.with_shapes_moved(&made, &how.held),
                 _ => None,
             };
             let done = same && scanned.is_none() && fit.is_steady();

@@ -4,6 +4,9 @@
 //! take, the residuals r leave s a standard deviation of σ/|d⊥| if they are independent, and of √Σ(Σ d⊥ r)²/|d⊥|² by the spread of
 //! the inner sums over blocks of time ([`super::deviation`]). No prior of the other parameters counts, which makes it rather too large.
 //!
+//! A shape that is off by d⊥·r/|d⊥|², more than two of its standard deviations, is moved by that (Gauss-Newton on what the linear
+//! parameters leave: Golub & Pereyra 1973, variable projection).
+//!
 //! What depends on a shape is known as badly as the shape lets it: where one is off by its standard deviation, the others are fitted again,
 //! and by how much each of them moves is a part of its own standard deviation.
 
@@ -13,10 +16,22 @@ use super::fit::LimbFit;
 use super::groups::{Groups, stacked};
 use super::shapes::{orthonormal, shape_parameter};
 use crate::equation::dot::dot;
-use crate::equation::values::Place;
+use crate::equation::rows::Rows;
+use crate::equation::values::{Place, Values};
 
 /// How much more and less of a shape tells how the prediction changes with it, as a share.
 const NEAR: f64 = 0.01;
+
+/// A shape is moved that is off by more than so many of its standard deviations.
+const REFUTED: f64 = 2.0;
+/// A step of a shape is no longer than this share of it: the prediction is linear in it only near.
+const LONGEST: f64 = 0.3;
+
+/// What residuals say of a shape near the present one: by how much it is off, and the standard deviation of that.
+struct ShapeTold {
+    step: f64,
+    std: f64,
+}
 
 impl LimbFit<'_> {
     /// How far the entry's value moves with shapes that are off by one standard deviation each; zero where none is scanned.
@@ -69,6 +84,38 @@ impl LimbFit<'_> {
             let (limited, std) = self.limit?;
             return (limited == place).then_some(std);
         }
+        let rows = self.data.rows(&self.at, &self.columns);
+        self.shape_told(place, &rows).map(|told| told.std)
+    }
+
+    /// The fit's values with those shapes moved that its residuals refute; `None` if they refute none. A scan stands beside friction, a rotor
+    /// and a constant torque alone, so that what the bodies or other effects explain may pull a shape away.
+    pub(super) fn with_shapes_moved(&self, rows: &Rows, held: &[Place]) -> Option<Values> {
+        let mut values = None;
+        let scanned = |place: &&Place| {
+            place.0.description().shape().is_some()
+                && place.0 != EffectKind::Saturation
+                && !held.contains(place)
+        };
+        for &place in self.places.iter().filter(scanned) {
+            let (n, shape) = (
+                shape_parameter(place.0),
+                self.values.get(place, shape_parameter(place.0)),
+            );
+            let Some(told) = self.shape_told(place, rows) else {
+                continue;
+            };
+            if told.step.abs() > REFUTED * told.std {
+                let step = told.step.clamp(-LONGEST * shape, LONGEST * shape);
+                let moved = values.get_or_insert_with(|| self.values.clone());
+                moved.set(place, n, shape + step);
+            }
+        }
+        values
+    }
+
+    /// What the residuals say of a shape; `None` where the prediction does not depend on it.
+    fn shape_told(&self, place: Place, rows: &Rows) -> Option<ShapeTold> {
         let (data, n, joint) = (self.data, self.data.joints(), place.1);
         let windows: Vec<usize> = (0..data.motion.windows.len())
             .filter(|&w| data.counts(w, joint))
@@ -83,36 +130,47 @@ impl LimbFit<'_> {
         let [less, here, more] = [1.0 - NEAR, 1.0, 1.0 + NEAR].map(predicted);
         let at = |w: &usize| w * n + joint;
         let slope = |w: &usize| (more[at(w)] - less[at(w)]) / (2.0 * NEAR * shape);
-        let rows = data.rows(&self.at, &self.columns);
-        let mut basis: Vec<Vec<f64>> = Vec::new();
-        for column in 0..self.columns.of_joint[joint].len() {
-            let column = windows
-                .iter()
-                .map(|&w| rows.row(w, joint)[column])
-                .collect();
-            basis.extend(orthonormal(column, &basis));
-        }
-        let slopes: Vec<f64> = windows.iter().map(slope).collect();
-        let size = dot(&slopes, &slopes).sqrt();
-        let taken = |along: &Vec<f64>| dot(along, &slopes);
-        let taken: Vec<f64> = basis.iter().map(taken).collect();
-        let mut own = slopes.clone();
-        for (along, taken) in basis.iter().zip(taken) {
-            own.iter_mut().zip(along).for_each(|(x, b)| *x -= taken * b);
-        }
+        let own =
+            self.beside_own_columns(rows, joint, &windows, windows.iter().map(slope).collect())?;
         let square = dot(&own, &own);
-        if square.is_nan() || square.sqrt() <= 1e-6 * size {
-            return None;
-        }
         let mut blocks = vec![0.0; data.blocks.count()];
-        let mut left = 0.0;
+        let (mut left, mut along) = (0.0, 0.0);
         for (w, own) in windows.iter().zip(&own) {
             let residual = data.torque[at(w)] - here[at(w)];
             blocks[data.motion.windows[*w].block] += own * residual;
+            along += own * residual;
             left += residual * residual;
         }
         let independent = (left / windows.len() as f64 / square).sqrt();
         let by_blocks = blocks.iter().map(|x| x * x).sum::<f64>().sqrt() / square;
-        Some(independent.max(by_blocks))
+        Some(ShapeTold {
+            step: along / square,
+            std: independent.max(by_blocks),
+        })
+    }
+
+    /// What of a joint's prediction its own columns cannot take; `None` if they take all of it.
+    fn beside_own_columns(
+        &self,
+        rows: &Rows,
+        joint: usize,
+        windows: &[usize],
+        mut predicted: Vec<f64>,
+    ) -> Option<Vec<f64>> {
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for column in 0..self.columns.of_joint[joint].len() {
+            let column = windows.iter().map(|&w| rows.row(w, joint)[column]);
+            basis.extend(orthonormal(column.collect(), &basis));
+        }
+        let size = dot(&predicted, &predicted).sqrt();
+        let taken: Vec<f64> = basis.iter().map(|along| dot(along, &predicted)).collect();
+        for (along, taken) in basis.iter().zip(taken) {
+            predicted
+                .iter_mut()
+                .zip(along)
+                .for_each(|(x, b)| *x -= taken * b);
+        }
+        let left = dot(&predicted, &predicted).sqrt();
+        (left > 1e-6 * size).then_some(predicted)
     }
 }

@@ -42,7 +42,14 @@ pub(super) fn judged(screens: &[Screen], candidate: &Candidate) -> Judged {
             .map(|(_, trial)| trial);
         let parameter = |n: usize| {
             let told = trial.and_then(|trial| screens[*limb].parameter(trial, *place, n));
-            told.unwrap_or((screens[*limb].shape(*place), 0.0))
+            // A screen finds a shape and not how surely: until it is fitted no surer than before.
+            let unsure = || {
+                (
+                    screens[*limb].shape(*place),
+                    screens[*limb].fit.data.prior(*place, n).1,
+                )
+            };
+            told.unwrap_or_else(unsure)
         };
         (0..place.0.description().parameters.len())
             .map(parameter)
