@@ -282,18 +282,14 @@ impl Motion {
         let states = &mut states.states;
         let numbers = columns.numbers(values);
         for j in 0..n {
-            let limits = |column: &Column| {
-                matches!(
-                    column,
-                    Column::Own {
-                        effect: EffectKind::Saturation,
-                        ..
-                    }
-                )
+            // Bodies are in the load already, and what is beyond a limit is not given.
+            let adds = |column: &Column| match column {
+                Column::Own { effect, .. } => *effect != EffectKind::Saturation,
+                column => matches!(column, Column::Coupled { .. }),
             };
             let own: Vec<(&Column, f64)> = (columns.of_joint[j].iter())
                 .zip(numbers[j].iter().copied())
-                .filter(|(column, number)| *number != 0.0 && !limits(column))
+                .filter(|(column, number)| *number != 0.0 && adds(column))
                 .collect();
             for stretch in &self.stretches {
                 let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
