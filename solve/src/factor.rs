@@ -216,7 +216,7 @@ fn reflect_column(pivot: &mut [f64], rows: &mut [f64], k: usize, width: usize, s
         let (b, rest) = rest.split_at(width);
         let (c, d) = rest.split_at(width);
         let [va, vb, vc, vd] = [a[k], b[k], c[k], d[k]];
-        let [a, b, c, d] = [a, b, c, d].map(|row| &row[k + 1..]);
+        let [a, b, c, d] = [a, b, c, d].map(|row| &row[k + 1..][..sum.len()]);
         for (n, sum) in sum.iter_mut().enumerate() {
             *sum += (va * a[n] + vb * b[n]) + (vc * c[n] + vd * d[n]);
         }

@@ -18,7 +18,7 @@ pub(crate) mod load;
 pub(crate) mod load_columns;
 pub(crate) mod motion;
 mod play;
-mod presliding;
+pub(crate) mod presliding;
 mod quadrature;
 pub(crate) mod response;
 pub(crate) mod rigid_body;

@@ -13,7 +13,7 @@ use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
-use super::presliding::presliding;
+use super::presliding::Way;
 use super::values::Values;
 use crate::model::BASE;
 use crate::recording::LimbRecording;
@@ -224,31 +224,35 @@ impl Motion {
         let range = asked
             .as_ref()
             .map_or(0..self.time.len(), |asked| asked.0.clone());
-        let first = range.start;
-        let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * range.len()];
-        for (j, joint) in joints.iter().enumerate() {
-            let offset = values.get((EffectKind::EncoderOffset, j), 0);
-            for k in range.clone() {
+        let bristles = |j: usize| {
+            let displacement = displacement(seen, j)?;
+            Some(self.kept_presliding((&joints, delay), j, displacement))
+        };
+        let bristles: Vec<Option<Arc<Vec<f64>>>> = (0..n).map(bristles).collect();
+        let (offsets, room) = (values.offsets(), n * range.len());
+        let mut states = States {
+            first: range.start,
+            q: Vec::with_capacity(room),
+            dq: Vec::with_capacity(room),
+            states: Vec::with_capacity(room),
+        };
+        for k in range {
+            for (j, joint) in joints.iter().enumerate() {
                 let [q, dq, ..] = joint.state[k];
-                let state = &mut states[(k - first) * n + j];
-                (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
-                (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
-                (state.load, state.give, state.play) = (0.0, [0.0; 2], [0.0; 2]);
-                state.temperature = self.temperature[k * n + j];
-            }
-            if let Some(displacement) = displacement(seen, j) {
-                let impulse = self.kept_presliding((&joints, delay), j, displacement);
-                for k in range.clone() {
-                    states[(k - first) * n + j].presliding = impulse[k];
-                }
+                let q = q - offsets[j];
+                states.q.push(q);
+                states.dq.push(dq);
+                states.states.push(JointState {
+                    speed: joint.speed[k],
+                    speed_noise: joint.speed_noise,
+                    give: [0.0; 2],
+                    play: [0.0; 2],
+                    presliding: bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
+                    temperature: self.temperature[k * n + j],
+                    ..JointState::reported(q, dq, 0.0)
+                });
             }
         }
-        let mut states = States {
-            first,
-            q: states.iter().map(|state| state.q).collect(),
-            dq: states.iter().map(|state| state.dq).collect(),
-            states,
-        };
         if needs.load {
             let loose = !needs.play.is_empty() || !needs.spring.is_empty();
             let load = match asked {
@@ -269,11 +273,17 @@ impl Motion {
     /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
     /// with this displacement (rad), s.
     pub(crate) fn presliding(&self, joint: &Trajectory, displacement: f64) -> Vec<f64> {
+        let ways = self.ways(joint);
+        let impulse = ways.iter().flat_map(|way| way.impulse(displacement));
+        impulse.collect()
+    }
+
+    /// The way of a joint that moves so, stretch by stretch.
+    pub(crate) fn ways(&self, joint: &Trajectory) -> Vec<Way> {
         let of = |stretch: &Range<usize>| {
-            let own = stretch.clone();
-            presliding(&self.time[own.clone()], &joint.state[own], displacement)
+            Way::of(&self.time[stretch.clone()], &joint.state[stretch.clone()])
         };
-        self.stretches.iter().map(of).collect::<Vec<_>>().concat()
+        self.stretches.iter().map(of).collect()
     }
 
     /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.

@@ -13,11 +13,13 @@
 //! Dry friction kinks the velocity where a joint turns round, and where it lets one go that it has held: there the acceleration may
 //! jump.
 
+mod before;
 mod channels;
 mod speed;
 
 use nalgebra::{Matrix4, Vector4};
 
+pub(crate) use before::Before;
 use channels::Channels;
 
 /// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
@@ -32,8 +34,6 @@ const RESTING: f64 = 0.004;
 // to five times the error where the motion is slow.
 const FIRST_SLOW: f64 = 0.05;
 const SLOW_ABOUT: f64 = 0.01;
-/// How far a delayed trajectory is continued beyond the first sample, s.
-const BEYOND: f64 = 8.5e-3;
 
 /// A joint's trajectory over a recording.
 #[derive(Debug, Clone, Default)]
@@ -102,66 +102,6 @@ impl Trajectory {
             speed_noise,
             rest: (2.0 * speed_noise).max(RESTING * fast),
         }
-    }
-
-    /// The trajectory as it was `delay` seconds before each sample; `t` and `stretches` are those of the samples.
-    pub(crate) fn delayed(
-        &self,
-        t: &[f64],
-        stretches: &[std::ops::Range<usize>],
-        delay: f64,
-    ) -> Self {
-        let mut late = self.clone();
-        for stretch in stretches {
-            let mut near = stretch.start;
-            for k in stretch.clone() {
-                let wanted = t[k] - delay;
-                while near + 1 < stretch.end
-                    && (t[near + 1] - wanted).abs() <= (t[near] - wanted).abs()
-                {
-                    near += 1;
-                }
-                while near > stretch.start
-                    && (t[near - 1] - wanted).abs() < (t[near] - wanted).abs()
-                {
-                    near -= 1;
-                }
-                // Beyond the first and last sample the trajectory is a cubic for no longer than it was fitted.
-                let s = (wanted - t[near]).clamp(-BEYOND, BEYOND);
-                late.state[k] = moved(&self.state[near], s);
-                late.speed[k] = interpolated(t, &self.speed, stretch, wanted, near);
-            }
-        }
-        late
-    }
-}
-
-/// A cubic's state `s` seconds later.
-fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
-    [
-        q + s * (dq + s * (ddq / 2.0 + s * jerk / 6.0)),
-        dq + s * (ddq + s * jerk / 2.0),
-        ddq + s * jerk,
-        jerk,
-    ]
-}
-
-/// Straight between samples, constant beyond the ends of the stretch; `near` is the sample nearest to `wanted`.
-fn interpolated(
-    t: &[f64],
-    x: &[f64],
-    stretch: &std::ops::Range<usize>,
-    wanted: f64,
-    near: usize,
-) -> f64 {
-    let other = if wanted < t[near] {
-        near.checked_sub(1)
-    } else {
-        Some(near + 1)
-    };
-    match other.filter(|k| stretch.contains(k)) {
-        Some(other) => x[near] + (x[other] - x[near]) * (wanted - t[near]) / (t[other] - t[near]),
-        None => x[near],
     }
 }
 
@@ -452,7 +392,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
-    fn sine(t: f64) -> [f64; 3] {
+    pub(super) fn sine(t: f64) -> [f64; 3] {
         let w = 8.0;
         [(w * t).sin(), w * (w * t).cos(), -w * w * (w * t).sin()]
     }
@@ -489,26 +429,6 @@ mod tests {
                 speed < 0.02 && acceleration < 1.0,
                 "{speed} {acceleration}: {position} {velocity} {gain}"
             );
-        }
-    }
-
-    #[test]
-    fn a_delayed_trajectory_is_the_motion_of_before() {
-        let t: Vec<f64> = (0..1000).map(|k| 0.002 * f64::from(k)).collect();
-        let [q, dq] = [0, 1].map(|n| t.iter().map(|&t| sine(t)[n]).collect::<Vec<f64>>());
-        let found = Trajectory::of(
-            &[Stretch {
-                t: &t,
-                q: &q,
-                dq: &dq,
-            }],
-            0.002,
-        );
-        let whole = 0..t.len();
-        let late = found.delayed(&t, std::slice::from_ref(&whole), 0.0063);
-        for k in 20..980 {
-            assert!((late.state[k][0] - sine(t[k] - 0.0063)[0]).abs() < 2e-5);
-            assert!((late.state[k][1] - sine(t[k] - 0.0063)[1]).abs() < 5e-3);
         }
     }
 }
