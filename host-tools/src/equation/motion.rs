@@ -7,13 +7,14 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, Form, JointState};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
 use super::presliding::Way;
+use super::share::shares;
 use super::values::Values;
 use crate::model::BASE;
 use crate::recording::LimbRecording;
@@ -290,22 +291,19 @@ impl Motion {
     fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
         let (n, first) = (self.joints, states.first);
         let states = &mut states.states;
-        let numbers = columns.numbers(values);
-        for j in 0..n {
-            // Bodies are in the load already, and what is beyond a limit is not given.
-            let adds = |column: &Column| match column {
-                Column::Own { effect, .. } => *effect != EffectKind::Saturation,
-                column => matches!(column, Column::Coupled { .. }),
-            };
-            let own: Vec<(&Column, f64)> = (columns.of_joint[j].iter())
-                .zip(numbers[j].iter().copied())
-                .filter(|(column, number)| *number != 0.0 && adds(column))
-                .collect();
+        let mut shares = shares(columns, values);
+        for (j, own) in shares.iter_mut().enumerate() {
+            // What is beyond a limit is not given.
+            own.retain(|share| share.effect != EffectKind::Saturation);
             for stretch in &self.stretches {
                 let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
                 let at = |k: usize| {
-                    let first = (k - first) * n;
-                    sum_of_terms(columns, &own, j, &states[first..first + n])
+                    let mut sum = [0.0; 2];
+                    for share in &*own {
+                        let [boundary, rate] = &mut sum;
+                        share.add(j, &states[(k - first) * n..], [boundary, rate]);
+                    }
+                    sum
                 };
                 let terms: Vec<[f64; 2]> = stretch.clone().map(at).collect();
                 for (i, k) in stretch.clone().enumerate() {
@@ -354,41 +352,6 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
-}
-
-/// What columns, each times a number, add to a joint's torque: a part that is a derivative, and the rest.
-fn sum_of_terms(
-    columns: &Columns,
-    own: &[(&Column, f64)],
-    at: usize,
-    states: &[JointState<f64>],
-) -> [f64; 2] {
-    let mut sum = [0.0; 2];
-    // An effect's columns stand side by side and come from one evaluation.
-    let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
-    for (column, number) in own {
-        let term = match **column {
-            Column::Own {
-                joint,
-                effect,
-                shape,
-                n,
-            } if joint == at => {
-                let terms = match known {
-                    Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
-                    _ => effect.terms(&states[at], shape),
-                };
-                known = Some((effect, shape, terms));
-                Some(terms[n])
-            }
-            _ => columns.term(column, at, states),
-        };
-        if let Some(term) = term {
-            sum[0] += number * term.boundary;
-            sum[1] += number * term.rate;
-        }
-    }
-    sum
 }
 
 /// Which of what effects see costs a pass of its own.

@@ -11,7 +11,7 @@
 //! its own column is the derivative of the prediction there. No measured torque enters.
 
 use nalgebra::{Rotation3, Vector3};
-use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 use rayon::prelude::*;
@@ -201,6 +201,8 @@ struct Pass<'a> {
 struct Made {
     /// Where a run of the regressors' numbers begins, where it goes, and its length.
     bodies: Vec<[usize; 3]>,
+    /// An effect with its shape, whose columns come from one evaluation: where each of them goes, and which it is.
+    own: Vec<(EffectKind, f64, Vec<[usize; 2]>)>,
     others: Vec<(usize, Column)>,
 }
 
@@ -208,16 +210,27 @@ impl Made {
     fn of(own: impl Iterator<Item = Column>) -> Self {
         let mut made = Self::default();
         for (to, column) in own.enumerate() {
-            let Column::Inertial(b, parameter) = column else {
-                made.others.push((to, column));
-                continue;
-            };
-            let at = b * INERTIAL + parameter;
-            match made.bodies.last_mut() {
-                Some([from, first, count]) if [*from + *count, *first + *count] == [at, to] => {
-                    *count += 1;
+            match column {
+                Column::Inertial(b, parameter) => {
+                    let at = b * INERTIAL + parameter;
+                    match made.bodies.last_mut() {
+                        Some([from, first, count])
+                            if [*from + *count, *first + *count] == [at, to] =>
+                        {
+                            *count += 1;
+                        }
+                        _ => made.bodies.push([at, to, 1]),
+                    }
                 }
-                _ => made.bodies.push([at, to, 1]),
+                Column::Own {
+                    effect, shape, n, ..
+                } => match made.own.last_mut() {
+                    Some((known, with, places)) if (*known, *with) == (effect, shape) => {
+                        places.push([to, n]);
+                    }
+                    _ => made.own.push((effect, shape, vec![[to, n]])),
+                },
+                _ => made.others.push((to, column)),
             }
         }
         made
@@ -387,23 +400,14 @@ impl<'a> Pass<'a> {
             boundaries[to..to + count].copy_from_slice(&workspace.momentum[from.clone()]);
             rates[to..to + count].copy_from_slice(&workspace.rate[from]);
         }
-        // An effect's columns stand side by side and come from one evaluation.
-        let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
+        for (effect, shape, places) in &self.made[j].own {
+            let terms = effect.terms(&states[j], *shape);
+            for &[to, n] in places {
+                (boundaries[to], rates[to]) = (terms[n].boundary, terms[n].rate);
+            }
+        }
         for (to, column) in &self.made[j].others {
             (boundaries[*to], rates[*to]) = match *column {
-                Column::Own {
-                    joint,
-                    effect,
-                    shape,
-                    n,
-                } => {
-                    let terms = match known {
-                        Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
-                        _ => effect.terms(&states[joint], shape),
-                    };
-                    known = Some((effect, shape, terms));
-                    (terms[n].boundary, terms[n].rate)
-                }
                 Column::Coupled { .. } => {
                     let term = self.columns.term(column, j, states);
                     term.map_or((0.0, 0.0), |term| (term.boundary, term.rate))
@@ -413,8 +417,11 @@ impl<'a> Pass<'a> {
                 }
                 Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
                 Column::Lateness => (-states[j].tau, 0.0),
-                // Made apart from these, bodies' in runs, and of all others when all windows are.
-                Column::Inertial(..) | Column::Load { .. } | Column::Scale(_) => (0.0, 0.0),
+                // Made apart from these, or of all others when all windows are.
+                Column::Inertial(..)
+                | Column::Own { .. }
+                | Column::Load { .. }
+                | Column::Scale(_) => (0.0, 0.0),
             };
         }
     }
