@@ -384,11 +384,12 @@ impl<'a> Scan<'a> {
     /// The columns of an effect over windows, as rows have them.
     fn columns(&self, windows: &[usize], place: Place, shape: f64) -> Vectors {
         let all = &self.windows[place.1];
+        if windows.len() == all.len() {
+            return self.columns_of_all(place, shape);
+        }
+        // Folds ask for the same shapes, each for other windows.
         let key = (place, shape.to_bits());
         let made = (self.made).get_or(key, || self.columns_of_all(place, shape));
-        if windows.len() == all.len() {
-            return made.to_vec();
-        }
         let at: Vec<usize> = (windows.iter())
             .filter_map(|window| all.binary_search(window).ok())
             .collect();
