@@ -7,7 +7,7 @@ use proprio_core::dynamics::MomentumDerivatives;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::regressor::RegressorRows;
 use proprio_core::spatial::Transform;
-use proprio_core::tree::{Kinematics, Tree};
+use proprio_core::tree::{Kinematics, Placements, Tree};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -134,8 +134,13 @@ impl<const B: usize, const P: usize> Dynamics<B, P> {
         Some(Box::new(Self { tree, joints }))
     }
 
+    #[inline]
     fn kinematics(&self, base: &Transform<f64>, q: &[f64], dq: &[f64]) -> Kinematics<f64, B, B> {
-        self.tree.kinematics(base, &filled(q), &filled(dq))
+        // In place: it is large, and asked for at every sample.
+        let mut k = Kinematics::new();
+        let [q, dq] = [q, dq].map(filled);
+        self.tree.update_kinematics(&mut k, base, &q, &dq);
+        k
     }
 
     /// Row by row.
@@ -199,7 +204,8 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
 
     fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
         let [q, dq, ddq] = motion.map(filled);
-        let placements = self.tree.placements(base, &q);
+        let mut placements = Placements::new();
+        self.tree.update_placements(&mut placements, base, &q);
         let mut all = SVector::zeros();
         self.tree
             .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
@@ -214,7 +220,8 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         inertia: &mut [f64],
     ) {
         let [q, dq, ddq] = motion.map(filled);
-        let placements = self.tree.placements(base, &q);
+        let mut placements = Placements::new();
+        self.tree.update_placements(&mut placements, base, &q);
         let (mut all, mut matrix) = (SVector::zeros(), SMatrix::zeros());
         self.tree
             .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
