@@ -185,6 +185,7 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
     }
     // Contact first: a force at a foot is no effect of a joint.
     let swings = side_by_side(&data, |data| leave_out_contact(data.clone()));
+    drop(data);
     let (all, feet): (Vec<LimbData>, Vec<Option<LeftOut>>) = swings.into_iter().unzip();
     let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
     if feet.iter().all(Option::is_none) && all.iter().all(rests) {

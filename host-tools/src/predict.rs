@@ -13,7 +13,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::EffectKind;
 use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
@@ -21,6 +21,7 @@ use crate::equation::column::{Column, Columns, Entry, columns_of};
 use crate::equation::load::Load;
 use crate::equation::motion::{Motion, States, is_derivative};
 use crate::equation::rigid_body::RigidBody;
+use crate::equation::share::{Share, shares};
 use crate::equation::values::{Place, Values};
 
 /// Mean reported torque of each chosen window and joint (N m), window by window; zero for windows that are not chosen.
@@ -41,7 +42,7 @@ pub(crate) fn predict(
             rigid: body.loaded(values),
             base: body.base(values),
             states: motion.states_of(body, values, (&columns, &made), (delay, &asked)),
-            effects: effects(&columns, values),
+            effects: shares(&columns, values),
             joints,
         };
         pass.run(values, chosen, &mut torque);
@@ -142,57 +143,13 @@ impl<'a> LooseLink<'a> {
     }
 }
 
-/// An effect at a joint: its shape and what its columns are times.
-#[derive(Clone)]
-struct Own {
-    effect: EffectKind,
-    shape: f64,
-    /// The other joint, of an effect that couples two.
-    other: Option<usize>,
-    numbers: Vec<(usize, f64)>,
-}
-
-/// Of each joint the effects that add to its torque.
-fn effects(columns: &Columns, values: &Values) -> Vec<Vec<Own>> {
-    let numbers = columns.numbers(values);
-    let of = |(at, numbers): (usize, &Vec<f64>)| {
-        let mut all: Vec<Own> = Vec::new();
-        for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
-            let (effect, shape, other, n) = match *column {
-                Column::Own {
-                    effect, shape, n, ..
-                } => (effect, shape, None, n),
-                Column::Coupled { joint, effect, n } => match columns.coupled(joint, at) {
-                    other @ Some(_) => (effect, 1.0, other, n),
-                    None => continue,
-                },
-                _ => continue,
-            };
-            match all
-                .iter_mut()
-                .find(|own| (own.effect, own.shape, own.other) == (effect, shape, other))
-            {
-                Some(own) => own.numbers.push((n, number)),
-                None => all.push(Own {
-                    effect,
-                    shape,
-                    other,
-                    numbers: vec![(n, number)],
-                }),
-            }
-        }
-        all
-    };
-    numbers.iter().enumerate().map(of).collect()
-}
-
 /// The joints whose torque is reported with one delay.
 struct Pass<'a> {
     motion: &'a Motion,
     rigid: Box<dyn RigidBody>,
     base: Transform<f64>,
     states: States,
-    effects: Vec<Vec<Own>>,
+    effects: Vec<Vec<Share>>,
     joints: Vec<usize>,
 }
 
@@ -284,16 +241,9 @@ impl Pass<'_> {
         let links = [&states.q[at.clone()], &states.dq[at.clone()]];
         (self.rigid).momentum_and_rate(&self.base, links, &mut out.momentum, &mut out.rate);
         for &j in &self.joints {
-            let state = |j: usize| -> &JointState<f64> { &states.states[first + j] };
-            for own in &self.effects[j] {
-                let terms = match own.other {
-                    Some(other) => own.effect.coupled(state(j), state(other)),
-                    None => own.effect.terms(state(j), own.shape),
-                };
-                for &(n, number) in &own.numbers {
-                    out.momentum[j] += number * terms[n].boundary;
-                    out.rate[j] += number * terms[n].rate;
-                }
+            for share in &self.effects[j] {
+                let sums = [&mut out.momentum[j], &mut out.rate[j]];
+                share.add(j, &states.states[first..], sums);
             }
         }
     }

@@ -93,6 +93,23 @@ impl HeapFactor {
         rows.map(|k| self.misfit(k, theta).powi(2)).sum()
     }
 
+    /// The same of a θ that begins with `first` and is nothing after it but for `others`, columns with their values.
+    pub fn sum_of_squares_of_few(&self, first: &[f64], others: &[(usize, f64)]) -> f64 {
+        let (n, dense) = (self.columns, first.len());
+        let misfit = |k: usize| {
+            let row = self.row(k);
+            let own = if k < dense {
+                dot(row, &first[k..])
+            } else {
+                0.0
+            };
+            let others = others.iter().filter(|(c, _)| *c >= k);
+            let others: f64 = others.map(|(c, value)| value * row[c - k]).sum();
+            own + others - row[n - k]
+        };
+        (0..self.height).map(|k| misfit(k).powi(2)).sum()
+    }
+
     /// Half the gradient of that, Rᵀ(R θ − z).
     pub fn slope(&self, theta: &[f64]) -> Vec<f64> {
         let mut slope = vec![0.0; self.columns];
@@ -199,7 +216,7 @@ fn reflect_column(pivot: &mut [f64], rows: &mut [f64], k: usize, width: usize, s
         let (b, rest) = rest.split_at(width);
         let (c, d) = rest.split_at(width);
         let [va, vb, vc, vd] = [a[k], b[k], c[k], d[k]];
-        let [a, b, c, d] = [a, b, c, d].map(|row| &row[k + 1..]);
+        let [a, b, c, d] = [a, b, c, d].map(|row| &row[k + 1..][..sum.len()]);
         for (n, sum) in sum.iter_mut().enumerate() {
             *sum += (va * a[n] + vb * b[n]) + (vc * c[n] + vd * d[n]);
         }

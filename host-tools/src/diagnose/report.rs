@@ -1,6 +1,7 @@
 //! A recording, walked to the end, as one diagnosis.
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
 use super::path::path;
 use super::{
@@ -13,6 +14,7 @@ use crate::detect::contact::words as contact_words;
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
 use crate::equation::velocity::VelocityGain;
+use crate::estimate::robot::side_by_side;
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -250,17 +252,22 @@ impl Diagnosed<'_> {
     /// What the catalogue's effects leave, joint by joint, where it is more than noise.
     fn outside(&self) -> Vec<String> {
         let (mut series, mut drifting, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
-        for (limb, fit) in self.found.end.fits.iter().enumerate() {
-            let Some(predicted) = fit.predicted_held_out() else {
-                continue;
-            };
+        let fits: Vec<_> = self.found.end.fits.iter().enumerate().collect();
+        let left = side_by_side(&fits, |(limb, fit)| {
+            let predicted = fit.predicted_held_out()?;
             let below = fit.below_limits();
-            series.extend(JointSeries::of(&below, &predicted));
             let taken = |joint: usize| {
                 let taken = Taken::of(&below, &predicted, joint)?;
-                Some((self.name(limb, joint), words::black_box(&taken)?))
+                Some((self.name(*limb, joint), words::black_box(&taken)?))
             };
-            boxes.extend((0..below.joints()).filter_map(taken));
+            let joints = (0..below.joints()).into_par_iter();
+            let boxes: Vec<_> = joints.filter_map(taken).collect();
+            Some((JointSeries::of(&below, &predicted), boxes))
+        });
+        for ((limb, fit), left) in fits.into_iter().zip(left) {
+            let Some((own, taken)) = left else { continue };
+            series.extend(own);
+            boxes.extend(taken);
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.drifts[limb].iter().map(told));

@@ -10,7 +10,7 @@ use super::motion::{Motion, Needs, States};
 use super::play::play;
 use super::spring::{Gear, spring};
 use super::values::{Place, Values};
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Before, Trajectory};
 
 /// A play that is looked for where none is known yet, rad.
 const TYPICAL_PLAY: f64 = 0.01;
@@ -88,7 +88,10 @@ impl Motion {
         let of = |(motor, link): (&'a Trajectory, &'a Option<Trajectory>)| match link {
             None => Cow::Borrowed(motor),
             Some(link) if delay == 0.0 => Cow::Borrowed(link),
-            Some(link) => Cow::Owned(link.delayed(&self.time, &self.stretches, delay)),
+            Some(link) => {
+                let before = Before::of(&self.time, &self.stretches, delay);
+                Cow::Owned(link.delayed(&before))
+            }
         };
         motors.iter().zip(&self.links).map(of).collect()
     }

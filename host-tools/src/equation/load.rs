@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::body::LimbBody;
 use super::motion::Motion;
 use super::values::Values;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Before, Trajectory};
 
 /// How far the straight line reaches that smooths the transmitted torque, s.
 pub(super) const REACH: f64 = 8.5e-3;
@@ -145,8 +145,9 @@ impl Motion {
         {
             return joints.clone();
         }
-        let late = |joint: &Trajectory| joint.delayed(&self.time, &self.stretches, delay);
-        let joints: Arc<Vec<Trajectory>> = Arc::new(self.joint.iter().map(late).collect());
+        let before = Before::of(&self.time, &self.stretches, delay);
+        let joints = self.joint.iter().map(|joint| joint.delayed(&before));
+        let joints: Arc<Vec<Trajectory>> = Arc::new(joints.collect());
         // A state is four numbers and a speed.
         if 5 * self.joints * self.time.len() <= MOST {
             *kept() = Some((delay, joints.clone()));
@@ -237,8 +238,9 @@ impl Motion {
                 };
                 let (t, i) = (&self.time[stretch.clone()], k - stretch.start);
                 let through = Line::about(t, i, around(t, i));
+                let torque = &torque[stretch.start * n..stretch.end * n];
                 for (j, own) in own.iter_mut().enumerate() {
-                    *own = through.fitted(|i| torque[(stretch.start + i) * n + j]);
+                    *own = through.fitted(torque, (j, n));
                 }
             }
         });
@@ -255,7 +257,7 @@ pub(super) fn around(t: &[f64], k: usize) -> usize {
 
 /// Value and slope at sample k of the straight line through as many samples on either side.
 pub(crate) fn local_line(t: &[f64], x: &[f64], k: usize, half: usize) -> [f64; 2] {
-    Line::about(t, k, half).fitted(|i| x[i])
+    Line::about(t, k, half).fitted(x, (0, 1))
 }
 
 /// A straight line through neighbouring samples: what of it the times make.
@@ -285,9 +287,10 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Its value and slope at sample k.
-    fn fitted(&self, x: impl Fn(usize) -> f64) -> [f64; 2] {
+    /// Its value and slope at sample k, where x lies from `first` on at every `step` of a list.
+    fn fitted(&self, list: &[f64], (first, step): (usize, usize)) -> [f64; 2] {
         let (t, k) = (self.t, self.k);
+        let x = |k: usize| list[k * step + first];
         let here = x(k);
         if self.half == 0 {
             let (a, b) = if k == 0 {
@@ -304,10 +307,13 @@ impl<'a> Line<'a> {
             return [here, slope];
         }
         let (mut sum, mut product) = (0.0, 0.0);
-        for i in k - self.half..=k + self.half {
-            let dx = x(i) - here;
+        let samples = k - self.half..=k + self.half;
+        let near = list[samples.start() * step + first..].iter().step_by(step);
+        let now = t[k];
+        for (t, x) in t[samples].iter().zip(near) {
+            let dx = x - here;
             sum += dx;
-            product += (t[i] - t[k]) * dx;
+            product += (t - now) * dx;
         }
         let n = (2 * self.half + 1) as f64;
         let slope = (product - self.sum * sum / n) / (self.squares - self.sum * self.sum / n);

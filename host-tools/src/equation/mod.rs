@@ -3,7 +3,8 @@
 //! 1. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
 //!    what effects see of it under a model; `load`, what its gears transmit.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
-//! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter.
+//! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
+//!    to a torque.
 //! 4. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
@@ -18,11 +19,12 @@ pub(crate) mod load;
 pub(crate) mod load_columns;
 pub(crate) mod motion;
 mod play;
-mod presliding;
+pub(crate) mod presliding;
 mod quadrature;
 pub(crate) mod response;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
+pub(crate) mod share;
 mod spring;
 pub(crate) mod values;
 pub(crate) mod velocity;

@@ -7,13 +7,14 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, Form, JointState};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
-use super::presliding::presliding;
+use super::presliding::Way;
+use super::share::shares;
 use super::values::Values;
 use crate::model::BASE;
 use crate::recording::LimbRecording;
@@ -224,31 +225,35 @@ impl Motion {
         let range = asked
             .as_ref()
             .map_or(0..self.time.len(), |asked| asked.0.clone());
-        let first = range.start;
-        let mut states = vec![JointState::reported(0.0, 0.0, 0.0); n * range.len()];
-        for (j, joint) in joints.iter().enumerate() {
-            let offset = values.get((EffectKind::EncoderOffset, j), 0);
-            for k in range.clone() {
+        let bristles = |j: usize| {
+            let displacement = displacement(seen, j)?;
+            Some(self.kept_presliding((&joints, delay), j, displacement))
+        };
+        let bristles: Vec<Option<Arc<Vec<f64>>>> = (0..n).map(bristles).collect();
+        let (offsets, room) = (values.offsets(), n * range.len());
+        let mut states = States {
+            first: range.start,
+            q: Vec::with_capacity(room),
+            dq: Vec::with_capacity(room),
+            states: Vec::with_capacity(room),
+        };
+        for k in range {
+            for (j, joint) in joints.iter().enumerate() {
                 let [q, dq, ..] = joint.state[k];
-                let state = &mut states[(k - first) * n + j];
-                (state.q, state.dq, state.tau) = (q - offset, dq, 0.0);
-                (state.speed, state.speed_noise) = (joint.speed[k], joint.speed_noise);
-                (state.load, state.give, state.play) = (0.0, [0.0; 2], [0.0; 2]);
-                state.temperature = self.temperature[k * n + j];
-            }
-            if let Some(displacement) = displacement(seen, j) {
-                let impulse = self.kept_presliding((&joints, delay), j, displacement);
-                for k in range.clone() {
-                    states[(k - first) * n + j].presliding = impulse[k];
-                }
+                let q = q - offsets[j];
+                states.q.push(q);
+                states.dq.push(dq);
+                states.states.push(JointState {
+                    speed: joint.speed[k],
+                    speed_noise: joint.speed_noise,
+                    give: [0.0; 2],
+                    play: [0.0; 2],
+                    presliding: bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
+                    temperature: self.temperature[k * n + j],
+                    ..JointState::reported(q, dq, 0.0)
+                });
             }
         }
-        let mut states = States {
-            first,
-            q: states.iter().map(|state| state.q).collect(),
-            dq: states.iter().map(|state| state.dq).collect(),
-            states,
-        };
         if needs.load {
             let loose = !needs.play.is_empty() || !needs.spring.is_empty();
             let load = match asked {
@@ -269,37 +274,36 @@ impl Motion {
     /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
     /// with this displacement (rad), s.
     pub(crate) fn presliding(&self, joint: &Trajectory, displacement: f64) -> Vec<f64> {
+        let ways = self.ways(joint);
+        let impulse = ways.iter().flat_map(|way| way.impulse(displacement));
+        impulse.collect()
+    }
+
+    /// The way of a joint that moves so, stretch by stretch.
+    pub(crate) fn ways(&self, joint: &Trajectory) -> Vec<Way> {
         let of = |stretch: &Range<usize>| {
-            let own = stretch.clone();
-            presliding(&self.time[own.clone()], &joint.state[own], displacement)
+            Way::of(&self.time[stretch.clone()], &joint.state[stretch.clone()])
         };
-        self.stretches.iter().map(of).collect::<Vec<_>>().concat()
+        self.stretches.iter().map(of).collect()
     }
 
     /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
     fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
         let (n, first) = (self.joints, states.first);
         let states = &mut states.states;
-        let numbers = columns.numbers(values);
-        for j in 0..n {
-            let limits = |column: &Column| {
-                matches!(
-                    column,
-                    Column::Own {
-                        effect: EffectKind::Saturation,
-                        ..
-                    }
-                )
-            };
-            let own: Vec<(&Column, f64)> = (columns.of_joint[j].iter())
-                .zip(numbers[j].iter().copied())
-                .filter(|(column, number)| *number != 0.0 && !limits(column))
-                .collect();
+        let mut shares = shares(columns, values);
+        for (j, own) in shares.iter_mut().enumerate() {
+            // What is beyond a limit is not given.
+            own.retain(|share| share.effect != EffectKind::Saturation);
             for stretch in &self.stretches {
                 let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
                 let at = |k: usize| {
-                    let first = (k - first) * n;
-                    sum_of_terms(columns, &own, j, &states[first..first + n])
+                    let mut sum = [0.0; 2];
+                    for share in &*own {
+                        let [boundary, rate] = &mut sum;
+                        share.add(j, &states[(k - first) * n..], [boundary, rate]);
+                    }
+                    sum
                 };
                 let terms: Vec<[f64; 2]> = stretch.clone().map(at).collect();
                 for (i, k) in stretch.clone().enumerate() {
@@ -348,41 +352,6 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
-}
-
-/// What columns, each times a number, add to a joint's torque: a part that is a derivative, and the rest.
-fn sum_of_terms(
-    columns: &Columns,
-    own: &[(&Column, f64)],
-    at: usize,
-    states: &[JointState<f64>],
-) -> [f64; 2] {
-    let mut sum = [0.0; 2];
-    // An effect's columns stand side by side and come from one evaluation.
-    let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
-    for (column, number) in own {
-        let term = match **column {
-            Column::Own {
-                joint,
-                effect,
-                shape,
-                n,
-            } if joint == at => {
-                let terms = match known {
-                    Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
-                    _ => effect.terms(&states[at], shape),
-                };
-                known = Some((effect, shape, terms));
-                Some(terms[n])
-            }
-            _ => columns.term(column, at, states),
-        };
-        if let Some(term) = term {
-            sum[0] += number * term.boundary;
-            sum[1] += number * term.rate;
-        }
-    }
-    sum
 }
 
 /// Which of what effects see costs a pass of its own.

@@ -24,10 +24,11 @@ pub(crate) fn play(t: &[f64], load: &[f64], inertia: &[f64], gap: f64) -> Vec<[f
             let time = t[k] - t[k - 1];
             let steps = (time / STEP).ceil().max(1.0);
             let step = time / steps;
+            let rise = (load[k] - load[k - 1]) / steps;
+            let mobility = step / inertia[k];
             for n in 0..steps as usize {
-                let share = (n as f64 + 0.5) / steps;
-                let torque = load[k - 1] + share * (load[k] - load[k - 1]);
-                v -= step * torque / inertia[k];
+                let torque = load[k - 1] + (n as f64 + 0.5) * rise;
+                v -= mobility * torque;
                 x += step * v;
                 if x.abs() >= half {
                     x = x.clamp(-half, half);

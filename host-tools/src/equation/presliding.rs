@@ -21,30 +21,53 @@ const PARTS: [(f64, usize); 2] = [(1.1, 1), (2.0, 2)];
 /// The same of a step in which the speed changes more, or its sign.
 const MOST_PARTS: usize = 8;
 
-/// ∫ z/zs dt since the first of the samples of a stretch without gaps, s. `state` is position, velocity, … at the times `t`, in the
-/// unit of `zs`.
-pub(crate) fn presliding(t: &[f64], state: &[[f64; 4]], zs: f64) -> Vec<f64> {
-    let (mut bent, mut sum) = (0.0, 0.0);
-    let mut all = Vec::with_capacity(t.len());
-    all.extend(t.first().map(|_| 0.0));
-    for k in 1..t.len() {
-        let step = Step {
-            time: t[k] - t[k - 1],
-            from: [state[k - 1][0], state[k - 1][1]],
-            to: [state[k][0], state[k][1]],
-        };
-        let parts = step.parts();
-        let time = step.time / parts as f64;
-        let mut last = step.from[0];
-        for n in 1..=parts {
-            let q = step.position(n as f64 / parts as f64);
-            let (mean, end) = slid(bent, (q - last) / zs);
-            sum += time * mean;
-            (bent, last) = (end, q);
+/// The way of a joint through a stretch of samples without a gap, in parts of which each has a steady speed.
+#[derive(Clone)]
+pub(crate) struct Way {
+    /// How long each part takes (s), and how far it goes, in the unit of the position.
+    parts: Vec<[f64; 2]>,
+    /// How many parts there are until each sample.
+    ends: Vec<usize>,
+}
+
+impl Way {
+    /// By position, velocity, … at the times `t`.
+    pub(crate) fn of(t: &[f64], state: &[[f64; 4]]) -> Self {
+        let mut parts = Vec::with_capacity(2 * t.len());
+        let mut ends = Vec::with_capacity(t.len());
+        ends.extend(t.first().map(|_| 0));
+        for k in 1..t.len() {
+            let step = Step {
+                time: t[k] - t[k - 1],
+                from: [state[k - 1][0], state[k - 1][1]],
+                to: [state[k][0], state[k][1]],
+            };
+            let count = step.parts();
+            let time = step.time / count as f64;
+            let mut last = step.from[0];
+            for n in 1..=count {
+                let q = step.position(n as f64 / count as f64);
+                parts.push([time, q - last]);
+                last = q;
+            }
+            ends.push(parts.len());
         }
-        all.push(sum);
+        Self { parts, ends }
     }
-    all
+
+    /// ∫ z/zs dt at each sample since the first, s.
+    pub(crate) fn impulse(&self, zs: f64) -> impl Iterator<Item = f64> + '_ {
+        let (mut bent, mut sum, mut done) = (0.0, 0.0, 0);
+        self.ends.iter().map(move |&end| {
+            for [time, distance] in &self.parts[done..end] {
+                let (mean, after) = slid(bent, distance / zs);
+                sum += time * mean;
+                bent = after;
+            }
+            done = end;
+            sum
+        })
+    }
 }
 
 /// The mean deflection on the way by a signed distance in units of zs, and that at its end.
@@ -90,6 +113,10 @@ impl Step {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    fn presliding(t: &[f64], state: &[[f64; 4]], zs: f64) -> Vec<f64> {
+        Way::of(t, state).impulse(zs).collect()
+    }
 
     fn sine(n: usize, period: f64) -> (Vec<f64>, Vec<[f64; 4]>) {
         let t: Vec<f64> = (0..n).map(|k| period * k as f64).collect();

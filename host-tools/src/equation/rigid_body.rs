@@ -5,8 +5,9 @@
 
 use proprio_core::dynamics::MomentumDerivatives;
 use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::regressor::RegressorRows;
 use proprio_core::spatial::Transform;
-use proprio_core::tree::{Kinematics, Tree};
+use proprio_core::tree::{Kinematics, Placements, Tree};
 
 use nalgebra::{SMatrix, SVector};
 
@@ -86,6 +87,7 @@ impl Slopes {
     }
 
     /// Derivative of joint j's momentum and rate as joint `moved`'s link moves by \[position, velocity\].
+    #[inline]
     pub(crate) fn along(
         &self,
         moved: usize,
@@ -132,16 +134,20 @@ impl<const B: usize, const P: usize> Dynamics<B, P> {
         Some(Box::new(Self { tree, joints }))
     }
 
+    #[inline]
     fn kinematics(&self, base: &Transform<f64>, q: &[f64], dq: &[f64]) -> Kinematics<f64, B, B> {
-        self.tree.kinematics(base, &filled(q), &filled(dq))
+        // In place: it is large, and asked for at every sample.
+        let mut k = Kinematics::new();
+        let [q, dq] = [q, dq].map(filled);
+        self.tree.update_kinematics(&mut k, base, &q, &dq);
+        k
     }
 
     /// Row by row.
-    fn copy(&self, to: &mut [f64], from: &SMatrix<f64, B, P>) {
-        for (j, row) in to.chunks_exact_mut(self.joints * INERTIAL).enumerate() {
-            row.iter_mut()
-                .zip(from.row(j).iter())
-                .for_each(|(to, from)| *to = *from);
+    fn copy(&self, to: &mut [f64], from: &RegressorRows<f64, B, B>) {
+        let rows = to.chunks_exact_mut(self.joints * INERTIAL);
+        for (row, from) in rows.zip(from) {
+            row.copy_from_slice(from[..self.joints].as_flattened());
         }
     }
 }
@@ -161,9 +167,12 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         rate: &mut [f64],
     ) {
         let k = self.kinematics(base, q, dq);
-        self.copy(rate, &self.tree.momentum_rate_regressor::<P>(&k));
+        let mut rows = [[[0.0; INERTIAL]; B]; B];
+        self.tree.write_momentum_rate_regressor(&k, &mut rows);
+        self.copy(rate, &rows);
         if let Some(momentum) = momentum {
-            self.copy(momentum, &self.tree.momentum_regressor::<P>(&k));
+            self.tree.write_momentum_regressor(&k, &mut rows);
+            self.copy(momentum, &rows);
         }
     }
 
@@ -186,14 +195,17 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
 
     fn torque_regressor(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
         let [q, dq, ddq] = motion.map(filled);
-        let k = self.tree.kinematics(base, &q, &dq);
-        let regressor = self.tree.inverse_dynamics_regressor::<P>(&k, &dq, &ddq);
-        self.copy(torque, &regressor);
+        let placements = self.tree.placements(base, &q);
+        let mut rows = [[[0.0; INERTIAL]; B]; B];
+        self.tree
+            .write_inverse_dynamics_regressor(&placements, &dq, &ddq, &mut rows);
+        self.copy(torque, &rows);
     }
 
     fn inverse_dynamics(&self, base: &Transform<f64>, motion: [&[f64]; 3], torque: &mut [f64]) {
         let [q, dq, ddq] = motion.map(filled);
-        let placements = self.tree.placements(base, &q);
+        let mut placements = Placements::new();
+        self.tree.update_placements(&mut placements, base, &q);
         let mut all = SVector::zeros();
         self.tree
             .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);
@@ -208,7 +220,8 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
         inertia: &mut [f64],
     ) {
         let [q, dq, ddq] = motion.map(filled);
-        let placements = self.tree.placements(base, &q);
+        let mut placements = Placements::new();
+        self.tree.update_placements(&mut placements, base, &q);
         let (mut all, mut matrix) = (SVector::zeros(), SMatrix::zeros());
         self.tree
             .write_inverse_dynamics(&placements, &dq, &ddq, &mut all);

@@ -11,7 +11,7 @@
 //! its own column is the derivative of the prediction there. No measured torque enters.
 
 use nalgebra::{Rotation3, Vector3};
-use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS, Term};
+use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 use rayon::prelude::*;
@@ -175,7 +175,7 @@ impl Rows {
     }
 }
 
-/// Numbers of one instant for all joints' columns, joint after joint: what enters by its difference, and what is integrated.
+/// Numbers of one instant for all columns that are made, joint after joint: what enters by its difference, and what is integrated.
 #[derive(Clone)]
 struct Instant {
     boundary: Vec<f64>,
@@ -191,8 +191,50 @@ struct Pass<'a> {
     states: States,
     /// Of each joint the columns that are made.
     own: Vec<Vec<usize>>,
+    made: Vec<Made>,
     with_regressors: bool,
     with_slopes: bool,
+}
+
+/// Of a joint's columns that are made those of bodies and all others, each with its place among those that are made.
+#[derive(Default)]
+struct Made {
+    /// Where a run of the regressors' numbers begins, where it goes, and its length.
+    bodies: Vec<[usize; 3]>,
+    /// An effect with its shape, whose columns come from one evaluation: where each of them goes, and which it is.
+    own: Vec<(EffectKind, f64, Vec<[usize; 2]>)>,
+    others: Vec<(usize, Column)>,
+}
+
+impl Made {
+    fn of(own: impl Iterator<Item = Column>) -> Self {
+        let mut made = Self::default();
+        for (to, column) in own.enumerate() {
+            match column {
+                Column::Inertial(b, parameter) => {
+                    let at = b * INERTIAL + parameter;
+                    match made.bodies.last_mut() {
+                        Some([from, first, count])
+                            if [*from + *count, *first + *count] == [at, to] =>
+                        {
+                            *count += 1;
+                        }
+                        _ => made.bodies.push([at, to, 1]),
+                    }
+                }
+                Column::Own {
+                    effect, shape, n, ..
+                } => match made.own.last_mut() {
+                    Some((known, with, places)) if (*known, *with) == (effect, shape) => {
+                        places.push([to, n]);
+                    }
+                    _ => made.own.push((effect, shape, vec![[to, n]])),
+                },
+                _ => made.others.push((to, column)),
+            }
+        }
+        made
+    }
 }
 
 /// Room for what is made at each sample.
@@ -216,6 +258,7 @@ impl<'a> Pass<'a> {
             .flat_map(|(own, columns)| own.iter().map(|&c| &columns[c]))
             .collect();
         let any = |is: fn(&&Column) -> bool| made.iter().copied().any(|c| is(&c));
+        let of_joint = own.iter().zip(&columns.of_joint);
         Self {
             motion,
             columns,
@@ -224,30 +267,37 @@ impl<'a> Pass<'a> {
             with_regressors: any(|c| matches!(c, Column::Inertial(..))),
             with_slopes: any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_))),
             states: motion.states_for(&made, body, values, columns, delay),
+            made: of_joint
+                .map(|(own, columns)| Made::of(own.iter().map(|&c| columns[c])))
+                .collect(),
             own,
         }
     }
 
     /// Writes the joints' rows of all chosen windows.
     fn run(&self, rows: &mut Rows, chosen: &(dyn Fn(usize) -> bool + Sync)) {
-        let (starts, width) = (&rows.starts, rows.starts[self.motion.joints]);
+        let width = rows.starts[self.motion.joints];
+        let of_joint = self.own.iter().zip(&rows.starts);
+        let places: Vec<usize> = of_joint
+            .flat_map(|(own, first)| own.iter().map(move |c| first + c))
+            .collect();
         let parts = rows.numbers.par_chunks_mut(width * PART);
         let of = |(n, numbers): (usize, &mut [f64])| {
-            self.run_part(PART * n, numbers, starts, chosen);
+            self.run_part(PART * n, numbers.chunks_exact_mut(width), &places, chosen);
         };
         parts.enumerate().for_each(of);
     }
 
-    /// The same of the windows from `begin` on whose `numbers` these are.
-    fn run_part(
+    /// The same of the windows from `begin` on whose `rows` these are; `places` are those of the columns that are made.
+    fn run_part<'r>(
         &self,
         begin: usize,
-        numbers: &mut [f64],
-        starts: &[usize],
+        rows: impl Iterator<Item = &'r mut [f64]>,
+        places: &[usize],
         chosen: &dyn Fn(usize) -> bool,
     ) {
         let n = self.motion.joints;
-        let zero = vec![0.0; starts[n]];
+        let zero = vec![0.0; places.len()];
         let mut now = Instant {
             boundary: zero.clone(),
             rate: zero.clone(),
@@ -261,29 +311,27 @@ impl<'a> Pass<'a> {
         };
         let mut last_sample = None;
         let windows = self.motion.windows[begin..].iter();
-        let parts = windows.zip(numbers.chunks_exact_mut(starts[n]));
-        for (_, (window, row)) in parts.enumerate().filter(|(w, _)| chosen(begin + w)) {
+        let parts = windows.zip(rows).enumerate();
+        for (_, (window, row)) in parts.filter(|(w, _)| chosen(begin + w)) {
             let [first, last] = window.samples;
             // A window that begins where the last one ended need not look at that sample again.
             if last_sample != Some(first) {
-                self.measure(first, true, starts, &mut workspace, &mut now);
+                self.measure(first, true, &mut workspace, &mut now);
             }
-            self.boundary(first, starts, &mut workspace, (&now, &mut near), &mut start);
+            self.boundary(first, &mut workspace, (&now, &mut near), &mut start);
             sum.fill(0.0);
             for k in first + 1..=last {
                 std::mem::swap(&mut before, &mut now);
-                self.measure(k, k == last, starts, &mut workspace, &mut now);
+                self.measure(k, k == last, &mut workspace, &mut now);
                 let half = 0.5 * (self.motion.time[k] - self.motion.time[k - 1]);
                 for (sum, (a, b)) in sum.iter_mut().zip(before.rate.iter().zip(&now.rate)) {
                     *sum += half * (a + b);
                 }
             }
             last_sample = Some(last);
-            self.boundary(last, starts, &mut workspace, (&now, &mut near), &mut end);
-            for (own, first) in self.own.iter().zip(starts) {
-                for c in own.iter().map(|c| first + c) {
-                    row[c] = (end[c] - start[c] + sum[c]) / window.length;
-                }
+            self.boundary(last, &mut workspace, (&now, &mut near), &mut end);
+            for (i, &place) in places.iter().enumerate() {
+                row[place] = (end[i] - start[i] + sum[i]) / window.length;
             }
         }
     }
@@ -292,7 +340,6 @@ impl<'a> Pass<'a> {
     fn boundary(
         &self,
         k: usize,
-        starts: &[usize],
         workspace: &mut Workspace,
         (now, near): (&Instant, &mut Instant),
         out: &mut [f64],
@@ -303,7 +350,7 @@ impl<'a> Pass<'a> {
         };
         out.iter_mut().for_each(|out| *out *= at);
         for (k, weight) in [(k - 1, before), (k + 1, after)] {
-            self.measure(k, true, starts, workspace, near);
+            self.measure(k, true, workspace, near);
             let near = near.boundary.iter();
             out.iter_mut()
                 .zip(near)
@@ -312,14 +359,7 @@ impl<'a> Pass<'a> {
     }
 
     /// All columns of sample k but those of loads and of the scale; those that enter by their difference only at a window's edge.
-    fn measure(
-        &self,
-        k: usize,
-        edge: bool,
-        starts: &[usize],
-        workspace: &mut Workspace,
-        out: &mut Instant,
-    ) {
+    fn measure(&self, k: usize, edge: bool, workspace: &mut Workspace, out: &mut Instant) {
         let n = self.motion.joints;
         let at = k * n..(k + 1) * n;
         let Workspace {
@@ -336,10 +376,11 @@ impl<'a> Pass<'a> {
             self.rigid.slopes(&self.base, q, dq, slopes);
         }
         let states = &self.states.states[at];
-        for j in (0..n).filter(|&j| !self.own[j].is_empty()) {
-            let row = starts[j]..starts[j + 1];
-            let (boundaries, rates) = (&mut out.boundary[row.clone()], &mut out.rate[row]);
-            self.measure_joint(j, states, workspace, boundaries, rates);
+        let (mut boundaries, mut rates) = (&mut out.boundary[..], &mut out.rate[..]);
+        for (j, own) in self.own.iter().enumerate() {
+            let boundary = boundaries.split_off_mut(..own.len()).unwrap_or_default();
+            let rate = rates.split_off_mut(..own.len()).unwrap_or_default();
+            self.measure_joint(j, states, workspace, boundary, rate);
         }
     }
 
@@ -352,34 +393,22 @@ impl<'a> Pass<'a> {
         boundaries: &mut [f64],
         rates: &mut [f64],
     ) {
-        let width = INERTIAL * self.motion.joints;
-        let (momentum, rate) = (
-            &workspace.momentum[j * width..],
-            &workspace.rate[j * width..],
-        );
+        let first = j * INERTIAL * self.motion.joints;
         let slopes = &workspace.slopes;
-        // An effect's columns stand side by side and come from one evaluation.
-        let mut known: Option<(EffectKind, f64, [Term<f64>; MAX_COLUMNS])> = None;
-        for &c in &self.own[j] {
-            (boundaries[c], rates[c]) = match self.columns.of_joint[j][c] {
-                Column::Inertial(b, parameter) => {
-                    let at = b * INERTIAL + parameter;
-                    (momentum[at], rate[at])
-                }
-                Column::Own {
-                    joint,
-                    effect,
-                    shape,
-                    n,
-                } => {
-                    let terms = match known {
-                        Some((same, with, terms)) if (same, with) == (effect, shape) => terms,
-                        _ => effect.terms(&states[joint], shape),
-                    };
-                    known = Some((effect, shape, terms));
-                    (terms[n].boundary, terms[n].rate)
-                }
-                ref column @ Column::Coupled { .. } => {
+        for &[from, to, count] in &self.made[j].bodies {
+            let from = first + from..first + from + count;
+            boundaries[to..to + count].copy_from_slice(&workspace.momentum[from.clone()]);
+            rates[to..to + count].copy_from_slice(&workspace.rate[from]);
+        }
+        for (effect, shape, places) in &self.made[j].own {
+            let terms = effect.terms(&states[j], *shape);
+            for &[to, n] in places {
+                (boundaries[to], rates[to]) = (terms[n].boundary, terms[n].rate);
+            }
+        }
+        for (to, column) in &self.made[j].others {
+            (boundaries[*to], rates[*to]) = match *column {
+                Column::Coupled { .. } => {
                     let term = self.columns.term(column, j, states);
                     term.map_or((0.0, 0.0), |term| (term.boundary, term.rate))
                 }
@@ -388,8 +417,11 @@ impl<'a> Pass<'a> {
                 }
                 Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
                 Column::Lateness => (-states[j].tau, 0.0),
-                // Made of the others when all windows are.
-                Column::Load { .. } | Column::Scale(_) => (0.0, 0.0),
+                // Made apart from these, or of all others when all windows are.
+                Column::Inertial(..)
+                | Column::Own { .. }
+                | Column::Load { .. }
+                | Column::Scale(_) => (0.0, 0.0),
             };
         }
     }

@@ -28,7 +28,8 @@ const MOST: usize = 1_000_000;
 /// The spans of a limb.
 pub(crate) type Directions = Kept<Key>;
 
-/// Vectors by what they are of; beyond [`MOST`] numbers those known so far are let go.
+/// Vectors by what they are of; beyond [`MOST`] numbers no more are kept. A scan asks for all of them in turn: letting go of the oldest,
+/// or of all, would leave the next one nothing.
 #[derive(Debug)]
 pub(crate) struct Kept<K>(Mutex<HashMap<K, Arc<Vectors>>>);
 
@@ -48,10 +49,9 @@ impl<K: Eq + Hash> Kept<K> {
         let vectors = Arc::new(vectors);
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let kept: usize = known.values().map(|vectors| size(vectors)).sum();
-        if kept + size(&vectors) > MOST {
-            known.clear();
+        if kept + size(&vectors) <= MOST {
+            known.insert(key, vectors.clone());
         }
-        known.insert(key, vectors.clone());
         vectors
     }
 

@@ -94,6 +94,17 @@ impl Weights {
         self.parts(data, columns, rows, data.blocks.folds, &part, chosen)
     }
 
+    /// All rows.
+    pub(crate) fn together(
+        &self,
+        data: &LimbData,
+        columns: &Columns,
+        rows: &Rows,
+    ) -> Vec<HeapFactor> {
+        let all = self.parts(data, columns, rows, 1, &|_| 0, &|_| true);
+        all.blocks.into_iter().flatten().collect()
+    }
+
     fn parts(
         &self,
         data: &LimbData,

@@ -9,7 +9,7 @@ use std::cell::OnceCell;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, MAX_COLUMNS};
 use rayon::prelude::*;
 
 use super::directions::{Kept, Key, Span, Vectors};
@@ -18,6 +18,7 @@ use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
 use crate::equation::motion::{LOOSE, States};
+use crate::equation::presliding::Way;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
@@ -143,6 +144,8 @@ pub(crate) struct Scan<'a> {
     /// Of each joint the windows that count, and what the model leaves in them, N m.
     windows: Vec<Vec<usize>>,
     residuals: Vec<Vec<f64>>,
+    /// Of each joint its way, if a scan asks.
+    ways: Vec<OnceLock<Vec<Way>>>,
     /// The columns of an effect of some shape over all of its joint's windows.
     made: Kept<(Place, u64)>,
     /// Whether plays and springs are sought near the present ones only.
@@ -178,6 +181,7 @@ impl<'a> Scan<'a> {
             at,
             windows,
             residuals,
+            ways: vec![OnceLock::new(); data.joints()],
             made: Kept::default(),
             is_near: false,
         }
@@ -380,11 +384,12 @@ impl<'a> Scan<'a> {
     /// The columns of an effect over windows, as rows have them.
     fn columns(&self, windows: &[usize], place: Place, shape: f64) -> Vectors {
         let all = &self.windows[place.1];
+        if windows.len() == all.len() {
+            return self.columns_of_all(place, shape);
+        }
+        // Folds ask for the same shapes, each for other windows.
         let key = (place, shape.to_bits());
         let made = (self.made).get_or(key, || self.columns_of_all(place, shape));
-        if windows.len() == all.len() {
-            return made.to_vec();
-        }
         let at: Vec<usize> = (windows.iter())
             .filter_map(|window| all.binary_search(window).ok())
             .collect();
@@ -397,7 +402,9 @@ impl<'a> Scan<'a> {
         let motion = &self.data.motion;
         if effect == EffectKind::Presliding {
             // The states have what bristles of one displacement do; all of their term is a boundary.
-            let impulse = motion.presliding(&motion.joint[joint], shape);
+            let ways = self.ways[joint].get_or_init(|| motion.ways(&motion.joint[joint]));
+            let impulse = ways.iter().flat_map(|way| way.impulse(shape));
+            let impulse: Vec<f64> = impulse.collect();
             let of = |&w: &usize| {
                 let window = &motion.windows[w];
                 let [first, last] = window.samples;
@@ -405,33 +412,27 @@ impl<'a> Scan<'a> {
             };
             return vec![windows.iter().map(of).collect()];
         }
-        let mut columns = vec![Vec::new(); effect.columns()];
-        let term = |k: usize| effect.terms(&self.states().states[k * n + joint], shape);
+        let greatest = (effect == EffectKind::Saturation).then(|| &self.greatest()[joint]);
+        let states = &self.states().states;
+        let term = |k: usize| effect.terms(&states[k * n + joint], shape);
+        let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
             // Below a limit nothing is lost, and most windows are below most limits.
-            if effect == EffectKind::Saturation && term(self.greatest()[joint][at])[0].rate == 0.0 {
-                columns[0].push(0.0);
+            if greatest.is_some_and(|greatest| term(greatest[at])[0].rate == 0.0) {
                 continue;
             }
             let window = &motion.windows[w];
             let [first, last] = window.samples;
-            let (start, end) = (term(first), term(last));
-            let mut sums = [0, 1].map(|n| end[n].boundary - start[n].boundary);
+            let mut sums = [0.0; MAX_COLUMNS];
             for k in first..=last {
                 let weight = self.weight(first..last, k);
-                let terms = if k == first {
-                    start
-                } else if k == last {
-                    end
-                } else {
-                    term(k)
-                };
-                sums.iter_mut()
-                    .zip(terms)
-                    .for_each(|(sum, term)| *sum += weight * term.rate);
+                let edge = f64::from(u8::from(k == last)) - f64::from(u8::from(k == first));
+                for (sum, term) in sums.iter_mut().zip(term(k)) {
+                    *sum += weight * term.rate + edge * term.boundary;
+                }
             }
             for (column, sum) in columns.iter_mut().zip(sums) {
-                column.push(sum / window.length);
+                column[at] = sum / window.length;
             }
         }
         columns

@@ -204,15 +204,24 @@ fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Sum of squared residuals of a joint's factor under θ, (N m)².
-pub(crate) fn misfit(columns: &Columns, joint: usize, factor: &HeapFactor, theta: &[f64]) -> f64 {
-    let mut own = vec![0.0; factor.columns()];
+/// Sum of squared residuals of a joint's factor under θ, of which only a few entries beyond the first `active` are not zero, (N m)².
+pub(crate) fn misfit(
+    columns: &Columns,
+    (joint, factor): (usize, &HeapFactor),
+    theta: &[f64],
+    active: usize,
+) -> f64 {
+    let (mut first, mut others) = (Vec::new(), Vec::new());
     for (entry, value) in theta.iter().enumerate() {
-        if let Some(place) = columns.place(joint, entry) {
-            own[place] += value;
+        match columns.place(joint, entry) {
+            // Columns stand in the order of the entries; some share one.
+            Some(place) if place < first.len() => first[place] += value,
+            Some(place) if entry < active && place == first.len() => first.push(*value),
+            Some(place) if *value != 0.0 => others.push((place, *value)),
+            _ => {}
         }
     }
-    factor.sum_of_squares(&own)
+    factor.sum_of_squares_of_few(&first, &others)
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 use proprio_core::effect::EffectKind;
 
 use super::screen::Screen;
-use crate::estimate::triangle::misfit;
 
 /// What may change with time.
 const WATCHED: [EffectKind; 4] = [
@@ -45,7 +44,7 @@ fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
     let left: f64 = limb.base.iter().map(|fold| fold[joint]).sum();
     let judged = WATCHED.into_iter().filter_map(|effect| {
         let entry = *limb.columns.of_effect(effect, joint).first()?;
-        let changes: Vec<(f64, f64)> = (0..limb.tests.len())
+        let changes: Vec<(f64, f64)> = (0..limb.theta.len())
             .map(|fold| change(limb, joint, fold, entry))
             .collect();
         let fall: f64 = changes.iter().map(|(_, fall)| fall).sum();
@@ -74,7 +73,7 @@ fn change(limb: &Screen, joint: usize, fold: usize, entry: usize) -> (f64, f64) 
     let at = theta[entry];
     let mut squares = |by: f64| {
         theta[entry] = at + by;
-        misfit(&limb.columns, joint, &limb.tests[fold][joint], &theta)
+        limb.left_of((joint, fold), &theta)
     };
     // A parabola: three points are exact.
     let [here, ahead, behind] = [0.0, 1.0, -1.0].map(&mut squares);

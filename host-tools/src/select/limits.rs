@@ -3,37 +3,45 @@
 use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
+use rayon::prelude::*;
 
 use super::candidate::Member;
 use super::criteria;
 use super::ranking::judge;
 use super::search::Search;
 use super::state::State;
+use crate::estimate::fit::LimbFit;
 use crate::estimate::limit::Limit;
+use crate::estimate::robot::side_by_side;
 
 impl Search<'_> {
     /// Takes limits of torques into the model that the data tell. Of what is asked for beyond a limit the motion shows nothing: no fold's
     /// error falls by much for knowing it, but that of all windows below it does.
     pub(super) fn limits(&mut self) -> bool {
-        let mut taken = false;
-        for limb in 0..self.data.len() {
-            let fit = self.state.fits[limb].clone();
-            // Where nothing has changed since, nothing is found.
-            if self
-                .limits_sought
-                .iter()
-                .any(|known| Arc::ptr_eq(known, &fit))
-            {
-                continue;
-            }
+        // Where nothing has changed since, nothing is found.
+        let is_known = |fit: &Arc<LimbFit>| {
+            let mut known = self.limits_sought.iter();
+            known.any(|known| Arc::ptr_eq(known, fit))
+        };
+        let fits = self.state.fits.iter().cloned().enumerate();
+        let sought: Vec<_> = fits.filter(|(_, fit)| !is_known(fit)).collect();
+        let found = side_by_side(&sought, |(limb, fit)| {
             let predicted = fit.predicted();
-            for joint in 0..self.data[limb].joints() {
+            let limit = |joint: usize| {
                 let place = (EffectKind::Saturation, joint);
                 let sought = !fit.values.has(place);
-                let limit = sought.then(|| Limit::of(&fit, &predicted, joint)).flatten();
-                taken |= limit.is_some_and(|limit| self.take_limit((limb, place), &limit));
-            }
-            self.limits_sought.push(fit);
+                let limit = sought
+                    .then(|| Limit::of(fit, &predicted, joint))
+                    .flatten()?;
+                Some(((*limb, place), limit))
+            };
+            let joints = (0..fit.data.joints()).into_par_iter();
+            joints.filter_map(limit).collect::<Vec<_>>()
+        });
+        (self.limits_sought).extend(sought.into_iter().map(|(_, fit)| fit));
+        let mut taken = false;
+        for (member, limit) in found.into_iter().flatten() {
+            taken |= self.take_limit(member, &limit);
         }
         taken
     }

@@ -4,7 +4,8 @@
 //! folds, active columns first, from which any few candidates are solved for by a small problem in the trailing rows; and the fold's
 //! own, in which the solution is scored.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
@@ -32,8 +33,10 @@ pub(crate) struct Screen<'a> {
     pub(crate) columns: Columns,
     /// Where the columns were made; candidates' shapes among them.
     at: Values,
+    /// How many of its entries are the model's, which come first.
+    active: usize,
     /// Each fold's own data, joint by joint.
-    pub(crate) tests: Vec<Vec<HeapFactor>>,
+    tests: Vec<Vec<HeapFactor>>,
     /// Of all data, and of all folds but one.
     all: Triangle,
     trains: Vec<Triangle>,
@@ -54,6 +57,8 @@ pub(crate) struct Screen<'a> {
     pub(crate) floor: Vec<f64>,
     /// What springs and plays can take away.
     pub(super) promises: Promises,
+    /// What was asked for already: a step at one limb leaves the others' screens as they are.
+    trials: Mutex<HashMap<Vec<Place>, Option<Trial>>>,
 }
 
 /// How often columns of loads are made again: the second trial's place is as near as its error.
@@ -124,30 +129,28 @@ impl<'a> Screen<'a> {
         let own = fit.clone();
         let fit = &*own;
         let data = fit.data;
-        let theta = columns.theta(&fit.values);
-        let order = Order::of(fit, &columns);
-        let folded = |correlation: &[f64]| {
-            let folding = Folding {
-                data,
-                columns: &columns,
-                rows,
-                theta: &theta,
-                correlation,
-                noise: &fit.noise,
-            };
-            let folds = folding.folds(&|_| true);
-            let (trains, all) = folds.without_each(&columns);
-            (folds, trains, all)
+        let folding = Folding {
+            data,
+            columns: &columns,
+            rows,
+            theta: &columns.theta(&fit.values),
+            correlation: &fit.correlation,
+            noise: &fit.noise,
         };
+        let mut weights = folding.weights();
+        let order = Order::of(fit, &columns);
         let triangle = |data: &[HeapFactor]| order.triangle(&columns, data, &fit.noise);
-        let (mut folds, mut trains, all) = folded(&fit.correlation);
-        let mut all = triangle(&all);
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
-        let mut left = Left::of(fit, &columns, rows, &all.solve_all());
-        if left.differs_from(&fit.correlation) {
-            let whitened;
-            (folds, trains, whitened) = folded(&left.correlation);
-            all = triangle(&whitened);
+        let together = triangle(&weights.together(data, &columns, rows));
+        let mut left = Left::of(fit, &columns, rows, &together.solve_all());
+        let is_other = left.differs_from(&fit.correlation);
+        if is_other {
+            weights.correlation.clone_from(&left.correlation);
+        }
+        let folds = weights.folds(data, &columns, rows, &|_| true);
+        let (trains, all) = folds.without_each(&columns);
+        let all = triangle(&all);
+        if is_other {
             left = Left {
                 floor: left.floor,
                 ..Left::of(fit, &columns, rows, &all.solve_all())
@@ -155,9 +158,13 @@ impl<'a> Screen<'a> {
         }
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
         let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();
-        let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| squares(&columns, test, theta);
+        let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| {
+            squares(&columns, test, theta, order.active)
+        };
         Self {
             base: folds.blocks.iter().zip(&theta).map(score).collect(),
+            active: order.active,
+            trials: Mutex::default(),
             theta,
             memory: left.memory,
             noise_memory: left.noise_memory,
@@ -186,6 +193,12 @@ impl<'a> Screen<'a> {
         &self.predicted
     }
 
+    /// What θ leaves of a joint's own data in a fold, (N m)².
+    pub(super) fn left_of(&self, (joint, fold): (usize, usize), theta: &[f64]) -> f64 {
+        let test = &self.tests[fold][joint];
+        misfit(&self.columns, (joint, test), theta, self.active)
+    }
+
     /// The held-out sum of squares of the model, in units of the joints' noise.
     pub(crate) fn error(&self) -> f64 {
         let noise = &self.fit.noise;
@@ -199,6 +212,16 @@ impl<'a> Screen<'a> {
 
     /// What the effects at `places` would add together; `None` if nothing determines them.
     pub(crate) fn trial(&self, places: &[Place]) -> Option<Trial> {
+        let known = || self.trials.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(trial) = known().get(places) {
+            return trial.clone();
+        }
+        let trial = self.new_trial(places);
+        known().insert(places.to_vec(), trial.clone());
+        trial
+    }
+
+    fn new_trial(&self, places: &[Place]) -> Option<Trial> {
         let entries = self.entries(places);
         let values: Option<Vec<Vec<f64>>> = self
             .trains
@@ -244,7 +267,8 @@ impl<'a> Screen<'a> {
         for ((fold, train), value) in self.trains.iter().enumerate().zip(values) {
             let with: Vec<(usize, f64)> =
                 entries.iter().copied().zip(value.iter().copied()).collect();
-            let after = squares(&self.columns, &self.tests[fold], &train.solve(&with));
+            let theta = train.solve(&with);
+            let after = squares(&self.columns, &self.tests[fold], &theta, self.active);
             let fall = |scaled: bool| -> f64 {
                 let joints = self.base[fold].iter().zip(&after).zip(&self.fit.noise);
                 joints
@@ -478,10 +502,10 @@ fn with_shapes(fit: &LimbFit, possible: &[Place], predicted: &[f64]) -> Values {
     at
 }
 
-/// Each joint's sum of squares under θ, (N m)².
-fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64]) -> Vec<f64> {
+/// Each joint's sum of squares under θ, of which few entries beyond the first `active` are not zero, (N m)².
+fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64], active: usize) -> Vec<f64> {
     (test.iter().enumerate())
-        .map(|(joint, factor)| misfit(columns, joint, factor, theta))
+        .map(|joint| misfit(columns, joint, theta, active))
         .collect()
 }
 

@@ -1,6 +1,6 @@
 //! A candidate fitted, and taken into the model if it keeps what it promised.
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Member};
 use super::criteria;
 use super::screen::Screen;
 use super::search::Search;
@@ -79,11 +79,9 @@ impl<'a> Search<'a> {
             let Some(squares) = squares else { return false };
             after.squares[limb] = squares;
         }
-        let held = members
-            .iter()
-            .filter(|m| after.size(m) >= criteria::LEAST_VALUE)
-            .count();
-        if !self.is_worth(&after) || 2 * held <= members.len() {
+        // How surely values are known is dear: of what is refused anyhow it is not asked.
+        let is_held = |m: &&Member| after.size(m) >= criteria::LEAST_VALUE;
+        if !self.is_worth(&after) || 2 * members.iter().filter(is_held).count() <= members.len() {
             return false;
         }
         self.state = after;

@@ -13,11 +13,13 @@
 //! Dry friction kinks the velocity where a joint turns round, and where it lets one go that it has held: there the acceleration may
 //! jump.
 
+mod before;
 mod channels;
 mod speed;
 
 use nalgebra::{Matrix4, Vector4};
 
+pub(crate) use before::Before;
 use channels::Channels;
 
 /// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
@@ -32,8 +34,6 @@ const RESTING: f64 = 0.004;
 // to five times the error where the motion is slow.
 const FIRST_SLOW: f64 = 0.05;
 const SLOW_ABOUT: f64 = 0.01;
-/// How far a delayed trajectory is continued beyond the first sample, s.
-const BEYOND: f64 = 8.5e-3;
 
 /// A joint's trajectory over a recording.
 #[derive(Debug, Clone, Default)]
@@ -80,9 +80,9 @@ impl Trajectory {
         let mut smoother = Smoother::new(channels, fast);
         for stretch in stretches {
             // Where the joint turns is told better once it is smooth.
-            let (smooth, _) = smoother.run(stretch, &[], None);
+            let smooth = smoother.once(stretch, &[]);
             let kinks = slow_about(&smooth, &turns(&smooth, first), FIRST_SLOW * fast);
-            let (smooth, _) = smoother.run(stretch, &kinks, None);
+            let smooth = smoother.once(stretch, &kinks);
             let turns = slow_about(&smooth, &turns(&smooth, first), SLOW_ABOUT * fast);
             state.extend(smoother.twice(stretch, &turns));
         }
@@ -102,66 +102,6 @@ impl Trajectory {
             speed_noise,
             rest: (2.0 * speed_noise).max(RESTING * fast),
         }
-    }
-
-    /// The trajectory as it was `delay` seconds before each sample; `t` and `stretches` are those of the samples.
-    pub(crate) fn delayed(
-        &self,
-        t: &[f64],
-        stretches: &[std::ops::Range<usize>],
-        delay: f64,
-    ) -> Self {
-        let mut late = self.clone();
-        for stretch in stretches {
-            let mut near = stretch.start;
-            for k in stretch.clone() {
-                let wanted = t[k] - delay;
-                while near + 1 < stretch.end
-                    && (t[near + 1] - wanted).abs() <= (t[near] - wanted).abs()
-                {
-                    near += 1;
-                }
-                while near > stretch.start
-                    && (t[near - 1] - wanted).abs() < (t[near] - wanted).abs()
-                {
-                    near -= 1;
-                }
-                // Beyond the first and last sample the trajectory is a cubic for no longer than it was fitted.
-                let s = (wanted - t[near]).clamp(-BEYOND, BEYOND);
-                late.state[k] = moved(&self.state[near], s);
-                late.speed[k] = interpolated(t, &self.speed, stretch, wanted, near);
-            }
-        }
-        late
-    }
-}
-
-/// A cubic's state `s` seconds later.
-fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
-    [
-        q + s * (dq + s * (ddq / 2.0 + s * jerk / 6.0)),
-        dq + s * (ddq + s * jerk / 2.0),
-        ddq + s * jerk,
-        jerk,
-    ]
-}
-
-/// Straight between samples, constant beyond the ends of the stretch; `near` is the sample nearest to `wanted`.
-fn interpolated(
-    t: &[f64],
-    x: &[f64],
-    stretch: &std::ops::Range<usize>,
-    wanted: f64,
-    near: usize,
-) -> f64 {
-    let other = if wanted < t[near] {
-        near.checked_sub(1)
-    } else {
-        Some(near + 1)
-    };
-    match other.filter(|k| stretch.contains(k)) {
-        Some(other) => x[near] + (x[other] - x[near]) * (wanted - t[near]) / (t[other] - t[near]),
-        None => x[near],
     }
 }
 
@@ -251,6 +191,8 @@ struct Filtered {
     state: Vector4<f64>,
     /// Of this sample from the one before.
     predicted: Vector4<f64>,
+    /// Of its position and of its velocity.
+    gains: [Vector4<f64>; 2],
     /// The gain of the way back from this sample to the one before.
     back: Matrix4<f64>,
 }
@@ -273,9 +215,17 @@ impl Smoother {
         }
     }
 
-    /// The same with what is left of the channels smoothed again.
+    /// Position, velocity, acceleration and jerk at each sample of a stretch; the acceleration may jump after the samples `turns`.
+    fn once(&mut self, s: &Stretch, turns: &[usize]) -> Vec<[f64; 4]> {
+        let passed = self.run(s, turns);
+        self.back(s, &passed)
+    }
+
+    /// The same with what is left of the channels smoothed again, by the same gains: they are of the times, of the turns and of how
+    /// surely positions are known.
     fn twice(&mut self, s: &Stretch, turns: &[usize]) -> Vec<[f64; 4]> {
-        let (mut smooth, variances) = self.run(s, turns, None);
+        let mut passed = self.run(s, turns);
+        let mut smooth = self.back(s, &passed);
         let left = |x: &[f64], n: usize| -> Vec<f64> {
             (x.iter().zip(&smooth))
                 .map(|(x, smooth)| x - smooth[n])
@@ -287,63 +237,69 @@ impl Smoother {
             q: &q,
             dq: &dq,
         };
-        let (more, _) = self.run(&rest, turns, Some(&variances));
-        for (state, more) in smooth.iter_mut().zip(more) {
+        for k in 0..passed.len() {
+            let before = k.checked_sub(1).map(|before| passed[before].state);
+            let own = &mut passed[k];
+            [own.predicted, own.state] = self.told(&rest, k, before, &own.gains);
+        }
+        for (state, more) in smooth.iter_mut().zip(self.back(&rest, &passed)) {
             state.iter_mut().zip(more).for_each(|(x, more)| *x += more);
         }
         smooth
     }
 
-    /// Position, velocity, acceleration and jerk at each sample of a stretch, and the variance that each position was given (or is
-    /// to be); the acceleration may jump after the samples `turns`.
-    fn run(
-        &mut self,
-        s: &Stretch,
-        turns: &[usize],
-        given: Option<&[f64]>,
-    ) -> (Vec<[f64; 4]>, Vec<f64>) {
-        let Some(&origin) = s.q.first() else {
-            return (Vec::new(), Vec::new());
-        };
-        let mut variances = vec![self.channels.standing.powi(2)];
+    /// The way forth: each sample by all that came before it; the acceleration may jump after the samples `turns`.
+    fn run(&mut self, s: &Stretch, turns: &[usize]) -> Vec<Filtered> {
         let mut passed: Vec<Filtered> = Vec::with_capacity(s.t.len());
         let start = self.jump.max(self.velocity_noise);
-        let mut state = Vector4::new(0.0, s.dq[0] * self.unit, 0.0, 0.0);
         let mut covariance = Matrix4::from_diagonal(&Vector4::new(start, start, start, start));
         let mut turns = turns.iter().peekable();
         for k in 0..s.t.len() {
-            if k == 0 {
-                passed.push(Filtered {
-                    state,
-                    predicted: state,
-                    back: Matrix4::zeros(),
-                });
-                continue;
+            let mut own = Filtered {
+                state: Vector4::zeros(),
+                predicted: Vector4::zeros(),
+                gains: [Vector4::zeros(); 2],
+                back: Matrix4::zeros(),
+            };
+            let before = passed.last().map(|before| before.state);
+            if let Some(before) = &before {
+                let step = (s.t[k] - s.t[k - 1]) / self.unit;
+                let turn = turns.next_if(|&&turn| turn < k).is_some();
+                // The noisy velocity tells well enough how fast the joint is.
+                let speed = before[1] / self.unit;
+                let position =
+                    self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
+                let steady = self.step(&covariance, step, turn, position);
+                covariance = steady.filtered;
+                (own.gains, own.back) = (steady.gains, steady.back);
             }
-            let step = (s.t[k] - s.t[k - 1]) / self.unit;
-            let turn = turns.next_if(|&&turn| turn < k).is_some();
-            // The noisy velocity tells well enough how fast the joint is.
-            let speed = state[1] / self.unit;
-            let told = self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
-            let position = given.map_or(told, |given| given[k]);
-            variances.push(position);
-            let steady = self.step(&covariance, step, turn, position);
-            let predicted = transition(step) * state;
-            state = predicted;
-            state += steady.gains[0] * (s.q[k] - origin - state[0]);
-            state += steady.gains[1] * (s.dq[k] * self.unit - state[1]);
-            covariance = steady.filtered;
-            passed.push(Filtered {
-                state,
-                predicted,
-                back: steady.back,
-            });
+            [own.predicted, own.state] = self.told(s, k, before, &own.gains);
+            passed.push(own);
         }
-        (self.back(&passed, origin), variances)
+        passed
+    }
+
+    /// Sample k as the state `before` predicts it, and with what its own channels say.
+    fn told(
+        &self,
+        s: &Stretch,
+        k: usize,
+        before: Option<Vector4<f64>>,
+        gains: &[Vector4<f64>; 2],
+    ) -> [Vector4<f64>; 2] {
+        let Some(before) = before else {
+            return [Vector4::new(0.0, s.dq[0] * self.unit, 0.0, 0.0); 2];
+        };
+        let step = (s.t[k] - s.t[k - 1]) / self.unit;
+        let predicted = transition(step) * before;
+        let mut state = predicted;
+        state += gains[0] * (s.q[k] - s.q[0] - state[0]);
+        state += gains[1] * (s.dq[k] * self.unit - state[1]);
+        [predicted, state]
     }
 
     /// The way back: each sample by all that came after it.
-    fn back(&self, passed: &[Filtered], origin: f64) -> Vec<[f64; 4]> {
+    fn back(&self, s: &Stretch, passed: &[Filtered]) -> Vec<[f64; 4]> {
         let mut smooth = vec![[0.0; 4]; passed.len()];
         let mut later: Option<(Vector4<f64>, &Filtered)> = None;
         for (k, own) in passed.iter().enumerate().rev() {
@@ -356,7 +312,7 @@ impl Smoother {
                 *x = state[n] * scale;
                 scale /= self.unit;
             }
-            smooth[k][0] += origin;
+            smooth[k][0] += s.q[0];
             later = Some((state, own));
         }
         smooth
@@ -436,7 +392,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
 
-    fn sine(t: f64) -> [f64; 3] {
+    pub(super) fn sine(t: f64) -> [f64; 3] {
         let w = 8.0;
         [(w * t).sin(), w * (w * t).cos(), -w * w * (w * t).sin()]
     }
@@ -473,26 +429,6 @@ mod tests {
                 speed < 0.02 && acceleration < 1.0,
                 "{speed} {acceleration}: {position} {velocity} {gain}"
             );
-        }
-    }
-
-    #[test]
-    fn a_delayed_trajectory_is_the_motion_of_before() {
-        let t: Vec<f64> = (0..1000).map(|k| 0.002 * f64::from(k)).collect();
-        let [q, dq] = [0, 1].map(|n| t.iter().map(|&t| sine(t)[n]).collect::<Vec<f64>>());
-        let found = Trajectory::of(
-            &[Stretch {
-                t: &t,
-                q: &q,
-                dq: &dq,
-            }],
-            0.002,
-        );
-        let whole = 0..t.len();
-        let late = found.delayed(&t, std::slice::from_ref(&whole), 0.0063);
-        for k in 20..980 {
-            assert!((late.state[k][0] - sine(t[k] - 0.0063)[0]).abs() < 2e-5);
-            assert!((late.state[k][1] - sine(t[k] - 0.0063)[1]).abs() < 5e-3);
         }
     }
 }

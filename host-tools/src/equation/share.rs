@@ -1,0 +1,71 @@
+//! What each effect of a model adds to a joint's torque at an instant.
+
+use proprio_core::effect::{EffectKind, JointState};
+
+use super::column::{Column, Columns};
+use super::values::Values;
+
+/// An effect at a joint: its shape and what its columns are times.
+#[derive(Clone)]
+pub(crate) struct Share {
+    pub(super) effect: EffectKind,
+    shape: f64,
+    /// The other joint, of an effect that couples two.
+    other: Option<usize>,
+    numbers: Vec<(usize, f64)>,
+}
+
+/// Of each joint the effects that add to its torque.
+pub(crate) fn shares(columns: &Columns, values: &Values) -> Vec<Vec<Share>> {
+    let numbers = columns.numbers(values);
+    let of = |(at, numbers): (usize, &Vec<f64>)| {
+        let mut all: Vec<Share> = Vec::new();
+        for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
+            let (effect, shape, other, n) = match *column {
+                _ if number == 0.0 => continue,
+                Column::Own {
+                    effect, shape, n, ..
+                } => (effect, shape, None, n),
+                Column::Coupled { joint, effect, n } => match columns.coupled(joint, at) {
+                    other @ Some(_) => (effect, 1.0, other, n),
+                    None => continue,
+                },
+                _ => continue,
+            };
+            match all
+                .iter_mut()
+                .find(|own| (own.effect, own.shape, own.other) == (effect, shape, other))
+            {
+                Some(own) => own.numbers.push((n, number)),
+                None => all.push(Share {
+                    effect,
+                    shape,
+                    other,
+                    numbers: vec![(n, number)],
+                }),
+            }
+        }
+        all
+    };
+    numbers.iter().enumerate().map(of).collect()
+}
+
+impl Share {
+    /// Adds what the effect does at joint `at`, the limb's joints in these states, to what enters by its difference and to what is
+    /// integrated.
+    pub(crate) fn add(
+        &self,
+        at: usize,
+        states: &[JointState<f64>],
+        [boundary, rate]: [&mut f64; 2],
+    ) {
+        let terms = match self.other {
+            Some(other) => self.effect.coupled(&states[at], &states[other]),
+            None => self.effect.terms(&states[at], self.shape),
+        };
+        for &(n, number) in &self.numbers {
+            *boundary += number * terms[n].boundary;
+            *rate += number * terms[n].rate;
+        }
+    }
+}
