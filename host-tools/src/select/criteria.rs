@@ -97,11 +97,13 @@ pub(crate) fn least_z(tried: usize) -> f64 {
         .max(LEAST_Z)
 }
 
-/// Standard deviation of an estimate from its values without each fold in turn (Efron & Tibshirani 1993, ch. 11).
-pub(crate) fn jackknife(values: impl ExactSizeIterator<Item = f64>, centre: f64) -> f64 {
-    let n = values.len() as f64;
-    let squares: f64 = values.map(|value| (value - centre).powi(2)).sum();
-    (squares * (n - 1.0) / n).sqrt()
+/// Standard deviation of an estimate from its values without each fold in turn, with each of them its standard deviation there over that of all
+/// data. What a fold tells alone is wild without it: (v₋ − v)² is σ²/I₋ − σ²/I on average, with the information I of all data and I₋ of the
+/// rest, so that the sum of I₋/I (v₋ − v)² is the variance σ²/I however the folds share the information (CV2 of Bell & McCaffrey 2002; of equal
+/// folds the jackknife, Efron & Tibshirani 1993, ch. 11).
+pub(crate) fn jackknife(values: impl Iterator<Item = (f64, f64)>, centre: f64) -> f64 {
+    let square = |(value, looser): (f64, f64)| ((value - centre) / looser.max(1.0)).powi(2);
+    values.map(square).sum::<f64>().sqrt()
 }
 
 /// A sum over folds, and its standard error from their spread.

@@ -223,12 +223,15 @@ impl<'a> Screen<'a> {
 
     fn new_trial(&self, places: &[Place]) -> Option<Trial> {
         let entries = self.entries(places);
-        let values: Option<Vec<Vec<f64>>> = self
-            .trains
-            .iter()
-            .map(|train| Some(train.trial(&entries)?.value))
-            .collect();
-        self.scored(places, self.all.trial(&entries)?, &values?)
+        let by_fold = self.by_fold(&entries)?;
+        let values: Vec<Vec<f64>> = by_fold.iter().map(|trial| trial.value.clone()).collect();
+        self.scored(places, self.all.trial(&entries)?, &values, &by_fold)
+    }
+
+    /// What the data without each fold tell of entries.
+    fn by_fold(&self, entries: &[usize]) -> Option<Vec<TriangleTrial>> {
+        let trains = self.trains.iter();
+        trains.map(|train| train.trial(entries)).collect()
     }
 
     /// The same where the value is another one's to say: that by all data, and for each fold that by the others.
@@ -238,7 +241,8 @@ impl<'a> Screen<'a> {
         value: &[f64],
         by_fold: &[Vec<f64>],
     ) -> Option<Trial> {
-        let own = self.all.trial(&self.entries(places))?;
+        let entries = self.entries(places);
+        let own = self.all.trial(&entries)?;
         let far = |(own, value): (f64, &f64)| own - value;
         let away: Vec<f64> = own.value.iter().copied().zip(value).map(far).collect();
         let lost: f64 = away
@@ -251,7 +255,7 @@ impl<'a> Screen<'a> {
             fall: (own.fall - lost).max(0.0),
             std: own.std,
         };
-        self.scored(places, trial, by_fold)
+        self.scored(places, trial, by_fold, &self.by_fold(&entries)?)
     }
 
     fn entries(&self, places: &[Place]) -> Vec<usize> {
@@ -261,7 +265,14 @@ impl<'a> Screen<'a> {
             .collect()
     }
 
-    fn scored(&self, places: &[Place], all: TriangleTrial, values: &[Vec<f64>]) -> Option<Trial> {
+    /// Scores a trial by the `values` that each fold is told by the others, which know them as well as their `own` trials do.
+    fn scored(
+        &self,
+        places: &[Place],
+        all: TriangleTrial,
+        values: &[Vec<f64>],
+        own: &[TriangleTrial],
+    ) -> Option<Trial> {
         let entries = self.entries(places);
         let (mut gains, mut falls) = (Vec::new(), Vec::new());
         for ((fold, train), value) in self.trains.iter().enumerate().zip(values) {
@@ -286,7 +297,9 @@ impl<'a> Screen<'a> {
         let memory = felt.iter().map(|&j| self.memory[j]).fold(1.0, f64::max);
         let (mut std, mut inflation) = (Vec::new(), 1.0f64);
         for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
-            let spread = criteria::jackknife(values.iter().map(|v| v[n]), *value);
+            let looser = own.iter().map(|trial| trial.std[n] / independent);
+            let by_fold = values.iter().map(|v| v[n]).zip(looser);
+            let spread = criteria::jackknife(by_fold, *value);
             let independent = independent * memory.sqrt();
             inflation = inflation.max(spread / independent);
             std.push(independent.max(spread));
