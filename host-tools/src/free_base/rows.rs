@@ -350,14 +350,21 @@ pub(super) fn fold(
 
 /// Windows of twice the usual length, for the gyro's noise at a window's ends counts the less the longer it is; longer ones at a
 /// low rate.
+pub(super) fn usual_window_us(period: f64) -> u64 {
+    (2 * Settings::default().window_us).max(microseconds(LEAST_STEPS * period))
+}
+
 fn settings(period: f64) -> Settings {
-    let us = |seconds: f64| (seconds * 1e6) as u64;
     let usual = Settings::default();
     Settings {
-        window_us: (2 * usual.window_us).max(us(LEAST_STEPS * period)),
-        max_gap_us: usual.max_gap_us.max(us(1.6 * period)),
+        window_us: usual_window_us(period),
+        max_gap_us: usual.max_gap_us.max(microseconds(1.6 * period)),
         ..usual
     }
+}
+
+fn microseconds(seconds: f64) -> u64 {
+    (seconds * 1e6) as u64
 }
 
 fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {

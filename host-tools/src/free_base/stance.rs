@@ -61,6 +61,7 @@ pub struct FootEpisode {
 }
 
 /// Which feet may carry a force, sample by sample.
+#[derive(Clone)]
 pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
