@@ -115,7 +115,14 @@ impl Stance {
                 })
             })
             .collect();
-        let touch_down = touch_downs(&reasons);
+        let touch_down = (0..walk.len())
+            .map(|n| {
+                let on = |f: usize| {
+                    reasons[n][f] == Reason::Torque && n > 0 && reasons[n - 1][f] != Reason::Torque
+                };
+                (0..LEGS).any(on)
+            })
+            .collect();
         guard(walk, &mut reasons);
         let loaded = reasons
             .iter()
@@ -129,24 +136,6 @@ impl Stance {
             episodes: episodes(walk, &reasons),
         }
     }
-}
-
-/// The samples in which a foot takes up a force after it was in the air. One that only bore less for a while strikes nothing.
-fn touch_downs(reasons: &[[Reason; LEGS]]) -> Vec<bool> {
-    let mut was_in_air = [false; LEGS];
-    let at = |own: &[Reason; LEGS]| {
-        let mut touches = false;
-        for (reason, was) in own.iter().zip(&mut was_in_air) {
-            touches |= *reason == Reason::Torque && *was;
-            *was = match reason {
-                Reason::Air => true,
-                Reason::Torque => false,
-                _ => *was,
-            };
-        }
-        touches
-    };
-    reasons.iter().map(at).collect()
 }
 
 /// Samples of which the same is said, leg by leg.
