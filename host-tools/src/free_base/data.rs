@@ -10,6 +10,7 @@ use super::rows::{
 use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::structure::ModelStructure;
+use super::unseen::{self, UnseenFoot};
 use super::walk::Walk;
 use super::{FreeBaseError, Walks};
 use crate::estimate::robot::side_by_side;
@@ -20,7 +21,7 @@ const LEAST_BLOCKS: f64 = 12.0;
 /// Fits at most that tell which windows are outside: the first is spoilt by these.
 const ROUNDS: usize = 3;
 /// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
-const MANY: f64 = 0.02;
+pub(super) const MANY: f64 = 0.02;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -74,6 +75,8 @@ pub(crate) struct Data {
     moved: Vec<MovedReadings>,
     /// When windows begin that are left out, log after log, µs in order.
     outside: Vec<Vec<u64>>,
+    /// Feet that carry a force in some of these while they are taken to be in the air.
+    pub(crate) unseen: Vec<UnseenFoot>,
 }
 
 impl Data {
@@ -93,7 +96,12 @@ impl Data {
                 break;
             }
         }
-        Self::made(walks, setup, gravity, outside, true)
+        let mut data = Self::made(walks, setup, gravity, outside, true)?;
+        if data.windows.outside > 0 {
+            let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+            data.unseen = unseen::feet(walks, &data, fit.theta());
+        }
+        Ok(data)
     }
 
     /// The rows of all windows at the CAD's bodies, none left out for what a fit leaves of it: for a motion of which there is no fit.
@@ -140,6 +148,7 @@ impl Data {
             setup,
             moved,
             outside,
+            unseen: Vec::new(),
         })
     }
 
@@ -149,6 +158,11 @@ impl Data {
             setup: &self.setup,
             moved: &self.moved[n],
         }
+    }
+
+    /// When the windows of log `n` begin that are left out, µs in order.
+    pub(super) fn outside(&self, n: usize) -> &[u64] {
+        &self.outside[n]
     }
 
     /// What a user should know about the windows.
@@ -163,7 +177,8 @@ impl Data {
                 outside::LIMIT
             )
         });
-        told.into_iter().collect()
+        let unseen = self.unseen.iter().map(UnseenFoot::words);
+        told.into_iter().chain(unseen).collect()
     }
 
     /// Root mean square that these parameters leave, N m.
@@ -297,7 +312,7 @@ fn parts_of(blocks: &[Block]) -> Vec<Part> {
 fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
     let told: Vec<_> = walks
         .iter()
-        .filter_map(|(walk, _)| walk.gravity())
+        .filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)))
         .collect();
     let mut rows = DMatrix::zeros(told.len(), COLUMNS + 1);
     for (r, gravity) in told.iter().enumerate() {

@@ -8,7 +8,7 @@
 //! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
 //!    `sensors`: what these get wrong, in columns of their own.
 //! 4. `data`: the rows as one factor per block of time.
-//!    `outside`: windows that no model of the catalogue explains.
+//!    `outside`: windows that no model of the catalogue explains. `unseen`: those of a foot that is taken to be in the air and is not.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
 //!    sensors get wrong. `expected`: what a motion would tell before it is played.
 
@@ -22,6 +22,7 @@ pub(crate) mod sensors;
 mod speed;
 mod stance;
 pub(crate) mod structure;
+mod unseen;
 mod walk;
 
 use std::path::{Path, PathBuf};
@@ -34,6 +35,7 @@ use crate::log::{Log, LogError, Samples};
 pub use rows::Windows;
 use stance::Stance;
 pub use stance::{FootEpisode, Reason, StanceShares};
+pub use unseen::UnseenFoot;
 use walk::Walk;
 
 /// Why no parameters come out of a walk.

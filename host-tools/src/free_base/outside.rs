@@ -8,45 +8,72 @@ use nalgebra::DVector;
 
 use super::Walks;
 use super::data::Data;
-use super::rows::{COLUMNS, each_row};
+use super::rows::{COLUMNS, Linearised, each_row};
+use super::stance::Stance;
+use super::walk::Walk;
 
 /// So many times the usual is outside, root mean square.
 pub(super) const LIMIT: f64 = 4.0;
 
+/// What is left of a window.
+#[derive(Clone, Copy)]
+pub(super) struct Squares {
+    /// When it began.
+    pub(super) start_us: u64,
+    /// Sum of squares over its equations, N² m², and how many these are.
+    pub(super) sum: f64,
+    pub(super) equations: f64,
+}
+
+impl Squares {
+    pub(super) fn mean(&self) -> f64 {
+        self.sum / self.equations
+    }
+}
+
 /// When such windows begin, log after log, µs in order.
 pub(super) fn windows(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<Vec<u64>> {
-    let left: Vec<Vec<(u64, f64)>> = walks
-        .walks
-        .iter()
-        .enumerate()
-        .map(|(n, (walk, stance))| {
-            let mut windows: Vec<(u64, f64, f64)> = Vec::new();
-            each_row(walk, stance, data.linearised(n), &[], |row| {
-                let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
-                let left = row.numbers[COLUMNS] - terms.sum::<f64>();
-                if row.rank > 0 {
-                    windows.push(((row.start * 1e6).round() as u64, 0.0, row.rank as f64));
-                }
-                if let Some((_, squares, _)) = windows.last_mut() {
-                    *squares += left * left;
-                }
-            });
-            let windows = windows.into_iter();
-            windows
-                .map(|(start, squares, rank)| (start, squares / rank))
-                .collect()
-        })
+    let logs = walks.walks.iter().enumerate();
+    let left: Vec<Vec<Squares>> = logs
+        .map(|(n, (walk, stance))| squares(walk, stance, data.linearised(n), theta))
         .collect();
-    let mut all: Vec<f64> = left.iter().flatten().map(|(_, square)| *square).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    let Some(usual) = all.get(all.len() / 2) else {
-        return left.iter().map(|_| Vec::new()).collect();
-    };
-    let most = LIMIT * LIMIT * usual;
+    let most = usual(left.iter().flatten()).map_or(f64::INFINITY, |usual| LIMIT * LIMIT * usual);
     left.iter()
         .map(|own| {
-            let outside = own.iter().filter(|(_, square)| *square > most);
-            outside.map(|(start, _)| *start).collect()
+            let outside = own.iter().filter(|window| window.mean() > most);
+            outside.map(|window| window.start_us).collect()
         })
         .collect()
+}
+
+/// What parameters leave of each window of a walk.
+pub(super) fn squares(
+    walk: &Walk,
+    stance: &Stance,
+    at: Linearised<'_>,
+    theta: &DVector<f64>,
+) -> Vec<Squares> {
+    let mut windows: Vec<Squares> = Vec::new();
+    each_row(walk, stance, at, &[], |row| {
+        let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
+        let left = row.numbers[COLUMNS] - terms.sum::<f64>();
+        if row.rank > 0 {
+            windows.push(Squares {
+                start_us: (row.start * 1e6).round() as u64,
+                sum: 0.0,
+                equations: row.rank as f64,
+            });
+        }
+        if let Some(own) = windows.last_mut() {
+            own.sum += left * left;
+        }
+    });
+    windows
+}
+
+/// What is usually left of a window's equation, N² m²; none of no window.
+pub(super) fn usual<'a>(windows: impl Iterator<Item = &'a Squares>) -> Option<f64> {
+    let mut all: Vec<f64> = windows.map(Squares::mean).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.get(all.len() / 2).copied()
 }

@@ -16,7 +16,7 @@ use crate::free_base::fit::{Deviations, Fit, bare, rms};
 use crate::free_base::rows::{ACC, BODIES, COLUMNS, EFFECTS};
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
-use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
+use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::log::{JointId, Samples};
 use crate::model::{BASE, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
@@ -70,6 +70,8 @@ pub struct FreeBaseIdentification {
     pub windows: Windows,
     /// Why feet were projected out, log by log.
     pub stance: Vec<StanceShares>,
+    /// Feet that carry a force in windows in which they are taken to be in the air.
+    pub unseen_feet: Vec<UnseenFoot>,
     /// What became of the samples; one sample is all of the robot's.
     pub samples: Samples,
     /// Blocks of time that the errors come from.
@@ -92,6 +94,7 @@ impl FreeBaseIdentification {
             cad_rms: data.rms(&bare(&fit.problem)),
             windows: data.windows,
             stance: walks.stance(),
+            unseen_feet: data.unseen.clone(),
             samples: walks.samples(),
             blocks: data.block_count(),
             logs: logs.to_vec(),

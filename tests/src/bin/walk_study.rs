@@ -9,12 +9,13 @@
 //! done; done
 //! ```
 //!
-//! Prints `tests/walks.md`, and with `--write` keeps it.
+//! Prints `tests/walks.md`, and with `--write` keeps it. `--only identified` and `--only diagnosed` make one of its two parts anew, which take
+//! a quarter of an hour and an hour on two cores.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use proprio::diagnose::{FreeBaseDiagnosis, Verdict, diagnose_free_base};
 use proprio::estimate::{Constraint, Status};
 use proprio::identify::{FreeBaseIdentification, identify_free_base};
@@ -39,6 +40,15 @@ struct Arguments {
     /// Keep the table in tests/walks.md
     #[arg(long)]
     write: bool,
+    /// Make this part alone anew
+    #[arg(long)]
+    only: Option<Part>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Part {
+    Identified,
+    Diagnosed,
 }
 
 /// A log and what is true of it.
@@ -307,20 +317,43 @@ fn diagnosed(folder: &Path) -> String {
     table
 }
 
+/// The part's text, made anew or as it is in the file.
+fn part(arguments: &Arguments, part: Part, before: &str) -> String {
+    let (head, words, table): (_, _, fn(&Path) -> String) = match part {
+        Part::Identified => (
+            "## Identified\n",
+            "`proprio identify --free-base --physical`, each log alone.",
+            identified,
+        ),
+        Part::Diagnosed => (
+            "## Diagnosed\n",
+            "`proprio diagnose --free-base` with viscous, Coulomb, armature and bias at every joint but for what is missing.",
+            diagnosed,
+        ),
+    };
+    if arguments.only.is_none_or(|only| only == part) {
+        return format!("{head}\n{words}\n\n{}\n", table(&arguments.folder));
+    }
+    let own = before.find(head).map_or("", |at| &before[at..]);
+    let end = own[1.min(own.len())..]
+        .find("\n## ")
+        .map_or(own.len(), |at| at + 2);
+    format!("{}\n\n", own[..end].trim_end())
+}
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("walks.md");
+    let before = std::fs::read_to_string(&path).unwrap_or_default();
+    let parts = [Part::Identified, Part::Diagnosed].map(|of| part(&arguments, of, &before));
     let text = format!(
         "# Robots that walk, judged\n\n\
          Made by `cargo run --release -p proprio-tests --bin walk_study -- FOLDER --write` of logs of 20 s that MuJoCo made \
          (`tests/oracle/mujoco_walk.py`): a Go2's quanta and noise, IMU noise and biases, ground that gives way; each robot with other masses, centres of \
-         mass, gait and noise.\n\n\
-         ## Identified\n\n`proprio identify --free-base --physical`, each log alone.\n\n{}\n\
-         ## Diagnosed\n\n`proprio diagnose --free-base` with viscous, Coulomb, armature and bias at every joint but for what is missing.\n\n{}",
-        identified(&arguments.folder),
-        diagnosed(&arguments.folder)
+         mass, gait and noise.\n\n{}\n",
+        parts.concat().trim_end()
     );
     println!("{text}");
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("walks.md");
     if arguments.write
         && let Err(error) = std::fs::write(&path, text)
     {

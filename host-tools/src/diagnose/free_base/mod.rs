@@ -18,7 +18,7 @@ use super::Diagnosis;
 use crate::estimate::ParameterEstimate;
 use crate::free_base::data::Data;
 use crate::free_base::structure::ModelStructure;
-use crate::free_base::{FreeBaseError, StanceShares, Walks, Windows};
+use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
 use crate::model::{BASE, Model};
@@ -33,6 +33,8 @@ pub struct FreeBaseDiagnosis {
     pub windows: Windows,
     /// Why feet were projected out, log by log.
     pub stance: Vec<StanceShares>,
+    /// Feet that carry a force in windows in which they are taken to be in the air.
+    pub unseen_feet: Vec<UnseenFoot>,
     /// What became of the samples; one sample is all of the robot's.
     pub samples: Samples,
     /// What the model has at the end.
@@ -65,6 +67,7 @@ pub fn diagnose_free_base(
         diagnosis,
         windows: data.windows,
         stance: walks.stance(),
+        unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
         found: all.into_iter().filter(has).collect(),
     })

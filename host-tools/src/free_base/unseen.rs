@@ -1,0 +1,148 @@
+//! Feet that carry a force while they are taken to be in the air: a wrong stance.
+//!
+//! Such a window is left out with all others that no model explains (`outside`), so that no fit has seen it. It is made once more with each foot
+//! that was in the air projected out. Where what is left is then as in a good window, the force was at that foot: a push on the trunk or a
+//! blow on another leg leaves as much as before. A force that does not make a window stand out is not seen here. Slip is none of this: whatever
+//! force a foot that slips carries, it is projected out like that of one that does not.
+
+use nalgebra::DVector;
+use proprio_core::go2::{LEGS, Leg};
+use serde::Serialize;
+
+use super::Walks;
+use super::data::{Data, MANY};
+use super::outside::{self, Squares};
+use super::rows::{Linearised, RowSetup, usual_window_us};
+use super::sensors::MovedReadings;
+use super::stance::Stance;
+use super::walk::Walk;
+
+/// A window of which no more than so many times the usual is left is a good one, root mean square (`outside`).
+const GOOD: f64 = 2.0;
+
+/// A foot that carries a force in windows in which it is taken to be in the air.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct UnseenFoot {
+    /// Whose foot.
+    pub leg: &'static str,
+    /// In how many windows.
+    pub windows: u64,
+    /// As a share of those in which it is taken to be in the air.
+    pub share: f64,
+    /// Root mean square of what the fit, which has not seen these windows, leaves of their equations, N m: as they are, and with the foot projected
+    /// out.
+    pub rms: [f64; 2],
+}
+
+impl UnseenFoot {
+    /// For a user.
+    pub(super) fn words(&self) -> String {
+        let Self {
+            leg,
+            windows,
+            share,
+            rms: [before, after],
+        } = self;
+        format!(
+            "the foot of {leg} carries a force in {windows} windows ({:.0} % of those) in which it is taken to be in the air: {before:.3} → {after:.3} \
+             N m on these, unseen, once it is projected out; they are left out",
+            100.0 * share
+        )
+    }
+}
+
+/// The feet that carry a force unseen, by a fit of the data.
+pub(super) fn feet(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<UnseenFoot> {
+    let setup = RowSetup::at(theta);
+    // At the fit's own sensors nothing is moved.
+    let at = Linearised {
+        setup: &setup,
+        moved: &MovedReadings::default(),
+    };
+    let mut feet = [Tally::default(); LEGS];
+    for (n, (walk, stance)) in walks.walks.iter().enumerate() {
+        let outside = data.outside(n);
+        let as_it_is = outside::squares(walk, stance, at, theta);
+        let Some(usual) = outside::usual(as_it_is.iter()) else {
+            continue;
+        };
+        let again: [Vec<Squares>; LEGS] =
+            std::array::from_fn(|leg| match loaded_in(walk, stance, leg, outside) {
+                Some(stance) => outside::squares(walk, &stance, at, theta),
+                None => Vec::new(),
+            });
+        for own in &as_it_is {
+            let first = walk.time_us.partition_point(|t| *t < own.start_us);
+            let is_in_air = |leg: &usize| !stance.loaded[first][*leg];
+            (0..LEGS)
+                .filter(is_in_air)
+                .for_each(|leg| feet[leg].air += 1);
+            if outside.binary_search(&own.start_us).is_err() {
+                continue;
+            }
+            let with = |leg: usize| {
+                let found = again[leg].binary_search_by_key(&own.start_us, |s| s.start_us);
+                Some((leg, again[leg][found.ok()?]))
+            };
+            let best = (0..LEGS).filter(is_in_air).filter_map(with);
+            let best = best.min_by(|a, b| a.1.mean().total_cmp(&b.1.mean()));
+            if let Some((leg, after)) = best.filter(|(_, s)| s.mean() <= GOOD * GOOD * usual) {
+                feet[leg].add(own, &after);
+            }
+        }
+    }
+    let told = feet.iter().enumerate().map(|(leg, own)| own.told(leg));
+    told.flatten().collect()
+}
+
+/// A foot's windows.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    /// In which it is taken to be in the air.
+    air: u64,
+    /// … and carries a force.
+    windows: u64,
+    squares: [f64; 2],
+    equations: [f64; 2],
+}
+
+impl Tally {
+    fn add(&mut self, before: &Squares, after: &Squares) {
+        self.windows += 1;
+        for (k, own) in [before, after].into_iter().enumerate() {
+            self.squares[k] += own.sum;
+            self.equations[k] += own.equations;
+        }
+    }
+
+    /// None where it is in so few windows as blows are.
+    fn told(&self, leg: usize) -> Option<UnseenFoot> {
+        let share = self.windows as f64 / self.air.max(1) as f64;
+        (share > MANY).then(|| UnseenFoot {
+            leg: Leg::ALL[leg].name(),
+            windows: self.windows,
+            share,
+            rms: [0, 1].map(|k| (self.squares[k] / self.equations[k].max(1.0)).sqrt()),
+        })
+    }
+}
+
+/// The stance with this foot loaded all through the windows that begin then; none if it is so already.
+fn loaded_in(walk: &Walk, stance: &Stance, leg: usize, starts_us: &[u64]) -> Option<Stance> {
+    let (mut changed, mut loaded) = (false, stance.loaded.clone());
+    let most_us = usual_window_us(walk.period);
+    for start_us in starts_us {
+        let first = walk.time_us.partition_point(|t| t < start_us);
+        let feet = stance.loaded[first];
+        let inside = (first..walk.len())
+            .take_while(|n| stance.loaded[*n] == feet && walk.time_us[*n] - start_us <= most_us);
+        for n in inside.filter(|_| !feet[leg]) {
+            loaded[n][leg] = true;
+            changed = true;
+        }
+    }
+    changed.then(|| Stance {
+        loaded,
+        ..stance.clone()
+    })
+}
