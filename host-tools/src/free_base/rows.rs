@@ -14,8 +14,7 @@ use proprio_core::window::{
 use serde::Serialize;
 
 use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
-use super::speed::REACH;
-use super::stance::{SPREAD, Stance};
+use super::stance::Stance;
 use super::walk::Walk;
 use crate::estimate::bounded::body;
 
@@ -40,9 +39,10 @@ type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [Eff
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 
-/// Around a touch-down this much time to both sides belongs to no window, s: its time is told by torques averaged over [`SPREAD`], and what it does
-/// to the base is smoothed over [`REACH`].
-const IMPACT: f64 = SPREAD + REACH;
+/// Around a touch-down this much time to both sides belongs to no window, s: its time is told by torques averaged over 6 ms
+/// ([`super::stance`]), and what it does to the base is smoothed over another 6 ms ([`super::speed`]); the two together, as independent
+/// errors add.
+const IMPACT: f64 = 0.0085;
 /// Windows have at least this many samples.
 const LEAST_STEPS: f64 = 2.5;
 
