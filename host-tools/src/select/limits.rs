@@ -21,7 +21,7 @@ impl Search<'_> {
         // Where nothing has changed since, nothing is found.
         let is_known = |fit: &Arc<LimbFit>| {
             let mut known = self.limits_sought.iter();
-            known.any(|known| Arc::ptr_eq(known, fit))
+            known.any(|known| known.ptr_eq(&Arc::downgrade(fit)))
         };
         let fits = self.state.fits.iter().cloned().enumerate();
         let sought: Vec<_> = fits.filter(|(_, fit)| !is_known(fit)).collect();
@@ -38,7 +38,8 @@ impl Search<'_> {
             let joints = (0..fit.data.joints()).into_par_iter();
             joints.filter_map(limit).collect::<Vec<_>>()
         });
-        (self.limits_sought).extend(sought.into_iter().map(|(_, fit)| fit));
+        (self.limits_sought).extend(sought.iter().map(|(_, fit)| Arc::downgrade(fit)));
+        drop(sought);
         let mut taken = false;
         for (member, limit) in found.into_iter().flatten() {
             taken |= self.take_limit(member, &limit);

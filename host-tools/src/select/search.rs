@@ -7,7 +7,7 @@
 //! The four plain effects of every drive (viscous, coulomb, armature, bias at all joints) are always among the answers: a search that
 //! ends above them starts again from them.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use proprio_core::effect::EffectKind;
 
@@ -87,14 +87,15 @@ pub(super) struct Search<'a> {
     /// What was tried beside which fits of its limbs, and not taken.
     refused: Vec<Refused<'a>>,
     /// Fits of which it is known what limits they tell.
-    pub(super) limits_sought: Vec<Arc<LimbFit<'a>>>,
+    pub(super) limits_sought: Vec<Weak<LimbFit<'a>>>,
 }
 
-/// A candidate that was not taken, and the fits of its limbs that it was tried beside.
+/// A candidate that was not taken, and the fits of its limbs that it was tried beside, which are told apart and not kept: each has its data
+/// as triangles.
 struct Refused<'a> {
     effect: EffectKind,
     members: Vec<Member>,
-    beside: Vec<Arc<LimbFit<'a>>>,
+    beside: Vec<Weak<LimbFit<'a>>>,
 }
 
 impl<'a> Search<'a> {
@@ -114,18 +115,18 @@ impl<'a> Search<'a> {
     }
 
     /// The fits of a candidate's limbs.
-    fn beside(&self, candidate: &Candidate) -> Vec<Arc<LimbFit<'a>>> {
+    fn beside(&self, candidate: &Candidate) -> Vec<Weak<LimbFit<'a>>> {
         let limbs = candidate.trials.iter();
         limbs
-            .map(|(limb, _)| self.state.fits[*limb].clone())
+            .map(|(limb, _)| Arc::downgrade(&self.state.fits[*limb]))
             .collect()
     }
 
     /// Whether a candidate was refused beside the same fits of its limbs: it would be again.
     pub(super) fn was_refused(&self, candidate: &Candidate) -> bool {
         let beside = self.beside(candidate);
-        let same = |a: &[Arc<LimbFit>]| {
-            a.len() == beside.len() && a.iter().zip(&beside).all(|(a, b)| Arc::ptr_eq(a, b))
+        let same = |a: &[Weak<LimbFit>]| {
+            a.len() == beside.len() && a.iter().zip(&beside).all(|(a, b)| Weak::ptr_eq(a, b))
         };
         (self.refused.iter()).any(|refused| {
             refused.effect == candidate.effect
