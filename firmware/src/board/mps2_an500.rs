@@ -1,7 +1,7 @@
 //! The Cortex-M7 board that QEMU emulates as `mps2-an500`.
 //!
-//! UART0 is the host link, UART1 to UART4 are the buses of FR, FL, RR and RL; or a bus's bytes come to memory, as by DMA ([`Bus`]). Under `-icount shift=6` an instruction takes
-//! 2⁶ ns of emulated time and SysTick counts 40 ns, so that it counts instructions, the same in every run. The counts say
+//! UART0 is the host link, UART1 to UART4 are the buses of FR, FL, RR and RL; or a bus's bytes come to memory, as by DMA ([`Bus`]).
+//! Under `-icount shift=6` an instruction takes 2⁶ ns of emulated time and SysTick counts 40 ns, so that it counts instructions, the same in every run. The counts say
 //! nothing of a real core's latencies: they guard against regressions.
 //!
 //! Registers: Arm DDI 0479, CMSDK APB UART; addresses: Arm DAI 0500.
