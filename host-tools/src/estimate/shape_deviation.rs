@@ -122,21 +122,21 @@ impl LimbFit<'_> {
             .collect();
         let parameter = shape_parameter(place.0);
         let shape = self.values.get(place, parameter);
-        let predicted = |share: f64| {
-            let mut values = self.values.clone();
-            values.set(place, parameter, share * shape);
-            data.predicted(&values, &|_| true)
-        };
-        let [less, here, more] = [1.0 - NEAR, 1.0, 1.0 + NEAR].map(predicted);
-        let at = |w: &usize| w * n + joint;
-        let slope = |w: &usize| (more[at(w)] - less[at(w)]) / (2.0 * NEAR * shape);
-        let own =
-            self.beside_own_columns(rows, joint, &windows, windows.iter().map(slope).collect())?;
+        let [less, more] =
+            [1.0 - NEAR, 1.0 + NEAR].map(|share| self.explained(place, share * shape, &windows));
+        let slope = |n: usize| (more[n] - less[n]) / (2.0 * NEAR * shape);
+        let own = self.beside_own_columns(
+            rows,
+            joint,
+            &windows,
+            (0..windows.len()).map(slope).collect(),
+        )?;
+        let numbers = self.columns.combined(self.solution.theta.as_slice());
         let square = dot(&own, &own);
         let mut blocks = vec![0.0; data.blocks.count()];
         let (mut left, mut along) = (0.0, 0.0);
         for (w, own) in windows.iter().zip(&own) {
-            let residual = data.torque[at(w)] - here[at(w)];
+            let residual = data.torque[w * n + joint] - dot(&numbers[joint], rows.row(*w, joint));
             blocks[data.motion.windows[*w].block] += own * residual;
             along += own * residual;
             left += residual * residual;
@@ -147,6 +147,22 @@ impl LimbFit<'_> {
             step: along / square,
             std: independent.max(by_blocks),
         })
+    }
+
+    /// What an effect of this shape explains in windows of its joint, N m.
+    fn explained(&self, place: Place, shape: f64, windows: &[usize]) -> Vec<f64> {
+        let (data, joint) = (self.data, place.1);
+        let mut values = self.values.clone();
+        values.set(place, shape_parameter(place.0), shape);
+        let columns = data.columns(&values, &[place], &[]);
+        let rows = data.rows(&values, &columns);
+        let mut theta = columns.theta(&values);
+        for (value, entry) in theta.iter_mut().zip(&columns.entries) {
+            *value = if entry.effect.is_some() { *value } else { 0.0 };
+        }
+        let numbers = &columns.combined(&theta)[joint];
+        let of = |&w: &usize| dot(numbers, rows.row(w, joint));
+        windows.iter().map(of).collect()
     }
 
     /// What of a joint's prediction its own columns cannot take; `None` if they take all of it.
