@@ -168,6 +168,21 @@ impl LimbRecording {
         self.foot.push(foot);
     }
 
+    /// Gives back the room that was kept for more samples.
+    pub(super) fn shrink(&mut self) {
+        self.time_us.shrink_to_fit();
+        for channel in [
+            &mut self.q,
+            &mut self.dq,
+            &mut self.tau,
+            &mut self.temperature,
+            &mut self.q_link,
+            &mut self.foot,
+        ] {
+            channel.shrink_to_fit();
+        }
+    }
+
     /// Leaves out the samples whose time is not to be kept; what is left out is a gap.
     pub(super) fn keep(&mut self, keeps: impl Fn(u64) -> bool) {
         self.trajectories = Trajectories::default();

@@ -90,6 +90,8 @@ impl Recording {
                 limbs: too_large,
             });
         }
+        let limbs = recording.limbs.iter_mut();
+        limbs.for_each(|(_, limb)| limb.shrink());
         let thinned = pieces.warning(recording.duration);
         let encoders = second_encoder::warnings(&recording, model);
         let left_out = too_large.iter().map(left_out);
