@@ -39,8 +39,10 @@ type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [Eff
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 
-/// Around a touch-down this much time to both sides belongs to no window, s.
-const IMPACT: f64 = 0.004;
+/// Around a touch-down this much time to both sides belongs to no window, s: its time is told by torques averaged over 6 ms
+/// ([`super::stance`]), and what it does to the base is smoothed over another 6 ms ([`super::speed`]); the two together, as independent
+/// errors add.
+const IMPACT: f64 = 0.0085;
 /// Windows have at least this many samples.
 const LEAST_STEPS: f64 = 2.5;
 
@@ -152,17 +154,17 @@ impl RowSetup {
         terms.sum::<f64>() - row[ACC + MOVED]
     }
 
-    fn window(&self, period: f64) -> Window {
+    fn window(&self, period: f64, sensors: &Sensors) -> Window {
         Window::new(
             self.tree,
             EFFECTS,
             FreeBaseSetup {
                 imu: super::imu(),
-                feet: go2::feet(),
+                feet: sensors.feet(),
                 scale: SCALE,
                 plausible: all_plausible(),
                 settings: settings(period),
-                acc_bias: self.sensors.acc_bias(),
+                acc_bias: sensors.acc_bias(),
             },
         )
     }
@@ -195,43 +197,38 @@ pub(super) fn each_row(
 ) -> Windows {
     let Linearised { setup, moved } = at;
     let mut kept = Windows::default();
-    let counts = each_window(
-        &setup.sensors.corrected(walk),
-        stance,
-        setup,
-        |rows, row| {
-            let start_us = rows.span_us[0];
-            if outside.binary_search(&start_us).is_ok() {
-                kept.outside += 1;
-                return;
-            }
-            let told = Told::of(walk, stance, rows.span_us, rows.rank);
-            if told.equations == 0 {
-                kept.still += 1;
-                return;
-            }
-            let mut rank = told.equations;
-            for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
-                rows.write_row(coordinate, row);
-                let measured = row[ACC + MOVED];
-                let columns = moved.columns(start_us, coordinate, setup.left(row));
-                row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
-                // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
-                let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
-                row[COLUMNS] = measured + taken.sum::<f64>();
-                tell(Row {
-                    start: start_us as f64 * 1e-6,
-                    rank: std::mem::take(&mut rank),
-                    coordinate,
-                    numbers: row,
-                });
-            }
-            kept.used += 1;
-            kept.held += u64::from(told.held);
-            kept.equations += told.equations as u64;
-            kept.by_feet[told.feet] += 1;
-        },
-    );
+    let counts = each_window(walk, stance, setup, &setup.sensors, |rows, row| {
+        let start_us = rows.span_us[0];
+        if outside.binary_search(&start_us).is_ok() {
+            kept.outside += 1;
+            return;
+        }
+        let told = Told::of(walk, stance, rows.span_us, rows.rank);
+        if told.equations == 0 {
+            kept.still += 1;
+            return;
+        }
+        let mut rank = told.equations;
+        for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
+            rows.write_row(coordinate, row);
+            let measured = row[ACC + MOVED];
+            let columns = moved.columns(start_us, coordinate, setup.left(row));
+            row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
+            // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
+            let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
+            row[COLUMNS] = measured + taken.sum::<f64>();
+            tell(Row {
+                start: start_us as f64 * 1e-6,
+                rank: std::mem::take(&mut rank),
+                coordinate,
+                numbers: row,
+            });
+        }
+        kept.used += 1;
+        kept.held += u64::from(told.held);
+        kept.equations += told.equations as u64;
+        kept.by_feet[told.feet] += 1;
+    });
     counts.plus(&kept)
 }
 
@@ -242,15 +239,16 @@ pub(super) struct Linearised<'a> {
     pub(super) moved: &'a MovedReadings,
 }
 
-/// Tells the windows of a walk whose readings are taken as they are, with room for one row and its right-hand side, and counts those that
-/// are lost.
+/// Tells the windows of a walk as these sensors read it, with room for one row and its right-hand side, and counts those that are lost.
 pub(super) fn each_window(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
+    sensors: &Sensors,
     mut tell: impl FnMut(&Rows, &mut [f64]),
 ) -> Windows {
-    let mut window = Box::new(setup.window(walk.period));
+    let walk = &sensors.corrected(walk);
+    let mut window = Box::new(setup.window(walk.period, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
