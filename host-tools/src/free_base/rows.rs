@@ -14,7 +14,8 @@ use proprio_core::window::{
 use serde::Serialize;
 
 use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
-use super::stance::Stance;
+use super::speed::REACH;
+use super::stance::{SPREAD, Stance};
 use super::walk::Walk;
 use crate::estimate::bounded::body;
 
@@ -39,10 +40,11 @@ type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [Eff
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 
-/// Around a touch-down this much time to both sides belongs to no window, s: its time is told by torques averaged over 6 ms
-/// ([`super::stance`]), and what it does to the base is smoothed over another 6 ms ([`super::speed`]); the two together, as independent
-/// errors add.
-const IMPACT: f64 = 0.0085;
+/// Around a touch-down this much time before and after it belongs to no window, s. What it does to the base is smoothed over 6 ms to both sides
+/// ([`super::speed`]). It is told by torques averaged over 6 ms to both sides ([`super::stance`]), which rise that much before the foot strikes:
+/// never late, so the time after it alone is longer for that.
+const BEFORE_IMPACT: f64 = REACH;
+const AFTER_IMPACT: f64 = REACH + SPREAD;
 /// Windows have at least this many samples.
 const LEAST_STEPS: f64 = 2.5;
 
@@ -258,8 +260,8 @@ pub(super) fn each_window(
     let mut row = vec![0.0; COLUMNS + 1];
     for n in 0..walk.len() {
         let t = walk.seconds(n);
-        let next = impacts.partition_point(|i| *i < t - IMPACT);
-        if impacts.get(next).is_some_and(|i| *i <= t + IMPACT) {
+        let next = impacts.partition_point(|i| *i < t - AFTER_IMPACT);
+        if impacts.get(next).is_some_and(|i| *i <= t + BEFORE_IMPACT) {
             counts.impact += u64::from(open);
             open = false;
             window.clear();
