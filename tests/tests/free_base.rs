@@ -81,7 +81,7 @@ fn masses_and_the_trunk_are_mujocos() {
             let (found, std) = (there[axis].value, there[axis].std);
             println!("  com {axis}: {found:.4} ± {std:.4} m, truth {expected:.4}");
             assert!(
-                (found - expected).abs() < near.min(3.0 * std),
+                (found - expected).abs() < f64::min(near, 3.0 * std),
                 "{name}, axis {axis}: {found} ± {std} {expected}"
             );
         }
