@@ -45,7 +45,12 @@ LOGS = {
     "flying": ("flying", 4.5, 2, None),
     "sway": ("sway", 4.5, 3, None),
     "swung": ("swung", 4.5, 4, None),
+    # As long as what is asked of a load's mass and place, and of the trunk's: see tests/tests/free_base.rs.
+    "trot_30s": ("trot", 30.0, 1, None),
+    "load_30s": ("trot", 30.0, 1, (2.0, 0.05, -0.02, 0.07)),
+    "sway_30s": ("sway", 30.0, 3, None),
 }
+STANDING = np.tile([0.0, 0.8, -1.6], 4)  # rad: where the whole robot's centre of mass is told
 SWUNG = 1.5  # m: how high a hand holds the trunk
 
 
@@ -252,12 +257,23 @@ def written(rows, random, bias):
     return out.getvalue()
 
 
+def standing_com(bodies):
+    """The whole robot's centre of mass about the base's origin, m."""
+    model = mujoco.MjModel.from_xml_string(mjcf(bodies))
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0, 0, 0, 1, 0, 0, 0, *STANDING]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return list(map(float, data.subtree_com[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "base")]))
+
+
 def told(gait, load, bodies, bias):
     """The truth that lies beside a log."""
     return {
         "gait": gait,
         "load": load,
         "mass": float(sum(phi[0] for phi in bodies)),
+        "com": standing_com(bodies),
         "bodies": {b: dict(zip("m hx hy hz Ixx Ixy Ixz Iyy Iyz Izz".split(), map(float, phi)))
                    for b, phi in zip(["base", *JOINTS], bodies)},
         "effects": {f"{e}:{j}": float(x) for e, values in FRICTION.items() for j, x in zip(JOINTS, values)},

@@ -50,14 +50,16 @@ fn com(truth: &Value) -> [f64; 3] {
     ["hx", "hy", "hz"].map(|h| number(&base[h]) / number(&base["m"]))
 }
 
-/// Trot, flying trot and sway: total mass within 1 %, the trunk's centre of mass within 8 mm, swaying within 3 mm.
+/// Trot, flying trot and sway: total mass within 1 %, the trunk's centre of mass within 8 mm, swaying within 3 mm, the whole robot's within
+/// 1.5 mm; all of these within three standard deviations too.
 #[test]
 fn masses_and_the_trunk_are_mujocos() {
     for (name, near) in [
         ("trot", 8e-3),
         ("load", 8e-3),
         ("flying", 8e-3),
-        ("sway", 3e-3),
+        // 4.5 s tell the trunk of a robot that sways to 8 mm, 30 s to 6: a check of 3 mm is one of this log, not of all of them.
+        ("sway_30s", 3e-3),
     ] {
         let (found, truth) = (identified(name), truth(name));
         let value = |quantity: &str| *found.quantity(quantity).unwrap();
@@ -79,8 +81,23 @@ fn masses_and_the_trunk_are_mujocos() {
             let (found, std) = (there[axis].value, there[axis].std);
             println!("  com {axis}: {found:.4} ± {std:.4} m, truth {expected:.4}");
             assert!(
-                (found - expected).abs() < near,
-                "{name}, axis {axis}: {found} {expected}"
+                (found - expected).abs() < f64::min(near, 3.0 * std),
+                "{name}, axis {axis}: {found} ± {std} {expected}"
+            );
+        }
+        for (axis, quantity) in ["robot_com_x", "robot_com_y", "robot_com_z"]
+            .into_iter()
+            .enumerate()
+        {
+            let (found, expected) = (value(quantity), number(&truth["com"][axis]));
+            let error = (found.value - expected).abs();
+            println!(
+                "  {quantity}: {:.5} ± {:.5} m, truth {expected:.5}",
+                found.value, found.std
+            );
+            assert!(
+                error < 1.5e-3 && error < 3.0 * found.std,
+                "{name}: {found:?} {expected}"
             );
         }
         // What is left is the sensors' noise, and none of it was learnt by heart.
@@ -543,11 +560,11 @@ fn diagnosed(folder: &Path, name: &str) -> Value {
 }
 
 /// Two kilograms on the trunk of a robot that was identified without them: named alone, mass within 3 %, place within 1 cm; and with
-/// them in the file the error is what is left.
+/// them in the file the error is what is left. Of 30 s, as is asked: 4.5 s tell a load's mass to 0.25 kg, which nothing can hold within 0.06.
 #[test]
 fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
     let folder = empty_folder();
-    let [without, with] = ["trot", "load"].map(|name| log(name).display().to_string());
+    let [without, with] = ["trot_30s", "load_30s"].map(|name| log(name).display().to_string());
     let file = ["-m", "go2.toml"];
     done(
         folder.path(),
@@ -565,7 +582,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         number(&json(&done(folder.path(), &of))["rms"])
     };
     let before = compared("go2.toml");
-    let found = diagnosed(folder.path(), "load");
+    let found = diagnosed(folder.path(), "load_30s");
     assert_eq!(found["verdict"], "missing");
     let path = found["path"].as_array().unwrap();
     assert_eq!(path.len(), 1, "{path:?}");
@@ -574,7 +591,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         (&"payload".into(), &"base".into())
     );
     let load = &found["candidates"][0];
-    let truth = truth("load")["load"].clone();
+    let truth = truth("load_30s")["load"].clone();
     for (n, near) in [0.06, 0.01, 0.01, 0.01].into_iter().enumerate() {
         let parameter = &load["parameters"][n];
         let (value, std) = (number(&parameter["value"]), number(&parameter["std"]));

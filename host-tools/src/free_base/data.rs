@@ -312,7 +312,7 @@ fn parts_of(blocks: &[Block]) -> Vec<Part> {
 fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
     let told: Vec<_> = walks
         .iter()
-        .filter_map(|(walk, _)| walk.gravity())
+        .filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)))
         .collect();
     let mut rows = DMatrix::zeros(told.len(), COLUMNS + 1);
     for (r, gravity) in told.iter().enumerate() {

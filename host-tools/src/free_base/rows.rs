@@ -14,7 +14,8 @@ use proprio_core::window::{
 use serde::Serialize;
 
 use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
-use super::stance::Stance;
+use super::speed::REACH;
+use super::stance::{SPREAD, Stance};
 use super::walk::Walk;
 use crate::estimate::bounded::body;
 
@@ -39,8 +40,11 @@ type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [Eff
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 
-/// Around a touch-down this much time to both sides belongs to no window, s.
-const IMPACT: f64 = 0.004;
+/// Around a touch-down this much time before and after it belongs to no window, s. What it does to the base is smoothed over 6 ms to both sides
+/// ([`super::speed`]). It is told by torques averaged over 6 ms to both sides ([`super::stance`]), which rise that much before the foot strikes:
+/// never late, so the time after it alone is longer for that.
+const BEFORE_IMPACT: f64 = REACH;
+const AFTER_IMPACT: f64 = REACH + SPREAD;
 /// Windows have at least this many samples.
 const LEAST_STEPS: f64 = 2.5;
 
@@ -152,17 +156,17 @@ impl RowSetup {
         terms.sum::<f64>() - row[ACC + MOVED]
     }
 
-    fn window(&self, period: f64) -> Window {
+    fn window(&self, period: f64, sensors: &Sensors) -> Window {
         Window::new(
             self.tree,
             EFFECTS,
             FreeBaseSetup {
                 imu: super::imu(),
-                feet: go2::feet(),
+                feet: sensors.feet(),
                 scale: SCALE,
                 plausible: all_plausible(),
                 settings: settings(period),
-                acc_bias: self.sensors.acc_bias(),
+                acc_bias: sensors.acc_bias(),
             },
         )
     }
@@ -195,43 +199,38 @@ pub(super) fn each_row(
 ) -> Windows {
     let Linearised { setup, moved } = at;
     let mut kept = Windows::default();
-    let counts = each_window(
-        &setup.sensors.corrected(walk),
-        stance,
-        setup,
-        |rows, row| {
-            let start_us = rows.span_us[0];
-            if outside.binary_search(&start_us).is_ok() {
-                kept.outside += 1;
-                return;
-            }
-            let told = Told::of(walk, stance, rows.span_us, rows.rank);
-            if told.equations == 0 {
-                kept.still += 1;
-                return;
-            }
-            let mut rank = told.equations;
-            for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
-                rows.write_row(coordinate, row);
-                let measured = row[ACC + MOVED];
-                let columns = moved.columns(start_us, coordinate, setup.left(row));
-                row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
-                // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
-                let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
-                row[COLUMNS] = measured + taken.sum::<f64>();
-                tell(Row {
-                    start: start_us as f64 * 1e-6,
-                    rank: std::mem::take(&mut rank),
-                    coordinate,
-                    numbers: row,
-                });
-            }
-            kept.used += 1;
-            kept.held += u64::from(told.held);
-            kept.equations += told.equations as u64;
-            kept.by_feet[told.feet] += 1;
-        },
-    );
+    let counts = each_window(walk, stance, setup, &setup.sensors, |rows, row| {
+        let start_us = rows.span_us[0];
+        if outside.binary_search(&start_us).is_ok() {
+            kept.outside += 1;
+            return;
+        }
+        let told = Told::of(walk, stance, rows.span_us, rows.rank);
+        if told.equations == 0 {
+            kept.still += 1;
+            return;
+        }
+        let mut rank = told.equations;
+        for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
+            rows.write_row(coordinate, row);
+            let measured = row[ACC + MOVED];
+            let columns = moved.columns(start_us, coordinate, setup.left(row));
+            row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
+            // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
+            let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
+            row[COLUMNS] = measured + taken.sum::<f64>();
+            tell(Row {
+                start: start_us as f64 * 1e-6,
+                rank: std::mem::take(&mut rank),
+                coordinate,
+                numbers: row,
+            });
+        }
+        kept.used += 1;
+        kept.held += u64::from(told.held);
+        kept.equations += told.equations as u64;
+        kept.by_feet[told.feet] += 1;
+    });
     counts.plus(&kept)
 }
 
@@ -242,15 +241,16 @@ pub(super) struct Linearised<'a> {
     pub(super) moved: &'a MovedReadings,
 }
 
-/// Tells the windows of a walk whose readings are taken as they are, with room for one row and its right-hand side, and counts those that
-/// are lost.
+/// Tells the windows of a walk as these sensors read it, with room for one row and its right-hand side, and counts those that are lost.
 pub(super) fn each_window(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
+    sensors: &Sensors,
     mut tell: impl FnMut(&Rows, &mut [f64]),
 ) -> Windows {
-    let mut window = Box::new(setup.window(walk.period));
+    let walk = &sensors.corrected(walk);
+    let mut window = Box::new(setup.window(walk.period, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
@@ -260,8 +260,8 @@ pub(super) fn each_window(
     let mut row = vec![0.0; COLUMNS + 1];
     for n in 0..walk.len() {
         let t = walk.seconds(n);
-        let next = impacts.partition_point(|i| *i < t - IMPACT);
-        if impacts.get(next).is_some_and(|i| *i <= t + IMPACT) {
+        let next = impacts.partition_point(|i| *i < t - AFTER_IMPACT);
+        if impacts.get(next).is_some_and(|i| *i <= t + BEFORE_IMPACT) {
             counts.impact += u64::from(open);
             open = false;
             window.clear();

@@ -1,4 +1,5 @@
-//! What the sensors of a walk get wrong: the accelerometer's bias, how the IMU is mounted, and when encoders and IMU were read.
+//! What the sensors of a walk get wrong: the accelerometer's bias, how the IMU is mounted, when encoders and IMU were read, and where feet touch
+//! the ground.
 //!
 //! None of it is the robot's, so it is fitted always, whatever the model. The bias has columns of its own
 //! ([`proprio_core::window::FreeBaseWindow`]). All else moves the readings, and its columns are differences: what an equation leaves if the
@@ -6,19 +7,29 @@
 //!
 //! Delays are against the torques. A quarter of a millisecond at a swinging calf is a tenth of its viscous friction: a position that leads
 //! its torque by half a step, as a simulation's may, or lags behind it by what the bus takes, shows in nothing else.
+//!
+//! A gyro and an accelerometer on one chip have filters of their own, and so lags of their own. Windows begin where a touch-down has just
+//! passed, when the specific force still falls: there a quarter of a millisecond between the two is 0.1 to 0.2 % of the mass.
+//!
+//! A force is projected out at a point: the lowest of the foot's sphere. Rubber gives way, the ground does, and the force acts somewhat
+//! higher. A millimetre is 0.25 % of the mass of a robot that sways and 0.08 % of one that trots.
 
 use nalgebra::{DVector, Rotation3, Vector3};
-use proprio_core::go2::JOINTS;
+use proprio_core::contact::Foot;
+use proprio_core::go2::{self, JOINTS, LEGS};
 
 use super::rows::{ACC, COORDINATES, RowSetup, each_window};
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::estimate::robot::side_by_side;
 
-/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s.
-pub(crate) const SENSORS: usize = 8;
+/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
+/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m.
+pub(crate) const SENSORS: usize = 10;
 /// The first of those that move the readings.
 pub(super) const MOVED: usize = 3;
+/// That of the feet.
+const RADIUS: usize = SENSORS - 1;
 
 /// Names and units.
 pub(crate) const NAMES: [(&str, &str); SENSORS] = [
@@ -30,14 +41,17 @@ pub(crate) const NAMES: [(&str, &str); SENSORS] = [
     ("mounting.z:imu", "rad"),
     ("delay:encoders", "s"),
     ("delay:imu", "s"),
+    ("delay:acc", "s"),
+    ("radius:feet", "m"),
 ];
 
 /// Standard deviations before any data. An accelerometer's bias is tenths of m/s² (data sheets of the LSM6DSO and BMI088); a board is mounted by
-/// hand within three degrees; readings that a host polls fifty times a second are half of that time apart.
-pub(crate) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01];
+/// hand within three degrees; readings that a host polls fifty times a second are half of that time apart; the filters of one chip, of 50 to 500 Hz, lag by
+/// 0.3 to 3 ms; rubber and ground give way by a millimetre or two, and the force acts in between.
+pub(crate) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01, 0.002, 0.001];
 
 /// How far readings are moved for a column: far beyond rounding, and too little to be felt.
-const STEP: [f64; SENSORS - MOVED] = [1e-4, 1e-4, 1e-4, 1e-5, 1e-5];
+const STEP: [f64; SENSORS - MOVED] = [1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-5];
 
 /// What the sensors get wrong, in the order of [`NAMES`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -54,14 +68,22 @@ impl Sensors {
         Vector3::new(self.0[0], self.0[1], self.0[2])
     }
 
+    /// The feet, as they touch the ground.
+    pub(super) fn feet(&self) -> [Foot<f64>; LEGS] {
+        go2::feet().map(|foot: Foot<f64>| Foot {
+            radius: foot.radius + self.0[RADIUS],
+            ..foot
+        })
+    }
+
     /// The walk as better sensors would have read it, but for the accelerometer's bias.
     pub(super) fn corrected(&self, walk: &Walk) -> Walk {
-        let [_, _, _, x, y, z, encoders, imu] = self.0;
+        let [_, _, _, x, y, z, encoders, imu, acc, _] = self.0;
         let mounting = Rotation3::from_scaled_axis(Vector3::new(x, y, z));
         let all = 0..walk.len();
         let joint = |n: usize, j: usize| walk.dq[n][j] + encoders * walk.rate(n, |m| walk.dq[m][j]);
-        let turned = |n: usize, of: &[Vector3<f64>]| {
-            mounting * (of[n] + Vector3::from_fn(|k, _| imu * walk.rate(n, |m| of[m][k])))
+        let turned = |n: usize, of: &[Vector3<f64>], late: f64| {
+            mounting * (of[n] + Vector3::from_fn(|k, _| late * walk.rate(n, |m| of[m][k])))
         };
         Walk {
             q: all
@@ -72,9 +94,14 @@ impl Sensors {
                 .clone()
                 .map(|n| std::array::from_fn::<f64, JOINTS, _>(|j| joint(n, j)))
                 .collect(),
-            gyro: all.clone().map(|n| turned(n, &walk.gyro)).collect(),
-            acc: all.clone().map(|n| turned(n, &walk.acc)).collect(),
-            down: all.map(|n| turned(n, &walk.down).normalize()).collect(),
+            gyro: all.clone().map(|n| turned(n, &walk.gyro, imu)).collect(),
+            acc: all
+                .clone()
+                .map(|n| turned(n, &walk.acc, imu + acc))
+                .collect(),
+            down: all
+                .map(|n| turned(n, &walk.down, imu).normalize())
+                .collect(),
             ..walk.clone()
         }
     }
@@ -92,7 +119,7 @@ impl MovedReadings {
             let mut sensors = setup.sensors;
             sensors.0[k] += STEP[k - MOVED];
             let mut all = Vec::new();
-            each_window(&sensors.corrected(walk), stance, setup, |rows, row| {
+            each_window(walk, stance, setup, &sensors, |rows, row| {
                 let left = std::array::from_fn(|coordinate| {
                     rows.write_row(coordinate, row);
                     setup.left(row)

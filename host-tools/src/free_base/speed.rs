@@ -22,7 +22,7 @@ const SPAN: f64 = 2e-3;
 const UNEVEN: f64 = 0.02;
 
 /// The gyro's parabola reaches this far to both sides, s.
-const REACH: f64 = 0.0061;
+pub(super) const REACH: f64 = 0.0061;
 
 /// Smooths the gyro, and replaces the joints' velocities where the slope of the position is quieter. What is sampled slowly
 /// stays as it is.

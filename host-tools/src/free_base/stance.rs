@@ -27,7 +27,7 @@ const HEIGHT: f64 = 0.015;
 /// Time before and after, s.
 const GUARD: f64 = 0.016;
 /// Accelerations are differences over this time to both sides, s; torques are means over it.
-const SPREAD: f64 = 0.006;
+pub(super) const SPREAD: f64 = 0.006;
 /// Low is this share of a sensor's range, told by the counts that one in twenty are below and above.
 const LOW: f64 = 0.25;
 const TAIL: f64 = 0.05;

@@ -15,8 +15,11 @@ use crate::log::{Log, Samples};
 const TIME_CONSTANT: f64 = 2.0;
 /// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
 const STRETCH: f64 = 2.0;
-/// Vertical velocity that a robot may have when a log begins or ends, m/s.
-const VERTICAL_SPEED: f64 = 0.2;
+/// Vertical velocity that a robot may have in the second in which a log begins or ends, on average, m/s: on its feet, which let it rise or sink by
+/// some centimetres, and swung by hand.
+const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
+/// What a velocity that changes sideways adds to the length of the mean specific force, m/s²: 0.3 m/s² beside gravity.
+const SIDEWAYS: f64 = 0.005;
 /// Standard gravity as all models here take it, m/s².
 const GRAVITY: f64 = 9.81;
 
@@ -202,34 +205,50 @@ impl Walk {
     }
 
     /// The mean of the specific force in axes that the gyro keeps from turning, over stretches of two seconds: gravity, but for
-    /// what the velocity has changed by.
-    pub(super) fn gravity(&self) -> Option<GravityTold> {
-        let (mut lengths, mut up, mut seconds) = (0.0, Vector3::zeros(), 0.0);
+    /// what the velocity has changed by. Stretches overlap by half under Hann's window, so that all of them weigh each instant alike and
+    /// the log begins and ends gently: a step's velocity, at whatever moment of it the log is cut, is no vertical motion of a second.
+    /// `held` by a hand, a robot moves faster.
+    pub(super) fn gravity(&self, held: bool) -> Option<GravityTold> {
+        let (mut lengths, mut up, mut count) = (0.0, Vector3::zeros(), 0.0);
         let mut first = 0;
         while first < self.len() {
             let last = self.index_at(self.seconds(first) + STRETCH);
             if last >= self.len() {
                 break;
             }
-            let (mut turned, mut sum) = (Rotation3::identity(), Vector3::zeros());
-            let mut mean_up = Vector3::zeros();
-            for n in first..last {
-                let dt = self.seconds(n + 1) - self.seconds(n);
-                let next = turned
-                    * Rotation3::from_scaled_axis((self.gyro[n] + self.gyro[n + 1]) * (0.5 * dt));
-                sum += (turned * self.acc[n] + next * self.acc[n + 1]) * (0.5 * dt);
-                mean_up -= self.down[n] * dt;
-                turned = next;
-            }
-            lengths += sum.norm();
-            up += mean_up;
-            seconds += self.seconds(last) - self.seconds(first);
-            first = last;
+            let (specific, own_up) = self.stretch(first, last);
+            lengths += specific.norm();
+            up += own_up;
+            count += 1.0;
+            first = self.index_at(self.seconds(first) + STRETCH / 2.0);
         }
-        (seconds > 0.0).then(|| GravityTold {
-            up: up / seconds,
-            excess: lengths / seconds - GRAVITY,
-            std: VERTICAL_SPEED * std::f64::consts::SQRT_2 / seconds,
+        let speed = VERTICAL_SPEED[usize::from(held)];
+        (count > 0.0).then(|| GravityTold {
+            up: up / count,
+            excess: lengths / count - GRAVITY,
+            std: (speed * std::f64::consts::SQRT_2 / (count * STRETCH / 2.0)).hypot(SIDEWAYS),
         })
+    }
+
+    /// Means over a stretch under Hann's window: the specific force in the axes of its beginning, and the direction up in the IMU's.
+    fn stretch(&self, first: usize, last: usize) -> (Vector3<f64>, Vector3<f64>) {
+        let [start, end] = [first, last].map(|n| self.seconds(n));
+        let weight = |n: usize| {
+            let phase = std::f64::consts::TAU * (self.seconds(n) - start) / (end - start);
+            0.5 * (1.0 - phase.cos())
+        };
+        let (mut turned, mut sum) = (Rotation3::identity(), Vector3::zeros());
+        let (mut up, mut weights) = (Vector3::zeros(), 0.0);
+        for n in first..last {
+            let half = 0.5 * (self.seconds(n + 1) - self.seconds(n));
+            let next =
+                turned * Rotation3::from_scaled_axis((self.gyro[n] + self.gyro[n + 1]) * half);
+            let [own, after] = [n, n + 1].map(|n| weight(n) * half);
+            sum += turned * self.acc[n] * own + next * self.acc[n + 1] * after;
+            up -= self.down[n] * own + self.down[n + 1] * after;
+            weights += own + after;
+            turned = next;
+        }
+        (sum / weights, up / weights)
     }
 }

@@ -3,9 +3,10 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use nalgebra::{DMatrix, DVector};
-use proprio_core::go2::{JOINT_NAMES, LEGS, Leg};
+use nalgebra::{DMatrix, DVector, SVector};
+use proprio_core::go2::{self, JOINT_NAMES, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::inertia::INERTIAL;
+use proprio_core::spatial::Transform;
 use serde::Serialize;
 
 use super::NotAModel;
@@ -13,7 +14,7 @@ use super::to_model::set_joint;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Deviations, Fit, bare, rms};
-use crate::free_base::rows::{ACC, BODIES, COLUMNS, EFFECTS};
+use crate::free_base::rows::{ACC, BODIES, COLUMNS, COORDINATES, EFFECTS};
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -37,10 +38,14 @@ pub fn identify_free_base(
     FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
 }
 
+/// The pose in which the whole robot's centre of mass is told: a Go2 as it stands, the same for every log, so that logs compare.
+const STANDING: [f64; JOINTS_PER_LEG] = [0.0, 0.8, -1.6];
+
 /// What follows from several parameters.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Quantity {
-    /// `total_mass`, `trunk_mass`, `trunk_com_x`, …: of the trunk about the base's origin.
+    /// `total_mass`, `trunk_mass`, `trunk_com_x`, …: of the trunk about the base's origin; `robot_com_x`, …: of the whole robot about it, standing
+    /// with its hips at 0, thighs at 0.8 and calves at −1.6 rad.
     pub name: &'static str,
     /// SI unit.
     pub unit: &'static str,
@@ -154,14 +159,11 @@ fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
         linear("total_mass", &masses),
         linear("trunk_mass", &[(0, 1.0)]),
     ];
-    for (axis, name) in ["trunk_com_x", "trunk_com_y", "trunk_com_z"]
-        .into_iter()
-        .enumerate()
-    {
-        let com = |theta: &DVector<f64>| theta[1 + axis] / theta[0];
+    let mut place = |name, mass: &DVector<f64>, moment: &DVector<f64>| {
+        let com = |theta: &DVector<f64>| moment.dot(theta) / mass.dot(theta);
         // c = h/m: ∂c = (∂h − c ∂m)/m.
-        let (value, mass) = (com(theta), theta[0]);
-        let change = at(&[(0, -value / mass), (1 + axis, 1.0 / mass)]);
+        let value = com(theta);
+        let change = (moment - mass * value) / mass.dot(theta);
         all.push(Quantity {
             name,
             unit: "m",
@@ -169,6 +171,45 @@ fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
             std: deviations.of_combination(&change),
             prior: com(&prior),
         });
+    };
+    for (axis, name) in ["trunk_com_x", "trunk_com_y", "trunk_com_z"]
+        .into_iter()
+        .enumerate()
+    {
+        place(name, &at(&[(0, 1.0)]), &at(&[(1 + axis, 1.0)]));
+    }
+    let standing = standing();
+    for (axis, name) in ["robot_com_x", "robot_com_y", "robot_com_z"]
+        .into_iter()
+        .enumerate()
+    {
+        let moment = standing.iter().enumerate().flat_map(|(b, placed)| {
+            let mass = (INERTIAL * b, placed.translation[axis]);
+            let turned = move |k| (INERTIAL * b + 1 + k, placed.rotation[(axis, k)]);
+            std::iter::once(mass).chain((0..3).map(turned))
+        });
+        let moment: Vec<_> = moment.collect();
+        place(name, &at(&masses), &at(&moment));
+    }
+    all
+}
+
+/// Where each body is in the base as the robot stands.
+fn standing() -> [Transform<f64>; BODIES] {
+    let tree = go2::free::<f64>();
+    let mut q = SVector::zeros();
+    (0..JOINTS).for_each(|j| q[COORDINATES - JOINTS + j] = STANDING[j % JOINTS_PER_LEG]);
+    let placed = tree.placements(&Transform::identity(), &q).from_parent;
+    let mut all = placed;
+    for b in 1..BODIES {
+        // Parents come before their children.
+        if let Some(parent) = tree.bodies()[b].parent {
+            let (above, own) = (all[parent], placed[b]);
+            all[b] = Transform {
+                rotation: above.rotation * own.rotation,
+                translation: above.translation + above.rotation * own.translation,
+            };
+        }
     }
     all
 }

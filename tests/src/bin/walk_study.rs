@@ -1,6 +1,6 @@
 //! Walking robots of which all is known, judged as a user would: `cargo run --release -p proprio-tests --bin walk_study -- FOLDER --write`.
 //!
-//! FOLDER holds a folder for each robot and gait, as this makes them (five seconds each, with the packages of
+//! FOLDER holds a folder for each robot and gait, as this makes them (ten seconds each, with the packages of
 //! `tests/oracle/requirements-export.txt`):
 //!
 //! ```sh
@@ -89,8 +89,12 @@ struct Errors {
     /// Of the total mass, relative; and in standard deviations.
     mass: Vec<f64>,
     mass_std: Vec<f64>,
-    /// Of the trunk's centre of mass along each axis, m.
+    /// Of the trunk's centre of mass along each axis, m, and in standard deviations.
     com: [Vec<f64>; 3],
+    com_std: Vec<f64>,
+    /// Of the whole robot's, the same.
+    robot: [Vec<f64>; 3],
+    robot_std: Vec<f64>,
     /// Of parameters identified beyond the CAD, and of friction and rotors, in standard deviations.
     identified: Vec<f64>,
     friction: Vec<f64>,
@@ -110,6 +114,12 @@ impl Errors {
             let com = number(&base[format!("h{name}")]) / number(&base["m"]);
             if let Some(found) = quantity(&format!("trunk_com_{name}")) {
                 self.com[axis].push(found.value - com);
+                self.com_std.push((found.value - com) / found.std);
+            }
+            if let Some(found) = quantity(&format!("robot_com_{name}")) {
+                let error = found.value - number(&truth["com"][axis]);
+                self.robot[axis].push(error);
+                self.robot_std.push(error / found.std);
             }
         }
         for parameter in &found.parameters {
@@ -135,17 +145,21 @@ impl Errors {
     fn row(&self, gait: &str) -> String {
         let within = |errors: &[f64], most: f64| share(errors, |x| x.abs() <= most);
         let worst = |errors: &[f64]| errors.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        let com = self
-            .com
-            .each_ref()
-            .map(|errors| format!("{:.1}", 1e3 * worst(errors)));
+        let places = |of: &[Vec<f64>; 3]| {
+            of.each_ref()
+                .map(|errors| format!("{:.1}", 1e3 * worst(errors)))
+                .join(", ")
+        };
         format!(
-            "| {gait} | {} | {} | {:.2} | {} | {} | {} | {} | {} | {} |\n",
+            "| {gait} | {} | {} | {:.2} | {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
             self.robots,
             within(&self.mass, 0.01),
             100.0 * worst(&self.mass),
             within(&self.mass_std, 2.0),
-            com.join(", "),
+            places(&self.com),
+            within(&self.com_std, 2.0),
+            places(&self.robot),
+            within(&self.robot_std, 2.0),
             within(&self.identified, 2.0),
             within(&self.identified, 3.0),
             within(&self.friction, 2.0),
@@ -212,8 +226,9 @@ fn told(walk: &Walk, model: &Model, expected: Option<(&str, &str, &[f64])>) -> O
 }
 
 fn identified(folder: &Path) -> String {
-    let mut table = "| gait | robots | total mass within 1 % | worst, % | within 2 std | trunk's centre of mass, worst, mm (x, y, z) | identified \
-                     parameters within 2 std | 3 std | friction and rotors within 2 std | 3 std |\n|---|---|---|---|---|---|---|---|---|---|\n"
+    let mut table = "| gait | robots | total mass within 1 % | worst, % | within 2 std | trunk's centre of mass, worst, mm (x, y, z) | within 2 std | \
+                     the whole robot's, worst, mm | within 2 std | identified parameters within 2 std | 3 std | friction and rotors within 2 std | \
+                     3 std |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_owned();
     for gait in GAITS {
         let mut errors = Errors::default();
