@@ -171,12 +171,14 @@ const BIAS: usize = 3;
 const COULOMB: usize = 1;
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_robot_that_stays_the_same_is_not_said_to_change() {
     let mut robot = Robot::new();
     assert_eq!(changes(robot.run(300, |_| Extra::default())), []);
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_leg_at_rest_is_not_said_to_change_by_quanta() {
     let (mut device, mut told) = (Whole::<f64>::new(DESKTOP), Vec::new());
     for step in 0..80 * SECOND {
@@ -200,6 +202,7 @@ fn a_leg_at_rest_is_not_said_to_change_by_quanta() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_step_of_a_bias_is_announced_and_followed_wherever_in_a_block_it_comes() {
     for late in [0.0, 0.5, 1.0, 1.5, 1.75, 1.9] {
         let mut robot = Robot::new();
@@ -243,6 +246,7 @@ fn a_step_of_a_bias_is_announced_and_followed_wherever_in_a_block_it_comes() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_joint_that_binds_is_announced_and_runs_freely_again() {
     let mut robot = Robot::new();
     robot.run(40, |_| Extra::default());
@@ -267,6 +271,7 @@ fn a_joint_that_binds_is_announced_and_runs_freely_again() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_load_is_announced_and_weighed() {
     let mut robot = Robot::new();
     robot.run(60, |_| Extra::default());
@@ -308,6 +313,7 @@ fn a_load_is_announced_and_weighed() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_drifts_is_followed_where_the_host_says_so() {
     // So slowly that no block of 2 s tells.
     let drift = |t: f64| Extra {

@@ -31,6 +31,7 @@ fn could_be(estimate: &Estimate) -> bool {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_told_could_be_whatever_the_data() {
     let mut robot = Robot::new();
     let told = robot.run(30, impossible).to_vec();
@@ -52,6 +53,7 @@ fn what_is_told_could_be_whatever_the_data() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_others_and_the_diagnosis_go_on_meanwhile() {
     let mut robot = Robot::new();
     robot.run(20, impossible);
@@ -73,6 +75,7 @@ fn the_others_and_the_diagnosis_go_on_meanwhile() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_the_host_sets_meanwhile_voids_it() {
     let mut robot = Robot::new();
     robot.run(10, impossible);

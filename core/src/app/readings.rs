@@ -126,6 +126,7 @@ mod tests {
 
     /// The wave turns by up to 126 a second: what is 0.6 ms late would be off by 0.075.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn readings_around_a_sample_have_no_delay() {
         // 1666 Hz and what the data sheet lets it be off by.
         for period in [600.2, 560.0, 640.0] {
@@ -134,6 +135,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn a_reading_of_the_same_time_counts_alone() {
         let mut readings = Readings::new();
         for n in 0..20 {

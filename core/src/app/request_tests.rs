@@ -50,6 +50,7 @@ fn answers(app: &mut Moving, steps: u64) -> Vec<(u32, Outcome)> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_repeated_request_is_answered_alike_and_not_done_twice() {
     let mut app = Moving::new();
     let at = EffectAt {
@@ -84,6 +85,7 @@ fn a_repeated_request_is_answered_alike_and_not_done_twice() {
 
 /// A host that floods is obeyed one request a step; what finds no room is answered when it is asked again.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_flood_of_requests_waits_and_none_is_done_unanswered() {
     let mut app = Moving::new();
     let at = |id: u32| EffectAt {
@@ -136,6 +138,7 @@ fn read(app: &mut Moving, place: ReadFactor) -> (f64, Vec<f64>) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_factor_comes_whole_though_its_data_grow_and_parts_are_lost() {
     let mut app = Moving::new();
     app.run(2_500);
@@ -211,6 +214,7 @@ fn viscous(app: &mut Moving) -> (f32, f32, Estimate) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_prior_that_the_host_sets_holds_until_a_reset() {
     let mut app = Moving::new();
     let (free, _, _) = viscous(&mut app);
@@ -237,6 +241,7 @@ fn a_prior_that_the_host_sets_holds_until_a_reset() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_body_is_known_as_well_as_the_host_says() {
     let mut app = Moving::new();
     let (.., loose) = viscous(&mut app);
@@ -268,6 +273,7 @@ fn leg_masses() -> [f64; JOINTS_PER_LEG] {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_prior_that_cannot_be_is_refused_and_changes_nothing() {
     let mut app = Moving::new();
     let (before, ..) = viscous(&mut app);
@@ -301,6 +307,7 @@ fn a_prior_that_cannot_be_is_refused_and_changes_nothing() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_asked_of_no_leg_joint_or_body_is_refused() {
     let mut app = Moving::new();
     let belief = Belief {
@@ -353,6 +360,7 @@ fn spoken_of(messages: &[DeviceMessage]) -> (Vec<u8>, Vec<u8>) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn legs_that_are_not_listened_to_are_kept_as_they_are() {
     let mut app = Moving::new();
     app.run(3_000);

@@ -25,6 +25,7 @@ fn hellos(told: &[DeviceMessage]) -> Vec<bool> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_robot_that_stands_for_a_while_is_left_out() {
     let mut robot = Robot::new();
     assert!(!hellos(robot.run(20, hanging)).contains(&true));
@@ -59,6 +60,7 @@ fn a_robot_that_stands_for_a_while_is_left_out() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_robot_that_stands_from_the_first_on_gives_nothing() {
     let mut robot = Robot::new();
     robot.run(10, standing);
@@ -70,6 +72,7 @@ fn a_robot_that_stands_from_the_first_on_gives_nothing() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn loads_friction_and_bias_of_a_hanging_robot_are_none() {
     let mut robot = Robot::new();
     robot.run(10, |_| Extra {

@@ -127,6 +127,7 @@ pub(super) fn last_estimate(messages: &[DeviceMessage], leg: usize) -> &Estimate
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_told_is_what_the_leg_estimator_finds() {
     let steps = 700;
     let mut app = Whole::new(DESKTOP);
@@ -173,6 +174,7 @@ fn what_is_told_is_what_the_leg_estimator_finds() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn commands_are_a_help_and_not_needed() {
     let with = run(&mut Whole::new(DESKTOP), 100, true);
     let without = run(&mut Whole::new(DESKTOP), 100, false);
@@ -182,6 +184,7 @@ fn commands_are_a_help_and_not_needed() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn estimates_come_four_times_a_second_and_counters_ten_times() {
     let messages = run(&mut Whole::new(DESKTOP), 1000, true);
     let count = |wanted: fn(&DeviceMessage) -> bool| messages.iter().filter(|m| wanted(m)).count();
@@ -218,6 +221,7 @@ fn column(effect: EffectKind) -> u8 {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
     let mut app = Whole::<f64>::new(DESKTOP);
     let mut messages = play(&mut app, 0..16_000, with_drag);
@@ -316,7 +320,65 @@ pub(super) fn play(
     messages
 }
 
+/// All that a step does, for as long as Miri has patience (`tests/miri`): every kind of request, samples, garbage, what is solved of them, a
+/// reset.
 #[test]
+fn a_short_while_of_all_that_a_step_does() {
+    let mut app = Whole::new(DESKTOP);
+    let at = EffectAt {
+        leg: 1,
+        joint: 2,
+        effect: column(EffectKind::QuadraticDrag),
+    };
+    let belief = Belief {
+        mean: 0.04,
+        std: 0.01,
+    };
+    let body = BodyPrior {
+        leg: 2,
+        body: 1,
+        uncertainty: 0.2,
+    };
+    let actions = [
+        Action::AddEffect(at),
+        Action::SetEffectPrior(at, belief),
+        Action::SetBodyPrior(body),
+        Action::SetMemory(600),
+        Action::SetLegs(0b0111),
+        Action::DropEffect(at),
+        Action::Keep,
+    ];
+    for (id, action) in (1..).zip(actions) {
+        app.ask(id, action);
+    }
+    let mut messages = play(&mut app, 0..150, motion);
+    let garbage = [0xFD, 0xEE, 0x00, 0xFF, 0x0A];
+    app.step(151 * STEP_US, [&garbage; LEGS], &mut |_| ());
+    messages.extend(play(&mut app, 152..300, motion));
+    for id in 1..7 {
+        let outcome = Outcome::Accepted;
+        let answer = DeviceMessage::Answer(Answer { id, outcome });
+        assert!(messages.contains(&answer), "{id}");
+    }
+    let told = messages.iter().filter_map(|message| match message {
+        DeviceMessage::Estimate(estimate) => Some(estimate),
+        _ => None,
+    });
+    let told: Vec<&Estimate> = told.collect();
+    assert!(!told.is_empty());
+    for estimate in told {
+        let mut numbers = estimate.values.iter().chain(&estimate.std);
+        assert!(numbers.all(|x| x.is_finite()));
+    }
+    let counters = app.app.counters(&app.memory, 0);
+    assert!(counters.legs[0].windows > 0 && counters.legs[3].windows == 0);
+    app.ask(8, Action::Reset);
+    let messages = play(&mut app, 300..302, motion);
+    assert!(matches!(messages[0], DeviceMessage::Hello(_)));
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_reset_forgets_and_says_hello() {
     let mut app = Whole::new(DESKTOP);
     run(&mut app, 100, true);
@@ -349,6 +411,7 @@ fn costs_are_counted_against_the_budget() {
 
 proptest! {
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_bytes_panic_or_break_the_estimate(
         noise in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 1..40)
     ) {

@@ -118,6 +118,7 @@ fn noise_and_share(timing: &Timing) -> ([f64; 3], f64) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_joints_noise_is_that_of_ideal_timing() {
     for period_us in [1000.0, 2000.0, 1e6 / 333.0, 5000.0] {
         for (order, spacing_us, jitter_us) in [

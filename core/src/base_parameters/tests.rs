@@ -12,6 +12,7 @@ fn of<T: Real>(which: Leg, joint: usize) -> BaseParameters<T, Vec<T>> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_leg_has_as_many_base_parameters_as_it_should_in_both_scalars() {
     for which in Leg::ALL {
         for (joint, rank) in [15, 14, 7].into_iter().enumerate() {
@@ -36,6 +37,7 @@ fn a_leg_has_as_many_base_parameters_as_it_should_in_both_scalars() {
 
 /// W = W_i P in states that the analysis has not seen: other speeds, other tilts.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_independent_columns_give_all_others() {
     let mut states = States(77);
     for which in Leg::ALL {
@@ -84,6 +86,7 @@ fn the_calf_is_written_out_as_in_the_textbook() {
 
 /// The marginal says of β what the prior says: mean P φ and covariance P Σ Pᵀ.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_marginal_has_the_priors_mean_and_covariance() {
     let tree = leg::<f64>(Leg::RR);
     for joint in 0..3 {
@@ -125,6 +128,7 @@ fn the_marginal_has_the_priors_mean_and_covariance() {
 
 /// Data that move one joint alone determine less than the structure would allow.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_poor_motion_determines_fewer_combinations() {
     let tree = leg::<f64>(Leg::FR);
     let mut factor = Factor::in_storage(30, vec![0.0; packed_len(30)]).unwrap();

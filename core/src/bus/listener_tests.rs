@@ -182,6 +182,7 @@ fn pollings() -> Vec<Polling> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn whole_cycles_are_found_however_they_are_polled_and_none_is_mixed() {
     let cycles = 5_000;
     for polling in pollings() {
@@ -217,6 +218,7 @@ fn whole_cycles_are_found_however_they_are_polled_and_none_is_mixed() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn replies_bear_the_time_at_which_they_came() {
     let polling = Polling {
         jitter_us: 200.0,
@@ -260,6 +262,7 @@ fn bytes_of_one_piece_bear_their_own_times() {
 
 /// Lost bytes at every rate: what is whole on the wire is found, and nothing else.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn lost_and_damaged_bytes_mix_no_cycles() {
     for polling in pollings().into_iter().step_by(7) {
         for share in [0.001, 0.01, 0.05, 0.2] {
@@ -296,6 +299,7 @@ fn lost_and_damaged_bytes_mix_no_cycles() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_change_of_rate_is_noticed() {
     let (mut queue, mut listener, mut random) = (Queue::new(), <Listener>::new(), Random(3));
     let mut start = 0.0;
@@ -322,6 +326,7 @@ fn a_change_of_rate_is_noticed() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_motor_that_vanishes_and_returns_is_counted() {
     let (heard, listener) = play(&Polling::USUAL, 3000, |n, bytes, _| {
         let motor_1 = bytes.starts_with(&Reply::HEADER) && bytes[2] & 0x0F == 1;
@@ -364,6 +369,7 @@ fn altered(change: impl Fn(u64, &mut Reply)) -> (usize, AssemblyCounters) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_a_motor_says_is_wrong_with_it_leaves_its_cycles_out() {
     let during = 300..500;
     for (error, count) in [
@@ -387,6 +393,7 @@ fn what_a_motor_says_is_wrong_with_it_leaves_its_cycles_out() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_stuck_encoder_is_noticed_and_a_motor_at_rest_is_none() {
     let position = |n: u64| 200 * n.min(300) as i32;
     let after = |n: u64| n >= 300;
@@ -445,6 +452,7 @@ fn what_finds_no_room_is_lost_and_counted_and_the_rest_is_found() {
 proptest! {
     /// Whatever comes, at whatever time: nothing panics, every byte and every reply is accounted for, no effort is exceeded.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_bytes_and_no_times_panic(
         pieces in proptest::collection::vec((
             prop_oneof![

@@ -84,6 +84,7 @@ fn captured_reply() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_frame_cut_short_hides_nothing() {
     let whole = Reply {
         mode: Mode::foc(2),
@@ -106,6 +107,7 @@ fn a_frame_cut_short_hides_nothing() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_byte_lost_from_the_end_is_a_short_frame() {
     let frame = Reply {
         mode: Mode::foc(0),
@@ -192,6 +194,7 @@ fn chance_frame(bytes: &[u8], at: usize) -> bool {
 
 proptest! {
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn every_good_frame_in_garbage_is_found(
         parts in proptest::collection::vec((garbage(), any_frame(SEED_GO2)), 1..20)
     ) {
@@ -251,6 +254,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_bytes_panic_and_every_byte_is_accounted_for(
         bytes in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFE), Just(0xFD), Just(0xEE)], 0..400)
     ) {

@@ -57,6 +57,7 @@ fn where_the_free_solution_is_physical_the_cost_is_that_of_the_free_solution() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn every_start_ends_at_the_same_bodies() {
     let estimator = moved(10, 1.0);
     let mut solver = solver(&estimator);
@@ -126,6 +127,7 @@ proptest! {
 
 /// Legs that rest, that swing at the limit of what is plausible, and others between, whose torques have nothing to do with it.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn data_as_wild_as_can_be_come_to_an_end() {
     let mut state = 1_u32;
     let mut random = move || {
@@ -155,6 +157,7 @@ fn data_as_wild_as_can_be_come_to_an_end() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_minimum_has_no_slope_but_at_bounds() {
     let estimator = moved(3, 2.0);
     let mut solver = solver(&estimator);

@@ -106,6 +106,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_force_at_a_loaded_foot_passes(
         q in joints(), loaded in prop::array::uniform4(any::<bool>()), down in vector(), d in scale(), x in numbers(),
         force in prop::array::uniform4(vector()),
@@ -135,6 +136,7 @@ proptest! {
 
     /// Straight knees: the legs cannot shorten. Two feet whose line both legs are stretched along lose a direction.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn singular_legs_leave_a_projector(q in joints(), loaded in prop::array::uniform4(any::<bool>()), d in scale()) {
         let tree = go2::free::<f64>();
         let mut q = q;
@@ -151,6 +153,7 @@ proptest! {
 
 /// The same foot twice: three rows of six are spanned by the others.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn rows_that_others_span_add_no_direction() {
     let tree = go2::free::<f64>();
     let foot = go2::feet::<f64>()[0];
@@ -198,6 +201,7 @@ fn a_foot_on_no_body_moves_with_nothing() {
 proptest! {
     /// A body that turns as it likes and shakes: the direction follows, for the gyro turns it and the shaking averages out.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn gravitys_direction_follows_a_turning_body(rate in vector(), shake in vector()) {
         let (rate, dt) = (rate * 0.5, 2e-3);
         let mut filter = GravityDirection::new(&Vector3::new(0.0, 0.0, 9.81));

@@ -43,6 +43,7 @@ proptest! {
 
 /// An effect that is there gains what it explains; one that is not gains nothing beyond chance.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn an_effect_that_is_there_gains_and_another_does_not() {
     let mut state = 5_u64;
     let mut noise = || {

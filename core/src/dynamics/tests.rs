@@ -207,16 +207,19 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn derivatives_of_a_pinned_leg(case in case()) {
         check_derivatives::<3, 30>(&Moving::new(go2::leg(Leg::FL), &case))?;
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn derivatives_of_the_pinned_robot(case in case()) {
         check_derivatives::<12, 120>(&Moving::new(go2::pinned(), &case))?;
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn derivatives_with_a_sliding_joint(case in case()) {
         let mut bodies = *go2::leg::<f64>(Leg::FL).bodies();
         bodies[1].joint = Joint::Prismatic(Vector3::new(0.6, 0.0, 0.8));
@@ -229,11 +232,13 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn identities_of_the_pinned_robot(case in case()) {
         check::<12, 12, 120>(&Moving::new(go2::pinned(), &case))?;
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn identities_of_the_free_robot(case in case()) {
         check::<13, 18, 130>(&Moving::new(go2::free(), &case))?;
     }

@@ -359,6 +359,7 @@ mod tests {
 
     /// Terms integrate to the impulse of the torque they stand for: checked on q = sin t against the closed form.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn terms_integrate_to_the_impulse_of_the_torque() {
         const SHAPE: f64 = 0.7;
         let state = |t: f64| JointState {

@@ -77,6 +77,7 @@ pub(crate) fn solved<T: Real>(estimator: &LegEstimator<T>) -> LegSolver<T> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn exact_data_give_the_true_effects_and_a_small_residual() {
     for which in Leg::ALL {
         let estimator = fed(which, 0..20);
@@ -115,6 +116,7 @@ fn without_data_the_solution_is_the_prior() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_a_motion_does_not_show_keeps_the_prior() {
     // A leg that hangs still shows gravity and bias together, nothing else.
     let mut estimator = LegEstimator::<f64>::new(Leg::FR);
@@ -145,6 +147,7 @@ fn what_a_motion_does_not_show_keeps_the_prior() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn halves_merge_to_the_whole() {
     let mut window = LegEstimator::<f64>::new(Leg::FL);
     let (mut even, mut odd) = (LegFactors::default(), LegFactors::default());
@@ -171,6 +174,7 @@ fn halves_merge_to_the_whole() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_number_of_steps_does_not_depend_on_the_data() {
     let steps = |estimator: &LegEstimator<f64>| {
         let mut solver = LegSolver::default();
@@ -184,6 +188,7 @@ fn the_number_of_steps_does_not_depend_on_the_data() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn f32_agrees_with_f64() {
     let mut single = LegEstimator::<f32>::new(Leg::FR);
     for n in 0..10_000_u64 {
@@ -210,6 +215,7 @@ fn f32_agrees_with_f64() {
 
 /// The columns of a leg are dependent; how the rows were gathered must not show in the noise all the same.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_noise_does_not_depend_on_how_the_rows_were_gathered() {
     let mut window = LegEstimator::<f64>::new(Leg::RR);
     let mut single = LegFactors::<f32>::default();

@@ -85,6 +85,7 @@ fn gathered(arrow: &Small, part: usize) -> Factor<f64, Vec<f64>> {
 
 proptest! {
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn an_arrow_is_the_triangle_of_all_columns(
         rows in rows(),
         theta in prop::collection::vec(-2.0..2.0f64, ALL),

@@ -282,6 +282,7 @@ proptest! {
 /// Ten million updates in f32 with a memory of 10 000 rows, of parameters that change half-way: the estimate is finite,
 /// follows, and stays as accurate as the noise allows. Measured: f32 within 4e-5 of f64, whose own error is 1e-4.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn ten_million_forgetting_updates_in_f32_stay_accurate() {
     const N: usize = 4;
     let mut single = Factor::<f32, [f32; packed_len(N)]>::new::<N>();

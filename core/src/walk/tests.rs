@@ -95,6 +95,7 @@ fn the_misfit_is_that_of_the_trapezium() {
 
 /// What the rows say of wrong parameters is what those of the projector say: as much information, in two thirds of the rows or fewer.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_rows_tell_what_the_projected_ones_do() {
     use crate::inertia::InertialParameters;
     for n in 0..12 {
@@ -141,6 +142,7 @@ fn the_rows_tell_what_the_projected_ones_do() {
 
 /// Without data the solution is the CAD: of the columns, and of the trunk apart from what the legs hand to it.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_prior_is_the_cads() {
     fn check<T: Real>(tolerance: f64) {
         let (mut walker, mut memory) = (
@@ -189,6 +191,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn rows_hold_with_any_forces_at_any_feet(case in case()) {
         let rows = rows_of(&case, &case.samples(400, 2));
         // A straight leg's window has no rows.

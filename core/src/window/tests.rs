@@ -85,6 +85,7 @@ fn misfit(rows: &[LegRows]) -> f64 {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn rows_hold_the_momentum_equation_to_the_order_of_the_trapezium() {
     let error = |period_us: u64| {
         let (rows, _) = rows_of((0..1_000_000 / period_us).map(|n| exact(Leg::FR, n * period_us)));
@@ -100,6 +101,7 @@ fn rows_hold_the_momentum_equation_to_the_order_of_the_trapezium() {
 
 proptest! {
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn jitter_costs_no_more_than_coarse_samples(steps in prop::collection::vec(500..4_000u64, 200)) {
         let mut time = 0;
         let (rows, _) = rows_of(steps.iter().map(|step| { time += step; exact(Leg::FR, time) }));
@@ -108,6 +110,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn repeated_and_late_samples_change_nothing(faults in prop::collection::vec(0..4u8, 100)) {
         let clean = (0..100).map(|n| exact(Leg::FR, n * 2_000));
         let mut faulty = vec![];
@@ -132,6 +135,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_number_makes_a_row_that_is_not_finite(
         readings in prop::collection::vec((0..20_000u64, prop::array::uniform9(any::<f64>())), 1..60),
     ) {
@@ -172,6 +176,7 @@ fn a_gap_is_not_bridged() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_clock_that_is_set_back_loses_the_open_window_and_no_other() {
     // By less than a gap that is bridged, by more than a window, by nearly all. By less than two samples it is taken for an
     // overtaken message.

@@ -125,6 +125,7 @@ fn kept() -> Keeping<Flash> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_kept_comes_back_and_goes_on() {
     let mut before = kept();
     let mut after = Keeping::start(before.flash.clone());
@@ -152,6 +153,7 @@ fn what_is_kept_comes_back_and_goes_on() {
 
 /// Wherever the power fails while a snapshot is written, what comes back is the one before or this one.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_power_cut_at_any_byte_leaves_the_old_or_the_new() {
     let mut device = kept();
     let old = Keeping::start(device.flash.clone()).numbers();
@@ -211,6 +213,7 @@ fn a_power_cut_at_any_byte_leaves_the_old_or_the_new() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_a_cut_has_left_is_written_over() {
     let device = kept();
     let old = device.numbers();
@@ -234,6 +237,7 @@ fn what_a_cut_has_left_is_written_over() {
 
 /// Of a robot that moves, each leg is kept as it was at one time.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_leg_is_of_one_time_though_its_data_grow() {
     let mut device = Keeping::start(erased(2));
     device.run(2_100);
@@ -262,6 +266,7 @@ fn triangles(folds: &DeviceFolds<f64>) -> Vec<u64> {
 
 /// What the host sets while a snapshot is written is in all of it, or not at all.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn settings_are_of_one_time() {
     let mut device = Keeping::start(erased(2));
     device.run(1_000);
@@ -279,6 +284,7 @@ fn settings_are_of_one_time() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_reset_is_kept_too() {
     let mut device = kept();
     device.ask(Action::Reset);
@@ -306,6 +312,7 @@ fn a_reset_is_kept_too() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_of_another_robot_or_schema_is_left() {
     let device = kept();
     let Some(head) = slots::whole(&mut device.flash.clone(), 0) else {
@@ -325,6 +332,7 @@ fn what_is_of_another_robot_or_schema_is_left() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn slots_take_turns_and_the_newest_whole_one_counts() {
     let mut device = kept();
     for n in 2..=6 {
@@ -398,6 +406,7 @@ impl NorFlash for Busy {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_flash_that_is_busy_is_asked_again_and_one_that_refuses_is_given_up() {
     for (every, counts) in [(3, [1, 0]), (u32::MAX, [0, 1])] {
         let mut device = Keeping::start(Busy {

@@ -252,6 +252,7 @@ mod tests {
     use std::vec;
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn the_base_columns_are_those_of_the_analysis() {
         fn check<T: Real>() {
             for which in Leg::ALL {
@@ -304,6 +305,7 @@ mod tests {
     proptest! {
         /// The same pushes and rows as of the window of all columns, whatever samples come.
         #[test]
+        #[cfg_attr(miri, ignore = "too long to interpret")]
         fn rows_are_those_of_the_window_of_all_columns(
             which in 0..4usize,
             base in transform(),

@@ -269,6 +269,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn rows_hold_with_any_forces_at_any_feet(case in case()) {
         let (rows, _) = rows_of(&mut case.window(), &case.samples(400, 2));
         prop_assert_eq!(rows.len(), 2);
@@ -314,6 +315,7 @@ pub(crate) fn example(n: usize, loaded: [bool; 4]) -> Case {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_misfit_is_that_of_the_trapezium() {
     let (coarse, fine) = (mean_misfit(20), mean_misfit(5));
     std::println!("misfit of 2 ms samples {coarse:.1e}, of 0.5 ms {fine:.1e} N m and N");
@@ -321,6 +323,7 @@ fn the_misfit_is_that_of_the_trapezium() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_force_at_a_foot_that_is_taken_to_be_in_the_air_is_felt() {
     let case = example(3, [true; 4]);
     let mut samples = case.samples(200, 2);
@@ -357,6 +360,7 @@ fn a_known_bias_is_taken_off() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_window_ends_where_a_foot_lifts_off() {
     let case = example(1, [true; 4]);
     let mut samples = case.samples(600, 20);
@@ -421,6 +425,7 @@ fn structural_rank(loaded: [bool; 4], with_bias: bool) -> usize {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn structural_ranks() {
     let stances = [
         ("no foot", [false; 4], 18),
