@@ -167,6 +167,7 @@ fn a_factor_comes_whole_though_its_data_grow_and_parts_are_lost() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_no_factor_or_no_copy_has_no_numbers() {
     let mut app = Moving::new();
     let place = ReadFactor {

@@ -277,6 +277,7 @@ fn the_device_names_a_hidden_effect_and_estimates_it_when_told_to() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn commands_that_make_no_sense_are_refused_with_the_reason() {
     let mut app = Whole::<f32>::new(DESKTOP);
     let at = |leg, joint, effect| EffectAt { leg, joint, effect };
@@ -320,9 +321,9 @@ pub(super) fn play(
     messages
 }
 
-/// All that a step does, for as long as Miri has patience (`tests/miri`): every kind of request, samples, garbage, what is solved of them, a
-/// reset.
+/// Every kind of request, samples, garbage, what is solved of them, a reset: all in a short while.
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_short_while_of_all_that_a_step_does() {
     let mut app = Whole::new(DESKTOP);
     let at = EffectAt {
@@ -391,6 +392,7 @@ fn a_reset_forgets_and_says_hello() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn costs_are_counted_against_the_budget() {
     let mut app = Whole::<f32>::new(DESKTOP);
     for cost in [9, 10, 11, 5] {

@@ -25,6 +25,7 @@ fn app() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn it_says_hello_when_it_begins_and_when_asked_and_counts_costs() {
     let (mut app, mut memory) = app();
     let mut hellos = 0;

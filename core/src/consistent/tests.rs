@@ -42,6 +42,7 @@ fn lower(effect: usize) -> f64 {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn where_the_free_solution_is_physical_the_cost_is_that_of_the_free_solution() {
     let estimator = moved(20, 0.5);
     let free = crate::estimator::tests::solved(&estimator);
@@ -94,6 +95,7 @@ proptest! {
 
     /// Data from bodies that cannot exist and negative friction, hardly any noise: the answer is physical all the same.
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn impossible_data_give_possible_bodies(
         wrong in prop::array::uniform32(-2.0..2.0f64), effects in prop::array::uniform12(-1.0..1.0f64),
     ) {

@@ -76,6 +76,7 @@ fn the_first_of_the_trunks_columns_is_the_robots_mass() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn the_misfit_is_that_of_the_trapezium() {
     for (n, loaded) in [[true; 4], [false; 4], [true, false, false, true]]
         .into_iter()

@@ -298,6 +298,7 @@ proptest! {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long to interpret")]
     fn no_bytes_panic(bytes in proptest::collection::vec(prop_oneof![any::<u8>(), Just(0)], 0..3000)) {
         receive(&mut Receiver::<DeviceMessage>::default(), &bytes);
         receive(&mut Receiver::<HostMessage>::default(), &bytes);

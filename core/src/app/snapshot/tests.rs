@@ -428,6 +428,7 @@ fn a_flash_that_is_busy_is_asked_again_and_one_that_refuses_is_given_up() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn without_flash_there_is_nothing_to_ask_for() {
     let mut app = Box::new(App::<f64>::new(DESKTOP));
     let mut memory = Box::new(Memory::new());

@@ -346,6 +346,7 @@ fn a_force_at_a_foot_that_is_taken_to_be_in_the_air_is_felt() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_known_bias_is_taken_off() {
     let mut case = example(5, [true, false, false, true]);
     let samples = case.samples(200, 2);
@@ -376,6 +377,7 @@ fn a_window_ends_where_a_foot_lifts_off() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
 fn what_is_no_measurement_is_told_by_name() {
     let case = example(2, [false; 4]);
     let samples = case.samples(100, 20);
