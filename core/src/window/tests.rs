@@ -157,7 +157,6 @@ proptest! {
 }
 
 #[test]
-#[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_gap_is_not_bridged() {
     let before = (0..25).map(|n| exact(Leg::FR, n * 2_000));
     let hours = 4 * 3_600_000_000;

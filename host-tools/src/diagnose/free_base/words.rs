@@ -230,8 +230,11 @@ impl FreeBaseDiagnosis {
             )];
             return summary;
         }
+        // What is missing, the step that takes most of it away, and what is left at the end.
+        let left = summary.points.pop();
+        summary.points.truncate(1);
         summary.points.insert(0, self.diagnosis.reason.clone());
-        summary.points.truncate(3);
+        summary.points.extend(left);
         let logs = typed(&self.diagnosis.logs, None);
         let file = word(model.unwrap_or(Path::new(NEW_MODEL)));
         summary.next = vec![match written {
