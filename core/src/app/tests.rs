@@ -321,63 +321,6 @@ pub(super) fn play(
     messages
 }
 
-/// Every kind of request, samples, garbage, what is solved of them, a reset: all in a short while.
-#[test]
-#[cfg_attr(miri, ignore = "too long to interpret")]
-fn a_short_while_of_all_that_a_step_does() {
-    let mut app = Whole::new(DESKTOP);
-    let at = EffectAt {
-        leg: 1,
-        joint: 2,
-        effect: column(EffectKind::QuadraticDrag),
-    };
-    let belief = Belief {
-        mean: 0.04,
-        std: 0.01,
-    };
-    let body = BodyPrior {
-        leg: 2,
-        body: 1,
-        uncertainty: 0.2,
-    };
-    let actions = [
-        Action::AddEffect(at),
-        Action::SetEffectPrior(at, belief),
-        Action::SetBodyPrior(body),
-        Action::SetMemory(600),
-        Action::SetLegs(0b0111),
-        Action::DropEffect(at),
-        Action::Keep,
-    ];
-    for (id, action) in (1..).zip(actions) {
-        app.ask(id, action);
-    }
-    let mut messages = play(&mut app, 0..150, motion);
-    let garbage = [0xFD, 0xEE, 0x00, 0xFF, 0x0A];
-    app.step(151 * STEP_US, [&garbage; LEGS], &mut |_| ());
-    messages.extend(play(&mut app, 152..300, motion));
-    for id in 1..7 {
-        let outcome = Outcome::Accepted;
-        let answer = DeviceMessage::Answer(Answer { id, outcome });
-        assert!(messages.contains(&answer), "{id}");
-    }
-    let told = messages.iter().filter_map(|message| match message {
-        DeviceMessage::Estimate(estimate) => Some(estimate),
-        _ => None,
-    });
-    let told: Vec<&Estimate> = told.collect();
-    assert!(!told.is_empty());
-    for estimate in told {
-        let mut numbers = estimate.values.iter().chain(&estimate.std);
-        assert!(numbers.all(|x| x.is_finite()));
-    }
-    let counters = app.app.counters(&app.memory, 0);
-    assert!(counters.legs[0].windows > 0 && counters.legs[3].windows == 0);
-    app.ask(8, Action::Reset);
-    let messages = play(&mut app, 300..302, motion);
-    assert!(matches!(messages[0], DeviceMessage::Hello(_)));
-}
-
 #[test]
 #[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_reset_forgets_and_says_hello() {

@@ -1,6 +1,6 @@
 //! How surely a shape is known that was found by a scan.
 //!
-//! Near the shape s that was found the prediction ŷ is linear in it: with d = ∂ŷ/∂s and d⊥ what of that the joint's own columns cannot
+//! Near the shape s that was found the prediction ŷ is linear in it: with d = ∂ŷ/∂s, of the effect's own torque alone, and d⊥ what of that the joint's own columns cannot
 //! take, the residuals r leave s a standard deviation of σ/|d⊥| if they are independent, and of √Σ(Σ d⊥ r)²/|d⊥|² by the spread of
 //! the inner sums over blocks of time ([`super::deviation`]). No prior of the other parameters counts, which makes it rather too large.
 //!

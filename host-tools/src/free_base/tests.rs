@@ -228,7 +228,7 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     assert_eq!(foot.leg, "FL");
     assert!(foot.windows >= 4 && foot.share > 0.05, "{foot:?}");
     assert!(
-        foot.rms[1] < 0.05 && foot.rms[0] > 5.0 * foot.rms[1],
+        foot.rms[1] < 0.05 && foot.rms[0] > 10.0 * foot.rms[1],
         "{foot:?}"
     );
     assert!(warnings.iter().any(|words| words.contains("foot of FL")));

@@ -1,8 +1,8 @@
 //! Long recordings, thinned to pieces that are spread evenly over time, so that memory does not grow with their length.
 //!
 //! Of every 2ⁿ pieces that follow one another one is kept, which one is drawn: a log that repeats its motion, as designed ones do, would
-//! show the same part of it again and again to pieces in equal steps (a chirp of 20 s in steps of 128 s five parts of ten). Of each two
-//! groups the larger one keeps the piece of either, so that what is kept of a longer log was kept of a shorter one.
+//! show the same part of it again and again to pieces in equal steps (a chirp of 20 s in steps of 128 s five parts of ten). Two groups that
+//! become one keep the piece of one of them: as a log grows nothing is read again.
 
 use super::{LimbRecording, MOST_SAMPLES, PIECE_US};
 use crate::model::Limb;
@@ -93,7 +93,7 @@ mod tests {
         assert!(pieces.warning(1e3).is_some() && Pieces::all().warning(1e3).is_none());
     }
 
-    /// A motion of ten pieces, repeated for an hour: each part of it is kept about as often as any other.
+    /// A motion of so many pieces, repeated for hours: each part of it is kept about as often as any other.
     #[test]
     fn all_parts_of_a_motion_that_repeats_are_kept() {
         for period in [2, 3, 4, 8, 10, 16, 30] {

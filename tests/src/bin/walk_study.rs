@@ -1,6 +1,6 @@
 //! Walking robots of which all is known, judged as a user would: `cargo run --release -p proprio-tests --bin walk_study -- FOLDER --write`.
 //!
-//! FOLDER holds a folder for each robot and gait, as this makes them (ten seconds each, with the packages of
+//! FOLDER holds a folder for each robot and gait, as this makes them (ten seconds of work each, with the packages of
 //! `tests/oracle/requirements-export.txt`):
 //!
 //! ```sh
