@@ -3,6 +3,7 @@
     python mujoco_cases.py --list              # writes tests/battery/mujoco_cases.json: every case, once
     python mujoco_cases.py -o ../../target/mujoco_cases [--only TEXT] [--jobs 2]
     python mujoco_cases.py --sample            # writes mujoco_sample/: a dozen short logs, which tests/run judges
+    python mujoco_cases.py --fresh 7 -o /tmp/fresh --jobs 2    # as many cases that nobody has seen: other sizes, friction, noise, motion
 
 Per case: NAME.csv.gz, the log; NAME.toml, what the model has; NAME.true.toml, the same with what it lacks; NAME.json, the truth, with
 how many standard deviations of an efficient estimate (Cramér-Rao) the effect is worth in this log.
@@ -142,20 +143,26 @@ def sensors(name, level):
     }
 
 
-def cases():
-    """All cases, in their order."""
-    out = []
+def cases(seed=None):
+    """All cases, in their order; with a seed, others: sizes and what the joints have anyhow off by up to half, all else drawn anew."""
+    out, first = [], "" if seed is None else f"{seed}-"
+    off = lambda *key: 1.0 if seed is None else draw(np.geomspace(1 / 1.5, 1.5, 101).tolist(), seed, *key)
     for effect, sizes in SIZES.items():
         places = {"base_tilt": [None], "contact": [CALF], "saturation": [THIGH, CALF],
                   "coupled_armature": [THIGH, CALF], "coupled_viscous": [THIGH, CALF], "coupled_coulomb": [THIGH, CALF]}.get(effect, JOINTS)
         for n in range(12):
             joint, size = places[n % len(places)], sizes[n // 3]
-            name = f"{effect}-{'base' if joint is None else joint}-{n:02}"
+            name = f"{first}{effect}-{'base' if joint is None else joint}-{n:02}"
+            # Of a gain, what it differs from one by.
+            size = 1 + (size - 1) * off(name) if effect.endswith("_gain") else size * off(name)
             out.append({"name": name, "effect": effect, "joint": joint, "parameters": parameters(effect, size, joint, n),
                         "size": n // 3, "to_find": TO_FIND.get(n), **sensors(name, n + len(effect))})
     for n in range(COMPLETE):
-        name = f"complete-{n:02}"
+        name = f"{first}complete-{n:02}"
         out.append({"name": name, "effect": None, "joint": None, "parameters": {}, "size": 0, "to_find": None, **sensors(name, n)})
+    if seed is not None:
+        for case in out:
+            case["typical"] = {e: [v * off(case["name"], e, j) for j, v in enumerate(values)] for e, values in TYPICAL.items()}
     return out
 
 
@@ -177,7 +184,7 @@ def sample():
 
 def what_is_there(case):
     """(all effects of the leg, those that the model has, those that it lacks), the latter two by name and joint."""
-    effects = {(e, j): {"value": v[n]} for e, v in TYPICAL.items() for n, j in enumerate(JOINTS)}
+    effects = {(e, j): {"value": v[n]} for e, v in case.get("typical", TYPICAL).items() for n, j in enumerate(JOINTS)}
     model, place = set(effects), (case["effect"], case["joint"])
     missing = [] if case["effect"] is None else [place]
     if case["effect"]:
@@ -425,6 +432,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--list", action="store_true", help="write the list of cases instead")
     parser.add_argument("--sample", action="store_true", help="write the committed sample instead")
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="other cases than the listed ones")
     arguments = parser.parse_args()
     if arguments.list:
         rows = ",\n".join(json.dumps(case) for case in cases())
@@ -433,7 +441,8 @@ def main():
     if not (arguments.output or arguments.sample):
         parser.error("say where the logs go: -o FOLDER")
     folder = SAMPLE if arguments.sample else arguments.output
-    listed = sample() if arguments.sample else json.loads(LIST.read_text())
+    fresh = None if arguments.fresh is None else cases(arguments.fresh)
+    listed = sample() if arguments.sample else fresh or json.loads(LIST.read_text())
     wanted = [case for case in listed if arguments.only in case["name"]]
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(arguments.jobs) as pool:

@@ -2,7 +2,8 @@
 //!
 //! A median does not hear of what few windows say. Where the residual's mean square is well above that of noise with the same
 //! median size (Huber & Ronchetti 2009, §5.1), something acts at some moments only: at reversals (a friction with a state),
-//! at a position (a cable that catches), at impacts (play).
+//! at a position (a cable that catches), at impacts (play). What a fit knows to be in doubt, friction that may hold a joint while it
+//! turns round, is taken as that much noise more.
 
 use super::series::JointSeries;
 
@@ -42,10 +43,15 @@ impl Bursts {
     }
 }
 
-/// What is said of a joint whose error comes in bursts; `None` for one without.
-pub(crate) fn bursts(series: &JointSeries) -> Option<String> {
+/// What is said of a joint whose error comes in bursts; `None` for one without. Each window is in `doubt` by so many times its noise more.
+pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<String> {
+    let against_noise = series
+        .residual
+        .iter()
+        .zip(doubt)
+        .map(|(r, doubt)| r / doubt.hypot(1.0));
     // Over a lost message means are rough.
-    let whole = (series.residual.iter().copied().enumerate()).filter(|(w, _)| series.whole[*w]);
+    let whole = against_noise.enumerate().filter(|(w, _)| series.whole[*w]);
     let bursts = Bursts::of(&whole.collect::<Vec<_>>())?;
     if bursts.share < LEAST_SHARE || bursts.large.len() < LEAST_WINDOWS {
         return None;
@@ -116,16 +122,32 @@ mod tests {
         series
     }
 
+    /// The bursts of a joint of which nothing is in doubt.
+    fn found(series: &JointSeries) -> Option<String> {
+        bursts(series, &vec![0.0; series.residual.len()])
+    }
+
     #[test]
     fn noise_has_no_bursts() {
-        assert_eq!(bursts(&joint(|_, _| 0.0)), None);
+        assert_eq!(found(&joint(|_, _| 0.0)), None);
+    }
+
+    #[test]
+    fn what_is_in_doubt_is_no_burst() {
+        let series = joint(|_, dq| if dq.abs() < 0.2 { 0.2 } else { 0.0 });
+        // The noise is 0.03 N m, what is in doubt 0.2.
+        let turns = series
+            .dq
+            .iter()
+            .map(|dq| if dq.abs() < 0.2 { 6.7 } else { 0.0 });
+        assert_eq!(bursts(&series, &turns.collect::<Vec<_>>()), None);
     }
 
     #[test]
     fn bursts_are_found_where_they_are() {
-        let reversals = bursts(&joint(|_, dq| if dq.abs() < 0.2 { 0.2 } else { 0.0 }));
+        let reversals = found(&joint(|_, dq| if dq.abs() < 0.2 { 0.2 } else { 0.0 }));
         assert!(reversals.unwrap().contains("mostly at reversals"));
-        let cable = bursts(&joint(
+        let cable = found(&joint(
             |q, _| if (q - 0.4).abs() < 0.05 { 0.2 } else { 0.0 },
         ));
         assert!(cable.unwrap().contains("mostly near 0.4"));

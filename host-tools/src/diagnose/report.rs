@@ -262,7 +262,9 @@ impl Diagnosed<'_> {
             };
             let joints = (0..below.joints()).into_par_iter();
             let boxes: Vec<_> = joints.filter_map(taken).collect();
-            Some((JointSeries::of(&below, &predicted), boxes))
+            let own = JointSeries::of(&below, &predicted).into_iter().enumerate();
+            let own = own.map(|(joint, series)| (series, fit.weights.doubt(&below, joint)));
+            Some((own.collect::<Vec<_>>(), boxes))
         });
         for ((limb, fit), left) in fits.into_iter().zip(left) {
             let Some((own, taken)) = left else { continue };
@@ -272,7 +274,7 @@ impl Diagnosed<'_> {
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.drifts[limb].iter().map(told));
         }
-        let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+        let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
         let left = residual::criticise(&views)
             .into_iter()
             .filter(|joint| joint.structure() > STRUCTURE);
@@ -287,9 +289,8 @@ impl Diagnosed<'_> {
             );
             (joint.joint.clone(), words)
         });
-        let bursts = series
-            .iter()
-            .filter_map(|series| Some((series.joint.clone(), bursts(series)?)));
+        let bursts = (series.iter())
+            .filter_map(|(series, doubt)| Some((series.joint.clone(), bursts(series, doubt)?)));
         let total: f64 = self.found.end.squares.iter().map(|s| s.total()).sum();
         let unphysical = self.found.unphysical.iter().map(|judged| {
             let candidate = self.candidate(judged, total);
@@ -315,7 +316,8 @@ impl Diagnosed<'_> {
             .collect()
     }
 
-    /// The joints of which no more is left than a sampled log resolves.
+    /// The joints of which no more is left than a sampled log resolves. A torque that is reported in steps may be off by as much as
+    /// rounding leaves of one sample (a step over √12), however many a window holds: without noise they are all rounded alike.
     fn resolved(&self) -> Vec<String> {
         let mut resolved = Vec::new();
         for (fit, left) in self.found.end.fits.iter().zip(&self.found.end.squares) {
@@ -326,12 +328,28 @@ impl Diagnosed<'_> {
                 .into_iter()
                 .zip(torque)
                 .zip(fit.left_by_sampling());
-            for (name, ((left, torque), sampling)) in data.joint_names().into_iter().zip(told) {
-                if left <= RESOLUTION.powi(2) * torque + sampling {
+            let names = data.joint_names().into_iter().enumerate();
+            for ((j, name), ((left, torque), sampling)) in names.zip(told) {
+                let windows = (0..data.motion.windows.len()).filter(|w| data.counts(*w, j));
+                let rounding = windows.count() as f64 * self.torque_step(&name).powi(2) / 12.0;
+                if left <= RESOLUTION.powi(2) * torque + sampling + rounding {
                     resolved.push(name);
                 }
             }
         }
         resolved
+    }
+
+    /// The steps in which a joint's torque is reported, N m, the largest of all logs; zero if there are none.
+    fn torque_step(&self, joint: &str) -> f64 {
+        let gates = self
+            .recording
+            .gates
+            .iter()
+            .flat_map(|log| &log.report.joints);
+        let steps = gates
+            .filter(|gate| gate.joint == joint)
+            .filter_map(|gate| gate.quantum[2]);
+        steps.fold(0.0, f64::max)
     }
 }

@@ -14,6 +14,7 @@ pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod hysteresis;
 pub(crate) mod integrals;
+pub(crate) mod jump;
 mod links;
 pub(crate) mod load;
 pub(crate) mod load_columns;

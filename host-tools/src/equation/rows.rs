@@ -21,7 +21,7 @@ use super::column::{Column, Columns};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
 use super::load_columns::is_load;
-use super::motion::{Motion, States, Window};
+use super::motion::{Motion, States};
 use super::rigid_body::{RigidBody, Slopes};
 use super::values::Values;
 
@@ -425,40 +425,6 @@ impl<'a> Pass<'a> {
             };
         }
     }
-}
-
-/// Half of what a joint's torque jumps by when it turns round in a window, N m: its dry friction, whichever effects make it;
-/// `None` where it does not turn round.
-pub(crate) fn jump(
-    columns: &[Column],
-    numbers: &[f64],
-    motion: &Motion,
-    window: &Window,
-    joint: usize,
-) -> Option<f64> {
-    let trajectory = &motion.joint[joint];
-    let speed = |k: usize| trajectory.speed[k];
-    let [first, last] = window.samples;
-    let slow = (first..=last).find(|&k| speed(k).abs() < trajectory.rest);
-    let turn = || (first..last).find(|&k| speed(k) * speed(k + 1) <= 0.0);
-    let at = slow.or_else(turn)?;
-    let towards = |sign: f64| {
-        let [q, dq, ..] = trajectory.state[at];
-        let state = JointState {
-            speed: sign * trajectory.speed_noise,
-            speed_noise: trajectory.speed_noise,
-            temperature: motion.temperature[at * motion.joints + joint],
-            ..JointState::reported(q, dq, 0.0)
-        };
-        let rate = |(column, value): (&Column, &f64)| match *column {
-            Column::Own {
-                effect, shape, n, ..
-            } => value * effect.terms(&state, shape)[n].rate,
-            _ => 0.0,
-        };
-        columns.iter().zip(numbers).map(rate).sum::<f64>()
-    };
-    Some((0.5 * (towards(1.0) - towards(-1.0))).abs())
 }
 
 /// A base turned about its own axes by a small rotation vector, rad.

@@ -13,8 +13,9 @@ use super::factor::{BATCH, HeapFactor};
 use super::limb_data::LimbData;
 use super::whitening::Whitening;
 use crate::equation::column::{Column, Columns};
+use crate::equation::jump::DryFriction;
 use crate::equation::motion::MOST_REST;
-use crate::equation::rows::{Rows, jump};
+use crate::equation::rows::Rows;
 
 /// What is folded, and what is known of its noise.
 pub(crate) struct Folding<'a> {
@@ -49,12 +50,16 @@ impl Folding<'_> {
     pub(crate) fn weights(&self) -> Weights {
         let (data, n) = (self.data, self.data.joints());
         let own = self.columns.combined(self.theta);
+        let friction = DryFriction {
+            motion: &data.motion,
+            columns: self.columns,
+            numbers: &own,
+        };
         let mut doubt = vec![0.0; n * data.motion.windows.len()];
         for (w, window) in data.motion.windows.iter().enumerate() {
             for j in (0..n).filter(|&j| data.counts(w, j)) {
                 let (columns, own) = (&self.columns.of_joint[j], &own[j]);
-                let jump = jump(columns, own, &data.motion, window, j).unwrap_or(0.0);
-                let rest = jump * MOST_REST / 3f64.sqrt();
+                let rest = friction.jump(window, j) * MOST_REST / 3f64.sqrt();
                 let excess = excess(columns, own, self.rows.row(w, j));
                 doubt[w * n + j] = rest.max(excess) / self.noise[j];
             }
@@ -73,6 +78,14 @@ impl Weights {
             correlation: vec![0.0; data.joints()],
             doubt: vec![0.0; data.torque.len()],
         }
+    }
+
+    /// By how many times its noise more each of a joint's windows that count is in doubt, in their order.
+    pub(crate) fn doubt(&self, data: &LimbData, joint: usize) -> Vec<f64> {
+        let windows = (0..data.motion.windows.len()).filter(|w| data.counts(*w, joint));
+        windows
+            .map(|w| self.doubt[w * data.joints() + joint])
+            .collect()
     }
 
     /// Rows block by block of time.

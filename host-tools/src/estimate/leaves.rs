@@ -12,8 +12,8 @@ use super::groups::{Group, stacked};
 use super::limb_data::LimbData;
 use super::method::Method;
 use crate::equation::dot::dot;
+use crate::equation::jump::DryFriction;
 use crate::equation::motion::is_derivative;
-use crate::equation::rows::jump;
 use crate::equation::values::{Place, Values};
 
 impl LimbFit<'_> {
@@ -138,14 +138,18 @@ impl LimbFit<'_> {
     pub(crate) fn left_by_sampling(&self) -> Vec<f64> {
         let (data, n, period) = (self.data, self.data.joints(), self.data.recording.period());
         let own = self.columns.combined(self.solution.theta.as_slice());
+        let friction = DryFriction {
+            motion: &data.motion,
+            columns: &self.columns,
+            numbers: &own,
+        };
         let mut squares = vec![0.0; n];
         for (w, window) in data.motion.windows.iter().enumerate() {
             let [first, last] = window.samples;
             for j in (0..n).filter(|&j| data.counts(w, j)) {
                 let rise =
                     |k: usize| data.recording.tau[(k + 1) * n + j] - data.recording.tau[k * n + j];
-                let jump = jump(&self.columns.of_joint[j], &own[j], &data.motion, window, j);
-                let turn = 2.0 * jump.unwrap_or(0.0) / 12f64.sqrt();
+                let turn = 2.0 * friction.jump(window, j) / 12f64.sqrt();
                 let curve = (rise(last - 1) - rise(first)) / 12.0;
                 squares[j] += (turn * turn + curve * curve) * (period / window.length).powi(2);
             }

@@ -12,6 +12,7 @@
 //! none falls with the frequency in a velocity, so that a channel shows motion only where it is well above all that comes after.
 
 use super::Stretch;
+use crate::gate::quantum::Differences;
 
 /// Length of a stretch of time, s: its Hann window tells frequencies 2 Hz apart.
 const LENGTH: f64 = 1.0;
@@ -103,7 +104,8 @@ impl Channels {
         });
         let least = 1e-7 * fast.max(1e-9);
         let position_of_all = std(position).max(least * period);
-        let standing = standing(stretches, period, fast).clamp(least * period, position_of_all);
+        let standing = (standing(stretches, period, fast).max(rounding(stretches)))
+            .clamp(least * period, position_of_all);
         // Mean squares: a joint's mean square speed is about a third of the greatest one's square.
         let timing = (3.0 * (position_of_all.powi(2) - standing.powi(2))).sqrt()
             / fast.max(f64::MIN_POSITIVE);
@@ -169,6 +171,16 @@ fn standing(stretches: &[Stretch], period: f64, fast: f64) -> f64 {
     }
     // The median of a normal variable's size.
     median(differences) / 0.6745 / 20f64.sqrt()
+}
+
+/// What rounding leaves of a position that is reported in steps, rad: a step over √12; zero where there are no steps. The encoder of
+/// a joint that friction holds repeats one number, and is no surer of it.
+fn rounding(stretches: &[Stretch]) -> f64 {
+    let mut steps = Differences::new();
+    for s in stretches {
+        s.q.windows(2).for_each(|q| steps.push(q[1] - q[0]));
+    }
+    steps.quantum().unwrap_or(0.0) / 12f64.sqrt()
 }
 
 /// The reported velocity over the true one: its integral over spans of time that jitter of their ends hardly matters to, against what

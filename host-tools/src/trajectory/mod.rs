@@ -431,4 +431,53 @@ mod tests {
             );
         }
     }
+
+    /// A joint that friction holds for half of the time reports one number meanwhile, and rounded ones when it is let go: they are no
+    /// surer for that.
+    #[test]
+    fn a_joint_that_is_held_and_let_go_does_not_leap() {
+        const STEP: f64 = 3e-5;
+        let mut random = ChaCha8Rng::seed_from_u64(2);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let (held, swing, size) = (0.5, 0.5, 0.3);
+        let w = std::f64::consts::TAU / swing;
+        // To and fro: held, then a swing that begins and ends at rest.
+        let motion = |t: f64| {
+            let (turn, since) = ((t / (held + swing)).floor(), t.rem_euclid(held + swing));
+            let (way, s) = (1.0 - 2.0 * turn.rem_euclid(2.0), (since - held).max(0.0));
+            let from = if way > 0.0 { 0.0 } else { size };
+            let moved = size * (s / swing - (w * s).sin() / (w * swing));
+            let speed = size / swing * (1.0 - (w * s).cos());
+            [
+                from + way * moved,
+                way * speed,
+                way * size / swing * w * (w * s).sin(),
+            ]
+        };
+        let t: Vec<f64> = (0..10_000).map(|k| 0.001 * f64::from(k)).collect();
+        let q: Vec<f64> = t
+            .iter()
+            .map(|&t| (motion(t)[0] / STEP).round() * STEP)
+            .collect();
+        let dq: Vec<f64> = t.iter().map(|&t| motion(t)[1] + 0.04 * normal()).collect();
+        let found = Trajectory::of(
+            &[Stretch {
+                t: &t,
+                q: &q,
+                dq: &dq,
+            }],
+            0.001,
+        );
+        let error = |n: usize| {
+            let off = (50..9950).map(|k| (found.state[k][n] - motion(t[k])[n]).abs());
+            off.fold(0.0, f64::max)
+        };
+        // The motion's greatest speed is 1.2 rad/s, its greatest acceleration 7.5 rad/s².
+        assert!(
+            error(1) < 0.05 && error(2) < 4.0,
+            "{} rad/s, {} rad/s²",
+            error(1),
+            error(2)
+        );
+    }
 }
