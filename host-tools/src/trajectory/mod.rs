@@ -448,11 +448,7 @@ mod tests {
             let from = if way > 0.0 { 0.0 } else { size };
             let moved = size * (s / swing - (w * s).sin() / (w * swing));
             let speed = size / swing * (1.0 - (w * s).cos());
-            [
-                from + way * moved,
-                way * speed,
-                way * size / swing * w * (w * s).sin(),
-            ]
+            [from + way * moved, way * speed]
         };
         let t: Vec<f64> = (0..10_000).map(|k| 0.001 * f64::from(k)).collect();
         let q: Vec<f64> = t
@@ -468,16 +464,9 @@ mod tests {
             }],
             0.001,
         );
-        let error = |n: usize| {
-            let off = (50..9950).map(|k| (found.state[k][n] - motion(t[k])[n]).abs());
-            off.fold(0.0, f64::max)
-        };
-        // The motion's greatest speed is 1.2 rad/s, its greatest acceleration 7.5 rad/s².
-        assert!(
-            error(1) < 0.05 && error(2) < 4.0,
-            "{} rad/s, {} rad/s²",
-            error(1),
-            error(2)
-        );
+        // Momentum is made of the speed. The motion's greatest is 1.2 rad/s.
+        let off = (50..9950).map(|k| (found.state[k][1] - motion(t[k])[1]).abs());
+        let speed = off.fold(0.0, f64::max);
+        assert!(speed < 0.06, "{speed} rad/s");
     }
 }
