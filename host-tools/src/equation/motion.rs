@@ -36,7 +36,7 @@ pub(crate) struct Motion {
     pub(crate) joints: usize,
     /// s since the recording's start.
     pub(crate) time: Vec<f64>,
-    /// Samples without a gap between them.
+    /// Samples of one motion, over which states of friction, springs and plays last: messages may be lost between them.
     pub(crate) stretches: Vec<Range<usize>>,
     /// Of each joint, at its motor.
     pub(crate) joint: Arc<Vec<Trajectory>>,
@@ -87,7 +87,7 @@ impl Motion {
     pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
         let n = recording.joints;
         let time = recording.seconds();
-        let stretches: Vec<Range<usize>> = recording.stretches().collect();
+        let stretches = recording.motions();
         let period = recording.period();
         let joint = recording.trajectories(velocity_gain);
         let link = |j: usize| link(recording, j, &joint[j], (&time, &stretches), period);
@@ -104,16 +104,22 @@ impl Motion {
             loads: Loads::default(),
         };
         motion.coarse = motion.joint.iter().any(|joint| joint.is_coarse(period));
-        motion.windows = motion.cut(blocks, WINDOW.max(LEAST_PERIODS * period));
+        let length = WINDOW.max(LEAST_PERIODS * period);
+        motion.windows = motion.cut(recording.stretches(), blocks, length);
         motion
     }
 
-    /// Cuts stretches into windows of at least this length (s) that lie within a block.
-    fn cut(&self, blocks: &Blocks, length: f64) -> Vec<Window> {
+    /// Cuts stretches without a gap into windows of at least this length (s) that lie within a block.
+    fn cut(
+        &self,
+        stretches: impl Iterator<Item = Range<usize>>,
+        blocks: &Blocks,
+        length: f64,
+    ) -> Vec<Window> {
         let mut windows = Vec::new();
-        for stretch in &self.stretches {
+        for stretch in stretches {
             let mut first = stretch.start;
-            for k in stretch.clone() {
+            for k in stretch {
                 // Sample times are whole microseconds.
                 if self.time[k] - self.time[first] < length - 1e-7 {
                     continue;

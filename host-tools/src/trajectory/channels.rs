@@ -104,7 +104,7 @@ impl Channels {
         });
         let least = 1e-7 * fast.max(1e-9);
         let position_of_all = std(position).max(least * period);
-        let standing = (standing(stretches, period, fast).max(rounding(stretches)))
+        let standing = (standing(stretches, fast).max(rounding(stretches)))
             .clamp(least * period, position_of_all);
         // Mean squares: a joint's mean square speed is about a third of the greatest one's square.
         let timing = (3.0 * (position_of_all.powi(2) - standing.powi(2))).sqrt()
@@ -157,9 +157,12 @@ fn last_shown(densities: &[Density], of: impl Fn(&Density) -> f64) -> usize {
 
 /// Noise of the position of a joint that hardly moves, rad, from third differences of evenly timed samples, whose variance is
 /// twenty times a sample's.
-fn standing(stretches: &[Stretch], period: f64, fast: f64) -> f64 {
+fn standing(stretches: &[Stretch], fast: f64) -> f64 {
     const SLOW: f64 = 0.1;
     let mut differences = Vec::new();
+    // Where messages are lost the usual time between samples is less than the mean.
+    let steps = stretches.iter().flat_map(|s| s.t.windows(2));
+    let period = median(steps.map(|pair| pair[1] - pair[0]).collect());
     for s in stretches {
         for k in 3..s.t.len() {
             let even = (k - 2..=k).all(|i| ((s.t[i] - s.t[i - 1]) - period).abs() < 0.1 * period);
