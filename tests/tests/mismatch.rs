@@ -143,6 +143,20 @@ fn what_a_person_would_see_at_once_is_told() {
 }
 
 /// One log of three is of a robot whose legs' columns were exchanged: it is the one that is named.
+/// A constant torque that takes most of what gravity asks of a hip.
+#[test]
+fn a_constant_torque_at_one_joint_is_no_other_robot() {
+    let folder = simulated("--typical --legs FR --duration 10 --seed 3");
+    let log = cells(&folder.path().join("log.csv"));
+    let column = log[0].iter().position(|head| head == "tau/FR_hip").unwrap();
+    let torque = |row: &Vec<String>| row[column].parse::<f64>().unwrap();
+    let mean = log[1..].iter().map(torque).sum::<f64>() / (log.len() - 1) as f64;
+    let changed = torques(&log, "FR_hip", |n, at| at(n) - 1.2 * mean);
+    write(&folder.path().join("changed.csv"), &changed);
+    let said = done(folder.path(), &["diagnose", "changed.csv"]);
+    assert!(said.contains("bias"), "{said}");
+}
+
 #[test]
 fn of_several_logs_the_wrong_one_is_named() {
     let folder = simulated("--typical --legs FR,FL --duration 10 --inertia-error 0.1 --seed 3");

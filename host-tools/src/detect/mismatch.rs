@@ -25,7 +25,7 @@ const FAR_BETTER: f64 = 0.4;
 const GOOD: f64 = 0.5;
 /// A log that leaves less than this as it is, as real chirps do before any friction is known, is the model's, but for its torque's time.
 const FITS: f64 = 0.15;
-/// What leaves so much tells no more than no model.
+/// What leaves so much at half of the joints tells no more than no model.
 const POOR: f64 = 0.9;
 /// Of orders of limbs that leave so much more than the best one, the one that moves the fewest is meant: front and hind legs are nearly alike.
 const AS_GOOD: f64 = 1.25;
@@ -65,7 +65,7 @@ pub enum MismatchKind {
     Joints(Vec<[String; 2]>),
     /// The torque is so many seconds late at all joints, or early if negative.
     Late(f64),
-    /// What the model gives, with whatever friction, leaves this share of the torque's square.
+    /// What the model gives, with whatever friction, leaves this share of the torque's square at half of the joints, or more.
     NoBetterThanNothing(f64),
     /// The torque of this log is what was commanded.
     Commanded(String),
@@ -131,7 +131,7 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         .min_by(|a, b| a.0.total_cmp(&b.0));
     match best {
         Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => vec![reading],
-        _ if now > POOR => vec![MismatchKind::NoBetterThanNothing(now)],
+        _ if usual(&as_is) > POOR => vec![MismatchKind::NoBetterThanNothing(usual(&as_is))],
         _ => Vec::new(),
     }
 }
@@ -143,6 +143,14 @@ fn share(readings: &[Reading], of: &dyn Fn(&JointReading) -> f64) -> f64 {
         (sum + of(joint), count + 1.0)
     });
     sum / f64::max(count, 1.0)
+}
+
+/// What half of the joints leave more than: a constant torque, or whatever else one of them has and the model does not, is not another robot.
+fn usual(readings: &[Reading]) -> f64 {
+    let joints = readings.iter().flat_map(|reading| &reading.joints);
+    let mut left: Vec<f64> = joints.map(JointReading::left).collect();
+    left.sort_unstable_by(f64::total_cmp);
+    left.get(left.len() / 2).copied().unwrap_or(0.0)
 }
 
 fn no_torque(readings: &[Reading]) -> Option<MismatchKind> {

@@ -62,7 +62,7 @@ impl fmt::Display for MismatchKind {
             ),
             Self::NoBetterThanNothing(left) => write!(
                 f,
-                "what the model gives, with whatever friction, leaves {:.0} % of the torque's square: another robot, another mounting of its \
+                "what the model gives, with whatever friction, leaves {:.0} % of the torque's square or more at half of the joints: another robot, another mounting of its \
                  base, or a robot that stands or walks",
                 100.0 * left
             ),
