@@ -139,7 +139,7 @@ impl Candidate {
             let screen = &screens[*limb];
             trial.places.iter().all(|&place| {
                 let delay = screen.parameter(trial, place, 0);
-                delay.is_some_and(|(d, _)| !is_resolved(screen, d))
+                delay.is_some_and(|(d, _)| !is_resolved(screen.fit.data.recording.period(), d))
             })
         };
         self.effect == EffectKind::Delay && self.is_there() && self.trials.iter().all(small)

@@ -9,6 +9,9 @@ use crate::equation::values::Place;
 
 /// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
 const LEAST_DELAY: f64 = 0.1;
+/// The same of a torque ahead of its motion: one that a drive holds from sample to sample is on average half a period later than it is
+/// reported.
+const LEAST_LEAD: f64 = 0.5;
 /// χ² of a mass and its first moment below which a load weighs nothing that is told (99 % of four degrees of freedom): what is only
 /// inertia is a rotor's.
 const LEAST_WEIGHT: f64 = 13.3;
@@ -41,8 +44,8 @@ pub(super) fn is_possible(screen: &Screen, trial: &Trial, place: Place) -> bool 
             && value - 2.0 * std <= p.upper
             && (!is_sensor || (value - mean).abs() - 2.0 * std <= LIKELY * likely)
     };
-    let resolved =
-        effect != EffectKind::Delay || told[0].is_none_or(|(d, _)| is_resolved(screen, d));
+    let resolved = effect != EffectKind::Delay
+        || told[0].is_none_or(|(d, _)| is_resolved(data.recording.period(), d));
     let load = effect != EffectKind::Payload || is_load(&told);
     told.iter().enumerate().all(within)
         && resolved
@@ -85,9 +88,10 @@ fn is_limited(screen: &Screen, place: Place) -> bool {
     product([0, 1]) < MOST_BEYOND_LIMIT * product([0, 0])
 }
 
-/// Whether a delay (s) is more than how the torque runs between two samples.
-pub(super) fn is_resolved(screen: &Screen, delay: f64) -> bool {
-    delay.abs() > LEAST_DELAY * screen.fit.data.recording.period()
+/// Whether a delay (s) is more than how the torque runs between two samples, a period (s) apart.
+pub(super) fn is_resolved(period: f64, delay: f64) -> bool {
+    let periods = delay / period;
+    !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
@@ -108,4 +112,17 @@ fn is_load(told: &[Option<(f64, f64)>]) -> bool {
         .map(|(h, std)| (h.abs() - 2.0 * std).max(0.0).powi(2))
         .sum();
     heaviest > 0.0 && smallest.sqrt() <= criteria::REACH * heaviest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Samples are 2 ms apart. A drive that holds its torque leads by a millisecond; none is late by holding it.
+    #[test]
+    fn how_a_torque_runs_between_two_samples_is_no_delay() {
+        let is_resolved = |delay: f64| is_resolved(2e-3, delay);
+        assert!(!is_resolved(0.0) && !is_resolved(0.1e-3) && !is_resolved(-0.9e-3));
+        assert!(is_resolved(0.3e-3) && is_resolved(-1.2e-3));
+    }
 }
