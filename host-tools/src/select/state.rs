@@ -15,6 +15,11 @@ use crate::estimate::parameter_estimate::Constraint;
 use crate::estimate::robot::{self, Shared, side_by_side};
 use crate::estimate::shapes::{Scan, shape_parameter};
 
+/// Friction that stays behind when a joint turns round, and friction that levels off: the smaller the displacement or the speed, the more
+/// like Coulomb friction.
+const COULOMB_WITHOUT_SHAPE: [EffectKind; 2] =
+    [EffectKind::Presliding, EffectKind::SaturatingViscous];
+
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;
 
@@ -176,6 +181,13 @@ impl<'a> State<'a> {
         (0..effect.description().parameters.len())
             .map(parameter)
             .collect()
+    }
+
+    /// Whether an effect's shape is told to be more than nothing, where with none it is Coulomb friction.
+    pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
+        let fit = &self.fits[limb];
+        !COULOMB_WITHOUT_SHAPE.contains(&place.0)
+            || fit.values.shape(place) >= criteria::LEAST_VALUE * fit.known_shape(place)
     }
 
     /// The largest of an effect's parameters in units of its standard deviation.

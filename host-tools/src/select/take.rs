@@ -80,7 +80,7 @@ impl<'a> Search<'a> {
             after.squares[limb] = squares;
         }
         // How surely values are known is dear: of what is refused anyhow it is not asked.
-        let is_held = |m: &&Member| after.size(m) >= criteria::LEAST_VALUE;
+        let is_held = |m: &&Member| after.size(m) >= criteria::LEAST_VALUE && after.tells_shape(m);
         if !self.is_worth(&after) || 2 * members.iter().filter(is_held).count() <= members.len() {
             return false;
         }
