@@ -22,7 +22,7 @@ const MEDIAN: f64 = 0.6745;
 /// Times that outliers are left out, and that the limit is found anew.
 const ROUNDS: usize = 12;
 /// Fewer windows beyond a limit tell none.
-const LEAST_WINDOWS: usize = 8;
+const LEAST_WINDOWS: usize = 4;
 /// Most of the windows that may be left out: a model is not told by less than half of a log.
 const MOST_OUT: f64 = 0.5;
 /// Of the outliers at least this share is beyond the limit: others are not a drive's.
