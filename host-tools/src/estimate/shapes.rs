@@ -88,7 +88,7 @@ pub(crate) fn better(
     });
     scan.is_near = again;
     let best: Vec<Option<f64>> = (places.par_iter())
-        .map(|&place| scan.best(place, &|_| true))
+        .map(|&place| scan.closest(place))
         .collect();
     let (mut values, mut moved, mut nothing) = (fit.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
@@ -195,6 +195,20 @@ impl<'a> Scan<'a> {
 
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
     pub(crate) fn best(&self, place: Place, chosen: &dyn Fn(usize) -> bool) -> Option<f64> {
+        self.found(place, chosen, true)
+    }
+
+    /// The best shape on all windows.
+    pub(crate) fn closest(&self, place: Place) -> Option<f64> {
+        self.best(place, &|_| true)
+    }
+
+    /// The best of the shapes that are tried first, which looks much like the best one; of harmonics, which are narrow, that.
+    pub(crate) fn about(&self, place: Place) -> Option<f64> {
+        self.found(place, &|_| true, place.0 == EffectKind::Cogging)
+    }
+
+    fn found(&self, place: Place, chosen: &dyn Fn(usize) -> bool, closely: bool) -> Option<f64> {
         let (effect, joint) = place;
         if LOOSE.contains(&effect) {
             return self.best_looseness(place, chosen);
@@ -237,7 +251,8 @@ impl<'a> Scan<'a> {
         };
         // Harmonics are narrow; of other shapes the next one explains much the same.
         let most = falls.iter().copied().fold(0.0, f64::max);
-        if effect != EffectKind::Cogging && most < LEAST_FALL * dot(&residual, &residual) {
+        let explains = most >= LEAST_FALL * dot(&residual, &residual);
+        if !closely || effect != EffectKind::Cogging && !explains {
             return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
         }
         Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))

@@ -99,7 +99,7 @@ impl<'a> Screen<'a> {
     /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals, and
     /// loads are where they say.
     pub(crate) fn of(fit: Arc<LimbFit<'a>>, predicted: Vec<f64>, possible: &[Place]) -> Self {
-        let mut at = with_shapes(&fit, possible, &predicted);
+        let mut at = with_shapes(&fit, possible, &predicted, &|scan, place| scan.about(place));
         let data = fit.data;
         let columns = data.columns(&at, &fit.places, possible);
         let mut rows = data.rows(&at, &columns);
@@ -397,13 +397,16 @@ impl<'a> Screen<'a> {
         self.at.shape(place)
     }
 
-    /// The values of the fit, with the effects of a trial at what it found.
+    /// The values of the fit, with the effects of a trial at what it found, and their shapes as close as the data tell them.
     pub(crate) fn with(&self, trial: &Trial) -> Values {
         let mut values = self.fit.values.clone();
+        let shapes = with_shapes(&self.fit, &trial.places, &self.predicted, &|scan, place| {
+            scan.closest(place)
+        });
         for &place in &trial.places {
             values.insert(place);
             if let Some(n) = place.0.description().shape() {
-                values.set(place, n, self.at.get(place, n));
+                values.set(place, n, shapes.get(place, n));
             }
             for n in 0..place.0.description().parameters.len() {
                 if let Some((value, _)) = self.parameter(trial, place, n) {
@@ -484,8 +487,13 @@ fn moves(data: &LimbData, joint: usize) -> bool {
     moving as f64 >= LEAST_MOVING * states.len() as f64
 }
 
-/// The fit's values, and for candidates that have a shape the best one on what the fit leaves.
-fn with_shapes(fit: &LimbFit, possible: &[Place], predicted: &[f64]) -> Values {
+/// The fit's values, and for candidates that have a shape the one that is `found` on what the fit leaves.
+fn with_shapes(
+    fit: &LimbFit,
+    possible: &[Place],
+    predicted: &[f64],
+    found: &(dyn Fn(&Scan, Place) -> Option<f64> + Sync),
+) -> Values {
     let data = fit.data;
     let shaped: Vec<Place> = possible
         .iter()
@@ -503,7 +511,7 @@ fn with_shapes(fit: &LimbFit, possible: &[Place], predicted: &[f64]) -> Values {
     });
     let best: Vec<Option<f64>> = shaped
         .par_iter()
-        .map(|&place| scan.best(place, &|_| true))
+        .map(|&place| found(&scan, place))
         .collect();
     for (&place, best) in shaped.iter().zip(best) {
         let shape = place.0.description().shape();

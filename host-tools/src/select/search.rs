@@ -37,6 +37,9 @@ pub(crate) struct Step {
     pub(crate) removed: bool,
 }
 
+/// A candidate, and the model with it if one could be fitted.
+type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
+
 /// What a search has found.
 pub(crate) struct Found<'a> {
     /// What each candidate would add to the model as it was given: the best first, if one is there.
@@ -90,11 +93,17 @@ pub(super) struct Search<'a> {
     pub(super) limits_sought: Vec<Weak<LimbFit<'a>>>,
 }
 
-/// A candidate that was not taken, and the fits of its limbs that it was tried beside, which are told apart and not kept: each has its data
-/// as triangles.
+/// A candidate that was refused and promises no more than so many times what it did then would be refused again: it is an eighth more of
+/// its standard deviations. A trial costs as much as a look at all candidates of a limb.
+const PROMISES_MORE: f64 = 1.25;
+
+/// A candidate that was not taken, what it promised, and the fits of its limbs that it was tried beside, which are told apart and not kept:
+/// each has its data as triangles.
 struct Refused<'a> {
     effect: EffectKind,
     members: Vec<Member>,
+    /// In units of the joints' noise.
+    promise: f64,
     beside: Vec<Weak<LimbFit<'a>>>,
 }
 
@@ -135,10 +144,20 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Whether a candidate was refused when it promised about as much: it would be again.
+    fn promises_no_more(&self, candidate: &Candidate) -> bool {
+        (self.refused.iter()).any(|refused| {
+            refused.effect == candidate.effect
+                && refused.members == candidate.members
+                && candidate.gain().0 <= PROMISES_MORE * refused.promise
+        })
+    }
+
     pub(super) fn refuse(&mut self, candidate: &Candidate) {
         self.refused.push(Refused {
             effect: candidate.effect,
             members: candidate.members.clone(),
+            promise: candidate.gain().0,
             beside: self.beside(candidate),
         });
     }
@@ -196,29 +215,27 @@ impl<'a> Search<'a> {
             let mut open: Vec<&Candidate> = (candidates.iter())
                 .filter(|c| self.is_worth_trying(c) && !self.was_refused(c))
                 .collect();
-            if self.first.is_empty() {
-                let best = best(
-                    &self.screens,
-                    &candidates.iter().collect::<Vec<_>>(),
-                    &candidates,
-                );
-                let tried = best.map(|best| self.best_by_trying(best, &candidates));
-                self.first = judge(&self.screens, &candidates, tried.as_ref().map(|t| t.0));
-                if let (Some((told, Some(after))), Some(best)) = (&tried, best) {
-                    self.tell_first(told, after, !std::ptr::eq(*told, best));
-                }
-            }
+            let mut known = match self.first.is_empty() {
+                true => self.look_first(&candidates),
+                false => None,
+            };
             let mut taken = false;
             for _ in 0..MOST_REFUSED {
-                let Some(next) = best(&self.screens, &open, &candidates) else {
+                let Some(mut next) = best(&self.screens, &open, &candidates) else {
                     break;
                 };
-                let (next, after) = self.best_by_trying(next, &candidates);
-                taken = after.is_some_and(|after| self.take(next, after));
-                if taken {
-                    break;
+                if !self.promises_no_more(next) {
+                    let after;
+                    (next, after) = match known.take() {
+                        Some((of, tried)) if std::ptr::eq(of, next) => tried,
+                        _ => self.best_by_trying(next, &candidates),
+                    };
+                    taken = after.is_some_and(|after| self.take(next, after));
+                    if taken {
+                        break;
+                    }
+                    self.refuse(next);
                 }
-                self.refuse(next);
                 open.retain(|c| !(c.effect == next.effect && c.members == next.members));
             }
             if !taken && !self.take_looseness(&candidates) {
@@ -228,6 +245,25 @@ impl<'a> Search<'a> {
                 self.complete_drive();
             }
         }
+    }
+
+    /// Judges what each candidate would add to the model as it was given: the best of them by trying it, which is returned with what was
+    /// told of it.
+    fn look_first<'c>(
+        &mut self,
+        candidates: &'c [Candidate],
+    ) -> Option<(&'c Candidate, Tried<'c, 'a>)> {
+        let all: Vec<&Candidate> = candidates.iter().collect();
+        let Some(best) = best(&self.screens, &all, candidates) else {
+            self.first = judge(&self.screens, candidates, None);
+            return None;
+        };
+        let (told, after) = self.best_by_trying(best, candidates);
+        self.first = judge(&self.screens, candidates, Some(told));
+        if let Some(after) = &after {
+            self.tell_first(told, after, !std::ptr::eq(told, best));
+        }
+        Some((best, (told, after)))
     }
 
     pub(super) fn push(&mut self, members: &[Member], removed: bool) {
