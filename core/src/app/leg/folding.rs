@@ -3,7 +3,7 @@
 
 use super::{LegData, LegLine, increment};
 use crate::Real;
-use crate::app::single;
+use crate::app::messages::single;
 use crate::app::support::Support;
 use crate::estimator::{Change, ChangeKind, Verdict};
 use crate::scalar::{exp_minus, real};
