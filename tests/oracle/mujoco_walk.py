@@ -45,7 +45,7 @@ LOGS = {
     "flying": ("flying", 4.5, 2, None),
     "sway": ("sway", 4.5, 3, None),
     "swung": ("swung", 4.5, 4, None),
-    # As long as what is asked of a load's mass and place, and of the trunk's: see tests/tests/free_base.rs.
+    # As long as what is asked of a load's mass and place, and of the trunk's: see tests/tests/free_base.
     "trot_30s": ("trot", 30.0, 1, None),
     "load_30s": ("trot", 30.0, 1, (2.0, 0.05, -0.02, 0.07)),
     "sway_30s": ("sway", 30.0, 3, None),

@@ -8,10 +8,11 @@ use nalgebra::SVector;
 use super::tests::{DESKTOP, Whole, bytes};
 use super::*;
 use crate::bus::{Mode, Reply};
+use crate::estimator::LEG_INERTIAL;
 use crate::go2::{ACTUATORS, leg};
 use crate::inertia::InertialParameters;
 use crate::spatial::Transform;
-use crate::wire::{Change, ChangeKind, Request};
+use crate::wire::{Action, Change, ChangeKind, Estimate, LegCounters, Request};
 
 const STEP_US: u64 = 2_000;
 const SECOND: u64 = 500;

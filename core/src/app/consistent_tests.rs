@@ -5,6 +5,9 @@ use std::vec::Vec;
 use super::change_tests::{Extra, Robot};
 use super::*;
 use crate::consistent::body;
+use crate::estimator::LEG_INERTIAL;
+use crate::go2::JOINTS_PER_LEG;
+use crate::wire::{Action, EffectAt, Estimate};
 
 /// A thigh whose joint is driven by its friction, a calf that is pulled up by more than it weighs, from the first sample on.
 fn impossible(_: f64) -> Extra {

@@ -1,9 +1,17 @@
 //! What is counted alike of a robot that hangs and of one that walks.
 
-use super::Health;
 use crate::bus::Listener;
 use crate::slot::Slot;
 use crate::wire::{LegCounters, Load, Losses};
+
+/// What is told without a host: sums that grow, and wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Samples of all legs.
+    pub samples: u32,
+    /// What was lost or refused of all buses, of the IMU and of the host link, and steps over budget.
+    pub losses: u32,
+}
 
 /// A leg's counters: what its listener counts, and `own`.
 pub(super) fn heard(listener: &Slot<Listener>, own: LegCounters) -> LegCounters {

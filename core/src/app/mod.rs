@@ -1,17 +1,17 @@
 //! The whole line, one bounded step at a time: bus bytes in, messages out.
 //!
 //! [`App::step`] is the same synchronous function on a board, in emulation and on the desktop; who calls it says what time
-//! it is and who it is. A step
+//! it is and who it is ([`Identity`]). A step
 //!
 //! 1. obeys at most one request of the host (`requests`);
-//! 2. folds one leg's windows into its factors, if six of them wait; or closes a block of 2 s, looks whether the leg has
+//! 2. folds one leg's windows into its factors (`leg`), if six of them wait; or closes a block of 2 s, looks whether the leg has
 //!    changed in it ([`crate::estimator::BlockTest`]), and forgets what no longer holds, bit by bit;
 //! 3. decodes what each leg's bus has brought ([`App::hear`]) and makes samples of it ([`crate::bus::Listener`], `alignment`):
 //!    two of a leg at most, and no more bytes than a step has time for, fewer if it folded; the rest waits;
 //! 4. puts the samples into the legs' windows; the rows of a window that closes wait to be folded;
 //! 5. if it did not fold, does one part of a solution or of the diagnosis; a solution that could not be is followed by the likeliest that
-//!    could ([`crate::consistent`]), which is told in its place;
-//! 6. says at most one message.
+//!    could ([`crate::consistent`]), which is told in its place (`solution`);
+//! 6. says at most one message (`messages`).
 //!
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
 //! bound. Apart from part 3, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
@@ -26,12 +26,15 @@ mod consistent_tests;
 mod copy;
 mod counts;
 mod diagnosis;
+mod identity;
 mod leg;
+mod messages;
 mod readings;
 #[cfg(test)]
 mod request_tests;
 mod requests;
 mod snapshot;
+mod solution;
 mod support;
 #[cfg(test)]
 mod support_tests;
@@ -44,24 +47,22 @@ mod walking;
 mod walking_tests;
 
 use crate::Real;
-use crate::estimator::{
-    Active, COLUMNS, DEFAULT_ACTIVE, DeviceDescent, DeviceSolver, Gather, LEG_INERTIAL, MAX_EFFECTS,
-};
-use crate::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use crate::estimator::{DeviceDescent, DeviceSolver, Gather};
+use crate::go2::{LEGS, Leg};
 use crate::slot::Slot;
-use crate::wire::{
-    self, Action, Answer, Belief, BodyPrior, Capacities, Counters, DeviceMessage, EffectAt,
-    Estimate, Hello, HostMessage, LegCounters, Load, Losses, Outcome, Reset, SCHEMA, Solution,
-};
+use crate::wire::{DeviceMessage, HostMessage, Load, Losses, Solution};
 pub use alignment::Alignment;
 use copy::FactorCopy;
-use diagnosis::{Diagnosis, Verdict};
+pub use counts::Health;
+use diagnosis::Diagnosis;
 use embedded_storage::nor_flash::NorFlash;
-use heapless::{String, Vec};
-use leg::{FOLDING_EFFORT, LegData, LegLine, SETTINGS, STEP_EFFORT};
+use identity::NOBODY;
+pub use identity::{Identity, Start};
+use leg::{FOLDING_EFFORT, LegData, LegLine, STEP_EFFORT};
 use requests::Requests;
 pub use snapshot::SNAPSHOT_US;
 use snapshot::{Snapshots, Source};
+use solution::Solving;
 use support::{HOLD_US, carries};
 pub use walking::{WALK_US, WalkingApp, WalkingMemory};
 
@@ -72,73 +73,12 @@ pub const REPORT_US: u64 = 100_000;
 /// Time between two unasked hellos, µs.
 pub const HELLO_US: u64 = 1_000_000;
 
-/// Steps without a window to fold that rest after one with work for solution or diagnosis: what keeps the mean cost of a
-/// step within its budget.
-const REST: u8 = 2;
-
 /// All legs, bit n for the n-th in SDK order.
 const ALL_LEGS: u8 = (1 << LEGS) - 1;
 
 /// What listening may cost in a step that solves or diagnoses as well, instructions by estimate: all that four legs polled at
 /// 1 kHz bring.
 const LISTENING: usize = 40_000;
-
-/// Who the device is and what it may do; an argument, so that all logic runs anywhere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Identity {
-    /// Version of the firmware; 24 bytes at most are told.
-    pub firmware: &'static str,
-    /// Name of the board; 24 bytes at most are told.
-    pub board: &'static str,
-    /// Why it runs, and what.
-    pub start: Start,
-    /// What [`App::record_cost`] is told; 16 bytes at most.
-    pub load_unit: &'static str,
-    /// A step that costs more is counted as over budget.
-    pub budget: u32,
-    /// Time between two bytes that follow each other on a motor bus, ns: 2500 at 4 Mbit/s; 0 where all bytes that come at once
-    /// have one time, as in replay.
-    pub byte_ns: u32,
-}
-
-/// What a board knows of its start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Start {
-    /// The commit that the firmware was built of; 16 bytes at most are told.
-    pub git: &'static str,
-    /// Why it started.
-    pub reset: Reset,
-    /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
-    pub crash: &'static str,
-}
-
-impl Start {
-    /// Nothing is known of it.
-    pub const UNKNOWN: Self = Self {
-        git: "",
-        reset: Reset::Unknown,
-        crash: "",
-    };
-}
-
-/// Of an application that has not been told who it is.
-const NOBODY: Identity = Identity {
-    firmware: "",
-    board: "",
-    start: Start::UNKNOWN,
-    load_unit: "",
-    budget: u32::MAX,
-    byte_ns: 0,
-};
-
-/// What is told without a host: sums that grow, and wrap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Health {
-    /// Samples of all legs.
-    pub samples: u32,
-    /// What was lost or refused of all buses, of the IMU and of the host link, and steps over budget.
-    pub losses: u32,
-}
 
 /// The legs' data, beside the application: all zeros at first, so that a microcontroller keeps no copy of it in flash.
 pub struct Memory<T: Real>([LegData<T>; LEGS], FactorCopy<T>);
@@ -154,30 +94,6 @@ impl<T: Real> Default for Memory<T> {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// A leg that is being solved.
-#[derive(Clone, Copy)]
-struct Solving {
-    which: Leg,
-    /// When its data end.
-    time_us: u64,
-    phase: Phase,
-    /// [`App::settings`] when its data were gathered.
-    settings: u32,
-}
-
-/// How far a leg's solution is.
-#[derive(Clone, Copy, PartialEq)]
-enum Phase {
-    /// Its data are being gathered.
-    Gather,
-    /// Least squares alone.
-    Solve,
-    /// Is that one that could be?
-    Judge,
-    /// The likeliest of those that could.
-    Descend,
 }
 
 /// The application: four legs' lines and the solver that serves them in turn.
@@ -288,51 +204,6 @@ impl<T: Real> App<T> {
         }
     }
 
-    /// Obeys the request that has waited longest.
-    fn obey(&mut self, memory: &mut Memory<T>) {
-        let Some(request) = self.requests.next() else {
-            return;
-        };
-        let outcome = self.outcome(memory, request.action);
-        let id = request.id;
-        self.requests.answer(Answer { id, outcome });
-    }
-
-    /// Does what is asked.
-    fn outcome(&mut self, memory: &mut Memory<T>, action: Action) -> Outcome {
-        if action == Action::Keep {
-            return match self.snapshots.want() {
-                true => Outcome::Accepted,
-                false => Outcome::NoStorage,
-            };
-        }
-        self.settings = self.settings.wrapping_add(1);
-        match action {
-            Action::Keep => Outcome::Accepted,
-            Action::Reset => {
-                self.reset(memory);
-                // Else the next start would bring back what was to be forgotten.
-                self.snapshots.want();
-                Outcome::Accepted
-            }
-            Action::AddEffect(at) => self.change(true, at),
-            Action::DropEffect(at) => self.change(false, at),
-            Action::SetMemory(seconds) => {
-                self.legs.iter_mut().for_each(|leg| leg.set_memory(seconds));
-                Outcome::Accepted
-            }
-            Action::SetEffectPrior(at, belief) => self.believe(at, belief),
-            Action::SetBodyPrior(prior) => self.know_body(memory, prior),
-            Action::SetLegs(legs) if legs & !ALL_LEGS != 0 => Outcome::NoSuchLeg,
-            Action::SetLegs(legs) => {
-                self.listens_to = legs;
-                // Who listens is told by the hello.
-                self.hello_at = 0;
-                Outcome::Accepted
-            }
-        }
-    }
-
     /// Becomes what it was when the newest whole snapshot in `flash` was made, if that is of the same schema, robot and model; the
     /// hello says what became of it. From then on [`keep`](Self::keep) writes snapshots there.
     ///
@@ -359,55 +230,6 @@ impl<T: Real> App<T> {
         self.snapshots.advance(flash, &source, now_us);
     }
 
-    /// The leg, the joint's place in it, and the effect's in [`COLUMNS`].
-    fn place(&mut self, at: EffectAt) -> Result<(&mut LegLine<T>, usize, usize), Outcome> {
-        let (joint, effect) = (usize::from(at.joint), usize::from(at.effect));
-        match self.legs.get_mut(usize::from(at.leg)) {
-            None => Err(Outcome::NoSuchLeg),
-            Some(_) if joint >= JOINTS_PER_LEG => Err(Outcome::NoSuchJoint),
-            Some(_) if effect >= COLUMNS.len() => Err(Outcome::NoSuchEffect),
-            Some(leg) => Ok((leg, joint, effect)),
-        }
-    }
-
-    /// Adds an effect to a joint's model or drops it.
-    fn change(&mut self, add: bool, at: EffectAt) -> Outcome {
-        let (leg, joint, effect) = match self.place(at) {
-            Ok(place) => place,
-            Err(outcome) => return outcome,
-        };
-        match (leg.set_effect(joint, effect, add), add) {
-            (true, _) => Outcome::Accepted,
-            (false, true) => Outcome::AlreadyActive,
-            (false, false) => Outcome::NotActive,
-        }
-    }
-
-    /// Sets what is known of an effect's parameter before any data.
-    fn believe(&mut self, at: EffectAt, belief: Belief) -> Outcome {
-        let (leg, joint, effect) = match self.place(at) {
-            Ok(place) => place,
-            Err(outcome) => return outcome,
-        };
-        match leg.believe(joint, effect, belief.mean - neutral(effect), belief.std) {
-            true => Outcome::Accepted,
-            false => Outcome::OutOfRange,
-        }
-    }
-
-    /// Sets how well a body is known before any data.
-    fn know_body(&mut self, memory: &mut Memory<T>, prior: BodyPrior) -> Outcome {
-        let (leg, body) = (usize::from(prior.leg), usize::from(prior.body));
-        match (self.legs.get_mut(leg), memory.0.get_mut(leg)) {
-            (Some(_), Some(_)) if body >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
-            (Some(leg), Some(data)) => match leg.know_body(data, body, prior.uncertainty) {
-                true => Outcome::Accepted,
-                false => Outcome::OutOfRange,
-            },
-            _ => Outcome::NoSuchLeg,
-        }
-    }
-
     /// Whether a leg is listened to.
     fn listens_to(&self, leg: usize) -> bool {
         u32::from(self.listens_to)
@@ -425,27 +247,6 @@ impl<T: Real> App<T> {
     /// Takes note of what was lost around the application since the start; a reset does not forget it.
     pub fn record_losses(&mut self, losses: Losses) {
         self.losses = losses;
-    }
-
-    /// Everything counted up to `now_us`.
-    pub fn counters(&self, memory: &Memory<T>, now_us: u64) -> Counters {
-        let [snapshots, snapshots_failed] = self.snapshots.counts();
-        Counters {
-            time_us: now_us,
-            legs: core::array::from_fn(|leg| match (self.legs.get(leg), memory.0.get(leg)) {
-                (Some(line), Some(data)) => line.counters(data),
-                _ => LegCounters::ZERO,
-            }),
-            host_frames_bad: self.losses.host_frames_bad,
-            host_frames_missed: self.losses.host_frames_missed,
-            frames_dropped: self.losses.frames_dropped,
-            buses: self.losses.buses,
-            host_line: self.losses.host_line,
-            imu: self.losses.imu,
-            snapshots,
-            snapshots_failed,
-            load: self.load,
-        }
     }
 
     /// What a board's lights tell.
@@ -538,273 +339,7 @@ impl<T: Real> App<T> {
         forgetting.map(|(line, data)| line.fold_on(data)).is_some()
     }
 
-    /// One part of a solution, or of the diagnosis where none is due; then a rest. Beside a consistent solution, which takes many parts, the
-    /// diagnosis has every second one.
-    fn work(&mut self, memory: &mut Memory<T>, now_us: u64) {
-        if let Some(left) = self.rest.checked_sub(1) {
-            self.rest = left;
-            return;
-        }
-        self.rest = REST;
-        let n = self.diagnosis.leg();
-        if !self.listens_to(n) {
-            self.diagnosis.skip_leg();
-        }
-        let descends =
-            matches!(&self.solving, Slot::Full(solving) if solving.phase == Phase::Descend);
-        self.diagnosed = descends && !self.diagnosed;
-        if (self.diagnosed || !self.solve(memory, now_us))
-            && self.listens_to(n)
-            && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
-        {
-            self.diagnosis.advance(&leg.evidence(data));
-        }
-    }
-
-    /// One part of a solution: begins the next leg's when it is due, or goes on with the one begun; false if there is none.
-    fn solve(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
-        match self.solving {
-            Slot::Full(solving) => self.solve_on(memory, solving),
-            Slot::Empty => return self.begin_solving(memory, now_us),
-        }
-        true
-    }
-
-    /// Begins the next leg's solution when it is due; false if it is not.
-    fn begin_solving(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
-        let (which, due) = self.next;
-        if !self.listens_to(which.index()) {
-            // Its turn is the next one's, as soon as there is one to be solved.
-            self.next.0 = following(which);
-            return false;
-        }
-        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
-        if self.solved.get().is_some() || now_us < due || leg.is_forgetting() {
-            return false;
-        }
-        // What waits is folded in before, in steps of its own.
-        if leg.fold_on(data) {
-            return true;
-        }
-        leg.gather(data, &mut self.gather, &mut self.solver);
-        self.solving = Slot::Full(Solving {
-            which,
-            time_us: now_us,
-            phase: Phase::Gather,
-            settings: self.settings,
-        });
-        // A solver that cannot keep up does not try to catch up.
-        let due = due
-            .saturating_add(ESTIMATE_US)
-            .max(now_us.saturating_sub(ESTIMATE_US));
-        self.next = (following(which), due);
-        true
-    }
-
-    /// Goes on with a solution.
-    fn solve_on(&mut self, memory: &mut Memory<T>, solving: Solving) {
-        let Solving { which, time_us, .. } = solving;
-        let (leg, data) = (&mut self.legs[which.index()], &mut memory.0[which.index()]);
-        let has_prior = match solving.phase {
-            Phase::Gather | Phase::Solve => true,
-            Phase::Judge => solving.settings == self.settings,
-            Phase::Descend => solving.settings == self.settings && !leg.is_stale(),
-        };
-        if !has_prior {
-            // The prior that it was begun with is no more: its turn is once more the next.
-            self.solving = Slot::Empty;
-            self.next.0 = which;
-            return;
-        }
-        let next = match solving.phase {
-            Phase::Gather => leg
-                .gather_on(data, &mut self.gather, &mut self.solver)
-                .map(|done| done.then_some(Phase::Solve)),
-            Phase::Solve => self.solver.advance().map(|done| {
-                done.then(|| {
-                    leg.learn(data, &self.solver, self.gather.active());
-                    Phase::Judge
-                })
-            }),
-            Phase::Judge if leg.is_consistent(&self.solver) => {
-                self.solved = Slot::Full((which, time_us, Solution::Free));
-                self.solving = Slot::Empty;
-                return;
-            }
-            Phase::Judge => {
-                leg.descend(&mut self.descent, &mut self.solver);
-                Ok(Some(Phase::Descend))
-            }
-            Phase::Descend => match leg.descend_on(&mut self.descent, &mut self.solver) {
-                Ok(true) => {
-                    self.solved = Slot::Full((which, time_us, Solution::Consistent));
-                    self.solving = Slot::Empty;
-                    return;
-                }
-                Ok(false) => Ok(None),
-                Err(error) => Err(error),
-            },
-        };
-        match next {
-            Ok(Some(phase)) => {
-                let settings = match phase {
-                    // The model may have been set while its data were gathered: it is then gathered anew.
-                    Phase::Solve => self.settings,
-                    _ => solving.settings,
-                };
-                self.solving = Slot::Full(Solving {
-                    phase,
-                    settings,
-                    ..solving
-                });
-            }
-            Ok(None) => {}
-            Err(_) => {
-                self.solving = Slot::Empty;
-                leg.count_unsolved();
-            }
-        }
-    }
-
-    /// The most urgent message that is due.
-    fn message(&mut self, memory: &mut Memory<T>, now_us: u64) -> Option<DeviceMessage> {
-        if now_us >= self.hello_at {
-            self.hello_at = now_us.saturating_add(HELLO_US);
-            return Some(DeviceMessage::Hello(self.hello()));
-        }
-        if let Some(answer) = self.requests.take() {
-            return Some(DeviceMessage::Answer(answer));
-        }
-        let mut lines = self.legs.iter_mut().enumerate();
-        if let Some(change) = lines.find_map(|(leg, line)| line.take_change(leg)) {
-            return Some(DeviceMessage::Change(change));
-        }
-        if let Some((which, time_us, solution)) = self.solved.take() {
-            let estimate = self.estimate(which, time_us, solution);
-            return Some(DeviceMessage::Estimate(estimate));
-        }
-        if now_us >= self.counters_at {
-            self.counters_at = now_us.saturating_add(REPORT_US);
-            return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
-        }
-        if let Some(leg) = memory.1.leg_to_copy()
-            && let (Some(line), Some(data)) = (self.legs.get_mut(leg), memory.0.get_mut(leg))
-        {
-            // A copy has all windows that have closed, which are folded in in steps of their own.
-            if line.is_forgetting() || line.fold_on(data) {
-                return None;
-            }
-        }
-        if let Some(part) = memory.1.take(&memory.0) {
-            return Some(DeviceMessage::FactorPart(part));
-        }
-        self.diagnosis
-            .take()
-            .map(|verdict| DeviceMessage::Diagnosis(told(&verdict)))
-    }
-
     fn identity(&self) -> Identity {
         self.identity.get().copied().unwrap_or(NOBODY)
     }
-
-    fn hello(&self) -> Hello {
-        let identity = self.identity();
-        Hello {
-            schema: SCHEMA,
-            firmware: text(identity.firmware),
-            git: text(identity.start.git),
-            board: text(identity.board),
-            reset: identity.start.reset,
-            crash: text(identity.start.crash),
-            capacities: Capacities {
-                legs: LEGS as u8,
-                joints_per_leg: JOINTS_PER_LEG as u8,
-                inertial_parameters: LEG_INERTIAL as u8,
-                effect_parameters: DEFAULT_ACTIVE.effects().count() as u8,
-                window_us: SETTINGS.window_us as u32,
-                scalar_bits: (8 * size_of::<T>()) as u8,
-            },
-            load_unit: text(identity.load_unit),
-            listens_to: self.listens_to,
-            carried: self.was_carried,
-            kept: self.snapshots.status(),
-            effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
-        }
-    }
-
-    fn estimate(&self, which: Leg, time_us: u64, solution: Solution) -> Estimate {
-        const {
-            assert!(LEG_INERTIAL + MAX_EFFECTS <= wire::MAX_PARAMETERS);
-            assert!(COLUMNS.len() <= wire::MAX_EFFECTS);
-        }
-        let solver = &self.solver;
-        let active: &Active = self.gather.active();
-        let values = solver.values().iter().copied().map(single);
-        let neutral = active.effects().map(|(_, n)| neutral(n));
-        let neutral = core::iter::repeat_n(0.0, LEG_INERTIAL).chain(neutral);
-        Estimate {
-            leg: which.index() as u8,
-            time_us,
-            windows: single(solver.windows()) as u32,
-            effects: active.0,
-            solution,
-            values: fitting(values.zip(neutral).map(|(v, n)| v + n)),
-            std: fitting(solver.std().iter().copied().map(single)),
-            noise: solver.noise().map(single),
-        }
-    }
-}
-
-/// The leg after this one.
-fn following(leg: Leg) -> Leg {
-    Leg::ALL[(leg.index() + 1) % LEGS]
-}
-
-/// The value of effect n's parameter at which it does nothing: columns are of what goes beyond it.
-fn neutral(n: usize) -> f32 {
-    let parameter = COLUMNS.get(n).map(|effect| effect.description().parameters);
-    parameter
-        .and_then(<[_]>::first)
-        .map_or(0.0, |p| p.neutral as f32)
-}
-
-/// A verdict as the wire has it.
-fn told<T: Real>(verdict: &Verdict<T>) -> wire::Diagnosis {
-    wire::Diagnosis {
-        at: EffectAt {
-            leg: verdict.leg as u8,
-            joint: verdict.joint as u8,
-            effect: verdict.effect as u8,
-        },
-        active: verdict.active,
-        windows: single(verdict.windows) as u32,
-        gain: single(verdict.held_out.gain()),
-        gain_error: single(verdict.held_out.gain_error()),
-        value: single(verdict.finding.value()) + neutral(verdict.effect),
-        std: single(verdict.finding.std()),
-    }
-}
-
-/// As `f32`, which the wire carries.
-fn single<T: Real>(value: T) -> f32 {
-    nalgebra::try_convert(value).unwrap_or(f64::NAN) as f32
-}
-
-/// As many as fit. `collect` would panic where there is no room.
-fn fitting<X, const N: usize>(items: impl Iterator<Item = X>) -> Vec<X, N> {
-    let mut vec = Vec::new();
-    for item in items {
-        let _ = vec.push(item);
-    }
-    vec
-}
-
-/// As much of `source` as fits.
-fn text<const N: usize>(source: &str) -> String<N> {
-    let mut text = String::new();
-    for character in source.chars().take_while(char::is_ascii) {
-        // What finds no room is left out.
-        let _ = text.push(character);
-    }
-    text
 }

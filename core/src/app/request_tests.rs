@@ -5,9 +5,12 @@ use std::vec::Vec;
 
 use super::tests::{DESKTOP, Whole, last_estimate, motion, play};
 use super::*;
-use crate::estimator::{DeviceFolds, FOLDS};
+use crate::estimator::{DeviceFolds, FOLDS, LEG_INERTIAL};
 use crate::factor::{Factor, packed_len};
-use crate::wire::{Belief, BodyPrior, FactorPart, ReadFactor, Request};
+use crate::go2::JOINTS_PER_LEG;
+use crate::wire::{
+    Action, Belief, BodyPrior, EffectAt, Estimate, FactorPart, Outcome, ReadFactor, Request,
+};
 
 /// An application that moves, and its clock in steps.
 struct Moving {

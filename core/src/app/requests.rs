@@ -2,7 +2,13 @@
 
 use heapless::Deque;
 
-use crate::wire::{Answer, Outcome, Request};
+use super::leg::LegLine;
+use super::messages::neutral;
+use super::{ALL_LEGS, App, Memory};
+use crate::Real;
+use crate::estimator::COLUMNS;
+use crate::go2::JOINTS_PER_LEG;
+use crate::wire::{Action, Answer, Belief, BodyPrior, EffectAt, Outcome, Request};
 
 /// Requests that may wait, and answers that are remembered: a host has no more under way. One that finds no room is dropped,
 /// and asked again by its host.
@@ -79,5 +85,101 @@ impl Requests {
     pub(super) fn take(&mut self) -> Option<Answer> {
         let is_due = core::mem::take(&mut self.is_due);
         is_due.then_some(self.due)
+    }
+}
+
+impl<T: Real> App<T> {
+    /// Obeys the request that has waited longest.
+    pub(super) fn obey(&mut self, memory: &mut Memory<T>) {
+        let Some(request) = self.requests.next() else {
+            return;
+        };
+        let outcome = self.outcome(memory, request.action);
+        let id = request.id;
+        self.requests.answer(Answer { id, outcome });
+    }
+
+    /// Does what is asked.
+    fn outcome(&mut self, memory: &mut Memory<T>, action: Action) -> Outcome {
+        if action == Action::Keep {
+            return match self.snapshots.want() {
+                true => Outcome::Accepted,
+                false => Outcome::NoStorage,
+            };
+        }
+        self.settings = self.settings.wrapping_add(1);
+        match action {
+            Action::Keep => Outcome::Accepted,
+            Action::Reset => {
+                self.reset(memory);
+                // Else the next start would bring back what was to be forgotten.
+                self.snapshots.want();
+                Outcome::Accepted
+            }
+            Action::AddEffect(at) => self.change(true, at),
+            Action::DropEffect(at) => self.change(false, at),
+            Action::SetMemory(seconds) => {
+                self.legs.iter_mut().for_each(|leg| leg.set_memory(seconds));
+                Outcome::Accepted
+            }
+            Action::SetEffectPrior(at, belief) => self.believe(at, belief),
+            Action::SetBodyPrior(prior) => self.know_body(memory, prior),
+            Action::SetLegs(legs) if legs & !ALL_LEGS != 0 => Outcome::NoSuchLeg,
+            Action::SetLegs(legs) => {
+                self.listens_to = legs;
+                // Who listens is told by the hello.
+                self.hello_at = 0;
+                Outcome::Accepted
+            }
+        }
+    }
+
+    /// The leg, the joint's place in it, and the effect's in [`COLUMNS`].
+    fn place(&mut self, at: EffectAt) -> Result<(&mut LegLine<T>, usize, usize), Outcome> {
+        let (joint, effect) = (usize::from(at.joint), usize::from(at.effect));
+        match self.legs.get_mut(usize::from(at.leg)) {
+            None => Err(Outcome::NoSuchLeg),
+            Some(_) if joint >= JOINTS_PER_LEG => Err(Outcome::NoSuchJoint),
+            Some(_) if effect >= COLUMNS.len() => Err(Outcome::NoSuchEffect),
+            Some(leg) => Ok((leg, joint, effect)),
+        }
+    }
+
+    /// Adds an effect to a joint's model or drops it.
+    fn change(&mut self, add: bool, at: EffectAt) -> Outcome {
+        let (leg, joint, effect) = match self.place(at) {
+            Ok(place) => place,
+            Err(outcome) => return outcome,
+        };
+        match (leg.set_effect(joint, effect, add), add) {
+            (true, _) => Outcome::Accepted,
+            (false, true) => Outcome::AlreadyActive,
+            (false, false) => Outcome::NotActive,
+        }
+    }
+
+    /// Sets what is known of an effect's parameter before any data.
+    fn believe(&mut self, at: EffectAt, belief: Belief) -> Outcome {
+        let (leg, joint, effect) = match self.place(at) {
+            Ok(place) => place,
+            Err(outcome) => return outcome,
+        };
+        match leg.believe(joint, effect, belief.mean - neutral(effect), belief.std) {
+            true => Outcome::Accepted,
+            false => Outcome::OutOfRange,
+        }
+    }
+
+    /// Sets how well a body is known before any data.
+    fn know_body(&mut self, memory: &mut Memory<T>, prior: BodyPrior) -> Outcome {
+        let (leg, body) = (usize::from(prior.leg), usize::from(prior.body));
+        match (self.legs.get_mut(leg), memory.0.get_mut(leg)) {
+            (Some(_), Some(_)) if body >= JOINTS_PER_LEG => Outcome::NoSuchJoint,
+            (Some(leg), Some(data)) => match leg.know_body(data, body, prior.uncertainty) {
+                true => Outcome::Accepted,
+                false => Outcome::OutOfRange,
+            },
+            _ => Outcome::NoSuchLeg,
+        }
     }
 }

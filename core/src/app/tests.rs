@@ -9,9 +9,11 @@ use super::*;
 use crate::bus::{Command, Mode, Reply, crc::SEED_GO2};
 use crate::effect::EffectKind;
 use crate::estimator::tests::{LegEstimator, solved};
+use crate::estimator::{COLUMNS, LEG_INERTIAL};
 use crate::go2::{self, ACTUATORS};
 use crate::spatial::Transform;
 use crate::window::Sample;
+use crate::wire::{self, Action, Answer, EffectAt, Estimate, Outcome, SCHEMA};
 
 /// Long enough for every leg's turn to be solved to come once more, and for the solution.
 const SILENT_STEPS: u64 = 600;

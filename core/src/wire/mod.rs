@@ -12,6 +12,7 @@
 
 mod frame;
 mod request;
+pub mod rings;
 #[cfg(test)]
 mod tests;
 mod walk;

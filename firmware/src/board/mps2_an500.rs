@@ -8,6 +8,7 @@
 
 use cortex_m::peripheral::{NVIC, SYST, syst::SystClkSource};
 use proprio_core::storage::{RamFlash, SECTOR};
+use proprio_core::wire::rings;
 
 /// One of the board's CMSDK UARTs.
 pub struct Uart {
@@ -75,11 +76,9 @@ impl Uart {
 }
 
 /// The last word before the [`RINGS`], if buses come to memory.
-const RINGS_IN_USE: u32 = u32::from_le_bytes(*b"RING");
+const RINGS_IN_USE: u32 = u32::from_le_bytes(rings::IN_USE);
 /// Where the buses' rings are in the board's PSRAM.
-const RINGS: usize = 0x6080_0000;
-/// Bytes of a bus's ring.
-const RING: usize = 64 * 1024;
+const RINGS: usize = PSRAM + rings::OFFSET;
 
 /// Where a motor bus's bytes come in.
 ///
@@ -103,9 +102,9 @@ impl Bus {
         match self {
             Self::Uart(uart) => uart.read(),
             Self::Ring { base, at } => {
-                // SAFETY: `at` is less than RING, and `base` begins that many bytes of the PSRAM which nothing else uses.
+                // SAFETY: `at` is less than a ring's length, and `base` begins that many bytes of the PSRAM which nothing else uses.
                 let byte = unsafe { base.add(*at).read_volatile() };
-                *at = (*at + 1) % RING;
+                *at = (*at + 1) % rings::LENGTH;
                 Some(byte)
             }
         }
@@ -116,7 +115,7 @@ impl Bus {
         // SAFETY: a word of the PSRAM, which is always there.
         match unsafe { (RINGS as *const u32).sub(1).read_volatile() } {
             RINGS_IN_USE => Self::Ring {
-                base: (RINGS + index * RING) as *const u8,
+                base: (RINGS + index * rings::LENGTH) as *const u8,
                 at: 0,
             },
             _ => {
@@ -160,7 +159,7 @@ impl InstructionCounter {
 
 /// Where the board's PSRAM begins, which stands for flash: QEMU can be told to keep it in a file, and then it outlives the emulator as flash
 /// outlives the power.
-const FLASH: usize = 0x6000_0000;
+const PSRAM: usize = 0x6000_0000;
 /// As many sectors as the NUCLEO's second bank has.
 const FLASH_LEN: usize = 8 * SECTOR;
 /// Bytes that a step erases: 64 KiB take half a second, as quick flash does.
@@ -201,7 +200,7 @@ impl Board {
         let counter = InstructionCounter::new(core.SYST);
         // SAFETY: the linker puts nothing in the PSRAM, this is the only place that takes its beginning, once (`Peripherals::take` above), and
         // the rings are further.
-        let flash = unsafe { core::slice::from_raw_parts_mut(FLASH as *mut u8, FLASH_LEN) };
+        let flash = unsafe { core::slice::from_raw_parts_mut(PSRAM as *mut u8, FLASH_LEN) };
         Some(Self {
             host,
             buses,

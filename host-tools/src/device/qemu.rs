@@ -14,7 +14,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use proprio_core::go2::LEGS;
-use proprio_core::wire::{Advance, DeviceMessage, Hello, HostMessage};
+use proprio_core::wire::{Advance, DeviceMessage, Hello, HostMessage, rings};
 
 use super::link::{Link, PATIENCE};
 use super::{BusStep, Device, DeviceError};
@@ -24,11 +24,6 @@ const IN_FLIGHT: usize = 64;
 
 /// Bytes of the board's PSRAM, the start of which stands for flash.
 const PSRAM_LEN: u64 = 16 << 20;
-
-/// Where the rings of the buses are in the PSRAM, after the word that says that they are in use, and how many bytes each holds.
-const RINGS: u64 = 8 << 20;
-const RING: usize = 64 * 1024;
-const RINGS_IN_USE: &[u8] = b"RING";
 
 /// Name of the emulator.
 pub const EMULATOR: &str = "qemu-system-arm";
@@ -60,11 +55,11 @@ impl Buses {
             }
             Self::Rings(file, at) => {
                 for (leg, (at, bytes)) in at.iter_mut().zip(buses).enumerate() {
-                    let ring = RINGS + (leg * RING) as u64;
-                    let (first, wrapped) = bytes.split_at(bytes.len().min(RING - *at));
+                    let ring = (rings::OFFSET + leg * rings::LENGTH) as u64;
+                    let (first, wrapped) = bytes.split_at(bytes.len().min(rings::LENGTH - *at));
                     file.write_all_at(first, ring + *at as u64)?;
                     file.write_all_at(wrapped, ring)?;
-                    *at = (*at + bytes.len()) % RING;
+                    *at = (*at + bytes.len()) % rings::LENGTH;
                 }
             }
         }
@@ -143,7 +138,8 @@ impl Qemu {
         let memory = tempfile::NamedTempFile::new()?;
         let file = memory.reopen()?;
         file.set_len(PSRAM_LEN)?;
-        file.write_all_at(RINGS_IN_USE, RINGS - RINGS_IN_USE.len() as u64)?;
+        let before = rings::OFFSET - rings::IN_USE.len();
+        file.write_all_at(&rings::IN_USE, before as u64)?;
         let mut emulator = Self::start(image, Some(memory.path()))?;
         emulator.buses = Buses::Rings(file, [0; LEGS]);
         Ok(emulator)
@@ -266,10 +262,10 @@ impl Device for Qemu {
             // The bytes must be there before they are spoken of, and none be overwritten that has not been taken.
             Buses::Rings(..) => {
                 let most = step.buses.iter().map(Vec::len).max().unwrap_or(0);
-                if most > RING / IN_FLIGHT {
+                if most > rings::LENGTH / IN_FLIGHT {
                     self.wait(0, told)?;
                 }
-                if most > RING {
+                if most > rings::LENGTH {
                     return Err(
                         std::io::Error::other("more bytes in one step than a ring holds").into(),
                     );

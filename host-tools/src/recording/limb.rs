@@ -185,19 +185,23 @@ impl LimbRecording {
         self.foot.push(foot);
     }
 
-    /// Gives back the room that was kept for more samples.
-    pub(super) fn shrink(&mut self) {
-        self.time_us.shrink_to_fit();
-        for channel in [
+    /// All channels that have a number per joint.
+    fn of_joints(&mut self) -> [&mut Vec<f64>; 5] {
+        [
             &mut self.q,
             &mut self.dq,
             &mut self.tau,
             &mut self.temperature,
             &mut self.q_link,
-            &mut self.foot,
-        ] {
-            channel.shrink_to_fit();
-        }
+        ]
+    }
+
+    /// Gives back the room that was kept for more samples.
+    pub(super) fn shrink(&mut self) {
+        self.time_us.shrink_to_fit();
+        self.foot.shrink_to_fit();
+        let channels = self.of_joints();
+        channels.into_iter().for_each(Vec::shrink_to_fit);
     }
 
     /// Leaves out the samples whose time is not to be kept; what is left out is a gap.
@@ -221,13 +225,7 @@ impl LimbRecording {
         self.starts = starts;
         retain(&mut self.time_us, &kept, 1);
         retain(&mut self.foot, &kept, 1);
-        for channel in [
-            &mut self.q,
-            &mut self.dq,
-            &mut self.tau,
-            &mut self.temperature,
-            &mut self.q_link,
-        ] {
+        for channel in self.of_joints() {
             retain(channel, &kept, n);
         }
     }

@@ -3,114 +3,36 @@
 //! A firmware of its own beside [`App`](super::App), which identifies legs of a robot that hangs: both at once would take more RAM than a
 //! microcontroller has (540 of 512 KiB in `f64`), and a robot does one or the other. [`WalkingApp::step`]
 //!
-//! 1. decodes what the buses have brought and, of each leg, takes the last polling cycle;
+//! 1. decodes what the buses have brought and, of each leg, takes the last polling cycle (`line`);
 //! 2. once all four legs have a new one, makes the whole robot's sample of them and, in the next step, gives it with what the IMU read around
 //!    its time ([`readings`](super::readings)) to the [`Walker`]: one in a step at most;
 //! 3. folds or solves a part ([`Walker::step`]);
-//! 4. says at most one message.
+//! 4. says at most one message (`messages`).
 //!
 //! The sensor of a foot is told by its calf's replies; one that is always the same is not asked.
 
-use super::alignment::Alignment;
-use super::counts::{self, heard};
-use super::leg::{SETTINGS, STEP_EFFORT};
+mod line;
+mod messages;
+
+use super::counts;
 use super::readings::Readings;
-use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US, single, text};
+use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US};
 use crate::Real;
-use crate::bus::{Listener, Queue};
 use crate::factor::FactorError;
-use crate::go2::{Go2, JOINTS, JOINTS_PER_LEG, LEGS};
+use crate::go2::{JOINTS, LEGS};
 use crate::scalar::real;
 use crate::slot::Slot;
 use crate::spatial::Transform;
-use crate::walk::{EFFECTS, OWN, WINDOW_US, WalkMemory, WalkSample, Walker};
+use crate::walk::{WalkMemory, WalkSample, Walker};
 use crate::window::{Sample, microseconds};
-use crate::wire::{
-    Capacities, Counters, DeviceMessage, Hello, HostMessage, Imu, Kept, LegCounters, Load, Losses,
-    SCHEMA, Walk,
-};
-use heapless::Vec;
+use crate::wire::{DeviceMessage, HostMessage, Imu, Load, Losses};
+use line::Line;
 use nalgebra::Vector3;
 
 /// Time between two solutions, µs.
 pub const WALK_US: u64 = 3_000_000;
 /// Legs' samples further apart than this are not of one time, µs.
 const APART_US: u64 = 2_000;
-/// Polling cycles that are taken off one bus in a step at most.
-const CYCLES: usize = 3;
-
-/// One leg's bus.
-struct Line<T> {
-    queue: Queue,
-    listener: Slot<Listener>,
-    alignment: Alignment<T, Go2, JOINTS_PER_LEG>,
-    /// The last cycle, the foot's count in it, and whether the robot's sample still waits for it.
-    latest: Sample<T, JOINTS_PER_LEG>,
-    count: T,
-    fresh: bool,
-    samples: u32,
-    surplus: u32,
-}
-
-impl<T: Real> Line<T> {
-    const fn new() -> Self {
-        Self {
-            queue: Queue::new(),
-            listener: Slot::Empty,
-            alignment: Alignment::new(),
-            latest: Sample {
-                time_us: 0,
-                q: [T::ZERO; JOINTS_PER_LEG],
-                dq: [T::ZERO; JOINTS_PER_LEG],
-                tau: [T::ZERO; JOINTS_PER_LEG],
-            },
-            count: T::ZERO,
-            fresh: false,
-            samples: 0,
-            surplus: 0,
-        }
-    }
-
-    /// Begins anew. Not inlined: what a listener takes of the stack is given back.
-    #[inline(never)]
-    fn begin(&mut self) {
-        self.queue.clear();
-        self.listener = Slot::Full(Listener::new());
-        self.alignment = Alignment::new();
-        (self.fresh, self.samples, self.surplus) = (false, 0, 0);
-    }
-
-    /// Takes what has come; the last of several cycles counts.
-    #[inline(never)]
-    fn listen(&mut self) {
-        let mut effort = STEP_EFFORT;
-        for _ in 0..CYCLES {
-            let Some(listener) = self.listener.get_mut() else {
-                return;
-            };
-            let Some(cycle) = listener.next(&mut self.queue, &mut effort) else {
-                return;
-            };
-            let flags = cycle.last().map_or(0, |heard| heard.reply.flags);
-            self.count = real(f64::from(flags >> 3 & 0xFFF));
-            self.latest = self.alignment.sample(cycle, SETTINGS.max_gap_us);
-            self.surplus = self.surplus.wrapping_add(u32::from(self.fresh));
-            self.samples = self.samples.wrapping_add(1);
-            self.fresh = true;
-        }
-    }
-
-    fn counters(&self) -> LegCounters {
-        let own = LegCounters {
-            lost_bytes: self.queue.lost(),
-            surplus: self.surplus,
-            samples: self.samples,
-            used: self.samples.wrapping_sub(self.surplus),
-            ..LegCounters::ZERO
-        };
-        heard(&self.listener, own)
-    }
-}
 
 /// What is known of the robot, beside the application: all zeros at first.
 pub struct WalkingMemory<T: Real> {
@@ -334,87 +256,7 @@ impl<T: Real> WalkingApp<T> {
         health
     }
 
-    fn message(&mut self, memory: &WalkingMemory<T>, now_us: u64) -> Option<DeviceMessage> {
-        if now_us >= self.hello_at {
-            self.hello_at = now_us.saturating_add(HELLO_US);
-            return Some(DeviceMessage::Hello(self.hello()));
-        }
-        if core::mem::replace(&mut self.solved, false) {
-            return Some(DeviceMessage::Walk(self.told(memory)));
-        }
-        if now_us >= self.counters_at {
-            self.counters_at = now_us.saturating_add(REPORT_US);
-            return Some(DeviceMessage::Counters(self.counters(memory, now_us)));
-        }
-        None
-    }
-
-    /// The last solution as the wire has it.
-    fn told(&self, memory: &WalkingMemory<T>) -> Walk {
-        let estimate = self.walker.estimate(&memory.walk);
-        let parameters = self.walker.parameters();
-        let effect = |joint: usize, e: usize| {
-            let place = OWN * (joint / JOINTS_PER_LEG + 1)
-                - EFFECTS * (JOINTS_PER_LEG - joint % JOINTS_PER_LEG);
-            parameters.get(place + e).map_or(f32::NAN, |x| single(*x))
-        };
-        Walk {
-            time_us: self.solving_us,
-            equations: estimate.equations,
-            noise: single(estimate.noise),
-            mass: estimate.mass.map(single),
-            trunk: estimate.trunk.map(single),
-            acc_bias: estimate.acc_bias.map(single),
-            effects: core::array::from_fn(|joint| core::array::from_fn(|e| effect(joint, e))),
-            counts: crate::wire::WalkCounts {
-                without_imu: self.without_imu,
-                ..*self.walker.counts()
-            },
-        }
-    }
-
-    fn counters(&self, memory: &WalkingMemory<T>, now_us: u64) -> Counters {
-        Counters {
-            time_us: now_us,
-            legs: memory.lines.each_ref().map(Line::counters),
-            host_frames_bad: self.losses.host_frames_bad,
-            host_frames_missed: self.losses.host_frames_missed,
-            frames_dropped: self.losses.frames_dropped,
-            buses: self.losses.buses,
-            host_line: self.losses.host_line,
-            imu: self.losses.imu,
-            load: self.load,
-            ..Counters::default()
-        }
-    }
-
     fn identity(&self) -> Identity {
         self.identity.get().copied().unwrap_or(NOBODY)
-    }
-
-    /// A device without legs that hang: no parameters of theirs, no effects to be asked for.
-    fn hello(&self) -> Hello {
-        let identity = self.identity();
-        Hello {
-            schema: SCHEMA,
-            firmware: text(identity.firmware),
-            git: text(identity.start.git),
-            board: text(identity.board),
-            reset: identity.start.reset,
-            crash: text(identity.start.crash),
-            capacities: Capacities {
-                legs: 0,
-                joints_per_leg: JOINTS_PER_LEG as u8,
-                inertial_parameters: 0,
-                effect_parameters: 0,
-                window_us: WINDOW_US as u32,
-                scalar_bits: (8 * size_of::<T>()) as u8,
-            },
-            load_unit: text(identity.load_unit),
-            listens_to: super::ALL_LEGS,
-            carried: false,
-            kept: Kept::NoStorage,
-            effects: Vec::new(),
-        }
     }
 }
