@@ -49,7 +49,12 @@ LOGS = {
     "trot_30s": ("trot", 30.0, 1, None),
     "load_30s": ("trot", 30.0, 1, (2.0, 0.05, -0.02, 0.07)),
     "sway_30s": ("sway", 30.0, 3, None),
+    "slip": ("trot", 4.5, 5, None),
 }
+# The ground's friction: rubber on most floors, and on one where feet slide at every step.
+GROUND = 0.9
+SLIPPERY = {"slip": 0.15}
+SLIDES = 0.02  # m/s: a foot on the ground that is faster does not creep
 STANDING = np.tile([0.0, 0.8, -1.6], 4)  # rad: where the whole robot's centre of mass is told
 SWUNG = 1.5  # m: how high a hand holds the trunk
 
@@ -83,7 +88,7 @@ def about_origin(m, com, inertia):
     return np.array([m, *(m * com), *(full[k] for k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))])
 
 
-def mjcf(bodies):
+def mjcf(bodies, ground=GROUND):
     text = lambda numbers: " ".join(repr(float(x)) for x in numbers)
 
     def inertial(phi):
@@ -104,7 +109,7 @@ def mjcf(bodies):
     return f"""<mujoco><option timestep="{STEP}" gravity="0 0 {-GRAVITY}" integrator="implicitfast" iterations="30"
         tolerance="1e-9" cone="elliptic" impratio="10"/>
       <default><joint limited="false" solreffriction="{4 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/>
-        <geom mass="0" condim="3" friction="0.9 0 0" solref="0.008 1" solimp="0.8 0.97 0.003"/></default>
+        <geom mass="0" condim="3" friction="{ground} 0 0" solref="0.008 1" solimp="0.8 0.97 0.003"/></default>
       <worldbody><geom type="plane" size="0 0 1"/><body name="base" pos="0 0 0.33"><freejoint/>{inertial(bodies[0])}
         <site name="imu" pos="{text(IMU)}"/>{legs}</body></worldbody>
       <actuator>{motors}</actuator>
@@ -194,9 +199,9 @@ def by_hand(data, t):
     return [*force, *(150 * axis - 12 * (is_now @ data.qvel[3:6]))]
 
 
-def simulate(kind, seconds, bodies, random, gait=None):
-    """Rows of a log. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward."""
-    model = mujoco.MjModel.from_xml_string(mjcf(bodies))
+def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=None):
+    """Rows of a log; to `slides` is added how fast each foot slides that carries a force, m/s. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward."""
+    model = mujoco.MjModel.from_xml_string(mjcf(bodies, ground))
     data = mujoco.MjData(model)
     gait = gait or Gait(kind, random)
     ahead = getattr(gait, "torque", lambda t: 0.0)
@@ -223,12 +228,21 @@ def simulate(kind, seconds, bodies, random, gait=None):
                     if geom in data.contact[k].geom:
                         mujoco.mj_contactForce(model, data, k, wrench)
                         force[n] += wrench[0]
+                        if slides is not None and wrench[0] > 0:
+                            slides.append(sliding(model, data, data.contact[k].pos, feet[n]))
             rows.append((t, data.qpos[7:].copy(), data.qvel[6:].copy(), data.ctrl.copy(),
                          data.sensordata[:3].copy(), data.sensordata[3:6].copy(), force))
             tilt = data.qpos[3:7]
             assert data.qpos[2] > 0.15 and 1 - 2 * (tilt[1] ** 2 + tilt[2] ** 2) > 0.8, (kind, t, "fell")
         mujoco.mj_step(model, data)
     return rows
+
+
+def sliding(model, data, at, geom):
+    """How fast the point of a foot that touches the ground moves along it, m/s."""
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, jacobian, None, at, model.geom_bodyid[geom])
+    return float(np.hypot(*(jacobian[:2] @ data.qvel)))
 
 
 def written(rows, random, bias):
@@ -301,12 +315,21 @@ def main():
         random = np.random.default_rng([seed, 3])
         bodies = robot(seed, load)
         bias = imu_bias(random)
-        rows = simulate(gait, args.seconds or seconds, bodies, random)
+        slides = [] if name in SLIPPERY else None
+        rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides)
         packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
         (args.o / f"{name}.csv.gz").write_bytes(packed)
         air = np.mean([[f < 1e-6 for f in row[6]] for row in rows])
         print(f"{name}: {len(rows)} samples, {len(packed)} bytes; a foot is in the air for {100 * air:.0f} % of the time")
         truth[name] = told(gait, load, bodies, bias)
+        if slides:
+            fast = [speed for speed in slides if speed > SLIDES]
+            truth[name]["slip"] = {"share": len(fast) / len(slides), "speed": float(np.sqrt(np.mean(np.square(fast))))}
+            print(f"  feet that carry a force slide for {100 * truth[name]['slip']['share']:.0f} % of that time, at {truth[name]['slip']['speed']:.2f} m/s rms")
+    before = args.o / "truth.json"
+    if args.logs and before.exists():
+        # Logs that are not made anew keep their truth.
+        truth = json.loads(before.read_text())["logs"] | truth
     manifest = {"command": "python mujoco_walk.py", "mujoco": mujoco.__version__, "numpy": np.__version__, "logs": truth}
     (args.o / "truth.json").write_text(json.dumps(manifest, indent=1) + "\n")
 

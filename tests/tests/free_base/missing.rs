@@ -9,7 +9,7 @@ use proprio::model::Model;
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 
-use super::{log, number, truth};
+use super::{com, log, number, truth};
 
 /// The Go2 with all four effects at every joint but for one.
 fn all_but(folder: &Path, missing: Option<&str>) {
@@ -248,4 +248,53 @@ fn a_model_that_walks_are_not_judged_with_is_refused() {
             assert!(stderr(&output).contains(words), "{}", stderr(&output));
         }
     }
+}
+
+/// On ground where feet slide for most of the time that they carry a force, the masses and friction hold and nothing is said to be missing or
+/// unseen: a force at the contact point is projected out whatever the foot's velocity.
+#[test]
+fn feet_that_slide_move_no_mass_and_are_taken_for_nothing_else() {
+    let (folder, truth) = (empty_folder(), truth("slip"));
+    assert!(number(&truth["slip"]["share"]) > 0.5, "{}", truth["slip"]);
+    let slides = log("slip").display().to_string();
+    let of = ["identify", "--free-base", "--physical", "--json", &slides];
+    let found = json(&done(folder.path(), &of));
+    let named = |list: &str, name: &str| -> Value {
+        let all = found[list].as_array().unwrap();
+        all.iter().find(|one| one["name"] == name).unwrap().clone()
+    };
+    let off = |told: &Value, truth: f64| (number(&told["value"]) - truth) / number(&told["std"]);
+    let (total, mass) = (named("quantities", "total_mass"), number(&truth["mass"]));
+    let error = number(&total["value"]) / mass - 1.0;
+    assert!(
+        error.abs() < 0.01 && off(&total, mass).abs() < 3.0,
+        "{total} {mass}"
+    );
+    for (axis, truth) in com(&truth).into_iter().enumerate() {
+        let told = named(
+            "quantities",
+            ["trunk_com_x", "trunk_com_y", "trunk_com_z"][axis],
+        );
+        let error = number(&told["value"]) - truth;
+        assert!(
+            error.abs() < 8e-3 && off(&told, truth).abs() < 3.0,
+            "{told} {truth}"
+        );
+    }
+    let mut worst: f64 = 0.0;
+    for (name, truth) in truth["effects"].as_object().unwrap() {
+        worst = worst.max(off(&named("parameters", name), number(truth)).abs());
+    }
+    println!(
+        "mass off by {:.2} %, a friction by {worst:.1} std at most",
+        100.0 * error
+    );
+    // Of 36 the largest is beyond 4 standard deviations once in four hundred robots.
+    assert!(worst < 4.0, "{worst}");
+    assert_eq!(found["unseen_feet"].as_array().unwrap().len(), 0, "{found}");
+
+    all_but(folder.path(), None);
+    let found = diagnosed(folder.path(), "slip");
+    assert_eq!(found["verdict"], "complete", "{found}");
+    assert_eq!(found["outside_catalogue"].as_array().unwrap().len(), 0);
 }
