@@ -11,7 +11,7 @@ pub struct Identity {
     pub board: &'static str,
     /// Why it runs, and what.
     pub start: Start,
-    /// What [`App::record_cost`] is told; 16 bytes at most.
+    /// What [`App::record_cost`](super::App::record_cost) is told; 16 bytes at most.
     pub load_unit: &'static str,
     /// A step that costs more is counted as over budget.
     pub budget: u32,
