@@ -142,7 +142,6 @@ fn what_a_person_would_see_at_once_is_told() {
     );
 }
 
-/// One log of three is of a robot whose legs' columns were exchanged: it is the one that is named.
 /// A hip whose drive reports a third of its torque, beside a constant one that takes what gravity asks of it.
 #[test]
 fn one_joint_that_is_told_worse_than_by_nothing_is_no_other_robot() {
@@ -157,6 +156,7 @@ fn one_joint_that_is_told_worse_than_by_nothing_is_no_other_robot() {
     assert!(said.contains("bias"), "{said}");
 }
 
+/// One log of three is of a robot whose legs' columns were exchanged: it is the one that is named.
 #[test]
 fn of_several_logs_the_wrong_one_is_named() {
     let folder = simulated("--typical --legs FR,FL --duration 10 --inertia-error 0.1 --seed 3");
