@@ -136,11 +136,12 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     }
 }
 
-/// The mean over all joints of what each leaves.
+/// The mean over all joints of what each leaves. None counts for more than all of its torque: where a constant torque holds a joint up
+/// nothing is measured, and the model's weight is many times that.
 fn share(readings: &[Reading], of: &dyn Fn(&JointReading) -> f64) -> f64 {
     let joints = readings.iter().flat_map(|reading| &reading.joints);
     let (sum, count) = joints.fold((0.0, 0.0), |(sum, count), joint| {
-        (sum + of(joint), count + 1.0)
+        (sum + of(joint).min(1.0), count + 1.0)
     });
     sum / f64::max(count, 1.0)
 }
