@@ -2,13 +2,16 @@
 
 use nalgebra::Matrix3;
 
-use super::{Contact, LEAST_EPISODES, Phase, Search, weak};
+use super::{Contact, LEAST_EPISODES, Phase, SHORTEST, Search, weak};
+use crate::select::criteria::LEAST_VALUE;
 
 /// Windows from which on a longer episode is not more evidence: the force may have been the same all the time.
 const ALIKE: f64 = 10.0;
 /// Standard deviation of an episode's length, windows: either end lies anywhere in a window, and in all episodes alike, for a force that
 /// comes slowly is seen late each time.
 const ENDS: f64 = 0.577;
+/// Most windows on either side of an episode that may belong to it: as long as the shortest that is told.
+const MOST_MORE: usize = SHORTEST;
 /// A force in a direction not seen before is expected with this share of the mean square of those seen.
 const LEAST_SPREAD: f64 = 0.01;
 
@@ -44,22 +47,54 @@ impl Search<'_> {
     /// and how sure it is that all that is no swing pushes rather than pulls, as a normal variable has it.
     fn mean_force(&self, contacts: &[[usize; 2]]) -> [f64; 3] {
         let normal = |run: &[usize; 2]| {
-            let windows = run[0]..run[1];
-            let sum: f64 = windows
-                .map(|w| self.force(&self.residuals, w, None, &weak()).dot(&self.up))
-                .sum();
+            let sum: f64 = (run[0]..run[1]).map(|w| self.normal(w)).sum();
             let length = (run[1] - run[0]) as f64;
             let weight = length.min(ALIKE);
             (weight, sum * weight / length)
         };
-        let mut runs: Vec<(f64, f64)> = contacts.iter().map(normal).collect();
-        let (force, spread) = weighted_mean(&runs);
-        let windows: usize = contacts.iter().map(|run| run[1] - run[0]).sum();
-        let std = spread.hypot(force * ENDS * contacts.len() as f64 / windows as f64);
-        runs.extend(self.episodes(Phase::Other).iter().map(normal));
+        let whole = self.with_their_ends(contacts);
+        let (force, spread) = weighted_mean(&whole.iter().map(normal).collect::<Vec<_>>());
+        let windows: usize = whole.iter().map(|run| run[1] - run[0]).sum();
+        let std = spread.hypot(force * ENDS * whole.len() as f64 / windows as f64);
+        let others = self.episodes(Phase::Other);
+        let runs: Vec<(f64, f64)> = contacts.iter().chain(&others).map(normal).collect();
         let (all, error) = weighted_mean(&runs);
         let z = normal_score(all / error, contacts.len() as f64 - 1.0);
         [force, std, z]
+    }
+
+    /// A window's most likely force away from the ground, N.
+    fn normal(&self, w: usize) -> f64 {
+        self.force(&self.residuals, w, None, &weak()).dot(&self.up)
+    }
+
+    /// Episodes with the windows on both sides in which the force was too weak to be seen in one: without them their mean is too
+    /// large, the more so the weaker the force. As many are taken, of all episodes alike, as push on average by more than
+    /// chance does.
+    fn with_their_ends(&self, contacts: &[[usize; 2]]) -> Vec<[usize; 2]> {
+        let swing = |w: &usize| self.phases.get(*w) == Some(&Phase::Swing);
+        let pushes = |at: &dyn Fn(&[usize; 2]) -> Option<usize>| {
+            let windows = contacts.iter().filter_map(at).filter(swing);
+            let forces: Vec<(f64, f64)> = windows.map(|w| (1.0, self.normal(w))).collect();
+            let (mean, error) = weighted_mean(&forces);
+            forces.len() >= LEAST_EPISODES && mean > LEAST_VALUE * error
+        };
+        let more = |at: &dyn Fn(&[usize; 2], usize) -> Option<usize>| {
+            let pushing = (1..=MOST_MORE).take_while(|n| pushes(&|run| at(run, *n)));
+            pushing.count()
+        };
+        let before = more(&|run, n| run[0].checked_sub(n));
+        let after = more(&|run, n| Some(run[1] + n - 1));
+        let mut whole: Vec<[usize; 2]> = Vec::new();
+        for &[first, end] in contacts {
+            // Of a swing no window belongs to two episodes.
+            let known = whole.last().map_or(0, |run| run[1]);
+            let begin = (first.saturating_sub(before)..first).rev();
+            let begin = begin.take_while(|w| *w >= known && swing(w)).count();
+            let over = (end..end + after).take_while(swing).count();
+            whole.push([first - begin, end + over]);
+        }
+        whole
     }
 
     /// How well the joints predict each other's residuals in contact: 1 − the sum of squares of what is left over that of the
