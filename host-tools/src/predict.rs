@@ -13,15 +13,16 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Column, Columns, Entry, columns_of};
 use crate::equation::load::Load;
-use crate::equation::motion::{Motion, States, is_derivative};
+use crate::equation::motion::{Motion, is_derivative};
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::share::{Share, shares};
+use crate::equation::states::States;
 use crate::equation::values::{Place, Values};
 
 /// Mean reported torque of each chosen window and joint (N m), window by window; zero for windows that are not chosen.
@@ -95,11 +96,7 @@ impl<'a> LooseLink<'a> {
                 motion,
                 rigid: body.loaded(&values),
                 base: body.base(&values),
-                // The link's side is all that the rigid body asks for.
-                states: States {
-                    states: Vec::new(),
-                    ..states
-                },
+                states,
                 effects: vec![Vec::new(); motion.joints],
                 joints,
             };
@@ -125,12 +122,8 @@ impl<'a> LooseLink<'a> {
     pub(crate) fn predicted(&self, size: f64) -> Vec<f64> {
         let mut torque = vec![0.0; self.rest.len()];
         for (pass, load) in &self.passes {
-            let mut states = States {
-                states: Vec::new(),
-                q: pass.states.q.clone(),
-                dq: pass.states.dq.clone(),
-                ..pass.states
-            };
+            // The link's side is all that the rigid body asks for.
+            let mut states = pass.states.links();
             self.motion
                 .loosen(load, &self.values, (self.place, size), &mut states);
             pass.run_on(&states, &self.values, self.chosen, &mut torque);
@@ -158,6 +151,8 @@ struct Pass<'a> {
 struct Instant {
     momentum: Vec<f64>,
     rate: Vec<f64>,
+    /// What the joints' effects see.
+    seen: Vec<JointState<f64>>,
 }
 
 impl Pass<'_> {
@@ -181,6 +176,7 @@ impl Pass<'_> {
         let mut now = Instant {
             momentum: vec![0.0; n],
             rate: vec![0.0; n],
+            seen: Vec::with_capacity(n),
         };
         let (mut before, mut near) = (now.clone(), now.clone());
         let mut last_sample = None;
@@ -240,10 +236,14 @@ impl Pass<'_> {
         let at = first..first + n;
         let links = [&states.q[at.clone()], &states.dq[at.clone()]];
         (self.rigid).momentum_and_rate(&self.base, links, &mut out.momentum, &mut out.rate);
+        if self.joints.iter().all(|&j| self.effects[j].is_empty()) {
+            return;
+        }
+        states.all(k, &mut out.seen);
         for &j in &self.joints {
             for share in &self.effects[j] {
                 let sums = [&mut out.momentum[j], &mut out.rate[j]];
-                share.add(j, &states.states[first..], sums);
+                share.add(j, &out.seen, sums);
             }
         }
     }

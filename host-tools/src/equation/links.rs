@@ -6,9 +6,10 @@ use std::ops::Range;
 use proprio_core::effect::EffectKind;
 
 use super::load::Load;
-use super::motion::{Motion, Needs, States};
+use super::motion::Motion;
 use super::play::play;
 use super::spring::{Gear, spring};
+use super::states::{Needs, States};
 use super::values::{Place, Values};
 use crate::trajectory::{Before, Trajectory};
 
@@ -32,16 +33,22 @@ impl Motion {
     ) {
         let n = self.joints;
         let from = states.first * n;
-        for (state, line) in states.states.iter_mut().zip(&load.line[from..]) {
-            state.load = line[0];
+        let all = states.q.len();
+        let loads = load.line[from..from + all].iter().map(|line| line[0]);
+        states.load = loads.collect();
+        if !needs.play.is_empty() {
+            states.play = vec![[0.0; 2]; all];
         }
-        let range = states.first..states.first + states.states.len() / n.max(1);
+        if !needs.spring.is_empty() {
+            states.give = vec![[0.0; 2]; all];
+        }
+        let range = states.first..states.first + all / n.max(1);
         for stretch in self.stretches_within(&range) {
             for &j in &needs.play {
                 let gap = values.get((EffectKind::Backlash, j), 0);
                 let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
                 for (at, moved) in self.in_play(load, &stretch, j, tried) {
-                    states.states[at - from].play = moved;
+                    states.play[at - from] = moved;
                     states.move_link(at - from, gap, moved);
                 }
             }
@@ -52,7 +59,7 @@ impl Motion {
                 if compliance <= 0.0 {
                     for at in stretch.clone().map(|k| k * n + j) {
                         let give = load.line[at].map(|x| -x);
-                        states.states[at - from].give = give;
+                        states.give[at - from] = give;
                         states.move_link(at - from, compliance, give);
                     }
                     continue;
@@ -68,7 +75,7 @@ impl Motion {
                     for ((at, more), (_, less)) in more.into_iter().zip(less) {
                         let change = along(more, -1.0, less);
                         let give = change.map(|x| x / (2.0 * NEAR * compliance));
-                        states.states[at - from].give = give;
+                        states.give[at - from] = give;
                     }
                 }
             }
@@ -110,14 +117,14 @@ impl Motion {
             for k in first..first + states.q.len() / n {
                 let at = (k - first) * n + j;
                 let [link, motor] = [link.state[k], motors.0[j].state[k]];
-                states.q[at] = states.states[at].q + link[0] - motor[0];
-                states.dq[at] = states.states[at].dq + link[1] - motor[1];
+                states.q[at] = motor[0] - states.offsets[j] + link[0] - motor[0];
+                states.dq[at] = link[1];
             }
         }
     }
 
     /// The parts of stretches that lie within a range of samples.
-    fn stretches_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
+    pub(super) fn stretches_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
         let within = |s: &Range<usize>| s.start.max(range.start)..s.end.min(range.end);
         let all = self.stretches.iter().map(within);
         all.filter(|s| !s.is_empty()).collect()
@@ -189,13 +196,6 @@ impl Motion {
         let inertia: Vec<f64> = at().map(|at| load.inertia[at]).collect();
         at().zip(by(&self.time[stretch.clone()], &torque, &inertia))
             .collect()
-    }
-}
-
-impl States {
-    fn move_link(&mut self, at: usize, share: f64, [position, velocity]: [f64; 2]) {
-        self.q[at] += share * position;
-        self.dq[at] += share * velocity;
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
-//! 1. `motion`: a limb's motion without any torque, cut into windows of time; with `links` (`play`, `spring`) and `presliding`,
+//! 1. `motion`: a limb's motion without any torque, cut into windows of time; `states`: with `links` (`play`, `spring`) and `presliding`,
 //!    what effects see of it under a model; `load`, what its gears transmit.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
@@ -27,6 +27,7 @@ pub(crate) mod rigid_body;
 pub(crate) mod rows;
 pub(crate) mod share;
 mod spring;
+pub(crate) mod states;
 pub(crate) mod values;
 pub(crate) mod velocity;
 

@@ -1,20 +1,15 @@
 //! What a limb did: the joints' smooth trajectories and the windows of time in which they are judged. No torque, by type.
 //!
-//! [`Motion::states`] adds what a model says of it: the link's motion where gears give way or have play, and the torque that the
-//! model itself expects the gears to transmit. Effects that depend on torque (elasticity, backlash, load-dependent friction,
-//! saturation, delay) use that one: a measured torque would bring the noise that it is to explain (`design.md` §6, step 0).
+//! [`Motion::states`] adds what a model says of it ([`super::states`]).
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form, JointState};
+use proprio_core::effect::{EffectKind, Form};
 
-use super::body::LimbBody;
-use super::column::{Column, Columns};
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
 use super::presliding::Way;
-use super::share::shares;
 use super::values::Values;
 use crate::model::BASE;
 use crate::recording::LimbRecording;
@@ -43,7 +38,7 @@ pub(crate) struct Motion {
     /// Of each joint's link, where a second encoder was recorded all the time.
     pub(super) links: Vec<Option<Trajectory>>,
     /// Motor temperature, °C, sample by sample, joint by joint; not a number where not recorded.
-    pub(crate) temperature: Vec<f64>,
+    pub(crate) temperature: Arc<Vec<f64>>,
     /// The windows, in the order of time.
     pub(crate) windows: Vec<Window>,
     /// Whether samples are so far apart that what enters by its difference is corrected at a window's ends.
@@ -66,19 +61,6 @@ pub(crate) struct Window {
     pub(crate) moves: Vec<bool>,
 }
 
-/// What effects see at each sample, under a model: from one sample on, sample by sample, joint by joint.
-#[derive(Clone, Default)]
-pub(crate) struct States {
-    /// The first sample.
-    pub(crate) first: usize,
-    /// The motor's side.
-    pub(crate) states: Vec<JointState<f64>>,
-    /// The link's position, rad.
-    pub(crate) q: Vec<f64>,
-    /// The link's velocity, rad/s.
-    pub(crate) dq: Vec<f64>,
-}
-
 /// The samples that are asked for: all where not told, else no one before or after the range.
 pub(crate) type Asked = Option<(Range<usize>, Vec<bool>)>;
 
@@ -98,7 +80,7 @@ impl Motion {
             stretches,
             joint,
             links,
-            temperature: recording.temperature.clone(),
+            temperature: Arc::new(recording.temperature.clone()),
             windows: Vec::new(),
             coarse: false,
             loads: Loads::default(),
@@ -190,93 +172,6 @@ impl Motion {
         Some((range.unwrap_or(0..0), asked))
     }
 
-    /// What effects see under a model, `delay` seconds before each sample. `columns` tell which of it is asked for.
-    pub(crate) fn states(
-        &self,
-        body: &LimbBody,
-        values: &Values,
-        columns: &Columns,
-        delay: f64,
-    ) -> States {
-        let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-        self.states_for(&made, body, values, columns, delay)
-    }
-
-    /// The same of which only the columns `made` are asked.
-    pub(crate) fn states_for(
-        &self,
-        made: &[&Column],
-        body: &LimbBody,
-        values: &Values,
-        columns: &Columns,
-        delay: f64,
-    ) -> States {
-        self.states_of(body, values, (columns, made), (delay, &None))
-    }
-
-    /// The same of the samples that are `asked` for.
-    pub(crate) fn states_of(
-        &self,
-        body: &LimbBody,
-        values: &Values,
-        (columns, made): (&Columns, &[&Column]),
-        (delay, asked): (f64, &Asked),
-    ) -> States {
-        let n = self.joints;
-        let needs = Needs::of(values, made);
-        // A drive's torque is made of all effects that the model has.
-        let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-        let seen = if needs.torque { &all } else { made };
-        let joints = self.late(delay);
-        let range = asked
-            .as_ref()
-            .map_or(0..self.time.len(), |asked| asked.0.clone());
-        let bristles = |j: usize| {
-            let displacement = displacement(seen, j)?;
-            Some(self.kept_presliding((&joints, delay), j, displacement))
-        };
-        let bristles: Vec<Option<Arc<Vec<f64>>>> = (0..n).map(bristles).collect();
-        let (offsets, room) = (values.offsets(), n * range.len());
-        let mut states = States {
-            first: range.start,
-            q: Vec::with_capacity(room),
-            dq: Vec::with_capacity(room),
-            states: Vec::with_capacity(room),
-        };
-        for k in range {
-            for (j, joint) in joints.iter().enumerate() {
-                let [q, dq, ..] = joint.state[k];
-                let q = q - offsets[j];
-                states.q.push(q);
-                states.dq.push(dq);
-                states.states.push(JointState {
-                    speed: joint.speed[k],
-                    speed_noise: joint.speed_noise,
-                    give: [0.0; 2],
-                    play: [0.0; 2],
-                    presliding: bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
-                    temperature: self.temperature[k * n + j],
-                    ..JointState::reported(q, dq, 0.0)
-                });
-            }
-        }
-        if needs.load {
-            let loose = !needs.play.is_empty() || !needs.spring.is_empty();
-            let load = match asked {
-                None => self.load(body, values, (loose, delay)),
-                Some((_, asked)) => {
-                    Arc::new(self.load_of(body, (&joints, delay), values, (loose, asked)))
-                }
-            };
-            self.fill_load(&load, values, &needs, &mut states);
-        }
-        if needs.torque {
-            self.fill_torque(values, columns, &mut states);
-        }
-        self.measure_links((&joints, delay), &mut states);
-        states
-    }
-
     /// What the bristles of a joint that moves so have transmitted at each sample since the gap before it, per N m of presliding friction
     /// with this displacement (rad), s.
     pub(crate) fn presliding(&self, joint: &Trajectory, displacement: f64) -> Vec<f64> {
@@ -291,36 +186,6 @@ impl Motion {
             Way::of(&self.time[stretch.clone()], &joint.state[stretch.clone()])
         };
         self.stretches.iter().map(of).collect()
-    }
-
-    /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
-    fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
-        let (n, first) = (self.joints, states.first);
-        let states = &mut states.states;
-        let mut shares = shares(columns, values);
-        for (j, own) in shares.iter_mut().enumerate() {
-            // What is beyond a limit is not given.
-            own.retain(|share| share.effect != EffectKind::Saturation);
-            for stretch in &self.stretches {
-                let stretch = stretch.start.max(first)..stretch.end.min(first + states.len() / n);
-                let at = |k: usize| {
-                    let mut sum = [0.0; 2];
-                    for share in &*own {
-                        let [boundary, rate] = &mut sum;
-                        share.add(j, &states[(k - first) * n..], [boundary, rate]);
-                    }
-                    sum
-                };
-                let terms: Vec<[f64; 2]> = stretch.clone().map(at).collect();
-                for (i, k) in stretch.clone().enumerate() {
-                    let (before, after) = (i.saturating_sub(1), (i + 1).min(terms.len() - 1));
-                    let span = self.time[stretch.start + after] - self.time[stretch.start + before];
-                    let slope = (terms[after][0] - terms[before][0]) / span.max(f64::MIN_POSITIVE);
-                    let state = &mut states[(k - first) * n + j];
-                    state.tau = state.load + slope + terms[i][1];
-                }
-            }
-        }
     }
 }
 
@@ -358,62 +223,6 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
-}
-
-/// Which of what effects see costs a pass of its own.
-pub(super) struct Needs {
-    load: bool,
-    torque: bool,
-    /// Joints whose links move in a play or may.
-    pub(super) play: Vec<usize>,
-    /// Joints whose links hang on a spring or may.
-    pub(super) spring: Vec<usize>,
-    /// Those of them of which the change with the spring is asked for.
-    pub(super) give: Vec<usize>,
-}
-
-impl Needs {
-    /// What the columns `made` and the links' motion ask for.
-    fn of(values: &Values, made: &[&Column]) -> Self {
-        let own = |effects: &[EffectKind]| {
-            (made.iter()).any(|column| match column {
-                Column::Own { effect, .. } | Column::Motion { effect, .. } => {
-                    effects.contains(effect)
-                }
-                _ => false,
-            })
-        };
-        let asks =
-            |effect: EffectKind, joint: usize| made.contains(&&Column::Motion { joint, effect });
-        let joints = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
-            (0..values.bodies.len()).filter(|j| is(*j)).collect()
-        };
-        let loose = |effect: EffectKind| joints(&|j| values.has((effect, j)) || asks(effect, j));
-        let (play, spring) = (loose(EffectKind::Backlash), loose(EffectKind::Elasticity));
-        let late = [EffectKind::Delay, EffectKind::Saturation];
-        let torque = made.contains(&&Column::Lateness) || own(&late);
-        let links = !play.is_empty() || !spring.is_empty();
-        Self {
-            load: torque || links || own(&[EffectKind::LoadFriction]),
-            torque,
-            play,
-            spring,
-            give: joints(&|j| asks(EffectKind::Elasticity, j)),
-        }
-    }
-}
-
-/// The displacement of a joint's presliding friction, rad, if it has a column.
-fn displacement(columns: &[&Column], at: usize) -> Option<f64> {
-    columns.iter().find_map(|column| match **column {
-        Column::Own {
-            joint,
-            effect: EffectKind::Presliding,
-            shape,
-            ..
-        } if joint == at => Some(shape),
-        _ => None,
-    })
 }
 
 /// Whether an effect enters by a derivative of the prediction, taken where its value is.

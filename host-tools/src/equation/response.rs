@@ -8,8 +8,9 @@ use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::load::Load;
-use super::motion::{Motion, States};
+use super::motion::Motion;
 use super::rigid_body::Slopes;
+use super::states::States;
 use super::values::{Place, Values};
 
 /// Loads that differ by no more than this share, root mean square of each joint, let links move alike: what responses explain differs
@@ -84,11 +85,7 @@ impl Responses {
     /// What a gap (rad) or a compliance (rad/(N m)) of this size changes of all joints' mean torques, N m, window by window.
     pub(crate) fn of_size(&self, place: Place, size: f64) -> Vec<f64> {
         let (motion, n) = (&self.motion, self.motion.joints);
-        let mut links = States {
-            q: vec![0.0; n * motion.time.len()],
-            dq: vec![0.0; n * motion.time.len()],
-            ..States::default()
-        };
+        let mut links = States::still(n * motion.time.len());
         motion.loosen(&self.load, &self.values, (place, size), &mut links);
         let mut torque = vec![0.0; n * self.windows.len()];
         let windows = self.windows.iter().zip(&self.slopes);

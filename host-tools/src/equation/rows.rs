@@ -21,8 +21,9 @@ use super::column::{Column, Columns};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
 use super::load_columns::is_load;
-use super::motion::{Motion, States};
+use super::motion::Motion;
 use super::rigid_body::{RigidBody, Slopes};
+use super::states::States;
 use super::values::Values;
 
 /// Windows whose rows are made one after the other; parts are made side by side.
@@ -194,6 +195,7 @@ struct Pass<'a> {
     made: Vec<Made>,
     with_regressors: bool,
     with_slopes: bool,
+    with_states: bool,
 }
 
 /// Of a joint's columns that are made those of bodies and all others, each with its place among those that are made.
@@ -243,6 +245,8 @@ struct Workspace {
     momentum: Vec<f64>,
     rate: Vec<f64>,
     slopes: Slopes,
+    /// What the joints' effects see.
+    states: Vec<JointState<f64>>,
 }
 
 impl<'a> Pass<'a> {
@@ -266,6 +270,7 @@ impl<'a> Pass<'a> {
             base: body.base(values),
             with_regressors: any(|c| matches!(c, Column::Inertial(..))),
             with_slopes: any(|c| matches!(c, Column::Motion { .. } | Column::Gravity(_))),
+            with_states: any(|c| !matches!(c, Column::Inertial(..))),
             states: motion.states_for(&made, body, values, columns, delay),
             made: of_joint
                 .map(|(own, columns)| Made::of(own.iter().map(|&c| columns[c])))
@@ -308,6 +313,7 @@ impl<'a> Pass<'a> {
             momentum: vec![0.0; INERTIAL * n * n],
             rate: vec![0.0; INERTIAL * n * n],
             slopes: Slopes::of(n),
+            states: Vec::with_capacity(n),
         };
         let mut last_sample = None;
         let windows = self.motion.windows[begin..].iter();
@@ -366,6 +372,7 @@ impl<'a> Pass<'a> {
             momentum,
             rate,
             slopes,
+            states,
         } = workspace;
         let [q, dq] = [&self.states.q[at.clone()], &self.states.dq[at.clone()]];
         if self.with_regressors {
@@ -375,12 +382,14 @@ impl<'a> Pass<'a> {
         if self.with_slopes {
             self.rigid.slopes(&self.base, q, dq, slopes);
         }
-        let states = &self.states.states[at];
+        if self.with_states {
+            self.states.all(k, states);
+        }
         let (mut boundaries, mut rates) = (&mut out.boundary[..], &mut out.rate[..]);
         for (j, own) in self.own.iter().enumerate() {
             let boundary = boundaries.split_off_mut(..own.len()).unwrap_or_default();
             let rate = rates.split_off_mut(..own.len()).unwrap_or_default();
-            self.measure_joint(j, states, workspace, boundary, rate);
+            self.measure_joint(j, workspace, boundary, rate);
         }
     }
 
@@ -388,13 +397,12 @@ impl<'a> Pass<'a> {
     fn measure_joint(
         &self,
         j: usize,
-        states: &[JointState<f64>],
         workspace: &Workspace,
         boundaries: &mut [f64],
         rates: &mut [f64],
     ) {
         let first = j * INERTIAL * self.motion.joints;
-        let slopes = &workspace.slopes;
+        let (slopes, states) = (&workspace.slopes, &workspace.states[..]);
         for &[from, to, count] in &self.made[j].bodies {
             let from = first + from..first + from + count;
             boundaries[to..to + count].copy_from_slice(&workspace.momentum[from.clone()]);

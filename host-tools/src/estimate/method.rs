@@ -7,7 +7,7 @@
 //!
 //! What is a derivative is taken from the momentum fit; here it is held.
 
-use proprio_core::effect::{EffectKind, Term};
+use proprio_core::effect::{EffectKind, JointState, Term};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
@@ -15,8 +15,9 @@ use super::groups::{Group, Groups};
 use super::limb_data::LimbData;
 use crate::equation::column::{Column, Columns};
 use crate::equation::load::local_line;
-use crate::equation::motion::{States, Window};
+use crate::equation::motion::Window;
 use crate::equation::rigid_body::RigidBody;
+use crate::equation::states::States;
 use crate::equation::values::Values;
 
 /// Which equation.
@@ -38,6 +39,8 @@ struct Other<'a> {
     rigid: Box<dyn RigidBody>,
     base: Transform<f64>,
     states: States,
+    /// What effects see, sample by sample, joint by joint.
+    seen: Vec<JointState<f64>>,
     /// Torque gain of each joint.
     gain: Vec<f64>,
 }
@@ -45,12 +48,18 @@ struct Other<'a> {
 /// The rows of a limb by energy or inverse dynamics; windows and blocks are the momentum equation's.
 pub(super) fn data(data: &LimbData, values: &Values, columns: &Columns, method: Method) -> Groups {
     let (n, width) = (data.joints(), columns.entries.len());
+    let states = data.motion.states(&data.body, values, columns, 0.0);
+    let samples = 0..data.motion.time.len();
     let other = Other {
         data,
         columns,
         rigid: data.body.loaded(values),
         base: data.body.base(values),
-        states: data.motion.states(&data.body, values, columns, 0.0),
+        seen: samples
+            .flat_map(|k| (0..n).map(move |j| (k, j)))
+            .map(|(k, j)| states.joint(k, j))
+            .collect(),
+        states,
         gain: (0..n)
             .map(|j| values.get((EffectKind::TorqueGain, j), 0))
             .collect(),
@@ -85,7 +94,7 @@ impl Other<'_> {
     /// The term of an effect's column at a joint at sample k.
     fn term(&self, column: &Column, joint: usize, k: usize) -> Option<Term<f64>> {
         let n = self.data.joints();
-        let states = &self.states.states[k * n..(k + 1) * n];
+        let states = &self.seen[k * n..(k + 1) * n];
         self.columns.term(column, joint, states)
     }
 

@@ -17,9 +17,10 @@ use super::fit::LimbFit;
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::{LOOSE, States};
+use crate::equation::motion::LOOSE;
 use crate::equation::presliding::Way;
 use crate::equation::rows::Rows;
+use crate::equation::states::States;
 use crate::equation::values::{Place, Values};
 
 /// Windows that a scan looks at, spread over the recording.
@@ -348,9 +349,9 @@ impl<'a> Scan<'a> {
                 .map(|k| k as f64 * self.gear(joint))
                 .collect(),
             EffectKind::Saturation => {
-                let n = self.data.joints();
-                let torques = self.states().states.iter().skip(joint).step_by(n);
-                let most = torques.fold(0.0f64, |most, state| most.max(state.tau.abs()));
+                let samples = 0..self.data.motion.time.len();
+                let torques = samples.map(|k| self.states().joint(k, joint).tau);
+                let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
                 (LIMITS / 4..LIMITS)
                     .map(|k| most * k as f64 / LIMITS as f64)
                     .collect()
@@ -413,7 +414,7 @@ impl<'a> Scan<'a> {
     }
 
     fn columns_of_all(&self, (effect, joint): Place, shape: f64) -> Vectors {
-        let (n, windows) = (self.data.joints(), &self.windows[joint]);
+        let windows = &self.windows[joint];
         let motion = &self.data.motion;
         if effect == EffectKind::Presliding {
             // The states have what bristles of one displacement do; all of their term is a boundary.
@@ -428,8 +429,8 @@ impl<'a> Scan<'a> {
             return vec![windows.iter().map(of).collect()];
         }
         let greatest = (effect == EffectKind::Saturation).then(|| &self.greatest()[joint]);
-        let states = &self.states().states;
-        let term = |k: usize| effect.terms(&states[k * n + joint], shape);
+        let states = self.states();
+        let term = |k: usize| effect.terms(&states.joint(k, joint), shape);
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
             // Below a limit nothing is lost, and most windows are below most limits.
@@ -455,8 +456,8 @@ impl<'a> Scan<'a> {
 
     fn greatest(&self) -> &Vec<Vec<usize>> {
         let of = |joint: usize| -> Vec<usize> {
-            let (n, states) = (self.data.joints(), &self.states().states);
-            let torque = |k: usize| states[k * n + joint].tau.abs();
+            let states = self.states();
+            let torque = |k: usize| states.joint(k, joint).tau.abs();
             let greatest = |&w: &usize| {
                 let [first, last] = self.data.motion.windows[w].samples;
                 let samples = first..=last;
@@ -471,15 +472,18 @@ impl<'a> Scan<'a> {
     /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
     fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vectors> {
-        let (n, gear) = (self.data.joints(), self.gear(joint));
-        let mut columns = vec![vec![Vec::new(); 2]; MULTIPLES];
+        let gear = self.gear(joint);
+        let room = || [0; 2].map(|_| Vec::with_capacity(windows.len())).to_vec();
+        let mut columns: Vec<Vectors> = (0..MULTIPLES).map(|_| room()).collect();
         for &w in windows {
             let window = &self.data.motion.windows[w];
             let [first, last] = window.samples;
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
-                let state = &self.states().states[k * n + joint];
-                let [sin, cos] = EffectKind::Cogging.terms(state, gear).map(|term| term.rate);
+                let state = self.states().joint(k, joint);
+                let [sin, cos] = EffectKind::Cogging
+                    .terms(&state, gear)
+                    .map(|term| term.rate);
                 let weight = self.weight(first..last, k);
                 let (mut s, mut c) = (weight * sin, weight * cos);
                 for sum in &mut sums {

@@ -1,0 +1,269 @@
+//! What effects see at each sample, under a model: the motors' motion, that of the links where gears give way or have play, and the torque
+//! that the model itself expects the gears to transmit.
+//!
+//! Effects that depend on torque (elasticity, backlash, load-dependent friction, saturation, delay) use that one: a measured torque would
+//! bring the noise that it is to explain (`design.md` §6, step 0).
+//!
+//! A joint's state is put together when it is asked for. Kept for all samples it would be the largest of what a fit holds, and most of it
+//! is the motors' motion, which is there already.
+
+use std::sync::Arc;
+
+use proprio_core::effect::{EffectKind, JointState};
+
+use super::body::LimbBody;
+use super::column::{Column, Columns};
+use super::motion::{Asked, Motion};
+use super::share::shares;
+use super::values::Values;
+use crate::trajectory::Trajectory;
+
+/// What effects see under a model: from one sample on, sample by sample, joint by joint.
+#[derive(Clone, Default)]
+pub(crate) struct States {
+    /// The first sample.
+    pub(crate) first: usize,
+    /// The link's position, rad.
+    pub(crate) q: Vec<f64>,
+    /// The link's velocity, rad/s.
+    pub(crate) dq: Vec<f64>,
+    /// The motors' motion, as late as torques are reported, and what their encoders are off by, rad.
+    pub(super) motors: Arc<Vec<Trajectory>>,
+    pub(super) offsets: Vec<f64>,
+    bristles: Vec<Option<Arc<Vec<f64>>>>,
+    temperature: Arc<Vec<f64>>,
+    /// As [`JointState`] has them; nothing where no effect asks.
+    pub(super) load: Vec<f64>,
+    tau: Vec<f64>,
+    pub(super) give: Vec<[f64; 2]>,
+    pub(super) play: Vec<[f64; 2]>,
+}
+
+impl States {
+    /// How many joints.
+    fn joints(&self) -> usize {
+        self.motors.len()
+    }
+
+    /// What joint j's effects see at sample k.
+    pub(crate) fn joint(&self, k: usize, j: usize) -> JointState<f64> {
+        let n = self.joints();
+        let (at, motor) = ((k - self.first) * n + j, &self.motors[j]);
+        let [q, dq, ..] = motor.state[k];
+        let told = |own: &[f64]| own.get(at).copied().unwrap_or_default();
+        let moved = |own: &[[f64; 2]]| own.get(at).copied().unwrap_or_default();
+        JointState {
+            q: q - self.offsets[j],
+            dq,
+            tau: told(&self.tau),
+            speed: motor.speed[k],
+            speed_noise: motor.speed_noise,
+            load: told(&self.load),
+            give: moved(&self.give),
+            play: moved(&self.play),
+            presliding: self.bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
+            temperature: self.temperature[k * n + j],
+        }
+    }
+
+    /// The same of all joints.
+    pub(crate) fn all(&self, k: usize, joints: &mut Vec<JointState<f64>>) {
+        joints.clear();
+        joints.extend((0..self.joints()).map(|j| self.joint(k, j)));
+    }
+
+    /// Links that do not move, so many over all samples and joints.
+    pub(super) fn still(count: usize) -> Self {
+        Self {
+            q: vec![0.0; count],
+            dq: vec![0.0; count],
+            ..Self::default()
+        }
+    }
+
+    /// The links' motion alone.
+    pub(crate) fn links(&self) -> Self {
+        Self {
+            first: self.first,
+            q: self.q.clone(),
+            dq: self.dq.clone(),
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn move_link(&mut self, at: usize, share: f64, [position, velocity]: [f64; 2]) {
+        self.q[at] += share * position;
+        self.dq[at] += share * velocity;
+    }
+}
+
+impl Motion {
+    /// What effects see under a model, `delay` seconds before each sample. `columns` tell which of it is asked for.
+    pub(crate) fn states(
+        &self,
+        body: &LimbBody,
+        values: &Values,
+        columns: &Columns,
+        delay: f64,
+    ) -> States {
+        let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        self.states_for(&made, body, values, columns, delay)
+    }
+
+    /// The same of which only the columns `made` are asked.
+    pub(crate) fn states_for(
+        &self,
+        made: &[&Column],
+        body: &LimbBody,
+        values: &Values,
+        columns: &Columns,
+        delay: f64,
+    ) -> States {
+        self.states_of(body, values, (columns, made), (delay, &None))
+    }
+
+    /// The same of the samples that are `asked` for.
+    pub(crate) fn states_of(
+        &self,
+        body: &LimbBody,
+        values: &Values,
+        (columns, made): (&Columns, &[&Column]),
+        (delay, asked): (f64, &Asked),
+    ) -> States {
+        let n = self.joints;
+        let needs = Needs::of(values, made);
+        // A drive's torque is made of all effects that the model has.
+        let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
+        let seen = if needs.torque { &all } else { made };
+        let motors = self.late(delay);
+        let range = asked
+            .as_ref()
+            .map_or(0..self.time.len(), |asked| asked.0.clone());
+        let bristles = |j: usize| {
+            let displacement = displacement(seen, j)?;
+            Some(self.kept_presliding((&motors, delay), j, displacement))
+        };
+        let (offsets, room) = (values.offsets(), n * range.len());
+        let mut states = States {
+            first: range.start,
+            q: Vec::with_capacity(room),
+            dq: Vec::with_capacity(room),
+            bristles: (0..n).map(bristles).collect(),
+            temperature: self.temperature.clone(),
+            ..States::default()
+        };
+        for k in range {
+            for (motor, offset) in motors.iter().zip(&offsets) {
+                let [q, dq, ..] = motor.state[k];
+                states.q.push(q - offset);
+                states.dq.push(dq);
+            }
+        }
+        (states.motors, states.offsets) = (motors.clone(), offsets);
+        if needs.load {
+            let loose = !needs.play.is_empty() || !needs.spring.is_empty();
+            let load = match asked {
+                None => self.load(body, values, (loose, delay)),
+                Some((_, asked)) => {
+                    Arc::new(self.load_of(body, (&motors, delay), values, (loose, asked)))
+                }
+            };
+            self.fill_load(&load, values, &needs, &mut states);
+        }
+        if needs.torque {
+            self.fill_torque(values, columns, &mut states);
+        }
+        self.measure_links((&motors, delay), &mut states);
+        states
+    }
+
+    /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
+    fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
+        let (n, first) = (self.joints, states.first);
+        let mut shares = shares(columns, values);
+        // What is beyond a limit is not given.
+        shares
+            .iter_mut()
+            .for_each(|own| own.retain(|share| share.effect != EffectKind::Saturation));
+        let mut tau = vec![0.0; states.q.len()];
+        let mut joints = Vec::with_capacity(n);
+        for stretch in self.stretches_within(&(first..first + states.q.len() / n)) {
+            let mut terms = vec![[0.0; 2]; n * stretch.len()];
+            for (k, terms) in stretch.clone().zip(terms.chunks_exact_mut(n)) {
+                states.all(k, &mut joints);
+                for (j, [boundary, rate]) in terms.iter_mut().enumerate() {
+                    for share in &shares[j] {
+                        share.add(j, &joints, [&mut *boundary, &mut *rate]);
+                    }
+                }
+            }
+            for (i, k) in stretch.clone().enumerate() {
+                let (before, after) = (i.saturating_sub(1), (i + 1).min(stretch.len() - 1));
+                let span = self.time[stretch.start + after] - self.time[stretch.start + before];
+                for j in 0..n {
+                    let change = terms[after * n + j][0] - terms[before * n + j][0];
+                    let slope = change / span.max(f64::MIN_POSITIVE);
+                    let at = (k - first) * n + j;
+                    tau[at] = states.load[at] + slope + terms[i * n + j][1];
+                }
+            }
+        }
+        states.tau = tau;
+    }
+}
+
+/// Which of what effects see costs a pass of its own.
+pub(super) struct Needs {
+    load: bool,
+    torque: bool,
+    /// Joints whose links move in a play or may.
+    pub(super) play: Vec<usize>,
+    /// Joints whose links hang on a spring or may.
+    pub(super) spring: Vec<usize>,
+    /// Those of them of which the change with the spring is asked for.
+    pub(super) give: Vec<usize>,
+}
+
+impl Needs {
+    /// What the columns `made` and the links' motion ask for.
+    fn of(values: &Values, made: &[&Column]) -> Self {
+        let own = |effects: &[EffectKind]| {
+            (made.iter()).any(|column| match column {
+                Column::Own { effect, .. } | Column::Motion { effect, .. } => {
+                    effects.contains(effect)
+                }
+                _ => false,
+            })
+        };
+        let asks =
+            |effect: EffectKind, joint: usize| made.contains(&&Column::Motion { joint, effect });
+        let joints = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..values.bodies.len()).filter(|j| is(*j)).collect()
+        };
+        let loose = |effect: EffectKind| joints(&|j| values.has((effect, j)) || asks(effect, j));
+        let (play, spring) = (loose(EffectKind::Backlash), loose(EffectKind::Elasticity));
+        let late = [EffectKind::Delay, EffectKind::Saturation];
+        let torque = made.contains(&&Column::Lateness) || own(&late);
+        let links = !play.is_empty() || !spring.is_empty();
+        Self {
+            load: torque || links || own(&[EffectKind::LoadFriction]),
+            torque,
+            play,
+            spring,
+            give: joints(&|j| asks(EffectKind::Elasticity, j)),
+        }
+    }
+}
+
+/// The displacement of a joint's presliding friction, rad, if it has a column.
+fn displacement(columns: &[&Column], at: usize) -> Option<f64> {
+    columns.iter().find_map(|column| match **column {
+        Column::Own {
+            joint,
+            effect: EffectKind::Presliding,
+            shape,
+            ..
+        } if joint == at => Some(shape),
+        _ => None,
+    })
+}
