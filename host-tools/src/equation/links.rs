@@ -116,9 +116,9 @@ impl Motion {
             }
             for k in first..first + states.q.len() / n {
                 let at = (k - first) * n + j;
-                let [link, motor] = [link.state[k], motors.0[j].state[k]];
-                states.q[at] = motor[0] - states.offsets[j] + link[0] - motor[0];
-                states.dq[at] = link[1];
+                let [q, dq, ..] = link.state[k];
+                states.q[at] = q - states.offsets[j];
+                states.dq[at] = dq;
             }
         }
     }

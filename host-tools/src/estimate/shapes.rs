@@ -473,7 +473,8 @@ impl<'a> Scan<'a> {
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
     fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vectors> {
         let gear = self.gear(joint);
-        let room = || [0; 2].map(|_| Vec::with_capacity(windows.len())).to_vec();
+        // They are kept: no more room than they take.
+        let room = || (0..2).map(|_| Vec::with_capacity(windows.len())).collect();
         let mut columns: Vec<Vectors> = (0..MULTIPLES).map(|_| room()).collect();
         for &w in windows {
             let window = &self.data.motion.windows[w];
