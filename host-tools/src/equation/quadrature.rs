@@ -72,7 +72,7 @@ mod tests {
             time,
             joint: Arc::default(),
             links: Vec::new(),
-            temperature: Vec::new(),
+            temperature: Arc::default(),
             coarse: true,
             loads: Loads::default(),
         }
