@@ -24,6 +24,7 @@ pub mod log;
 pub mod model;
 pub mod monitor;
 mod nearest;
+mod once;
 pub mod output;
 pub mod parameter;
 mod predict;

@@ -1,8 +1,12 @@
 //! The loop on logs of a real Go2 hung in the air: what is added for some logs must hold for the others.
 
 use std::fs;
+use std::fs::File;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
 
-use proprio_tests::command::{done, folder, json, recorded_logs};
+use proprio_tests::command::{binary, done, folder, json, recorded_logs};
 use serde_json::Value;
 
 /// The errors of each log, N m.
@@ -243,5 +247,43 @@ fn one_chirp_predicts_the_others_no_worse_than_four_plain_effects() {
             let (told, plain) = (rms("told_fitted.toml"), rms("plain_fitted.toml"));
             assert!(told <= plain, "{one} -> {other}: {told} {plain}");
         }
+    }
+}
+
+/// Longest that a diagnosis of 20 s may take, s: twenty times what it takes on one processor.
+const PATIENCE: f64 = 120.0;
+
+/// What `diagnose --json` says of a log on so many threads; it has to end.
+fn diagnosed_on(threads: usize, log: &Path) -> String {
+    let folder = folder();
+    let out = folder.path().join("diagnosis.json");
+    let mut process = Command::new(binary())
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .args(["diagnose", "--json"])
+        .arg(log)
+        .stdout(File::create(&out).unwrap())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while process.try_wait().unwrap().is_none() {
+        if begun.elapsed().as_secs_f64() > PATIENCE {
+            process.kill().unwrap();
+            panic!("{threads} threads have not ended");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    fs::read_to_string(out).unwrap()
+}
+
+/// No thread waits for what it has begun to make itself, which half of all runs on sixteen threads did, and numbers do not depend on who
+/// made them first.
+#[test]
+fn a_diagnosis_on_many_threads_ends_and_says_the_same() {
+    let Some(logs) = recorded_logs() else { return };
+    let log = logs.join("go2_air_chirp_2.0hz_p25d3.0.csv");
+    let alone = diagnosed_on(1, &log);
+    assert!(json(&alone)["path"].as_array().unwrap().len() > 3);
+    for _ in 0..4 {
+        assert!(alone == diagnosed_on(16, &log));
     }
 }

@@ -28,6 +28,7 @@ use crate::equation::dot::dot;
 use crate::equation::motion::is_derivative;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
+use crate::once::made_once;
 
 /// Most times that rows are made again.
 const MOST_PASSES: usize = 8;
@@ -333,7 +334,7 @@ impl<'a> LimbFit<'a> {
 
     /// How surely the parameters are known.
     pub(crate) fn deviations(&self) -> &Deviations {
-        self.deviations.get_or_init(|| Deviations::of(self))
+        made_once(&self.deviations, || Deviations::of(self))
     }
 
     /// Whether entry k's value is that of a derivative.

@@ -64,8 +64,8 @@ impl Scan<'_> {
             -left.sum::<f64>()
         };
         let grid = self.values_to_try(place);
-        let falls: Vec<f64> = grid.par_iter().map(|&value| fall(value)).collect();
-        let without = fall(0.0);
+        let falls = || -> Vec<f64> { grid.par_iter().map(|&value| fall(value)).collect() };
+        let (falls, without) = rayon::join(falls, || fall(0.0));
         if falls
             .iter()
             .all(|fall| *fall < (1.0 - LEAST_FALL) * without)

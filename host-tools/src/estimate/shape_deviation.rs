@@ -18,6 +18,7 @@ use super::shapes::{orthonormal, shape_parameter};
 use crate::equation::dot::dot;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
+use crate::once::made_once;
 
 /// How much more and less of a shape tells how the prediction changes with it, as a share.
 const NEAR: f64 = 0.01;
@@ -36,7 +37,7 @@ struct ShapeTold {
 impl LimbFit<'_> {
     /// How far the entry's value moves with shapes that are off by one standard deviation each; zero where none is scanned.
     pub(super) fn moved_by_shapes(&self, entry: usize) -> f64 {
-        let squares = self.moved_by_shapes.get_or_init(|| {
+        let squares = made_once(&self.moved_by_shapes, || {
             let mut squares = vec![0.0; self.columns.entries.len()];
             let is_scanned = |place: &&Place| {
                 place.0.description().shape().is_some() && place.0 != EffectKind::Saturation

@@ -5,7 +5,6 @@
 //! explain; the best shape is refined between its neighbours. A play's columns are what its links' motion changes of the whole
 //! prediction. No shape sees the torque that it explains but as the right-hand side.
 
-use std::cell::OnceCell;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
@@ -22,6 +21,7 @@ use crate::equation::presliding::Way;
 use crate::equation::rows::Rows;
 use crate::equation::states::States;
 use crate::equation::values::{Place, Values};
+use crate::once::made_once;
 
 /// Windows that a scan looks at, spread over the recording.
 const MOST_WINDOWS: usize = 1500;
@@ -191,7 +191,7 @@ impl<'a> Scan<'a> {
     fn states(&self) -> &States {
         let (data, columns) = (self.data, self.columns);
         let made = || data.motion.states(&data.body, self.values, columns, 0.0);
-        self.states.get_or_init(made)
+        made_once(&self.states, made)
     }
 
     /// The best shape of an effect on the windows of the folds that are chosen; `None` if they are too few.
@@ -227,8 +227,8 @@ impl<'a> Scan<'a> {
             }
         }
         // Of some windows only nothing is kept: what all shapes stand beside is made once.
-        let basis = OnceCell::new();
-        let basis = || -> &Span { basis.get_or_init(|| self.basis(&windows, joint)) };
+        let basis = OnceLock::new();
+        let basis = || -> &Span { made_once(&basis, || self.basis(&windows, joint)) };
         let span = |shape: f64| self.span(&windows, place, shape, &basis);
         let fall = |shape: f64| explained(&span(shape), &residual);
         let grid = self.grid(place);
@@ -291,7 +291,7 @@ impl<'a> Scan<'a> {
         windows: &[usize],
         place: Place,
         shape: f64,
-        basis: &dyn Fn() -> &'b Span,
+        basis: &(dyn Fn() -> &'b Span + Sync),
     ) -> Span {
         self.known(windows, place, shape).unwrap_or_else(|| {
             let columns = self.columns(windows, place, shape);
@@ -418,7 +418,7 @@ impl<'a> Scan<'a> {
         let motion = &self.data.motion;
         if effect == EffectKind::Presliding {
             // The states have what bristles of one displacement do; all of their term is a boundary.
-            let ways = self.ways[joint].get_or_init(|| motion.ways(&motion.joint[joint]));
+            let ways = made_once(&self.ways[joint], || motion.ways(&motion.joint[joint]));
             let impulse = ways.iter().flat_map(|way| way.impulse(shape));
             let impulse: Vec<f64> = impulse.collect();
             let of = |&w: &usize| {
@@ -466,7 +466,7 @@ impl<'a> Scan<'a> {
             };
             self.windows[joint].iter().map(greatest).collect()
         };
-        (self.greatest).get_or_init(|| (0..self.data.joints()).map(of).collect())
+        made_once(&self.greatest, || (0..self.data.joints()).map(of).collect())
     }
 
     /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
@@ -515,17 +515,16 @@ fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
 }
 
 /// The shape with the largest fall, between the neighbours of the best of a grid.
-pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &dyn Fn(f64) -> f64) -> f64 {
+pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &(dyn Fn(f64) -> f64 + Sync)) -> f64 {
     let best = best_of(falls);
     let (mut shape, mut most) = (grid[best], falls[best]);
     let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
     let mut step = 0.5 * (neighbour - shape).abs();
     for _ in 0..ROUNDS {
-        for other in [shape - step, shape + step] {
-            if other <= 0.0 {
-                continue;
-            }
-            let fall = fall(other);
+        let [less, more] = [shape - step, shape + step];
+        let told = |shape: f64| (shape > 0.0).then(|| (shape, fall(shape)));
+        let (less, more) = rayon::join(|| told(less), || told(more));
+        for (other, fall) in less.into_iter().chain(more) {
             if fall > most {
                 (shape, most) = (other, fall);
             }

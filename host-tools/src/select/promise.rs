@@ -17,6 +17,7 @@ use crate::equation::response::Responses;
 use crate::equation::values::Place;
 use crate::estimate::left_over::LeftOver;
 use crate::estimate::looseness::values_to_try;
+use crate::once::made_once;
 
 /// A fit all but never takes away so many times what is promised: the half of it is asked for.
 const MARGIN: f64 = 2.0;
@@ -70,7 +71,7 @@ impl Screen<'_> {
             });
             Some((links, left))
         };
-        self.promises.made.get_or_init(made).as_ref()
+        made_once(&self.promises.made, made).as_ref()
     }
 
     /// How much of the sum of squares, in units of the noise, a spring or a play takes away at most, and of which size it does.
@@ -78,7 +79,7 @@ impl Screen<'_> {
         let kind = LOOSE.iter().position(|effect| *effect == place.0)?;
         let (links, left) = self.links()?;
         let data = self.fit.data;
-        let Tried { sizes, responses } = links.tried[place.1][kind].get_or_init(|| {
+        let Tried { sizes, responses } = made_once(&links.tried[place.1][kind], || {
             let sizes = twice_as_many(&values_to_try(data, &self.fit.values, place));
             let of = |&size: &f64| links.responses.of_size(place, size);
             let responses = sizes.par_iter().map(of).collect();
