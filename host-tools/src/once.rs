@@ -18,24 +18,22 @@ pub(crate) fn made_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use rayon::prelude::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Many ask at once for what is made side by side: with [`OnceLock::get_or_init`] this waits for ever.
+    use super::*;
+
+    /// A thread that takes up other work while it makes a value is asked for that value: with [`OnceLock::get_or_init`] it waits for ever.
     #[test]
-    fn what_is_made_side_by_side_may_be_asked_for_side_by_side() {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build();
-        let all: u64 = pool.unwrap().install(|| {
-            let ask = |_| {
-                let cell = OnceLock::new();
-                let sum = |_| {
-                    let parts = (0..64_u64).into_par_iter();
-                    *made_once(&cell, || parts.map(std::hint::black_box).sum::<u64>())
-                };
-                (0..64).into_par_iter().map(sum).sum::<u64>()
-            };
-            (0..200).into_par_iter().map(ask).sum()
-        });
-        assert_eq!(all, 200 * 64 * 2016);
+    fn what_is_being_made_may_be_asked_for_by_its_maker() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let (cell, makings) = (OnceLock::new(), AtomicU32::new(0));
+        let make = || {
+            rayon::yield_local();
+            makings.fetch_add(1, Ordering::Relaxed)
+        };
+        let ask = || *made_once(&cell, make);
+        let told = pool.unwrap().install(|| rayon::join(ask, ask));
+        assert_eq!(told, (0, 0));
+        assert_eq!(makings.into_inner(), 2);
     }
 }
