@@ -250,7 +250,7 @@ fn one_chirp_predicts_the_others_no_worse_than_four_plain_effects() {
     }
 }
 
-/// Longest that a diagnosis of 20 s may take, s: twenty times what it takes on one processor.
+/// Longest that a diagnosis of 20 s may take, s: it takes a few on one processor, and one that waits for itself never ends.
 const PATIENCE: f64 = 120.0;
 
 /// What `diagnose --json` says of a log on so many threads; it has to end.
