@@ -38,7 +38,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
-use crate::model::{Model, ModelEffect};
+use crate::model::{Model, ModelEffect, Provenance};
 use crate::recording::{LogGates, Recording, RecordingError};
 
 /// What `proprio compare` says.
@@ -125,7 +125,8 @@ pub struct JointComparison {
 /// Whether values are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValuesFrom {
-    /// Fitted if an effect has no value yet, or nothing of the model was identified; else as given.
+    /// Fitted if an effect has no value yet, or has had it from a diagnosis of these very logs, or nothing of the model was identified;
+    /// else as given.
     #[default]
     Auto,
     /// Fitted, whatever the model file gives.
@@ -145,9 +146,12 @@ pub fn compare(
     model: &Model,
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
-    let unvalued = unvalued(model);
+    let unvalued = match unvalued(model) {
+        none if none.is_empty() && values == ValuesFrom::Auto => valued_by(recording, model),
+        some => some,
+    };
     let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !is_identified(model),
+        ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
         ValuesFrom::Fitted => true,
         ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
     };
@@ -323,10 +327,16 @@ fn unvalued(model: &Model) -> Vec<ModelEffect> {
     (model.effects().iter().filter(is_unvalued).copied()).collect()
 }
 
-/// Whether anything of a model was identified.
-fn is_identified(model: &Model) -> bool {
-    model.effects().iter().any(|e| e.estimate().is_some())
-        || (0..model.robot().bodies().len()).any(|b| model.is_identified(b))
+/// What a diagnosis of these very logs has just added, with the values that they give: before and after are to be of data that the fit
+/// has not seen.
+fn valued_by(recording: &Recording, model: &Model) -> Vec<ModelEffect> {
+    let last = model.effects().iter().filter(|e| e.just_added);
+    let last: Vec<ModelEffect> = last.copied().collect();
+    let own = |provenance: &Provenance| provenance.is_of(&recording.logs).unwrap_or(false);
+    match !last.is_empty() && model.provenance().is_some_and(own) {
+        true => last,
+        false => Vec::new(),
+    }
 }
 
 /// Of the effects without a value those that were added last; all, if the model does not say.

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use proprio::model::{Model, ModelEffect};
 use proprio_tests::command::{done, json, proprio, simulated, stderr, stdout};
 use tempfile::TempDir;
 
@@ -107,7 +108,7 @@ fn a_joint_that_never_moves_is_named() {
     }
 }
 
-/// `--apply` writes the path's effects into the model file; doing it again changes nothing.
+/// `--apply` writes the path's effects into the model file, with values; doing it again changes nothing.
 #[test]
 fn applying_walks_to_a_model_that_lacks_nothing() {
     let folder = with_two_frictions();
@@ -116,7 +117,15 @@ fn applying_walks_to_a_model_that_lacks_nothing() {
     let ladder = done(folder, &apply);
     assert!(ladder.contains("+ coulomb FR_calf"), "{ladder}");
     assert!(ladder.contains("+ viscous FR_hip"), "{ladder}");
+    assert!(
+        ladder.contains("each value ± its standard deviation"),
+        "{ladder}"
+    );
     let file = fs::read(folder.join("model.toml")).unwrap();
+    let model = Model::load(&folder.join("model.toml")).unwrap();
+    assert!((0..3).all(|body| model.is_identified(body)));
+    let valued = |e: &ModelEffect| e.estimate().is_some_and(|value| value.std.is_some());
+    assert!(model.effects().iter().all(valued), "{:?}", model.effects());
     let again = json(&done(folder, &[&apply[..], &["--json"]].concat()));
     assert_eq!(again["verdict"], "complete");
     assert_eq!(fs::read(folder.join("model.toml")).unwrap(), file);
@@ -125,6 +134,47 @@ fn applying_walks_to_a_model_that_lacks_nothing() {
         &["compare", "log.csv", "-m", "model.toml", "--json"],
     ));
     assert!(comparison["rms"].as_f64() < comparison["before_rms"].as_f64());
+}
+
+/// The values that `--apply` writes are what `identify` finds, and the file predicts what is said of it. Values of another log stay.
+#[test]
+fn applied_values_are_the_logs_own() {
+    let folder = with_two_frictions();
+    let folder = folder.path();
+    let run = |arguments: &[&str]| json(&done(folder, &[arguments, &["--json"]].concat()));
+    let said = run(&["diagnose", "log.csv", "--apply", "-m", "model.toml"]);
+    let given = run(&["compare", "log.csv", "-m", "model.toml", "--given"]);
+    let rms = said["written"]["rms"].as_f64().unwrap();
+    assert!(
+        (given["rms"].as_f64().unwrap() - rms).abs() < 1e-9 * rms.max(1.0),
+        "{given}"
+    );
+    let own = Model::load(&folder.join("model.toml")).unwrap();
+    done(
+        folder,
+        &[
+            "identify",
+            "log.csv",
+            "-m",
+            "model.toml",
+            "-o",
+            "fitted.toml",
+        ],
+    );
+    let fitted = Model::load(&folder.join("fitted.toml")).unwrap();
+    for e in own.effects() {
+        let same = fitted.effect(e.effect, e.joint).unwrap();
+        assert_eq!(e.estimates, same.estimates);
+    }
+    let other =
+        "simulate --typical --legs FR --duration 10 --seed 9 -o other.csv --hide spring:FR_thigh=4";
+    done(folder, &other.split(' ').collect::<Vec<_>>());
+    let said = run(&["diagnose", "other.csv", "--apply", "-m", "model.toml"]);
+    let now = Model::load(&folder.join("model.toml")).unwrap();
+    assert!(now.effects().len() > own.effects().len(), "{said}");
+    assert_eq!(said["written"]["values"], own.effects().len());
+    assert!(said["written"]["rms"].is_null());
+    assert_eq!(now.inertia(0), own.inertia(0));
 }
 
 /// One screen: the fall of the error and what is missing, three points, and a command that runs.

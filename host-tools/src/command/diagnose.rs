@@ -1,5 +1,7 @@
 //! `proprio diagnose`: which physical effect a model lacks.
 
+mod written;
+
 use std::path::PathBuf;
 
 use crate::advise::{at_the_end, closing};
@@ -8,7 +10,7 @@ use crate::compare::compare;
 use crate::detect::mismatch::mismatches;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
 use crate::free_base::has_imu;
-use crate::model::Model;
+use crate::model::{Model, Provenance};
 use crate::recording::LogGates;
 use crate::recording::{Recording, gate_words};
 use crate::report::pages;
@@ -16,6 +18,7 @@ use crate::summary::typed;
 use clap::Args;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
+use written::{Values, Written};
 
 use super::{Error, json, unreadable};
 use crate::progress::{Progress, Underway};
@@ -41,7 +44,10 @@ pub(crate) struct Diagnose {
     /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Show every step to a model that lacks nothing and, with --model, add its effects to the model file
+    /// Show every step to a model that lacks nothing and, with --model, write its effects to the model file
+    ///
+    /// Each with the value that these logs give it, ± one standard deviation, and the bodies too; but where the file has values of other
+    /// logs these stay, and effects that are new have none.
     #[arg(long)]
     apply: bool,
     /// The robot walks, sways or is swung: what the model lacks of friction, rotors, torque offsets and loads on bodies, the trunk's too
@@ -112,21 +118,25 @@ impl Diagnose {
             };
             page.page().map_err(unreadable)?.write(path)?;
         }
-        if let (true, Some(path)) = (self.apply, &self.model)
-            && (model != given || !path.exists())
-        {
-            model.save(path)?;
-        }
+        let written = match (self.apply, &self.model) {
+            (true, Some(path)) if model != given || !path.exists() => {
+                let values = self.may_give_values(&recording, &diagnosis, &given)?;
+                Some(Written::to(path, &recording, model.clone(), values)?)
+            }
+            _ => None,
+        };
         if self.json {
             return Ok(json(&Report {
                 data: &recording.gates,
                 diagnosis: &diagnosis,
+                written: written.as_ref(),
             }));
         }
         let file = self.model.as_deref();
         let gates = gate_words(&recording.gates);
+        let wrote = written.map_or_else(String::new, |written| format!("\n{written}\n"));
         Ok(match (self.apply, self.verbose) {
-            (true, _) => gates + &diagnosis.ladder() + &closing(&model, file, &self.logs),
+            (true, _) => gates + &diagnosis.ladder() + &wrote + &closing(&model, file, &self.logs),
             (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
             (false, false) => {
                 let mut summary = diagnosis.summary(given.robot(), file);
@@ -141,6 +151,29 @@ impl Diagnose {
                 format!("{gates}{summary}{open}{gap}{more}\n")
             }
         })
+    }
+
+    /// What the file's effects get of the logs.
+    fn may_give_values(
+        &self,
+        recording: &Recording,
+        diagnosis: &Diagnosis,
+        given: &Model,
+    ) -> Result<Values, Error> {
+        let own = match given.provenance() {
+            Some(provenance) => provenance.is_of(&self.logs).map_err(unreadable)?,
+            None => !given.has_values(),
+        };
+        let joints: usize = recording.limbs.iter().map(|(_, limb)| limb.joints).sum();
+        Ok(
+            match (own, self.anyway || diagnosis.joints.len() < joints) {
+                (true, false) => {
+                    Values::OfTheseLogs(Provenance::of(&self.logs).map_err(unreadable)?)
+                }
+                (false, _) => Values::OfOtherLogs,
+                (true, true) => Values::Untold,
+            },
+        )
     }
 
     /// The whole Go2, moving and in contact.
@@ -187,6 +220,9 @@ struct Report<'a> {
     data: &'a [LogGates],
     #[serde(flatten)]
     diagnosis: &'a Diagnosis,
+    /// What --apply has made of the model file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    written: Option<&'a Written>,
 }
 
 /// Adds to a model what the path has added.

@@ -139,7 +139,11 @@ impl Identify {
         // An unphysical fit is no model; a JSON file alone takes it.
         let filled = match (self.model_file(), &self.html) {
             (None, None) => None,
-            _ => Some(fitted.to_model(&model, self.provenance()?)?),
+            _ => {
+                let mut filled = fitted.to_model(&model, self.provenance()?)?;
+                filled.forget_last_added();
+                Some(filled)
+            }
         };
         if let Some(path) = self.json_file() {
             output::write(path, &json(&fitted))?;

@@ -82,6 +82,13 @@ impl Model {
         added
     }
 
+    /// No effect is what was added last any more.
+    pub fn forget_last_added(&mut self) {
+        for e in &mut self.effects {
+            e.just_added = false;
+        }
+    }
+
     /// Sets an effect's identified value (rounded as [`set_body`](Self::set_body) does), adding the effect if necessary.
     ///
     /// # Errors

@@ -239,6 +239,12 @@ impl Model {
         self.body(body).inertia.is_some()
     }
 
+    /// Whether anything of the model, an effect or a body, has a value of its own.
+    pub fn has_values(&self) -> bool {
+        self.effects.iter().any(|e| e.estimate().is_some())
+            || (0..self.robot.bodies().len()).any(|body| self.is_identified(body))
+    }
+
     /// Standard deviations of a body's inertial parameters, once identified.
     pub fn inertia_std(&self, body: usize) -> Option<&[f64; INERTIAL]> {
         self.body(body)

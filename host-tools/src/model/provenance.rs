@@ -1,5 +1,6 @@
 //! Where a model's values come from.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
@@ -53,6 +54,18 @@ impl Provenance {
                 .collect::<Result<_, _>>()?,
         })
     }
+
+    /// Whether these logs, as they are now, are all those that the values come from, whatever their names and order.
+    ///
+    /// # Errors
+    /// The path of a log that cannot be read, and why.
+    pub fn is_of(&self, logs: &[impl AsRef<Path>]) -> Result<bool, (String, io::Error)> {
+        let hashes = |logs: &[LogRecord]| -> BTreeSet<String> {
+            logs.iter().map(|log| log.sha256.clone()).collect()
+        };
+        let now = Self::of(logs)?.logs;
+        Ok(!now.is_empty() && hashes(&self.logs) == hashes(&now))
+    }
 }
 
 /// SHA-256 of a log's bytes, in hexadecimal: of a file, of standard input (`-`), of a folder's files one after the other.
@@ -88,6 +101,23 @@ impl io::Write for HashWriter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn logs_are_known_by_what_is_in_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = |name: &str, bytes: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let [a, b, copy] = [log("a", "1"), log("b", "2"), log("copy", "1")];
+        let of_both = Provenance::of(&[&a, &b]).unwrap();
+        assert!(of_both.is_of(&[&b, &copy]).unwrap());
+        assert!(!of_both.is_of(&[&a]).unwrap());
+        log("b", "3");
+        assert!(!of_both.is_of(&[&a, &b]).unwrap());
+        assert!(of_both.is_of(&[folder.path().join("none")]).is_err());
+    }
 
     #[test]
     fn the_hash_is_the_standards() {

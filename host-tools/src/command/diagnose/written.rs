@@ -1,0 +1,96 @@
+//! What `--apply` makes of the model file: effects, and what the logs give them.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::command::Error;
+use crate::estimate::Constraint;
+use crate::identify::model_fit::{FitOptions, check_reproduced, fit_model};
+use crate::model::{Model, Provenance};
+use crate::recording::Recording;
+
+/// Where the values of a written model come from.
+pub(super) enum Values {
+    /// From the logs that were diagnosed.
+    OfTheseLogs(Provenance),
+    /// The file has values of other logs, which these would replace: they stay, and effects that are new have none.
+    OfOtherLogs,
+    /// Not all of the logs is what the model says, so that it tells no values.
+    Untold,
+}
+
+/// The model file as it was written.
+#[derive(Debug, Serialize)]
+pub(super) struct Written {
+    /// The file.
+    file: PathBuf,
+    /// How many effects it has, and how many of them a value.
+    effects: usize,
+    values: usize,
+    /// What the file, read back, leaves of these logs, N m; none where it has no values of theirs.
+    rms: Option<f64>,
+    #[serde(skip)]
+    of_other_logs: bool,
+}
+
+impl Written {
+    /// Writes `model`, with what the logs give every parameter if they may, and reads it back.
+    ///
+    /// # Errors
+    /// If the file cannot be written, or predicts otherwise than the fit that its values are from.
+    pub(super) fn to(
+        path: &Path,
+        recording: &Recording,
+        mut model: Model,
+        values: Values,
+    ) -> Result<Self, Error> {
+        let of_other_logs = matches!(values, Values::OfOtherLogs);
+        let mut rms = None;
+        match values {
+            Values::OfTheseLogs(provenance) => {
+                let options = FitOptions {
+                    constraint: Constraint::Physical,
+                    ..FitOptions::default()
+                };
+                let fitted = fit_model(recording, &model, options)?;
+                model = fitted.to_model(&model, provenance)?;
+                model.save(path)?;
+                check_reproduced(recording, &Model::load(path)?, &fitted)?;
+                rms = Some(fitted.rms);
+            }
+            Values::OfOtherLogs | Values::Untold => model.save(path)?,
+        }
+        let valued = model.effects().iter().filter(|e| e.estimate().is_some());
+        Ok(Self {
+            file: path.to_owned(),
+            effects: model.effects().len(),
+            values: valued.count(),
+            rms,
+            of_other_logs,
+        })
+    }
+}
+
+impl fmt::Display for Written {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (file, effects) = (self.file.display(), self.effects);
+        match (self.rms, self.of_other_logs) {
+            (Some(rms), _) => write!(
+                f,
+                "Wrote {file}: {effects} effects and all bodies, each value ± its standard deviation; read back, it leaves {rms:.4} N m of these logs, \
+                 which it has seen"
+            ),
+            (None, true) => write!(
+                f,
+                "Wrote {file}: {effects} effects. Its values are of other logs and stay; effects that are new have none: \
+                 `proprio identify` with all logs gives them"
+            ),
+            (None, false) => write!(
+                f,
+                "Wrote {file}: {effects} effects, without values: part of the logs was not judged"
+            ),
+        }
+    }
+}
