@@ -6,7 +6,6 @@ use serde::Serialize;
 use crate::detect::contact::LeftOut;
 use crate::detect::twist::told_by_encoders;
 use crate::equation::values::{Place, places};
-use crate::estimate::deviation::Deviations;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::LimbData;
 use crate::parameter::of_effect;
@@ -20,7 +19,7 @@ pub struct EffectValue {
     pub unit: &'static str,
     /// Value; none if the model file gives none and nothing is fitted.
     pub value: Option<f64>,
-    /// Standard deviation, if known; of a fit, under independent residuals.
+    /// Standard deviation, if known; of a fit, all told, as `identify` has it.
     pub std: Option<f64>,
     /// Value before any data.
     pub prior: f64,
@@ -35,17 +34,16 @@ pub(super) fn of(
     foot: Option<&LeftOut>,
 ) -> Vec<EffectValue> {
     let mut values = Vec::new();
-    let deviations = fit.map(LimbFit::deviations);
     for (place, e) in places(data.model, data.limb) {
         let joint = data.model.joint_name(e.joint);
         for (n, parameter) in place.0.description().parameters.iter().enumerate() {
-            let (value, std) = match fit.zip(deviations.as_ref()) {
+            let (value, std) = match fit {
                 // No fit has a column for it.
                 Some(_) if place.0.description().form == Form::Force => {
                     let force = foot.map(|foot| &foot.contact);
                     (force.map(|c| c.force), force.map(|c| c.std))
                 }
-                Some((fit, deviations)) => fitted(fit, deviations, place, n),
+                Some(fit) => fitted(fit, place, n),
                 None => {
                     let known = e.estimates[n];
                     (known.map(|e| e.value), known.and_then(|e| e.std))
@@ -77,12 +75,7 @@ pub(super) fn once(values: impl Iterator<Item = EffectValue>) -> Vec<EffectValue
 }
 
 /// A parameter by all data, and its standard deviation.
-fn fitted(
-    fit: &LimbFit,
-    deviations: &Deviations,
-    place: Place,
-    n: usize,
-) -> (Option<f64>, Option<f64>) {
+fn fitted(fit: &LimbFit, place: Place, n: usize) -> (Option<f64>, Option<f64>) {
     if place.0 == EffectKind::VelocityGain {
         return (Some(fit.data.velocity_gain[place.1]), None);
     }
@@ -101,9 +94,6 @@ fn fitted(
     let entry = entries
         .into_iter()
         .find(|&k| fit.columns.entries[k].parameter == n);
-    let std = entry.map(|k| {
-        let [independent, blocks] = deviations.of_parameter(k);
-        independent.max(blocks)
-    });
+    let std = entry.map(|k| fit.std(k));
     (Some(fit.values.get(place, n)), std)
 }

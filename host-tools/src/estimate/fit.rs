@@ -22,13 +22,13 @@ use super::limit::Limit;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes::{self, Searched};
+use super::spread::Spread;
 use super::whitening::neighbour_correlation;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
 use crate::equation::motion::is_derivative;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
-use crate::once::made_once;
 
 /// Most times that rows are made again.
 const MOST_PASSES: usize = 8;
@@ -43,14 +43,6 @@ pub(crate) const SAME_CORRELATION: f64 = 0.03;
 const FARTHEST: f64 = 23.2;
 /// Times that bodies are held nearer.
 pub(crate) const HOLD_ROUNDS: usize = 5;
-
-/// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on six simulated logs with gaps
-/// of 2 to 15 mrad the gaps found were 9 to 25 % off, 17 % rms; hips with 20 mrad, 52 and 68 %, which this does not cover.
-const BOUNCE: f64 = 0.15;
-
-/// The same of a compliance, for not knowing how a link's swing dies away: on nine simulated logs with springs of 40 to 1000 N m/rad the
-/// compliances found were 1 to 20 % off, 9 % rms.
-const SWING: f64 = 0.09;
 
 /// How a limb is fitted.
 #[derive(Debug, Clone, Default)]
@@ -98,10 +90,11 @@ pub(crate) struct LimbFit<'a> {
     pub(crate) solution: Solution,
     /// How many times nearer to the CAD each body is held than its uncertainty says.
     pub(crate) tightness: Vec<f64>,
-    /// The limit of a drive that the data tell, and its standard deviation, N m.
-    pub(super) limit: Option<(Place, f64)>,
+    /// The limits of drives that the data tell, and their standard deviations, N m.
+    pub(super) limits: Vec<(Place, f64)>,
     pub(super) method: Method,
     pub(super) deviations: OnceLock<Deviations>,
+    pub(super) spread: OnceLock<Spread>,
     pub(super) moved_by_shapes: OnceLock<Vec<f64>>,
 }
 
@@ -111,9 +104,9 @@ impl<'a> LimbFit<'a> {
     /// `None` if numbers are not finite.
     pub(crate) fn of(data: &'a LimbData<'a>, places: &[Place], how: &How) -> Option<Self> {
         let mut values = start(data, places, how);
-        let limited = Self::limited(data, places, how);
-        if let Some((limit, _)) = &limited {
-            values.clone_from(&limit.values);
+        let (limited, limits) = Self::limited(data, places, how);
+        if let Some(limited) = limited {
+            values = limited;
         }
         let fitted: Vec<Place> = (places.iter().copied())
             .filter(|p| !how.held.contains(p))
@@ -145,9 +138,8 @@ impl<'a> LimbFit<'a> {
             let mut pairs = next.iter().zip(&correlation);
             let same =
                 how.weights.is_some() || pairs.all(|(a, b)| (a - b).abs() < SAME_CORRELATION);
-            let searched = |place: &Place| {
-                is_searched(place, how) && limited.as_ref().is_none_or(|l| l.1 != *place)
-            };
+            let is_told = |place: &Place| limits.iter().any(|(told, _)| told == place);
+            let searched = |place: &Place| is_searched(place, how) && !is_told(place);
             let scanned = match pass <= SHAPE_PASSES.min(passes - 1) {
                 true => shapes::better(&fit, &made, &searched, how.near || pass > 1),
                 false => Searched::Same,
@@ -160,7 +152,14 @@ impl<'a> LimbFit<'a> {
             };
             let done = same && scanned.is_none() && fit.is_steady();
             if done || pass == passes {
-                fit.limit = limited.map(|(limit, place)| (place, limit.std));
+                if limits
+                    .iter()
+                    .any(|(place, _)| fit.values.get(*place, 1) <= 0.0)
+                {
+                    // Nothing is reported beyond a limit: it is none.
+                    return Self::of(data, places, &without_limits(places, how));
+                }
+                fit.limits = limits;
                 return match how.method {
                     Method::Momentum => Some(fit),
                     other => fit.by_other_equation(other, how),
@@ -174,21 +173,32 @@ impl<'a> LimbFit<'a> {
         None
     }
 
-    /// Where a fit begins whose limit of a torque the data tell, and which limit that is.
-    fn limited(data: &LimbData, places: &[Place], how: &How) -> Option<(Limit, Place)> {
-        let is_limit = |place: &&Place| place.0 == EffectKind::Saturation;
-        let sought = places
+    /// Where a fit begins whose drives' limits the data tell, and which limits these are, each with its standard deviation.
+    fn limited(
+        data: &LimbData,
+        places: &[Place],
+        how: &How,
+    ) -> (Option<Values>, Vec<(Place, f64)>) {
+        let (mut sought, mut known): (Vec<Place>, Vec<Place>) = places
             .iter()
-            .filter(is_limit)
-            .find(|place| is_searched(place, how))?;
-        let others: Vec<Place> = places
-            .iter()
-            .copied()
-            .filter(|place| place != sought)
-            .collect();
-        let fit = LimbFit::of(data, &others, how)?;
-        let limit = Limit::of(&fit, &fit.predicted(), sought.1)?;
-        Some((limit, *sought))
+            .partition(|place| place.0 == EffectKind::Saturation && is_searched(place, how));
+        let (mut start, mut told) = (how.start.clone(), Vec::new());
+        while let Some(place) = sought.pop() {
+            let how = How {
+                start: start.clone(),
+                ..without_limits(&known, how)
+            };
+            let Some(fit) = LimbFit::of(data, &known, &how) else {
+                break;
+            };
+            let limit = Limit::of(&fit, &fit.predicted(), place.1);
+            if let Some(limit) = limit {
+                known.push(place);
+                told.push((place, limit.std));
+                start = Some(limit.values);
+            }
+        }
+        (start.filter(|_| !told.is_empty()), told)
     }
 
     /// The fit over rows that were made at `at`.
@@ -272,16 +282,17 @@ impl<'a> LimbFit<'a> {
             weights: weights.clone(),
             problem,
             solution,
-            limit: None,
+            limits: Vec::new(),
             method: how.method,
             deviations: OnceLock::new(),
+            spread: OnceLock::new(),
             moved_by_shapes: OnceLock::new(),
         })
     }
 
     /// The same parameters by another equation; corrections of sensors and of the base are those of the momentum fit.
     fn by_other_equation(self, method: Method, how: &How) -> Option<Self> {
-        let limit = self.limit;
+        let limits = self.limits.clone();
         let groups = method::data(self.data, &self.values, &self.columns, method);
         let held: Vec<Place> = (self.places.iter().copied())
             .filter(|place| is_derivative(place.0))
@@ -300,7 +311,7 @@ impl<'a> LimbFit<'a> {
             &self.weights,
             &how,
         )?;
-        Some(Self { limit, ..fit })
+        Some(Self { limits, ..fit })
     }
 
     /// The correlation of neighbouring residuals of each joint.
@@ -332,33 +343,11 @@ impl<'a> LimbFit<'a> {
         !(0..before.len()).any(moved)
     }
 
-    /// How surely the parameters are known.
-    pub(crate) fn deviations(&self) -> &Deviations {
-        made_once(&self.deviations, || Deviations::of(self))
-    }
-
     /// Whether entry k's value is that of a derivative.
     pub(crate) fn is_derivative(&self, entry: usize) -> bool {
         self.columns.entries[entry]
             .effect
             .is_some_and(is_derivative)
-    }
-
-    /// Whether entry k is a gap: a torque is too far from linear in it for a column to tell more than how surely it is known.
-    pub(crate) fn is_found_by_trying(&self, entry: usize) -> bool {
-        let entry = &self.columns.entries[entry];
-        (entry.effect).is_some_and(|effect| found_by_trying(effect, entry.joint, &self.at))
-    }
-
-    /// What of entry k's value is open however well the others are known, one standard deviation: what the model leaves to chance, and
-    /// what shapes that are not known exactly make of it.
-    pub(crate) fn unknown(&self, entry: usize) -> f64 {
-        let share = match self.columns.entries[entry].effect {
-            Some(EffectKind::Elasticity) => SWING,
-            _ if self.is_found_by_trying(entry) => BOUNCE,
-            _ => 0.0,
-        };
-        (share * self.value(entry)).hypot(self.moved_by_shapes(entry))
     }
 
     /// Entry k's value as the catalogue means it.
@@ -433,6 +422,16 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
     values
 }
 
+/// The same, but no limit is sought.
+fn without_limits(places: &[Place], how: &How) -> How {
+    let shapes = places.iter().filter(|place| is_searched(place, how));
+    let shapes = shapes.filter(|place| place.0 != EffectKind::Saturation);
+    How {
+        shapes: Some(shapes.copied().collect()),
+        ..how.clone()
+    }
+}
+
 /// Whether an effect's shape is searched.
 fn is_searched(place: &Place, how: &How) -> bool {
     how.shapes.as_ref().is_none_or(|own| own.contains(place))
@@ -463,7 +462,7 @@ fn typical_noise(data: &LimbData) -> Vec<f64> {
     rms.map(|rms| (SHARE * rms).max(1e-9)).collect()
 }
 
-fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
+pub(super) fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
     effect == EffectKind::Backlash && at.get((effect, joint), 0) > 0.0
 }
 

@@ -173,6 +173,14 @@ impl<'a> Joint<'a> {
         {
             return None;
         }
+        // Windows that the limit was reached in show a mean of less: where these differ by more than noise, the median is low by as much.
+        let noise = median(
+            self.counted
+                .iter()
+                .filter(|w| !out.contains(w))
+                .map(|&w| (self.reported(w) - predicted[self.at(w)]).abs()),
+        )?;
+        let partly = (spread * spread - noise * noise).max(0.0).sqrt() / MEDIAN;
         let excess = beyond.iter().map(|&w| self.reported(w).abs() - torque);
         let excess = excess.sum::<f64>() / beyond.len() as f64;
         let place = (EffectKind::Saturation, self.joint);
@@ -182,7 +190,9 @@ impl<'a> Joint<'a> {
         Some(Limit {
             torque,
             // A median's is 1.25 times a mean's; windows in a row say the same.
-            std: (1.25 * spread / MEDIAN / (runs(beyond) as f64).sqrt()).hypot(SCALE * torque),
+            std: (1.25 * spread / MEDIAN / (runs(beyond) as f64).sqrt())
+                .hypot(SCALE * torque)
+                .hypot(partly),
             values,
         })
     }

@@ -16,6 +16,7 @@ pub(crate) mod directions;
 pub(crate) mod fit;
 pub(crate) mod folding;
 mod groups;
+pub(crate) mod known;
 mod leaves;
 pub(crate) mod left_over;
 pub(crate) mod limb_data;

@@ -82,8 +82,8 @@ impl LimbFit<'_> {
     /// Standard deviation of an effect's shape; `None` where the prediction does not depend on it.
     fn shape_std(&self, place: Place) -> Option<f64> {
         if place.0 == EffectKind::Saturation {
-            let (limited, std) = self.limit?;
-            return (limited == place).then_some(std);
+            let told = self.limits.iter().find(|(limited, _)| *limited == place);
+            return told.map(|(_, std)| *std);
         }
         let rows = self.data.rows(&self.at, &self.columns);
         self.shape_told(place, &rows).map(|told| told.std)

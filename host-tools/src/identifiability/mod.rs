@@ -16,7 +16,6 @@ use serde::Serialize;
 use crate::estimate::Status;
 use crate::estimate::bounded::inverse;
 use crate::estimate::fit::LimbFit;
-use crate::estimate::spread::Spread;
 use reduction::{Reduction, pivoted};
 
 /// A combination changes the data by less than this many standard deviations of the noise when it changes by one of its prior:
@@ -115,7 +114,7 @@ fn prior_std(fit: &LimbFit) -> Vec<f64> {
 
 fn base_parameters(fit: &LimbFit, structure: &Reduction) -> Vec<BaseParameter> {
     let deviations = fit.deviations();
-    let spread = Spread::of(fit, deviations);
+    let spread = fit.spread();
     let prior = fit
         .problem
         .without_data()

@@ -15,7 +15,6 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::estimate::shapes::has_shape;
-use crate::estimate::spread::Spread;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
 use crate::model::{Model, ModelEffect};
@@ -185,7 +184,6 @@ pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
 pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = fit.deviations();
-    let spread = Spread::of(fit, deviations);
     let prior = fit.problem.without_data().solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);
@@ -193,10 +191,9 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let mut all: Vec<FittedParameter> = entries
         .filter(|(_, entry)| !is_shared(entry.joint))
         .map(|(k, entry)| {
-            let [independent, blocks] = deviations.of_parameter(k);
+            let [independent, _] = deviations.of_parameter(k);
             let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k]);
-            let std_between = spread.of_parameter(k);
-            let std = (independent.max(blocks).hypot(fit.unknown(k))).hypot(std_between);
+            let (std, std_between) = (fit.std(k), fit.spread().of_parameter(k));
             let body = fit.data.body_of(entry.joint);
             FittedParameter {
                 estimate: ParameterEstimate {

@@ -1,5 +1,7 @@
 //! What a diagnosis names first.
 
+use proprio_core::effect::EffectKind;
+
 use super::candidate::{Candidate, Member};
 use super::ranking::Judged;
 use super::search::{Search, Step};
@@ -20,6 +22,21 @@ impl<'a> Search<'a> {
         first.parameters = own.collect();
         if by_trying {
             (first.significant, first.possible) = (true, true);
+        }
+    }
+
+    /// What the model has in the end is told with its value there; but a limit, which the rest of the model does not tell, as it was found.
+    pub(super) fn tell_what_is_kept(&mut self) {
+        let there = self.state.places();
+        let stays = |(limb, place): &Member| {
+            place.0 != EffectKind::Saturation && there[*limb].contains(place)
+        };
+        for told in &mut self.first {
+            let members = &told.candidate.members;
+            if members.iter().all(stays) {
+                let own = members.iter().map(|member| self.state.parameters(member));
+                told.parameters = own.collect();
+            }
         }
     }
 

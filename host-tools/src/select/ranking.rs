@@ -5,6 +5,7 @@ use proprio_core::effect::EffectKind;
 use super::candidate::{self, Candidate, Member};
 use super::criteria;
 use super::screen::Screen;
+use crate::equation::motion::LOOSE;
 
 /// The effects of every geared drive.
 pub(crate) const PLAIN: [EffectKind; 4] = [
@@ -49,7 +50,13 @@ pub(super) fn judged(screens: &[Screen], candidate: &Candidate) -> Judged {
                     screens[*limb].fit.data.prior(*place, n).1,
                 )
             };
-            told.unwrap_or_else(unsure)
+            let (value, std) = told.unwrap_or_else(unsure);
+            // A column says little of a spring or a play: until it is fitted it is no surer than before either.
+            let open = match LOOSE.contains(&place.0) {
+                true => screens[*limb].fit.data.prior(*place, n).1,
+                false => 0.0,
+            };
+            (value, std.hypot(open))
         };
         (0..place.0.description().parameters.len())
             .map(parameter)

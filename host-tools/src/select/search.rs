@@ -324,6 +324,7 @@ impl<'a> Search<'a> {
 
     fn finish(mut self) -> Option<Found<'a>> {
         self.keep_headline();
+        self.tell_what_is_kept();
         let candidates = self.look();
         let screens = &self.screens;
         let (floor, drifts, unphysical) = {

@@ -158,7 +158,6 @@ impl<'a> State<'a> {
     /// An effect's parameters and their standard deviations.
     pub(super) fn parameters(&self, &(limb, (effect, joint)): &Member) -> Vec<(f64, f64)> {
         let fit = &self.fits[limb];
-        let deviations = fit.deviations();
         let entries = fit.columns.of_effect(effect, joint);
         let parameter = |n: usize| {
             let one = |one: &&Shared| {
@@ -174,9 +173,7 @@ impl<'a> State<'a> {
                 let place = (effect, joint);
                 return (fit.values.get(place, n), fit.known_shape(place));
             };
-            let [independent, blocks] = deviations.of_parameter(entry);
-            let std = independent.max(blocks).hypot(fit.unknown(entry));
-            (fit.value(entry), std)
+            (fit.value(entry), fit.std(entry))
         };
         (0..effect.description().parameters.len())
             .map(parameter)
