@@ -47,3 +47,35 @@ fn friction_that_differs_with_direction_is_named() {
     let after = held_out();
     assert!(after < 0.9 * before, "{before} N m, {after} N m with it");
 }
+
+/// The whole path, from plain friction: the file that `diagnose --apply` writes holds values that may be, and predicts the other log better than
+/// plain friction does.
+#[test]
+fn what_a_diagnosis_writes_predicts_the_other_log() {
+    let Some(logs) = recorded_logs() else { return };
+    let file = |name: &str| logs.join("emps").join(name).display().to_string();
+    let (urdf, train, pulses) = (
+        file("emps.urdf"),
+        file("emps_train.csv"),
+        file("emps_pulses.csv"),
+    );
+    let folder = folder();
+    let folder = folder.path();
+    let plain = ["viscous", "coulomb", "armature", "bias"];
+    done(
+        folder,
+        &[&["add", "-m", "m.toml", "--urdf", &urdf][..], &plain].concat(),
+    );
+    let held_out = |model: &str| {
+        let given = ["compare", &pulses, "-m", model, "--given", "--json"];
+        json(&done(folder, &given))["rms"].as_f64().unwrap()
+    };
+    done(
+        folder,
+        &["identify", &train, "-m", "m.toml", "-o", "plain.toml"],
+    );
+    done(folder, &["diagnose", &train, "-m", "m.toml", "--apply"]);
+    let (before, after) = (held_out("plain.toml"), held_out("m.toml"));
+    println!("{before} N m, {after} N m");
+    assert!(after < before, "{before} N m, {after} N m");
+}

@@ -14,7 +14,7 @@ use proprio_core::effect::EffectKind;
 
 use super::fit::LimbFit;
 use super::groups::{Groups, stacked};
-use super::shapes::{orthonormal, shape_parameter};
+use super::shapes::{orthonormal, possible, shape_parameter};
 use crate::equation::dot::dot;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
@@ -108,8 +108,11 @@ impl LimbFit<'_> {
             };
             if told.step.abs() > REFUTED * told.std {
                 let step = told.step.clamp(-LONGEST * shape, LONGEST * shape);
-                let moved = values.get_or_insert_with(|| self.values.clone());
-                moved.set(place, n, shape + step);
+                let next = possible(place.0, shape + step);
+                if next != shape {
+                    let moved = values.get_or_insert_with(|| self.values.clone());
+                    moved.set(place, n, next);
+                }
             }
         }
         values

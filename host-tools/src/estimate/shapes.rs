@@ -121,6 +121,12 @@ pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
     effect.description().shape().unwrap_or(0)
 }
 
+/// The shape next to this one that an effect may have.
+pub(super) fn possible(effect: EffectKind, shape: f64) -> f64 {
+    let parameter = &effect.description().parameters[shape_parameter(effect)];
+    shape.clamp(parameter.lower, parameter.upper)
+}
+
 /// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
 pub(crate) fn tried(effect: EffectKind) -> f64 {
     match effect {
@@ -336,10 +342,8 @@ impl<'a> Scan<'a> {
 
     /// The shapes to try, within what is physical.
     fn grid(&self, place: Place) -> Vec<f64> {
-        let parameter = &place.0.description().parameters[shape_parameter(place.0)];
         let all = self.tried_shapes(place).into_iter();
-        all.map(|shape| shape.clamp(parameter.lower, parameter.upper))
-            .collect()
+        all.map(|shape| possible(place.0, shape)).collect()
     }
 
     fn tried_shapes(&self, (effect, joint): Place) -> Vec<f64> {
