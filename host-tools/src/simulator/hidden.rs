@@ -7,6 +7,9 @@ use crate::log::{JointId, UnknownName};
 use crate::parameter::{self, JointEffect, Parameter};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 
+/// The base, where a payload names it.
+const BASE: &str = "base";
+
 /// An effect at a joint, or of the base, with a value for each of its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HiddenEffect {
@@ -44,6 +47,32 @@ pub enum HiddenError {
     /// An effect that cannot be at such a place.
     #[error("{0} {1}")]
     Place(&'static str, &'static str),
+    /// An effect that a robot on its feet is not simulated with.
+    #[error("{0} cannot be hidden from a robot that walks; what can: {walking}", walking = walking())]
+    Walking(&'static str),
+}
+
+/// The effects that a robot on its feet can have: those of a joint's own motion, of its sensors, and loads.
+pub const WALKING: [HiddenKind; 15] = [
+    HiddenKind::Viscous,
+    HiddenKind::Coulomb,
+    HiddenKind::Armature,
+    HiddenKind::Bias,
+    HiddenKind::AsymmetricCoulomb,
+    HiddenKind::AsymmetricViscous,
+    HiddenKind::Stribeck,
+    HiddenKind::QuadraticDrag,
+    HiddenKind::SaturatingViscous,
+    HiddenKind::Spring,
+    HiddenKind::Cogging,
+    HiddenKind::TorqueGain,
+    HiddenKind::VelocityGain,
+    HiddenKind::EncoderOffset,
+    HiddenKind::Payload,
+];
+
+fn walking() -> String {
+    WALKING.map(HiddenKind::name).join(", ")
 }
 
 fn did_you_mean(unknown: &UnknownName) -> String {
@@ -52,7 +81,7 @@ fn did_you_mean(unknown: &UnknownName) -> String {
 }
 
 impl HiddenEffect {
-    /// The effect at `joint` (`None`: the base) with this value of its first parameter and the others' defaults.
+    /// The effect at `joint` (`None`: the base, which may carry a payload) with this value of its first parameter and the others' defaults.
     ///
     /// # Errors
     /// [`HiddenError::Bounds`] or [`HiddenError::Place`].
@@ -61,6 +90,7 @@ impl HiddenEffect {
         let misplaced = |why| Err(HiddenError::Place(description.name, why));
         match (description.scope, joint) {
             (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
+            (Scope::Joint, None) if kind == HiddenKind::Payload => {}
             (Scope::Joint | Scope::Pair | Scope::Foot, None) => return misplaced("needs a joint"),
             (Scope::Pair, Some(joint)) if joint.place() == 0 => {
                 return misplaced(
@@ -123,11 +153,12 @@ impl HiddenEffect {
         &self.values
     }
 
-    /// `stribeck:FR_calf`, `base_tilt`.
+    /// `stribeck:FR_calf`, `payload:base`, `base_tilt`.
     pub fn place(&self) -> String {
         match self.joint {
             Some(joint) => parameter::name(self.kind.name(), joint),
-            None => self.kind.name().to_owned(),
+            None if self.kind.description().scope == Scope::Base => self.kind.name().to_owned(),
+            None => parameter::name_at(self.kind.name(), BASE),
         }
     }
 
@@ -175,6 +206,7 @@ fn kind_named(name: &str) -> Result<HiddenKind, UnknownName> {
 pub struct Hide {
     kind: HiddenKind,
     joint: Option<JointId>,
+    on_base: bool,
     value: f64,
     others: Vec<(String, f64)>,
 }
@@ -185,13 +217,33 @@ impl Hide {
         self.joint
     }
 
-    /// The effects it asks for on a robot with these legs.
+    /// The effects it asks for on a pinned robot with these legs.
     ///
     /// # Errors
     /// [`HiddenError`].
     pub fn on(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if self.on_base {
+            let why = "on the base is not felt by a robot that is pinned by it";
+            return Err(HiddenError::Place(self.kind.name(), why));
+        }
+        self.places(legs)
+    }
+
+    /// The effects it asks for on a whole robot that walks.
+    ///
+    /// # Errors
+    /// [`HiddenError`], such as [`HiddenError::Walking`].
+    pub fn on_walker(&self) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if !WALKING.contains(&self.kind) {
+            return Err(HiddenError::Walking(self.kind.name()));
+        }
+        self.places(&Leg::ALL)
+    }
+
+    fn places(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
         let joints = || legs.iter().flat_map(|&leg| JointId::of(leg));
         let places: Vec<Option<JointId>> = match (self.joint, self.kind.description().scope) {
+            (None, _) if self.on_base => vec![None],
             (Some(joint), _) => vec![Some(joint)],
             (None, Scope::Base) => vec![None],
             (None, Scope::Joint) => joints().map(Some).collect(),
@@ -213,9 +265,12 @@ impl FromStr for Hide {
     fn from_str(text: &str) -> Result<Self, HiddenError> {
         let (place, values) = text.split_once('=').ok_or(HiddenError::Form)?;
         let (effect, joint) = match place.split_once(':') {
-            Some((effect, joint)) => (effect, Some(joint.parse()?)),
+            Some((effect, place)) => (effect, Some(place)),
             None => (place, None),
         };
+        let kind = kind_named(effect)?;
+        let on_base = joint == Some(BASE) && kind == HiddenKind::Payload;
+        let joint = joint.filter(|_| !on_base).map(str::parse).transpose()?;
         let mut values = values.split(',');
         let value = number(values.next().unwrap_or(""))?;
         let mut others = Vec::new();
@@ -224,13 +279,14 @@ impl FromStr for Hide {
             others.push((name.to_owned(), number(value)?));
         }
         let hide = Self {
-            kind: kind_named(effect)?,
+            kind,
             joint,
+            on_base,
             value,
             others,
         };
         // What is wrong with it is wrong on any legs.
-        hide.on(&[joint.map_or(Leg::FR, JointId::leg)])?;
+        hide.places(&[joint.map_or(Leg::FR, JointId::leg)])?;
         Ok(hide)
     }
 }
