@@ -16,6 +16,7 @@ mod leg;
 mod motion;
 mod plant;
 mod sensors;
+mod sizes;
 #[cfg(test)]
 mod tests;
 pub mod walk;
@@ -32,10 +33,11 @@ use crate::log::JointId;
 use crate::parameter::{self, Parameter};
 pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
 pub use follow::{FollowError, Followed};
-pub use hidden::{HiddenEffect, HiddenError, Hide, SIZES, Sizes};
+pub use hidden::{HiddenEffect, HiddenError, Hide};
 use leg::SimulatedLeg;
 pub use motion::Motion;
 pub use sensors::Sensors;
+pub use sizes::{SIZES, Sizes};
 
 /// Random numbers of each kind come from a stream of their own: references, noise, then one leg's bodies after the other.
 const REFERENCE_STREAM: u64 = 0;

@@ -57,7 +57,7 @@ pub(super) const HEIGHT: f64 = 0.29;
 /// How long a gait takes to grow, s.
 const EASE: f64 = 1.0;
 /// How far below the ground a flying trot's feet push, m: they take off by it.
-const PUSH: f64 = 0.025;
+const PUSH: f64 = 0.01;
 /// Share of a stance over which a foot takes its part of the weight, and gives it up.
 const SHIFT: f64 = 0.15;
 const GRAVITY: f64 = 9.81;
