@@ -130,7 +130,7 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
         Error::Walk(WalkError::Fell(_)) => Some(
-            "its controller keeps no balance: a smaller load or --inertia-error, another --seed, a shorter --duration".to_owned(),
+            "its controller does not balance: hide a smaller load or bias, or take another --seed".to_owned(),
         ),
     }
 }

@@ -80,9 +80,17 @@ pub enum WalkError {
     /// The motion left the real numbers.
     #[error("the simulated robot's motion diverged after {0:.3} s")]
     Diverged(f64),
-    /// The robot lies on the ground.
-    #[error("the simulated robot fell after {0:.1} s")]
+    /// The robot lies on the ground; before time zero it was to stand.
+    #[error("the simulated robot {}", fell(*.0))]
     Fell(f64),
+}
+
+fn fell(t: f64) -> String {
+    if t < 0.0 {
+        "cannot stand".to_owned()
+    } else {
+        format!("fell after {t:.1} s")
+    }
 }
 
 /// What follows from several parameters, named as by `identify --free-base`.
