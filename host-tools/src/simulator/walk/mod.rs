@@ -1,11 +1,11 @@
 //! A whole Go2 on its feet: it trots, flies, hops or sways over ground that gives way, and is logged with its IMU and its feet.
 //!
 //! Trunk and legs are the Go2's CAD or something near it; joints have the effects of `simulator`'s pinned legs. Nothing holds the
-//! trunk but the ground ([`ground`]), so that mass, centre of mass and friction are in the log as they are in that of a robot.
-//! [`gait`] is what the legs are asked to do, [`walker`] the motors' controllers, [`plant`] the mechanics, [`imu`] the sensors. A
+//! trunk but the ground (`ground`), so that mass, centre of mass and friction are in the log as they are in that of a robot.
+//! `gait` is what the legs are asked to do, `walker` the motors' controllers, `plant` the mechanics, `imu` the sensors. A
 //! joint's stops and the limbs' touching each other are not simulated: no gait comes near them.
 
-pub(crate) mod gait;
+mod gait;
 mod ground;
 mod imu;
 mod plant;
