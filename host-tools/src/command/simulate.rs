@@ -43,6 +43,9 @@ pub(crate) struct Simulate {
     /// Let the whole robot walk instead: a log for `identify --free-base`
     #[arg(long, value_name = "GAIT", value_enum, conflicts_with_all = ["legs", "motion", "follow", "temperature", "second_encoder"])]
     walk: Option<walk::GaitName>,
+    /// Coulomb friction between its feet and the ground [default: 0.9]
+    #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
+    ground_friction: Option<f64>,
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one
     #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
     hide: Vec<Hide>,

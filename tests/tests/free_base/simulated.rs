@@ -42,6 +42,7 @@ fn masses_are_those_that_were_simulated() {
     for (gait, more) in [
         ("trot", ""),
         ("trot", "--hide payload:base=2,x=0.05,y=-0.02,z=0.07"),
+        ("trot", "--ground-friction 0.3"),
         ("flying", ""),
         ("hop", ""),
         ("sway", ""),
@@ -99,6 +100,8 @@ fn what_a_walk_does_not_have_is_refused() {
     assert!(status == Some(2) && said.contains("--walk"), "{said}");
     let (status, said) = refused("simulate --walk trot --legs FR");
     assert!(status == Some(2) && said.contains("--legs"), "{said}");
+    let (status, said) = refused("simulate --ground-friction 0.3");
+    assert!(status == Some(2) && said.contains("--walk"), "{said}");
     // It cannot carry four times its weight: no log, and no truth.
     let (status, said) = refused("simulate --walk trot --hide payload:base=60");
     assert!(status == Some(1) && said.contains("cannot stand"), "{said}");

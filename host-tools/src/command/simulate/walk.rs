@@ -51,14 +51,16 @@ struct Truth {
 impl Simulate {
     /// The whole robot on its feet.
     pub(super) fn walk(self, gait: Gait) -> Result<Report, Error> {
+        let usual = Walk::new(gait);
         let walk = Walk {
+            ground_friction: self.ground_friction.unwrap_or(usual.ground_friction),
             duration: self.duration.unwrap_or(DURATION),
             rate: self.rate,
             effects: self.effects(),
             inertia_error: self.inertia_error,
             sensors: self.sensors(),
             seed: self.seed,
-            ..Walk::new(gait)
+            ..usual
         };
         let truth = self.truth_path();
         let samples = record(&walk, &self.output)?;
