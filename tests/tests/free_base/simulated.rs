@@ -70,7 +70,7 @@ fn a_trot_tells_friction_and_bias() {
         let is = |what: &&str| name.starts_with(*what);
         if !["viscous", "coulomb", "armature", "bias", "acc_bias"]
             .iter()
-            .any(|what| is(&what))
+            .any(|what| is(what))
         {
             continue;
         }
