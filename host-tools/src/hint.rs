@@ -18,6 +18,7 @@ use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::recording::RecordingError;
+use crate::simulator::walk::WalkError;
 use crate::validate::ValidateError;
 
 use crate::command::Error;
@@ -125,9 +126,12 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             Some("`proprio diagnose` tries the whole catalogue on the desktop".to_owned())
         }
         Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
-        Error::Diverged(_) => {
+        Error::Diverged(_) | Error::Walk(WalkError::Diverged(_)) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
+        Error::Walk(WalkError::Fell(_)) => Some(
+            "its controller does not balance: hide a smaller load or bias, or take another --seed".to_owned(),
+        ),
     }
 }
 

@@ -45,6 +45,7 @@ use crate::monitor::{FeedError, JournalError};
 use crate::output::WriteError;
 use crate::recording::RecordingError;
 use crate::report::pages::Unreadable;
+use crate::simulator::walk::WalkError;
 use crate::simulator::{Diverged, FollowError};
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
@@ -223,6 +224,8 @@ pub(crate) enum Error {
     Write(#[from] WriteError),
     #[error(transparent)]
     Diverged(#[from] Diverged),
+    #[error(transparent)]
+    Walk(#[from] WalkError),
     #[error(transparent)]
     Model(#[from] ModelError),
     #[error(transparent)]

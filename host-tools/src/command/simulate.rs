@@ -1,5 +1,8 @@
 //! `proprio simulate`: a log whose truth is known.
 
+mod help;
+mod walk;
+
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,9 +11,7 @@ use crate::log::{Channel, LogWriter, UnknownName, leg_named};
 use crate::output::{self, AtomicFile, WriteError};
 use crate::parameter;
 use crate::simulator::hidden::typical;
-use crate::simulator::{
-    Description, Followed, HiddenEffect, HiddenKind, Hide, Motion, Scope, Sensors, Simulation,
-};
+use crate::simulator::{Followed, HiddenEffect, Hide, Motion, Sensors, Simulation};
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
@@ -20,11 +21,13 @@ use serde::Serialize;
 
 use super::{Error, json};
 use crate::progress::Progress;
+use help::{EXAMPLES, long_help};
 
-/// Make a log of pinned legs whose parameters are known
+/// Make a log of a robot whose parameters are known
 ///
-/// The legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference. What --hide
-/// adds, and what --inertia-error changes, is what the model does not know. The truth goes to a file beside the log.
+/// Its legs are the Go2's rigid bodies on a fixed base, driven by a controller that follows a rich reference; with --walk the
+/// whole Go2 goes over ground that gives way, and the log has the columns of its IMU and of its feet. What --hide adds, and what
+/// --inertia-error changes, is what the model does not know. The truth goes to a file beside the log.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Simulate {
@@ -37,6 +40,12 @@ pub(crate) struct Simulate {
     /// Which legs, such as FR,RL; or all
     #[arg(long, value_name = "LEGS", default_value = "all", value_parser = parse_legs)]
     legs: Legs,
+    /// Let the whole robot walk instead: a log for `identify --free-base`
+    #[arg(long, value_name = "GAIT", value_enum, conflicts_with_all = ["legs", "motion", "follow", "temperature", "second_encoder"])]
+    walk: Option<walk::GaitName>,
+    /// Coulomb friction between its feet and the ground [default: 0.9]
+    #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
+    ground_friction: Option<f64>,
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one
     #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
     hide: Vec<Hide>,
@@ -64,7 +73,7 @@ pub(crate) struct Simulate {
     /// Samples per second, Hz
     #[arg(long, value_name = "HZ", default_value_t = 500.0, value_parser = within(10.0, 5000.0))]
     rate: f64,
-    /// Noise of velocity and torque, as a multiple of a standing Go2's
+    /// Noise of velocity and torque, and noise and biases of an IMU, as a multiple of a standing Go2's
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = within(0.0, 100.0))]
     noise: f64,
     /// Further noise of the torque: its standard deviation
@@ -114,6 +123,8 @@ struct Legs(Vec<Leg>);
 struct Report {
     log: PathBuf,
     truth: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    gait: Option<&'static str>,
     legs: Vec<&'static str>,
     samples: u64,
     duration: f64,
@@ -129,7 +140,21 @@ struct Truth {
 }
 
 impl Simulate {
-    pub(crate) fn run(mut self) -> Result<String, Error> {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let as_json = self.json;
+        let report = match self.walk {
+            Some(gait) => self.walk(gait.into())?,
+            None => self.hang()?,
+        };
+        Ok(if as_json {
+            json(&report)
+        } else {
+            report.to_string()
+        })
+    }
+
+    /// Legs on a fixed base.
+    fn hang(mut self) -> Result<Report, Error> {
         let follow = self.follow.as_deref().map(Followed::read).transpose()?;
         if let Some(motion) = &follow {
             self.legs = Legs(motion.legs().to_vec());
@@ -148,33 +173,38 @@ impl Simulate {
             inertia_error: self.inertia_error,
             temperature: self.temperature,
             second_encoder: self.second_encoder,
-            sensors: Sensors {
-                noise: self.noise,
-                quantised: !self.unquantised,
-                jitter: self.jitter,
-                repeats: self.repeats,
-                torque_noise: self.torque_noise,
-                torque_memory: self.torque_memory,
-                velocity_noise: self.velocity_noise,
-            },
+            sensors: self.sensors(),
             seed: self.seed,
             ..Simulation::new(&self.legs.0)
         };
-        let truth = self.truth.clone().unwrap_or_else(|| beside(&self.output));
+        let truth = self.truth_path();
         let samples = record_with_truth(&simulation, &self.output, &truth)?;
-        let report = Report {
+        Ok(Report {
             log: self.output,
             truth,
+            gait: None,
             legs: simulation.legs.iter().map(|leg| leg.name()).collect(),
             samples,
             duration: simulation.duration,
             seed: simulation.seed,
-        };
-        Ok(if self.json {
-            json(&report)
-        } else {
-            report.to_string()
         })
+    }
+
+    fn truth_path(&self) -> PathBuf {
+        let beside = || beside(&self.output);
+        self.truth.clone().unwrap_or_else(beside)
+    }
+
+    fn sensors(&self) -> Sensors {
+        Sensors {
+            noise: self.noise,
+            quantised: !self.unquantised,
+            jitter: self.jitter,
+            repeats: self.repeats,
+            torque_noise: self.torque_noise,
+            torque_memory: self.torque_memory,
+            velocity_noise: self.velocity_noise,
+        }
     }
 
     /// The effects to simulate; a later --hide replaces an earlier one.
@@ -190,7 +220,11 @@ impl Simulate {
                 let message = format!("--hide names {joint}, but --legs leaves its leg out");
                 super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
             }
-            let hidden = hide.on(legs).unwrap_or_else(|error| {
+            let hidden = match self.walk {
+                Some(_) => hide.on_walker(),
+                None => hide.on(legs),
+            };
+            let hidden = hidden.unwrap_or_else(|error| {
                 super::usage_error("simulate", ErrorKind::ValueValidation, error.to_string())
             });
             for effect in hidden {
@@ -216,53 +250,58 @@ pub(super) fn record_with_truth(
 
 /// Writes the log of `simulation` to `path` and counts its samples.
 fn record(simulation: &Simulation, path: &Path) -> Result<u64, Error> {
+    written(path, |out, unwritable| {
+        let mut progress = Progress::new("Simulating");
+        let temperature = (simulation.logs_temperature()).then_some(Channel::Temp);
+        let q_link = simulation.second_encoder.then_some(Channel::QLink);
+        let more: Vec<Channel> = temperature.into_iter().chain(q_link).collect();
+        let mut log = LogWriter::with(out, &simulation.legs, &more).map_err(unwritable)?;
+        let mut samples = 0;
+        for sample in simulation.samples() {
+            let sample = sample?;
+            let more = [&sample.temp, &sample.q_link].into_iter().flatten();
+            let more: Vec<&[f64]> = more.map(Vec::as_slice).collect();
+            log.row_with(sample.t, [&sample.q, &sample.dq, &sample.tau], &more)
+                .map_err(unwritable)?;
+            samples += 1;
+            progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);
+        }
+        log.finish().map_err(unwritable)?;
+        Ok(samples)
+    })
+}
+
+/// Makes the file at `path`, compressed if its name says so, of what `write` writes; it appears once that is whole. `write` is told
+/// how to say that it cannot be written.
+fn written<T>(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write, &dyn Fn(io::Error) -> WriteError) -> Result<T, Error>,
+) -> Result<T, Error> {
     let unwritable = |source| WriteError {
         path: path.to_owned(),
         source,
     };
-    let file = AtomicFile::create(path)?;
-    if path.extension().is_some_and(|extension| extension == "gz") {
-        let gzip = GzEncoder::new(file, Compression::default());
-        let (gzip, samples) = record_to(gzip, simulation, unwritable)?;
-        gzip.finish().map_err(unwritable)?.commit()?;
-        Ok(samples)
+    let mut file = AtomicFile::create(path)?;
+    let result = if path.extension().is_some_and(|extension| extension == "gz") {
+        let mut gzip = GzEncoder::new(&mut file, Compression::default());
+        let result = write(&mut gzip, &unwritable)?;
+        gzip.finish().map_err(unwritable)?;
+        result
     } else {
-        let (file, samples) = record_to(file, simulation, unwritable)?;
-        file.commit()?;
-        Ok(samples)
-    }
-}
-
-fn record_to<W: Write>(
-    out: W,
-    simulation: &Simulation,
-    unwritable: impl Fn(io::Error) -> WriteError + Copy,
-) -> Result<(W, u64), Error> {
-    let mut progress = Progress::new("Simulating");
-    let temperature = (simulation.logs_temperature()).then_some(Channel::Temp);
-    let q_link = simulation.second_encoder.then_some(Channel::QLink);
-    let more: Vec<Channel> = temperature.into_iter().chain(q_link).collect();
-    let mut log = LogWriter::with(out, &simulation.legs, &more).map_err(unwritable)?;
-    let mut samples = 0;
-    for sample in simulation.samples() {
-        let sample = sample?;
-        let more = [&sample.temp, &sample.q_link].into_iter().flatten();
-        let more: Vec<&[f64]> = more.map(Vec::as_slice).collect();
-        log.row_with(sample.t, [&sample.q, &sample.dq, &sample.tau], &more)
-            .map_err(unwritable)?;
-        samples += 1;
-        progress.set((sample.t * 1e3) as u64, (simulation.duration * 1e3) as u64);
-    }
-    Ok((log.finish().map_err(unwritable)?, samples))
+        write(&mut file, &unwritable)?
+    };
+    file.commit()?;
+    Ok(result)
 }
 
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (log, truth) = (self.log.display(), self.truth.display());
         let legs = self.legs.join(", ");
+        let what = self.gait.map_or(legs, |gait| format!("a robot: {gait}"));
         writeln!(
             f,
-            "{log}: {} samples, {} s of {legs}, seed {}",
+            "{log}: {} samples, {} s of {what}, seed {}",
             self.samples, self.duration, self.seed
         )?;
         writeln!(f, "{truth}: the truth")
@@ -284,51 +323,6 @@ fn truth_of(simulation: &Simulation) -> Truth {
         inertia_error: simulation.inertia_error,
         parameters: simulation.truth(),
     }
-}
-
-const EXAMPLES: &str = "Examples:
-  proprio simulate --typical -o leg.csv
-  proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz
-  proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
-  proprio simulate --follow motion.csv --typical --inertia-error 0.06 -o fr_log.csv
-  proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02";
-
-/// Examples, then every effect with its parameters.
-fn long_help() -> String {
-    let mut text = format!(
-        "{EXAMPLES}\n\nEffects to hide (SI, joint side; one in brackets has this value unless stated):\n"
-    );
-    for known in [true, false] {
-        if !known {
-            text += "Effects outside proprio's catalogue:\n";
-        }
-        let listed = HiddenKind::ALL.iter().map(|kind| kind.description());
-        for effect in listed.filter(|effect| effect.in_catalogue == known) {
-            text += &usage(effect);
-        }
-    }
-    text.trim_end().to_owned()
-}
-
-/// `stribeck:JOINT=Fs[,vs=0.05]` and what it is.
-fn usage(effect: &Description) -> String {
-    let place = match effect.scope {
-        Scope::Joint => ":JOINT",
-        Scope::Pair => ":THIGH|CALF",
-        Scope::Foot => ":CALF",
-        Scope::Base => "",
-    };
-    let first = effect.parameters[0];
-    let unit = match first.unit {
-        "1" => String::new(),
-        unit => format!(" ({unit})"),
-    };
-    let others = effect.parameters[1..].iter();
-    let others: String = others
-        .map(|p| format!("[,{}={}]", p.name, p.default))
-        .collect();
-    let (name, words, value) = (effect.name, effect.words, first.name);
-    format!("  {name}{place}={value}{others}\n      {words}{unit}\n")
 }
 
 fn parse_legs(text: &str) -> Result<Legs, String> {

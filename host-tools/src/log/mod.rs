@@ -14,7 +14,7 @@
 //! be; NumPy archives; Parquet, of a LeRobot data set or with a column per signal. `-` is standard input.
 //!
 //! [`LogReader`] streams the log of any robot, of any length, in constant memory and checks it on the way; [`Log`] holds
-//! a short one of a Go2 whole; [`LogWriter`] makes one.
+//! a short one of a Go2 whole; [`LogWriter`] makes one, [`WalkWriter`] that of a robot on its feet.
 
 mod checks;
 mod columns;
@@ -40,7 +40,7 @@ pub use reader::{LogReader, Row};
 pub use samples::Samples;
 pub use source::files;
 pub(crate) use source::open_bytes;
-pub use writer::{CanonicalWriter, LogWriter};
+pub use writer::{CanonicalWriter, LogWriter, WalkWriter};
 
 /// A Go2's log held whole.
 #[derive(Debug, Clone)]

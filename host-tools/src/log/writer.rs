@@ -6,7 +6,7 @@ use super::columns::{Channel, Columns};
 use super::joint::JointId;
 use super::reader::Row;
 use super::slots::{Slots, TIME};
-use proprio_core::go2::Leg;
+use proprio_core::go2::{LEGS, Leg};
 
 /// Writes a log of the motion of one or more legs.
 pub struct LogWriter<W: Write> {
@@ -53,11 +53,7 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// Those of the output.
     pub fn row_with(&mut self, t: f64, motion: [&[f64]; 3], more: &[&[f64]]) -> io::Result<()> {
-        // Six decimals hold microseconds, and are finer than every quantum of the motor bus.
-        write!(self.out, "{t:.6}")?;
-        for value in motion.into_iter().flatten() {
-            write!(self.out, ",{value:.7}")?;
-        }
+        self.cells(t, motion)?;
         for (channel, values) in self.more.iter().zip(more) {
             let decimals = if *channel == Channel::Temp { 2 } else { 7 };
             for value in *values {
@@ -67,6 +63,16 @@ impl<W: Write> LogWriter<W> {
         writeln!(self.out)
     }
 
+    /// The cells that every log has.
+    fn cells(&mut self, t: f64, motion: [&[f64]; 3]) -> io::Result<()> {
+        // Six decimals hold microseconds, and are finer than every quantum of the motor bus.
+        write!(self.out, "{t:.6}")?;
+        for value in motion.into_iter().flatten() {
+            write!(self.out, ",{value:.7}")?;
+        }
+        Ok(())
+    }
+
     /// Ends the log.
     ///
     /// # Errors
@@ -74,6 +80,76 @@ impl<W: Write> LogWriter<W> {
     pub fn finish(mut self) -> io::Result<W> {
         self.out.flush()?;
         Ok(self.out)
+    }
+}
+
+/// Writes a log of a whole Go2 on its feet: all joints' motion, the IMU, and the feet's counts.
+pub struct WalkWriter<W: Write> {
+    motion: LogWriter<W>,
+}
+
+impl<W: Write> WalkWriter<W> {
+    /// Begins a log on `out` with its header.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W) -> io::Result<Self> {
+        write!(out, "t")?;
+        for channel in Channel::MOTION {
+            for joint in JointId::all() {
+                write!(out, ",{}", channel.column(joint))?;
+            }
+        }
+        for (sensor, axis) in ["gyro", "acc"]
+            .into_iter()
+            .flat_map(|sensor| ["x", "y", "z"].map(|axis| (sensor, axis)))
+        {
+            write!(out, ",{sensor}/{axis}")?;
+        }
+        for leg in Leg::ALL {
+            write!(out, ",foot/{}", leg.name())?;
+        }
+        writeln!(out)?;
+        let more = Vec::new();
+        Ok(Self {
+            motion: LogWriter { out, more },
+        })
+    }
+
+    /// Adds a row: time in s, positions (rad), velocities (rad/s) and torques (N m) of the joints in SDK order, angular velocity
+    /// (rad/s) and specific force (m/s²) in the trunk's axes, the feet's counts.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn row(
+        &mut self,
+        t: f64,
+        motion: [&[f64]; 3],
+        imu: [[f64; 3]; 2],
+        foot: [f64; LEGS],
+    ) -> io::Result<()> {
+        self.motion.cells(t, motion)?;
+        let out = &mut self.motion.out;
+        for value in imu.as_flattened() {
+            write!(out, ",{value:.7}")?;
+        }
+        // Whole counts as such, and those of an ideal sensor to what its noise would be a thousand times.
+        for value in foot {
+            if value.fract() == 0.0 {
+                write!(out, ",{value:.0}")?;
+            } else {
+                write!(out, ",{value:.3}")?;
+            }
+        }
+        writeln!(out)
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn finish(self) -> io::Result<W> {
+        self.motion.finish()
     }
 }
 

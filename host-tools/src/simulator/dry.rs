@@ -88,6 +88,108 @@ fn relax<const N: usize>(
     w
 }
 
+/// What the friction of a coordinate does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Side {
+    /// Holds it: w = 0.
+    Held,
+    /// Brakes it as it moves so: w > 0 or w < 0.
+    Forwards,
+    Backwards,
+}
+
+impl Side {
+    fn of(w: f64) -> Self {
+        if w > 0.0 {
+            Self::Forwards
+        } else if w < 0.0 {
+            Self::Backwards
+        } else {
+            Self::Held
+        }
+    }
+
+    /// The friction of a coordinate that moves.
+    fn force(self, [positive, negative]: [f64; 2]) -> f64 {
+        match self {
+            Self::Held => 0.0,
+            Self::Forwards => positive,
+            Self::Backwards => -negative,
+        }
+    }
+
+    /// Where a coordinate goes next that was found to have velocity `w`, or to need `held` to be held.
+    fn next(self, w: f64, held: f64, [positive, negative]: [f64; 2]) -> Self {
+        match self {
+            Self::Held if held > positive => Self::Forwards,
+            Self::Held if held < -negative => Self::Backwards,
+            Self::Forwards if w < 0.0 => Self::Held,
+            Self::Backwards if w > 0.0 => Self::Held,
+            same => same,
+        }
+    }
+}
+
+/// [`solve`] with a sign that is none at rest: a coordinate that friction can hold has w = 0, and creeps by nothing.
+///
+/// Sets of held coordinates are tried in turn, each from what the one before says; where that does not end, relaxation takes over.
+/// `None` if A is not positive definite.
+pub(super) fn hold<const N: usize>(
+    a: &SMatrix<f64, N, N>,
+    r: &SVector<f64, N>,
+    sizes: &[[f64; 2]; N],
+    guess: &SVector<f64, N>,
+) -> Option<SVector<f64, N>> {
+    let mut sides: [Side; N] = std::array::from_fn(|j| Side::of(guess[j]));
+    let mut w = *guess;
+    for _ in 0..NEWTON {
+        let (mut matrix, mut right) = (*a, *r);
+        for j in 0..N {
+            right[j] -= sides[j].force(sizes[j]);
+            if sides[j] == Side::Held && sizes[j] != [0.0; 2] {
+                matrix.row_mut(j).fill(0.0);
+                matrix.column_mut(j).fill(0.0);
+                matrix[(j, j)] = 1.0;
+                right[j] = 0.0;
+            }
+        }
+        w = Cholesky::<f64, Const<N>>::new(matrix)?.solve(&right);
+        let left = r - a * w;
+        let next = std::array::from_fn(|j| match sizes[j] {
+            [0.0, 0.0] => sides[j],
+            own => sides[j].next(w[j], left[j], own),
+        });
+        if next == sides {
+            return Some(w);
+        }
+        sides = next;
+    }
+    Some(relax_held(a, r, sizes, w))
+}
+
+fn relax_held<const N: usize>(
+    a: &SMatrix<f64, N, N>,
+    r: &SVector<f64, N>,
+    sizes: &[[f64; 2]; N],
+    mut w: SVector<f64, N>,
+) -> SVector<f64, N> {
+    for _ in 0..SWEEPS {
+        let mut moved = 0.0f64;
+        for j in 0..N {
+            let own = a[(j, j)];
+            let right = r[j] - (a.row(j) * w)[0] + own * w[j];
+            let [positive, negative] = sizes[j];
+            let next = ((right - positive).max(0.0) + (right + negative).min(0.0)) / own;
+            moved = moved.max((next - w[j]).abs());
+            w[j] = next;
+        }
+        if moved < 1e-13 {
+            break;
+        }
+    }
+    w
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,6 +197,32 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        /// What is held needs no more than friction can give, what moves is braked by all of it.
+        #[test]
+        fn what_friction_can_hold_it_holds(
+            l in prop::array::uniform9(-1.0..1.0f64),
+            r in prop::array::uniform3(-1.0..1.0f64),
+            sizes in prop::array::uniform6(0.0..0.8f64),
+            guess in prop::array::uniform3(-2.0..2.0f64),
+        ) {
+            let l = Matrix3::from_row_slice(&l);
+            let a = l * l.transpose() + Matrix3::identity() * 0.2;
+            let sizes = [[0.0, 0.0], [sizes[0], sizes[1]], [sizes[2], sizes[3]]];
+            let (r, guess) = (SVector::from(r), SVector::from(guess));
+            for w in [hold(&a, &r, &sizes, &guess).unwrap(), relax_held(&a, &r, &sizes, guess)] {
+                let left = r - a * w;
+                for j in 0..3 {
+                    let [positive, negative] = sizes[j];
+                    let wrong = match w[j] {
+                        0.0 => (left[j] - positive).max(-negative - left[j]).max(0.0),
+                        w if w > 0.0 => left[j] - positive,
+                        _ => left[j] + negative,
+                    };
+                    prop_assert!(wrong.abs() < 1e-9, "{j}: {w} leaves {left}");
+                }
+            }
+        }
+
         #[test]
         fn both_methods_find_the_solution(
             l in prop::array::uniform9(-1.0..1.0f64),

@@ -7,6 +7,9 @@ use crate::log::{JointId, UnknownName};
 use crate::parameter::{self, JointEffect, Parameter};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 
+/// The base, where a payload names it.
+const BASE: &str = "base";
+
 /// An effect at a joint, or of the base, with a value for each of its parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HiddenEffect {
@@ -44,6 +47,32 @@ pub enum HiddenError {
     /// An effect that cannot be at such a place.
     #[error("{0} {1}")]
     Place(&'static str, &'static str),
+    /// An effect that a robot on its feet is not simulated with.
+    #[error("{0} cannot be hidden from a robot that walks; what can: {walking}", walking = walking())]
+    Walking(&'static str),
+}
+
+/// The effects that a robot on its feet can have: those of a joint's own motion, of its sensors, and loads.
+pub const WALKING: [HiddenKind; 15] = [
+    HiddenKind::Viscous,
+    HiddenKind::Coulomb,
+    HiddenKind::Armature,
+    HiddenKind::Bias,
+    HiddenKind::AsymmetricCoulomb,
+    HiddenKind::AsymmetricViscous,
+    HiddenKind::Stribeck,
+    HiddenKind::QuadraticDrag,
+    HiddenKind::SaturatingViscous,
+    HiddenKind::Spring,
+    HiddenKind::Cogging,
+    HiddenKind::TorqueGain,
+    HiddenKind::VelocityGain,
+    HiddenKind::EncoderOffset,
+    HiddenKind::Payload,
+];
+
+fn walking() -> String {
+    WALKING.map(HiddenKind::name).join(", ")
 }
 
 fn did_you_mean(unknown: &UnknownName) -> String {
@@ -52,7 +81,7 @@ fn did_you_mean(unknown: &UnknownName) -> String {
 }
 
 impl HiddenEffect {
-    /// The effect at `joint` (`None`: the base) with this value of its first parameter and the others' defaults.
+    /// The effect at `joint` (`None`: the base, which may carry a payload) with this value of its first parameter and the others' defaults.
     ///
     /// # Errors
     /// [`HiddenError::Bounds`] or [`HiddenError::Place`].
@@ -61,6 +90,7 @@ impl HiddenEffect {
         let misplaced = |why| Err(HiddenError::Place(description.name, why));
         match (description.scope, joint) {
             (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
+            (Scope::Joint, None) if kind == HiddenKind::Payload => {}
             (Scope::Joint | Scope::Pair | Scope::Foot, None) => return misplaced("needs a joint"),
             (Scope::Pair, Some(joint)) if joint.place() == 0 => {
                 return misplaced(
@@ -123,11 +153,12 @@ impl HiddenEffect {
         &self.values
     }
 
-    /// `stribeck:FR_calf`, `base_tilt`.
+    /// `stribeck:FR_calf`, `payload:base`, `base_tilt`.
     pub fn place(&self) -> String {
         match self.joint {
             Some(joint) => parameter::name(self.kind.name(), joint),
-            None => self.kind.name().to_owned(),
+            None if self.kind.description().scope == Scope::Base => self.kind.name().to_owned(),
+            None => parameter::name_at(self.kind.name(), BASE),
         }
     }
 
@@ -175,6 +206,7 @@ fn kind_named(name: &str) -> Result<HiddenKind, UnknownName> {
 pub struct Hide {
     kind: HiddenKind,
     joint: Option<JointId>,
+    on_base: bool,
     value: f64,
     others: Vec<(String, f64)>,
 }
@@ -185,13 +217,33 @@ impl Hide {
         self.joint
     }
 
-    /// The effects it asks for on a robot with these legs.
+    /// The effects it asks for on a pinned robot with these legs.
     ///
     /// # Errors
     /// [`HiddenError`].
     pub fn on(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if self.on_base {
+            let why = "on the base is felt only by a robot that walks (simulate --walk)";
+            return Err(HiddenError::Place(self.kind.name(), why));
+        }
+        self.places(legs)
+    }
+
+    /// The effects it asks for on a whole robot that walks.
+    ///
+    /// # Errors
+    /// [`HiddenError`], such as [`HiddenError::Walking`].
+    pub fn on_walker(&self) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if !WALKING.contains(&self.kind) {
+            return Err(HiddenError::Walking(self.kind.name()));
+        }
+        self.places(&Leg::ALL)
+    }
+
+    fn places(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
         let joints = || legs.iter().flat_map(|&leg| JointId::of(leg));
         let places: Vec<Option<JointId>> = match (self.joint, self.kind.description().scope) {
+            (None, _) if self.on_base => vec![None],
             (Some(joint), _) => vec![Some(joint)],
             (None, Scope::Base) => vec![None],
             (None, Scope::Joint) => joints().map(Some).collect(),
@@ -213,9 +265,12 @@ impl FromStr for Hide {
     fn from_str(text: &str) -> Result<Self, HiddenError> {
         let (place, values) = text.split_once('=').ok_or(HiddenError::Form)?;
         let (effect, joint) = match place.split_once(':') {
-            Some((effect, joint)) => (effect, Some(joint.parse()?)),
+            Some((effect, place)) => (effect, Some(place)),
             None => (place, None),
         };
+        let kind = kind_named(effect)?;
+        let on_base = joint == Some(BASE) && kind == HiddenKind::Payload;
+        let joint = joint.filter(|_| !on_base).map(str::parse).transpose()?;
         let mut values = values.split(',');
         let value = number(values.next().unwrap_or(""))?;
         let mut others = Vec::new();
@@ -224,13 +279,14 @@ impl FromStr for Hide {
             others.push((name.to_owned(), number(value)?));
         }
         let hide = Self {
-            kind: kind_named(effect)?,
+            kind,
             joint,
+            on_base,
             value,
             others,
         };
         // What is wrong with it is wrong on any legs.
-        hide.on(&[joint.map_or(Leg::FR, JointId::leg)])?;
+        hide.places(&[joint.map_or(Leg::FR, JointId::leg)])?;
         Ok(hide)
     }
 }
@@ -239,152 +295,3 @@ fn number(text: &str) -> Result<f64, HiddenError> {
     text.parse()
         .map_err(|_| HiddenError::Number(text.to_owned()))
 }
-
-/// Typical sizes of an effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sizes {
-    /// Which effect.
-    pub kind: HiddenKind,
-    /// A small, a medium and a large value of its first parameter at a hip or thigh.
-    pub values: [f64; 3],
-    /// The same at a calf, whose gear is longer and whose friction is larger.
-    pub calf: [f64; 3],
-    /// Values of other parameters, where the defaults are not typical.
-    pub others: &'static [(&'static str, f64)],
-}
-
-impl Sizes {
-    /// The sizes of an effect.
-    pub fn of(kind: HiddenKind) -> &'static Self {
-        SIZES
-            .iter()
-            .find(|sizes| sizes.kind == kind)
-            .unwrap_or(&SIZES[0])
-    }
-
-    /// The effect in size `n` (0 small, 1 medium, 2 large) at `joint`; at the base or at the joint's foot if it belongs there.
-    ///
-    /// # Errors
-    /// [`HiddenError`], if a size is out of bounds.
-    pub fn at(&self, n: usize, joint: JointId) -> Result<HiddenEffect, HiddenError> {
-        let is_calf = joint.place() + 1 == JOINTS_PER_LEG;
-        let values = if is_calf { self.calf } else { self.values };
-        let place = match self.kind.description().scope {
-            Scope::Joint => Some(joint),
-            // The first joint of a leg has none before it.
-            Scope::Pair => JointId::of(joint.leg()).get(joint.place().max(1)).copied(),
-            Scope::Foot => JointId::of(joint.leg()).last().copied(),
-            Scope::Base => None,
-        };
-        let effect = HiddenEffect::new(self.kind, place, values[n.min(2)])?;
-        let mut others = self.others.iter();
-        others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
-    }
-}
-
-const fn sizes(kind: HiddenKind, values: [f64; 3], calf: [f64; 3]) -> Sizes {
-    with(kind, values, calf, &[])
-}
-
-const fn with(
-    kind: HiddenKind,
-    values: [f64; 3],
-    calf: [f64; 3],
-    others: &'static [(&'static str, f64)],
-) -> Sizes {
-    Sizes {
-        kind,
-        values,
-        calf,
-        others,
-    }
-}
-
-/// Typical sizes of every effect, from the plausible ranges of go2.md where it has one: a table for test batteries.
-///
-/// Sizes are whole effects, not additions to `typical_effects`.
-pub const SIZES: &[Sizes] = {
-    use HiddenKind as K;
-    &[
-        sizes(K::Viscous, [0.02, 0.1, 0.4], [0.02, 0.1, 0.4]),
-        sizes(K::Coulomb, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
-        sizes(K::Armature, [0.003, 0.006, 0.012], [0.010, 0.016, 0.025]),
-        sizes(K::Bias, [0.05, 0.15, 0.4], [0.05, 0.15, 0.4]),
-        with(
-            K::AsymmetricCoulomb,
-            [0.2, 0.4, 0.8],
-            [0.4, 0.8, 1.5],
-            &[("F_minus", 0.1)],
-        ),
-        with(
-            K::Stribeck,
-            [0.1, 0.3, 0.6],
-            [0.2, 0.5, 1.0],
-            &[("vs", 0.15)],
-        ),
-        sizes(K::LoadFriction, [0.05, 0.1, 0.25], [0.05, 0.1, 0.25]),
-        sizes(K::QuadraticDrag, [0.01, 0.03, 0.1], [0.01, 0.03, 0.1]),
-        with(
-            K::SaturatingViscous,
-            [0.1, 0.3, 0.6],
-            [0.2, 0.5, 1.0],
-            &[("vs", 1.5)],
-        ),
-        sizes(
-            K::ThermalViscous,
-            [0.002, 0.005, 0.01],
-            [0.003, 0.008, 0.02],
-        ),
-        sizes(
-            K::CoupledArmature,
-            [0.001, 0.003, 0.008],
-            [0.001, 0.003, 0.008],
-        ),
-        sizes(K::CoupledViscous, [0.02, 0.06, 0.2], [0.02, 0.06, 0.2]),
-        sizes(K::CoupledCoulomb, [0.1, 0.3, 0.6], [0.1, 0.3, 0.6]),
-        with(K::Spring, [0.3, 1.0, 3.0], [0.3, 1.0, 3.0], &[("q0", 0.2)]),
-        with(
-            K::Cogging,
-            [0.05, 0.15, 0.4],
-            [0.1, 0.3, 0.8],
-            &[("psi", 0.7)],
-        ),
-        sizes(K::TorqueGain, [1.08, 0.85, 1.3], [1.08, 0.85, 1.3]),
-        sizes(K::VelocityGain, [1.03, 1.09, 0.85], [1.03, 1.09, 0.85]),
-        sizes(K::EncoderOffset, [0.02, 0.05, 0.15], [0.02, 0.05, 0.15]),
-        sizes(K::Delay, [0.0013, 0.0035, 0.0083], [0.0013, 0.0035, 0.0083]),
-        with(
-            K::BaseTilt,
-            [0.02, 0.05, 0.15],
-            [0.02, 0.05, 0.15],
-            &[("pitch", -0.03)],
-        ),
-        with(
-            K::Payload,
-            [0.05, 0.15, 0.4],
-            [0.03, 0.08, 0.2],
-            &[("x", 0.02), ("z", -0.1)],
-        ),
-        with(
-            K::Contact,
-            [3.0, 10.0, 30.0],
-            [3.0, 10.0, 30.0],
-            &[("x", 2.0)],
-        ),
-        sizes(K::Elasticity, [300.0, 100.0, 40.0], [300.0, 100.0, 40.0]),
-        sizes(K::Backlash, [0.005, 0.015, 0.04], [0.005, 0.015, 0.04]),
-        sizes(K::Saturation, [4.0, 2.5, 1.5], [4.0, 2.5, 1.5]),
-        sizes(K::PositionCoulomb, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
-        sizes(K::Presliding, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
-        sizes(K::PeriodicTorque, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
-        sizes(
-            K::TorqueConstantDrift,
-            [0.002, 0.005, 0.012],
-            [0.002, 0.005, 0.012],
-        ),
-        sizes(K::Hysteresis, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),
-        sizes(K::FrictionStep, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
-        sizes(K::CableSnag, [0.2, 0.6, 1.5], [0.2, 0.6, 1.5]),
-        sizes(K::AsymmetricViscous, [0.01, 0.03, 0.08], [0.01, 0.03, 0.08]),
-    ]
-};

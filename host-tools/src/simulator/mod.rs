@@ -1,4 +1,5 @@
-//! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make.
+//! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make; and in [`walk`]
+//! the whole robot on its feet.
 //!
 //! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
 //! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
@@ -15,8 +16,10 @@ mod leg;
 mod motion;
 mod plant;
 mod sensors;
+mod sizes;
 #[cfg(test)]
 mod tests;
+pub mod walk;
 
 use std::sync::Arc;
 
@@ -30,10 +33,11 @@ use crate::log::JointId;
 use crate::parameter::{self, Parameter};
 pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
 pub use follow::{FollowError, Followed};
-pub use hidden::{HiddenEffect, HiddenError, Hide, SIZES, Sizes};
+pub use hidden::{HiddenEffect, HiddenError, Hide};
 use leg::SimulatedLeg;
 pub use motion::Motion;
 pub use sensors::Sensors;
+pub use sizes::{SIZES, Sizes};
 
 /// Random numbers of each kind come from a stream of their own: references, noise, then one leg's bodies after the other.
 const REFERENCE_STREAM: u64 = 0;
@@ -173,27 +177,11 @@ impl Simulation {
         let joints = JointId::of(leg);
         let mut truth = Vec::new();
         for (&joint, body) in joints.iter().zip(&self.bodies(leg)) {
-            let named = parameter::INERTIAL_NAMES.iter().zip(body.0.iter());
-            truth.extend(named.map(|(&(what, unit), &value)| Parameter {
-                name: parameter::name(what, joint),
-                unit,
-                value,
-            }));
+            truth.extend(truth_of_body(joint.name(), body));
         }
         for joint in joints {
-            let default = |kind: HiddenKind| EFFECTS.iter().any(|e| e.name() == kind.name());
-            for &kind in HiddenKind::ALL {
-                let here = |e: &&HiddenEffect| e.kind() == kind && e.joint() == Some(joint);
-                match self.effects.iter().rfind(here) {
-                    Some(effect) => truth.extend(effect.parameters()),
-                    None if default(kind) => truth.push(Parameter {
-                        name: parameter::name(kind.name(), joint),
-                        unit: kind.description().parameters[0].unit,
-                        value: self.unstated(kind, joint),
-                    }),
-                    None => {}
-                }
-            }
+            let unstated = |kind| self.unstated(kind, joint);
+            truth.extend(truth_of_joint(&self.effects, joint, unstated));
         }
         truth
     }
@@ -227,10 +215,52 @@ impl Simulation {
     }
 
     fn random(&self, stream: u64) -> ChaCha8Rng {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(stream);
-        rng
+        random(self.seed, stream)
     }
+}
+
+/// The random numbers of one kind that a seed gives.
+fn random(seed: u64, stream: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream);
+    rng
+}
+
+/// The inertial parameters of the body called `name`.
+fn truth_of_body(
+    name: &str,
+    body: &InertialParameters<f64>,
+) -> impl Iterator<Item = Parameter> + use<> {
+    let (name, body) = (name.to_owned(), body.0);
+    let named = parameter::INERTIAL_NAMES.iter().enumerate();
+    named.map(move |(n, &(what, unit))| Parameter {
+        name: parameter::name_at(what, &name),
+        unit,
+        value: body[n],
+    })
+}
+
+/// The effects at a joint: those that are estimated by default in any case, with a value `unstated` where nobody asked for them.
+fn truth_of_joint(
+    effects: &[HiddenEffect],
+    joint: JointId,
+    unstated: impl Fn(HiddenKind) -> f64,
+) -> Vec<Parameter> {
+    let mut truth = Vec::new();
+    let default = |kind: HiddenKind| EFFECTS.iter().any(|e| e.name() == kind.name());
+    for &kind in HiddenKind::ALL {
+        let here = |e: &&HiddenEffect| e.kind() == kind && e.joint() == Some(joint);
+        match effects.iter().rfind(here) {
+            Some(effect) => truth.extend(effect.parameters()),
+            None if default(kind) => truth.push(Parameter {
+                name: parameter::name(kind.name(), joint),
+                unit: kind.description().parameters[0].unit,
+                value: unstated(kind),
+            }),
+            None => {}
+        }
+    }
+    truth
 }
 
 /// All legs at time `t`, s.

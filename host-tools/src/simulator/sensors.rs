@@ -101,15 +101,27 @@ impl Sensors {
         previous: Option<&SimulatedSample>,
         rng: &mut ChaCha8Rng,
     ) -> SimulatedSample {
-        if let Some(previous) = previous
-            && self.repeats > 0.0
-            && rng.random_bool(self.repeats)
-        {
-            return SimulatedSample {
+        match previous.filter(|_| self.repeated(rng)) {
+            Some(previous) => SimulatedSample {
                 t: truth.t,
                 ..previous.clone()
-            };
+            },
+            None => self.measure_anew(truth, torque, rng),
         }
+    }
+
+    /// Whether a sample is the one before once more.
+    pub(super) fn repeated(&self, rng: &mut ChaCha8Rng) -> bool {
+        self.repeats > 0.0 && rng.random_bool(self.repeats)
+    }
+
+    /// What is recorded of `truth`, with the further noise `torque` of the torques.
+    pub(super) fn measure_anew(
+        &self,
+        truth: SimulatedSample,
+        torque: &[f64],
+        rng: &mut ChaCha8Rng,
+    ) -> SimulatedSample {
         let mut measured = truth;
         for joint in 0..measured.q.len() {
             if self.noise > 0.0 {
@@ -139,7 +151,7 @@ impl Sensors {
     }
 }
 
-fn round_to(step: f64, value: &mut f64) {
+pub(super) fn round_to(step: f64, value: &mut f64) {
     *value = (*value / step).round() * step;
 }
 

@@ -3,6 +3,7 @@
 
 mod feet;
 mod missing;
+mod simulated;
 
 use std::fs;
 use std::path::{Path, PathBuf};

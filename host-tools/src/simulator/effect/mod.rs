@@ -9,7 +9,7 @@
 //!
 //! # Adding an effect
 //!
-//! One file here with its `DESCRIPTION` and `new`, one line in `effects!` below, one in [`super::hidden::SIZES`].
+//! One file here with its `DESCRIPTION` and `new`, one line in `effects!` below, one in [`super::sizes::SIZES`].
 
 use nalgebra::Vector3;
 use proprio_core::inertia::InertialParameters;

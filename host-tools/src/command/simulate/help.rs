@@ -1,0 +1,52 @@
+//! What `proprio simulate --help` says beyond its arguments.
+
+use crate::simulator::hidden::WALKING;
+use crate::simulator::{Description, HiddenKind, Scope};
+
+pub(super) const EXAMPLES: &str = "Examples:
+  proprio simulate --typical -o leg.csv
+  proprio simulate --legs FR --hide coulomb:FR_calf=0.8 --hide viscous=0.05 -o hidden.csv.gz
+  proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
+  proprio simulate --follow motion.csv --typical --inertia-error 0.06 -o fr_log.csv
+  proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02
+  proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv";
+
+/// Examples, then every effect with its parameters.
+pub(super) fn long_help() -> String {
+    let mut text = format!(
+        "{EXAMPLES}\n\nEffects to hide (SI, joint side; one in brackets has this value unless stated):\n"
+    );
+    for known in [true, false] {
+        if !known {
+            text += "Effects outside proprio's catalogue:\n";
+        }
+        let listed = HiddenKind::ALL.iter().map(|kind| kind.description());
+        for effect in listed.filter(|effect| effect.in_catalogue == known) {
+            text += &usage(effect);
+        }
+    }
+    let walking = WALKING.map(HiddenKind::name).join(", ");
+    text += &format!("With --walk: {walking}; payload:base is one on the trunk.");
+    text
+}
+
+/// `stribeck:JOINT=Fs[,vs=0.05]` and what it is.
+fn usage(effect: &Description) -> String {
+    let place = match effect.scope {
+        Scope::Joint => ":JOINT",
+        Scope::Pair => ":THIGH|CALF",
+        Scope::Foot => ":CALF",
+        Scope::Base => "",
+    };
+    let first = effect.parameters[0];
+    let unit = match first.unit {
+        "1" => String::new(),
+        unit => format!(" ({unit})"),
+    };
+    let others = effect.parameters[1..].iter();
+    let others: String = others
+        .map(|p| format!("[,{}={}]", p.name, p.default))
+        .collect();
+    let (name, words, value) = (effect.name, effect.words, first.name);
+    format!("  {name}{place}={value}{others}\n      {words}{unit}\n")
+}
