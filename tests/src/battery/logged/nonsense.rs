@@ -5,6 +5,7 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use proprio::log::{Channel, LogWriter};
+use proprio::model::Model;
 use proprio::simulator::{HiddenEffect, SimulatedSample};
 use proprio_core::effect::EffectKind;
 use rand::{RngExt, SeedableRng};
@@ -82,9 +83,13 @@ pub fn explained(
         .map(HiddenEffect::place)
         .collect();
     let total = mean_square(&samples, place);
+    // A hip turns with no joint before it.
+    let robot = Model::default();
+    let is_there = |kind: &EffectKind| robot.robot().place(*kind, Some(&joint)).is_ok();
     let kinds = EffectKind::ALL
         .iter()
-        .filter(|kind| ![EffectKind::Contact, EffectKind::ElasticHysteresis].contains(kind));
+        .filter(|kind| ![EffectKind::Contact, EffectKind::ElasticHysteresis].contains(kind))
+        .filter(|kind| **kind == EffectKind::BaseTilt || is_there(kind));
     let names = std::iter::once(None).chain(kinds.map(|kind| Some(kind.name())));
     let mut explained = Vec::new();
     for effect in names {
