@@ -1,24 +1,29 @@
 //! A one-axis drive (EMPS, Janot, Gautier & Brunot 2019): what is published of its friction is found from its URDF and one log.
 
 use proprio_tests::command::{done, folder, json, recorded_logs};
+use tempfile::TempDir;
+
+/// A folder with `m.toml`, the drive with the four plain effects, and the two logs; none where there are no recorded logs.
+fn with_plain_friction() -> Option<(TempDir, [String; 2])> {
+    let logs = recorded_logs()?;
+    let file = |name: &str| logs.join("emps").join(name).display().to_string();
+    let folder = folder();
+    let (urdf, plain) = (
+        file("emps.urdf"),
+        ["viscous", "coulomb", "armature", "bias"],
+    );
+    let add = ["add", "-m", "m.toml", "--urdf", &urdf];
+    done(folder.path(), &[&add[..], &plain].concat());
+    Some((folder, ["emps_train.csv", "emps_pulses.csv"].map(file)))
+}
 
 /// Its viscous friction differs with the direction; the effect is named first, and a log that no fit has seen is predicted better with it.
 #[test]
 fn friction_that_differs_with_direction_is_named() {
-    let Some(logs) = recorded_logs() else { return };
-    let file = |name: &str| logs.join("emps").join(name).display().to_string();
-    let (urdf, train, pulses) = (
-        file("emps.urdf"),
-        file("emps_train.csv"),
-        file("emps_pulses.csv"),
-    );
-    let folder = folder();
+    let Some((folder, [train, pulses])) = with_plain_friction() else {
+        return;
+    };
     let folder = folder.path();
-    let plain = ["viscous", "coulomb", "armature", "bias"];
-    done(
-        folder,
-        &[&["add", "-m", "m.toml", "--urdf", &urdf][..], &plain].concat(),
-    );
     let told = json(&done(
         folder,
         &["diagnose", &train, "-m", "m.toml", "--json"],
@@ -52,20 +57,10 @@ fn friction_that_differs_with_direction_is_named() {
 /// plain friction does.
 #[test]
 fn what_a_diagnosis_writes_predicts_the_other_log() {
-    let Some(logs) = recorded_logs() else { return };
-    let file = |name: &str| logs.join("emps").join(name).display().to_string();
-    let (urdf, train, pulses) = (
-        file("emps.urdf"),
-        file("emps_train.csv"),
-        file("emps_pulses.csv"),
-    );
-    let folder = folder();
+    let Some((folder, [train, pulses])) = with_plain_friction() else {
+        return;
+    };
     let folder = folder.path();
-    let plain = ["viscous", "coulomb", "armature", "bias"];
-    done(
-        folder,
-        &[&["add", "-m", "m.toml", "--urdf", &urdf][..], &plain].concat(),
-    );
     let held_out = |model: &str| {
         let given = ["compare", &pulses, "-m", model, "--given", "--json"];
         json(&done(folder, &given))["rms"].as_f64().unwrap()
