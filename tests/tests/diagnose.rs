@@ -118,7 +118,7 @@ fn applying_walks_to_a_model_that_lacks_nothing() {
     assert!(ladder.contains("+ coulomb FR_calf"), "{ladder}");
     assert!(ladder.contains("+ viscous FR_hip"), "{ladder}");
     assert!(
-        ladder.contains("each value ± its standard deviation"),
+        ladder.contains("Wrote model.toml: values ± standard deviation of"),
         "{ladder}"
     );
     let file = fs::read(folder.join("model.toml")).unwrap();
@@ -145,6 +145,8 @@ fn applied_values_are_the_logs_own() {
     let said = run(&["diagnose", "log.csv", "--apply", "-m", "model.toml"]);
     let given = run(&["compare", "log.csv", "-m", "model.toml", "--given"]);
     let rms = said["written"]["rms"].as_f64().unwrap();
+    assert_eq!(said["written"]["values"], said["written"]["effects"]);
+    assert_eq!(said["written"]["bodies"], 3);
     assert!(
         (given["rms"].as_f64().unwrap() - rms).abs() < 1e-9 * rms.max(1.0),
         "{given}"

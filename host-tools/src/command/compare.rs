@@ -16,7 +16,8 @@ use crate::progress::{Progress, Underway};
 
 /// Compare model and measurement: how well, where and when it fails
 ///
-/// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, parameters are
+/// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, or has it from a diagnosis of
+/// these very logs, as after `diagnose --apply`, parameters are
 /// fitted within their priors to every stretch of time but the one that is predicted. Time in which a foot carries a force is told
 /// and left out.
 #[derive(Debug, Args)]

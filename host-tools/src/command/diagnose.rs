@@ -120,7 +120,7 @@ impl Diagnose {
         }
         let written = match (self.apply, &self.model) {
             (true, Some(path)) if model != given || !path.exists() => {
-                let values = self.may_give_values(&recording, &diagnosis, &given)?;
+                let values = self.source_of_values(&recording, &diagnosis, &given)?;
                 Some(Written::to(path, &recording, model.clone(), values)?)
             }
             _ => None,
@@ -153,8 +153,8 @@ impl Diagnose {
         })
     }
 
-    /// What the file's effects get of the logs.
-    fn may_give_values(
+    /// Where the values of the written file may come from.
+    fn source_of_values(
         &self,
         recording: &Recording,
         diagnosis: &Diagnosis,

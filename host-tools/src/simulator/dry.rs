@@ -47,7 +47,9 @@ pub(super) fn solve<const N: usize>(
             return Some(w);
         }
     }
-    Some(relax(a, r, sizes, w))
+    Some(relax(a, r, w, |j, right, own| {
+        creeping(sizes[j], right, own)
+    }))
 }
 
 /// Slope and offset of the straight piece of F at w.
@@ -60,24 +62,20 @@ fn branch(sizes: [f64; 2], w: f64) -> [f64; 2] {
     }
 }
 
+/// Sweeps over the coordinates, each to what `alone` says of it while the others stay: of its place, of what is left for it and of its own
+/// entry of A.
 fn relax<const N: usize>(
     a: &SMatrix<f64, N, N>,
     r: &SVector<f64, N>,
-    sizes: &[[f64; 2]; N],
     mut w: SVector<f64, N>,
+    alone: impl Fn(usize, f64, f64) -> f64,
 ) -> SVector<f64, N> {
     for _ in 0..SWEEPS {
         let mut moved = 0.0f64;
         for j in 0..N {
             let own = a[(j, j)];
             let right = r[j] - (a.row(j) * w)[0] + own * w[j];
-            let size = sizes[j][usize::from(right < 0.0)];
-            let inside = right / (own + size / WIDTH);
-            let next = if inside.abs() < WIDTH {
-                inside
-            } else {
-                (right - size * right.signum()) / own
-            };
+            let next = alone(j, right, own);
             moved = moved.max((next - w[j]).abs());
             w[j] = next;
         }
@@ -86,6 +84,22 @@ fn relax<const N: usize>(
         }
     }
     w
+}
+
+/// A coordinate alone under friction that grows over [`WIDTH`].
+fn creeping(sizes: [f64; 2], right: f64, own: f64) -> f64 {
+    let size = sizes[usize::from(right < 0.0)];
+    let inside = right / (own + size / WIDTH);
+    if inside.abs() < WIDTH {
+        inside
+    } else {
+        (right - size * right.signum()) / own
+    }
+}
+
+/// A coordinate alone under friction that holds it.
+fn held([positive, negative]: [f64; 2], right: f64, own: f64) -> f64 {
+    ((right - positive).max(0.0) + (right + negative).min(0.0)) / own
 }
 
 /// What the friction of a coordinate does.
@@ -164,30 +178,7 @@ pub(super) fn hold<const N: usize>(
         }
         sides = next;
     }
-    Some(relax_held(a, r, sizes, w))
-}
-
-fn relax_held<const N: usize>(
-    a: &SMatrix<f64, N, N>,
-    r: &SVector<f64, N>,
-    sizes: &[[f64; 2]; N],
-    mut w: SVector<f64, N>,
-) -> SVector<f64, N> {
-    for _ in 0..SWEEPS {
-        let mut moved = 0.0f64;
-        for j in 0..N {
-            let own = a[(j, j)];
-            let right = r[j] - (a.row(j) * w)[0] + own * w[j];
-            let [positive, negative] = sizes[j];
-            let next = ((right - positive).max(0.0) + (right + negative).min(0.0)) / own;
-            moved = moved.max((next - w[j]).abs());
-            w[j] = next;
-        }
-        if moved < 1e-13 {
-            break;
-        }
-    }
-    w
+    Some(relax(a, r, w, |j, right, own| held(sizes[j], right, own)))
 }
 
 #[cfg(test)]
@@ -209,7 +200,7 @@ mod tests {
             let a = l * l.transpose() + Matrix3::identity() * 0.2;
             let sizes = [[0.0, 0.0], [sizes[0], sizes[1]], [sizes[2], sizes[3]]];
             let (r, guess) = (SVector::from(r), SVector::from(guess));
-            for w in [hold(&a, &r, &sizes, &guess).unwrap(), relax_held(&a, &r, &sizes, guess)] {
+            for w in [hold(&a, &r, &sizes, &guess).unwrap(), relax(&a, &r, guess, |j, right, own| held(sizes[j], right, own))] {
                 let left = r - a * w;
                 for j in 0..3 {
                     let [positive, negative] = sizes[j];
@@ -240,7 +231,7 @@ mod tests {
             };
             let newton = solve(&a, &r, &sizes, &guess).unwrap();
             prop_assert!(residual(&newton) < 1e-9, "{}", residual(&newton));
-            let relaxed = relax(&a, &r, &sizes, guess);
+            let relaxed = relax(&a, &r, guess, |j, right, own| creeping(sizes[j], right, own));
             prop_assert!((newton - relaxed).norm() < 1e-6, "{newton} {relaxed}");
         }
     }

@@ -17,7 +17,7 @@ pub(super) enum Values {
     OfTheseLogs(Provenance),
     /// The file has values of other logs, which these would replace: they stay, and effects that are new have none.
     OfOtherLogs,
-    /// Not all of the logs is what the model says, so that it tells no values.
+    /// From none: part of the logs is not what the model says.
     Untold,
 }
 
@@ -26,9 +26,10 @@ pub(super) enum Values {
 pub(super) struct Written {
     /// The file.
     file: PathBuf,
-    /// How many effects it has, and how many of them a value.
+    /// How many effects it has, how many of them a value, and how many bodies that are not the CAD's.
     effects: usize,
     values: usize,
+    bodies: usize,
     /// What the file, read back, leaves of these logs, N m; none where it has no values of theirs.
     rms: Option<f64>,
     #[serde(skip)]
@@ -67,6 +68,9 @@ impl Written {
             file: path.to_owned(),
             effects: model.effects().len(),
             values: valued.count(),
+            bodies: (0..model.robot().bodies().len())
+                .filter(|&body| model.is_identified(body))
+                .count(),
             rms,
             of_other_logs,
         })
@@ -76,11 +80,12 @@ impl Written {
 impl fmt::Display for Written {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (file, effects) = (self.file.display(), self.effects);
+        let (values, bodies) = (self.values, self.bodies);
         match (self.rms, self.of_other_logs) {
             (Some(rms), _) => write!(
                 f,
-                "Wrote {file}: {effects} effects and all bodies, each value ± its standard deviation; read back, it leaves {rms:.4} N m of these logs, \
-                 which it has seen"
+                "Wrote {file}: values ± standard deviation of {values} of its {effects} effects and of {bodies} bodies; read back, it leaves {rms:.4} N m \
+                 of these logs, which it has seen"
             ),
             (None, true) => write!(
                 f,
