@@ -12,7 +12,6 @@
 use nalgebra::{Matrix3, Vector3};
 use proprio_core::go2::JOINTS;
 
-use super::stance::SPREAD;
 use super::walk::Walk;
 
 /// Below this rate (Hz) a slope between samples is not the velocity at one.
@@ -24,8 +23,10 @@ const UNEVEN: f64 = 0.02;
 
 /// The gyro's parabola reaches this far to both sides, s.
 pub(super) const REACH: f64 = 0.0061;
-/// … and this far where no foot strikes or leaves the ground meanwhile, s: motion of up to 20 Hz passes, which is all that a trunk does between two steps.
+/// … and this far where no foot strikes or leaves the ground meanwhile, s: motion of up to 20 Hz passes.
 const FAR_REACH: f64 = 0.0201;
+/// A trunk on its legs' controllers rings at 10 to 20 Hz after a foot strikes or leaves the ground: for two periods, s.
+const QUIET: f64 = 0.1;
 
 /// Smooths the gyro, and replaces the joints' velocities where the slope of the position is quieter. What is sampled slowly
 /// stays as it is.
@@ -56,13 +57,12 @@ pub(super) fn quieten_turning(walk: &mut Walk, strikes: &[f64]) {
         return;
     }
     let reach = |n: usize| {
-        let t = walk.seconds(n);
-        let next = strikes.partition_point(|strike| *strike < t);
-        let near = strikes[next.saturating_sub(1)..].iter().take(2);
-        let far = near
-            .map(|strike| (strike - t).abs())
-            .fold(f64::INFINITY, f64::min);
-        (far - SPREAD).clamp(REACH, FAR_REACH)
+        let [first, last] = [-QUIET, QUIET].map(|s| walk.seconds(n) + s);
+        let next = strikes.partition_point(|strike| *strike < first);
+        match strikes.get(next) {
+            Some(strike) if *strike <= last => REACH,
+            _ => FAR_REACH,
+        }
     };
     walk.gyro = (0..walk.len())
         .map(|n| smoothed(walk, n, reach(n)))
