@@ -105,7 +105,8 @@ impl<T: Real, const V: usize, const R: usize> Projector<T, V, R> {
     }
 
     /// The projector for the feet that are `loaded`, at these placements. `R` is 3 `F`; `down` as of
-    /// [`contact_jacobian`](Tree::contact_jacobian); `scale` is D, each entry > 0.
+    /// [`contact_jacobian`](Tree::contact_jacobian); `scale` is D, each entry > 0, or 0 for an equation that is left out: P then takes the
+    /// forces out of the others alone.
     pub fn update<const B: usize, const F: usize>(
         &mut self,
         tree: &Tree<T, B, V>,

@@ -23,12 +23,16 @@
 //! inertia matrix H as `tree` has it, the column of b is −∫ P H_l dt, H_l the columns of the base's translation in the IMU's axes.
 //! It is a derivative at that H: with parameters far from the tree's, make the rows again.
 //!
+//! Dry friction that holds a joint is anything up to its size, as a force at a foot is anything. So the equation of a joint that may rest within a
+//! window is left out of it, with zero in place of its [`scale`](FreeBaseSetup::scale): P then takes the contact forces out of the
+//! others alone, which is the projector onto what neither the feet's forces nor that joint's friction reaches.
+//!
 //! A window ends when a foot touches down or lifts off, so that P is of the same feet all through it, and no impact lies inside:
 //! the time between two samples that differ in what is loaded belongs to no window.
 
 use super::{Implausible, Plausible, Settings, joint_state, microseconds};
 use crate::contact::{Foot, Projector};
-use crate::effect::Term;
+use crate::effect::{JointState, Term};
 use crate::inertia::INERTIAL;
 use crate::regressor::RegressorRows;
 use crate::spatial::{Motion, Transform};
@@ -56,6 +60,9 @@ pub struct FreeBaseSample<T: Real, const J: usize, const F: usize> {
     pub down: Vector3<T>,
     /// Which feet may carry a force.
     pub loaded: [bool; F],
+    /// Joints that dry friction may hold within the window that this sample may open. Their equations are left out of it, for what
+    /// friction is at rest, up to its size, no sensor tells.
+    pub resting: [bool; J],
 }
 
 /// What became of a sample.
@@ -93,6 +100,8 @@ pub struct FreeBaseSetup<T: Real, const V: usize, const J: usize, const F: usize
     pub settings: Settings,
     /// The accelerometer reads this too much, m/s².
     pub acc_bias: Vector3<T>,
+    /// Speeds below which the sign of a joint's may be noise, rad/s; > 0.
+    pub speed_noise: [T; J],
 }
 
 /// The window being filled: `B` bodies, the first one the base on its free joint, `V` = 6 + `J` velocity coordinates, `F` feet,
@@ -117,6 +126,9 @@ pub struct FreeBaseWindow<
     /// When the sample that was skipped last came, if it was late and none was used since.
     late_us: Option<u64>,
     start_us: u64,
+    /// [`FreeBaseSetup::scale`], but zero for equations that are left out of this window.
+    scale: [T; V],
+    resting: [bool; J],
     /// The IMU's velocity in the falling frame, m/s, in its axes.
     velocity: Vector3<T>,
     kinematics: Kinematics<T, B, V>,
@@ -156,6 +168,8 @@ impl<
             last: None,
             late_us: None,
             start_us: 0,
+            scale: setup.scale,
+            resting: [false; J],
             velocity: Vector3::zeros(),
             kinematics: Kinematics::new(),
             inertia: SMatrix::zeros(),
@@ -233,6 +247,11 @@ impl<
         self.velocity = Vector3::zeros();
         self.sum.clear();
         self.share = Share::zero();
+        self.resting = sample.resting;
+        self.scale = self.setup.scale;
+        for j in (0..J).filter(|j| sample.resting[*j]) {
+            self.scale[6 + j] = T::zero();
+        }
         self.measure(sample);
         core::mem::swap(&mut self.momentum, &mut self.next_momentum);
         self.boundary = self.boundaries(sample);
@@ -257,7 +276,7 @@ impl<
             .add_half_difference(&self.momentum, &self.next_momentum);
         self.share.add_effects(&self.boundary, &boundary);
         self.sum
-            .add_projected(&self.tree, &self.projector, &self.share, &self.setup.scale);
+            .add_projected(&self.tree, &self.projector, &self.share, &self.scale);
         self.share.keep_differences();
         core::mem::swap(&mut self.momentum, &mut self.next_momentum);
         self.boundary = boundary;
@@ -272,11 +291,13 @@ impl<
             return false;
         }
         self.sum
-            .add_projected(&self.tree, &self.projector, &self.share, &self.setup.scale);
+            .add_projected(&self.tree, &self.projector, &self.share, &self.scale);
         let per_second = T::one() / microseconds(now_us - self.start_us);
         self.rows.set_mean(&self.sum, per_second);
         self.rows.span_us = [self.start_us, now_us];
-        self.rows.rank = V - self.projector.rank();
+        let left_out = self.resting.iter().filter(|resting| **resting).count();
+        self.rows.rank = V - left_out - self.projector.rank();
+        self.rows.resting = self.resting;
         true
     }
 
@@ -328,7 +349,7 @@ impl<
             &self.setup.feet,
             sample.loaded,
             &down,
-            &self.setup.scale,
+            &self.scale,
         );
     }
 
@@ -337,7 +358,7 @@ impl<
         self.share.add_coriolis(&self.coriolis, duration);
         for j in 0..J {
             self.share.torque[j] += sample.joints.tau[j] * duration;
-            let terms: [Term<T>; E] = self.effects.terms(&joint_state(&sample.joints, j));
+            let terms: [Term<T>; E] = self.effects.terms(&self.joint_state(&sample.joints, j));
             for e in 0..E {
                 self.share.effects[j][e] += terms[e].rate * duration;
             }
@@ -353,10 +374,17 @@ impl<
         }
     }
 
+    fn joint_state(&self, sample: &Sample<T, J>, j: usize) -> JointState<T> {
+        JointState {
+            speed_noise: self.setup.speed_noise[j],
+            ..joint_state(sample, j)
+        }
+    }
+
     fn boundaries(&self, sample: &FreeBaseSample<T, J, F>) -> [[T; E]; J] {
         core::array::from_fn(|j| {
             self.effects
-                .terms(&joint_state(&sample.joints, j))
+                .terms(&self.joint_state(&sample.joints, j))
                 .map(|term: Term<T>| term.boundary)
         })
     }

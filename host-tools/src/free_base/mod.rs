@@ -1,8 +1,8 @@
 //! Trunk and legs of a robot that walks, from encoders, motor torques, gyro and accelerometer alone: what `identify --free-base`,
 //! `diagnose --free-base` and `compare --free-base` share.
 //!
-//! 1. `walk`: the log, gravity's direction, what its length tells of the accelerometer. `speed`: joint velocities from the quieter of
-//!    two channels.
+//! 1. `walk`: the log, what gravity's length tells of the accelerometer. `gravity`: its direction. `speed`: joint velocities from the quieter of
+//!    two channels, a quieter gyro. `rest`: joints that friction may hold.
 //! 2. `stance`: which feet may carry a force; those are projected out.
 //!    `held`: whether something beyond them carries the robot.
 //! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
@@ -15,8 +15,10 @@
 pub(crate) mod data;
 pub(crate) mod expected;
 pub(crate) mod fit;
+mod gravity;
 mod held;
 mod outside;
+mod rest;
 pub(crate) mod rows;
 pub(crate) mod sensors;
 mod speed;
@@ -96,9 +98,11 @@ impl Walks {
     ) -> Result<Self, FreeBaseError> {
         let (mut walks, mut warnings) = (Vec::new(), Vec::new());
         for (n, path) in logs.iter().enumerate() {
-            let (walk, told) = Walk::read(path)?;
+            let (mut walk, told) = Walk::read(path)?;
             warnings.extend(told);
             let stance = Stance::of(&walk, &imu());
+            let strikes = stance.strikes(&walk);
+            speed::quieten_turning(&mut walk, &strikes);
             walks.push((walk, stance));
             progress(n as u64 + 1, logs.len() as u64);
         }

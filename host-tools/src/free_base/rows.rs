@@ -1,7 +1,7 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
 use nalgebra::DVector;
-use proprio_core::effect::{EffectKind, STANDING_NOISE};
+use proprio_core::effect::EffectKind;
 use proprio_core::estimator::plausible;
 use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
@@ -55,7 +55,7 @@ pub struct Windows {
     pub used: u64,
     /// … of them with so many feet that may carry a force, from none to four.
     pub by_feet: [u64; LEGS + 1],
-    /// Equations in them that contact forces leave.
+    /// Equations in them that contact forces and friction at rest leave.
     pub equations: u64,
     /// Windows lost because a foot touched down or lifted off too soon after they began.
     pub cut: u64,
@@ -63,7 +63,7 @@ pub struct Windows {
     pub impact: u64,
     /// Windows lost to a gap.
     pub gap: u64,
-    /// Windows left out because most joints stand still: what friction holds is not told.
+    /// Windows left out because contact forces and the friction of joints that rest leave no equation.
     pub still: u64,
     /// Windows left out because what is left of them is far beyond what is left of the others.
     pub outside: u64,
@@ -156,7 +156,7 @@ impl RowSetup {
         terms.sum::<f64>() - row[ACC + MOVED]
     }
 
-    fn window(&self, period: f64, sensors: &Sensors) -> Window {
+    fn window(&self, walk: &Walk, sensors: &Sensors) -> Window {
         Window::new(
             self.tree,
             EFFECTS,
@@ -165,8 +165,9 @@ impl RowSetup {
                 feet: sensors.feet(),
                 scale: SCALE,
                 plausible: all_plausible(),
-                settings: settings(period),
+                settings: settings(walk.period),
                 acc_bias: sensors.acc_bias(),
+                speed_noise: walk.rest.speed_noise,
             },
         )
     }
@@ -205,7 +206,7 @@ pub(super) fn each_row(
             kept.outside += 1;
             return;
         }
-        let told = Told::of(walk, stance, rows.span_us, rows.rank);
+        let told = Told::of(walk, stance, rows);
         if told.equations == 0 {
             kept.still += 1;
             return;
@@ -250,7 +251,7 @@ pub(super) fn each_window(
     mut tell: impl FnMut(&Rows, &mut [f64]),
 ) -> Windows {
     let walk = &sensors.corrected(walk);
-    let mut window = Box::new(setup.window(walk.period, sensors));
+    let mut window = Box::new(setup.window(walk, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
@@ -294,39 +295,27 @@ struct Told {
 }
 
 impl Told {
-    /// Of a window of `rank` equations over this time.
-    fn of(walk: &Walk, stance: &Stance, span_us: [u64; 2], rank: usize) -> Self {
-        let [first, last] = span_us.map(|us| walk.time_us.partition_point(|t| *t < us));
-        let loaded = stance.loaded[first];
-        let feet = loaded.iter().filter(|loaded| **loaded).count();
-        let seconds = walk.seconds(last) - walk.seconds(first);
-        // What friction holds at rest is anything up to its size, and the Coulomb column of such a joint is next to nothing.
-        let rests: [bool; JOINTS] = std::array::from_fn(|j| {
-            let own = walk.q[first..=last].iter().map(|q| q[j]);
-            let [least, most] =
-                [f64::min, f64::max].map(|of| own.clone().reduce(of).unwrap_or(0.0));
-            most - least < STANDING_NOISE * seconds
-        });
-        let resting = rests.iter().filter(|rests| **rests).count();
-        if stance.held[first] {
+    /// Of a window's rows.
+    fn of(walk: &Walk, stance: &Stance, rows: &Rows) -> Self {
+        let first = walk.time_us.partition_point(|t| *t < rows.span_us[0]);
+        let (loaded, held) = (stance.loaded[first], stance.held[first]);
+        let coordinates: [bool; COORDINATES] = std::array::from_fn(|c| {
+            let joint = c.checked_sub(6);
+            let moves = joint.is_none_or(|j| !rows.resting[j]);
             // Each leg in the air by itself: no force but the base's acts on it, and that is in the base's equations.
-            let tells = |c: usize| {
-                c.checked_sub(6)
-                    .is_some_and(|j| !rests[j] && !loaded[j / JOINTS_PER_LEG])
-            };
-            let coordinates: [bool; COORDINATES] = std::array::from_fn(tells);
-            return Self {
-                coordinates,
-                equations: coordinates.iter().filter(|c| **c).count(),
-                feet,
-                held: true,
-            };
-        }
+            let alone = || joint.is_some_and(|j| !loaded[j / JOINTS_PER_LEG]);
+            moves && (!held || alone())
+        });
+        let equations = if held {
+            coordinates.iter().filter(|c| **c).count()
+        } else {
+            rows.rank
+        };
         Self {
-            coordinates: [true; COORDINATES],
-            equations: if 2 * resting > JOINTS { 0 } else { rank },
-            feet,
-            held: false,
+            coordinates,
+            equations,
+            feet: loaded.iter().filter(|loaded| **loaded).count(),
+            held,
         }
     }
 }
@@ -381,6 +370,7 @@ fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS,
         acc: walk.acc[n],
         down: walk.down[n],
         loaded: stance.loaded[n],
+        resting: walk.rest.within(walk, n, usual_window_us(walk.period)),
     }
 }
 

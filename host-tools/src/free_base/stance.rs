@@ -66,6 +66,8 @@ pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,
+    /// A foot's torques begin to tell a force here, or cease to.
+    pub(super) changes: Vec<bool>,
     /// Something beyond the feet carries the robot here: nothing is known of the forces on its base.
     pub(super) held: Vec<bool>,
     pub(super) shares: StanceShares,
@@ -115,6 +117,12 @@ impl Stance {
                 })
             })
             .collect();
+        let changes = (0..walk.len())
+            .map(|n| {
+                let told = |n: usize| reasons[n].map(|reason| reason == Reason::Torque);
+                n > 0 && told(n) != told(n - 1)
+            })
+            .collect();
         let touch_down = (0..walk.len())
             .map(|n| {
                 let on = |f: usize| {
@@ -131,10 +139,19 @@ impl Stance {
         Self {
             loaded,
             touch_down,
+            changes,
             held: held::samples(walk, &support),
             shares: shares(&reasons),
             episodes: episodes(walk, &reasons),
         }
+    }
+}
+
+impl Stance {
+    /// When feet strike or leave the ground by their legs' torques, s in order; each is told less than [`SPREAD`] early or late.
+    pub(super) fn strikes(&self, walk: &Walk) -> Vec<f64> {
+        let changes = (0..walk.len()).filter(|n| self.changes[*n]);
+        changes.map(|n| walk.seconds(n)).collect()
     }
 }
 

@@ -2,17 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::contact::GravityDirection;
 use proprio_core::go2::{JOINTS, LEGS, Leg};
 
 use nalgebra::{Rotation3, Vector3};
 
 use super::expected::Played;
-use super::{FreeBaseError, speed};
+use super::rest::Rest;
+use super::{FreeBaseError, gravity, speed};
 use crate::log::{Log, Samples};
 
-/// The accelerometer's mean forgets over this (s): several steps of a gait.
-const TIME_CONSTANT: f64 = 2.0;
 /// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
 const STRETCH: f64 = 2.0;
 /// Vertical velocity that a robot may have in the second in which a log begins or ends, on average, m/s: on its feet, which let it rise or sink by
@@ -32,6 +30,8 @@ pub(crate) struct Walk {
     pub(super) dq: Vec<[f64; JOINTS]>,
     pub(super) tau: Vec<[f64; JOINTS]>,
     pub(super) gyro: Vec<Vector3<f64>>,
+    /// As the gyro was read, before it was smoothed; none of a motion that was not recorded.
+    pub(super) gyro_read: Vec<Vector3<f64>>,
     pub(super) acc: Vec<Vector3<f64>>,
     /// Unit vector along gravity in the IMU's axes.
     pub(super) down: Vec<Vector3<f64>>,
@@ -40,6 +40,8 @@ pub(crate) struct Walk {
     pub(super) samples: Samples,
     /// The time between samples, the middle one, s.
     pub(super) period: f64,
+    /// Joints near standstill, by their velocities as they were smoothed.
+    pub(super) rest: Rest,
 }
 
 /// What a log tells of the accelerometer's bias along gravity: a robot that does not leave the ground for good is accelerated by
@@ -100,9 +102,11 @@ impl Walk {
                 count.push(feet[n]);
             }
         }
-        walk.find_down();
+        walk.down = gravity::down(&walk);
         walk.period = walk.middle_step();
+        walk.gyro_read.clone_from(&walk.gyro);
         speed::quieten(&mut walk);
+        walk.rest = Rest::of(&walk.dq);
         let warnings = log.warnings.iter();
         let warnings = warnings.map(|w| format!("{}: {w}", path.display()));
         let warnings = warnings.collect();
@@ -120,6 +124,7 @@ impl Walk {
         walk.acc = played.iter().map(|s| s.acc).collect();
         walk.down = played.iter().map(|s| s.down).collect();
         walk.period = walk.middle_step();
+        walk.rest = Rest::of(&walk.dq);
         walk
     }
 
@@ -131,40 +136,14 @@ impl Walk {
             dq: Vec::new(),
             tau: Vec::new(),
             gyro: Vec::new(),
+            gyro_read: Vec::new(),
             acc: Vec::new(),
             down: Vec::new(),
             count: feet.then(Vec::new),
             samples: Samples::default(),
             period: 0.0,
+            rest: Rest::of(&[]),
         }
-    }
-
-    /// Gravity's direction, sample by sample. The filter starts in the middle of a step, so it first runs backwards over the
-    /// beginning, with the gyro's sign turned.
-    fn find_down(&mut self) {
-        if self.acc.is_empty() {
-            return;
-        }
-        let beginning = self.index_at(3.0 * TIME_CONSTANT);
-        let mut filter = GravityDirection::new(&self.acc[beginning.min(self.acc.len() - 1)]);
-        let mut by = |n: usize, m: usize, sign: f64| {
-            let dt = self.seconds(n.max(m)) - self.seconds(n.min(m));
-            filter.update(
-                &(self.gyro[m] * sign),
-                &self.acc[m],
-                dt.min(0.1),
-                TIME_CONSTANT,
-            );
-            filter.down()
-        };
-        for n in (1..beginning).rev() {
-            by(n, n - 1, -1.0);
-        }
-        let mut down = vec![by(0, 0, 1.0)];
-        for n in 1..self.acc.len() {
-            down.push(by(n - 1, n, 1.0));
-        }
-        self.down = down;
     }
 
     pub(super) fn len(&self) -> usize {

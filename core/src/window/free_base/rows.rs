@@ -15,8 +15,10 @@ use crate::tree::Tree;
 pub struct FreeBaseRows<T: Real, const B: usize, const V: usize, const J: usize, const E: usize> {
     /// Start and end of the window, µs.
     pub span_us: [u64; 2],
-    /// How many equations contact forces leave.
+    /// How many equations contact forces leave, of those that are not left out.
     pub rank: usize,
+    /// Joints whose equations are left out: friction may hold them.
+    pub resting: [bool; J],
     /// The inertial columns.
     pub inertial: RegressorRows<T, B, V>,
     /// The joints' effect columns.
@@ -34,6 +36,7 @@ impl<T: Real, const B: usize, const V: usize, const J: usize, const E: usize>
         Self {
             span_us: [0; 2],
             rank: 0,
+            resting: [false; J],
             inertial: [[[T::zero(); INERTIAL]; B]; V],
             effects: [[[T::zero(); E]; J]; V],
             acceleration: [[T::zero(); 3]; V],

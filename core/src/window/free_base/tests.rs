@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::contact::SINGULAR;
-use crate::effect::EffectKind;
+use crate::effect::{EffectKind, STANDING_NOISE};
 use crate::go2;
 use crate::inertia::InertialParameters;
 use crate::inertia::tests::physical;
@@ -178,6 +178,7 @@ impl Case {
             acc: to_imu * (classical - gravity) + self.bias,
             down: to_imu * gravity.normalize(),
             loaded: self.loaded,
+            resting: [false; 12],
         }
     }
 
@@ -247,6 +248,7 @@ fn setup(imu: Transform<f64>, scale: [f64; 18]) -> FreeBaseSetup<f64, 18, 12, 4>
         }; 12],
         settings: Settings::default(),
         acc_bias: Vector3::zeros(),
+        speed_noise: [STANDING_NOISE; 12],
     }
 }
 

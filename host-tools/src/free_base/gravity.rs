@@ -1,0 +1,96 @@
+//! Gravity's direction, by what the accelerometer feels on average in axes that the gyro keeps from turning.
+//!
+//! A foot touches the ground at its lowest point along gravity, so an error of a hundredth of a radian moves each of a Go2's forces by 0.2 mm. A
+//! filter of past samples, as a microcontroller has it (`proprio_core::contact::GravityDirection`), lags behind what sways: its error goes
+//! with the trunk's velocity and looks like encoders that are read 0.7 ms late and like viscous friction. Where later samples
+//! are known, the mean is of both sides alike.
+
+use nalgebra::{Matrix2, Matrix2x3, Rotation3, Vector2, Vector3};
+
+use super::walk::Walk;
+
+/// The mean is under Hann's window, so far to both sides, s: of what sways or steps at 0.35 Hz or faster it leaves a hundredth, and a gyro's noise
+/// turns its axes by less than a milliradian meanwhile.
+const REACH: f64 = 4.0;
+/// Samples are first put together over this time, s: the mean changes slowly.
+const BIN: f64 = 0.02;
+/// After a longer pause than this (s) nothing is known of how the axes have turned.
+const LONGEST_STEP: f64 = 0.1;
+
+/// Samples put together: when, s; how many, and the sum of the specific force in axes that do not turn, m/s².
+struct Bin {
+    t: f64,
+    count: f64,
+    felt: Vector3<f64>,
+}
+
+/// Unit vectors along gravity in the IMU's axes, sample by sample.
+pub(super) fn down(walk: &Walk) -> Vec<Vector3<f64>> {
+    let mut down = Vec::with_capacity(walk.len());
+    while down.len() < walk.len() {
+        let first = down.len();
+        let step = |n: &usize| walk.seconds(*n) - walk.seconds(n - 1) <= LONGEST_STEP;
+        let last = (first + 1..walk.len()).take_while(step).last();
+        stretch(walk, first, last.unwrap_or(first), &mut down);
+    }
+    down
+}
+
+/// Adds those of samples without a long pause between them.
+fn stretch(walk: &Walk, first: usize, last: usize, down: &mut Vec<Vector3<f64>>) {
+    let mut turned = vec![Rotation3::identity()];
+    let mut bins: Vec<Bin> = Vec::new();
+    for n in first..=last {
+        if n > first {
+            let half = 0.5 * (walk.seconds(n) - walk.seconds(n - 1));
+            let step = Rotation3::from_scaled_axis((walk.gyro[n - 1] + walk.gyro[n]) * half);
+            turned.push(turned[n - 1 - first] * step);
+        }
+        let felt = turned[n - first] * walk.acc[n];
+        let t = walk.seconds(n);
+        let number = |t: f64| ((t - walk.seconds(first)) / BIN) as usize;
+        match bins.last_mut() {
+            Some(bin) if number(bin.t) == number(t) => {
+                bin.count += 1.0;
+                bin.felt += felt;
+            }
+            _ => bins.push(Bin {
+                t,
+                count: 1.0,
+                felt,
+            }),
+        }
+    }
+    let up: Vec<Vector3<f64>> = (0..bins.len()).map(|k| mean(&bins, k)).collect();
+    let mut k = 0;
+    for n in first..=last {
+        let t = walk.seconds(n);
+        while k + 2 < bins.len() && bins[k + 1].t <= t {
+            k += 1;
+        }
+        let next = (k + 1).min(bins.len() - 1);
+        let time = (bins[next].t - bins[k].t).max(f64::MIN_POSITIVE);
+        let felt = up[k].lerp(&up[next], ((t - bins[k].t) / time).clamp(0.0, 1.0));
+        down.push(turned[n - first].inverse_transform_vector(&-felt.normalize()));
+    }
+}
+
+/// The specific force at a bin's time: of the line that fits all within reach best, under Hann's window. A gyro's bias makes a line of what is
+/// constant, which counts where the log or a pause cuts off one side; less than the reach of time tells no line.
+fn mean(bins: &[Bin], k: usize) -> Vector3<f64> {
+    let t = bins[k].t;
+    let near = bins.partition_point(|bin| bin.t < t - REACH)
+        ..bins.partition_point(|bin| bin.t <= t + REACH);
+    let near = &bins[near];
+    let (mut moments, mut sums) = (Matrix2::zeros(), Matrix2x3::zeros());
+    for bin in near {
+        let x = (bin.t - t) / REACH;
+        let weight = 0.5 + 0.5 * (std::f64::consts::PI * x).cos();
+        let powers = Vector2::new(1.0, x);
+        moments += powers * powers.transpose() * (weight * bin.count);
+        sums += powers * bin.felt.transpose() * weight;
+    }
+    let long = near.last().map_or(0.0, |bin| bin.t) - near[0].t >= REACH;
+    let line = moments.lu().solve(&sums).filter(|_| long);
+    line.map_or_else(|| sums.row(0).transpose(), |line| line.row(0).transpose())
+}

@@ -1,0 +1,78 @@
+//! Joints that dry friction may hold.
+//!
+//! A joint that turns round is held for as long as all else on it is less than its friction: of a robot that sways for a tenth of a second and
+//! more. Friction is then anything up to its size, and a model that gives it the sign of the velocity is wrong by as much: it told encoders that
+//! are read too late, and doubled what was left of a sway. The equation of such a joint is left out of the window, like that of a foot's force:
+//! it costs rows, not truth.
+
+use proprio_core::effect::STANDING_NOISE;
+use proprio_core::go2::JOINTS;
+
+use super::walk::Walk;
+use crate::equation::motion::MOST_REST;
+
+/// A velocity of fewer standard deviations of its noise may have either sign.
+const SURE: f64 = 3.0;
+/// The same as a share of the joint's greatest speeds, as a joint of the pinned path has it ([`crate::trajectory`]).
+const SLOW: f64 = 0.002;
+/// A joint that is slower than so many times that may be held, as there.
+const RESTING: f64 = 2.0;
+/// The median of the absolute value of a normal variable, in standard deviations.
+const MEDIAN: f64 = 0.6745;
+
+/// What is known of joints near standstill.
+#[derive(Debug, Clone)]
+pub(super) struct Rest {
+    /// Speeds below which the sign of a joint's may be noise, rad/s.
+    pub(super) speed_noise: [f64; JOINTS],
+    /// How many samples before each, and in all, found a joint so slow that friction may hold it.
+    slow: Vec<[u32; JOINTS]>,
+}
+
+impl Rest {
+    /// By the velocities (rad/s) of all samples.
+    pub(super) fn of(velocities: &[[f64; JOINTS]]) -> Self {
+        let speed_noise = std::array::from_fn(|j| {
+            let own: Vec<f64> = velocities.iter().map(|dq| dq[j]).collect();
+            speed_noise(&own)
+        });
+        let mut slow = vec![[0; JOINTS]];
+        let mut sum = [0; JOINTS];
+        for dq in velocities {
+            sum =
+                std::array::from_fn(|j| sum[j] + u32::from(dq[j].abs() < RESTING * speed_noise[j]));
+            slow.push(sum);
+        }
+        Self { speed_noise, slow }
+    }
+
+    /// Joints that may be held for long in a window of this length that begins with sample n.
+    pub(super) fn within(&self, walk: &Walk, n: usize, window_us: u64) -> [bool; JOINTS] {
+        let end = walk.time_us[n] + window_us;
+        // The first sample that is late enough ends the window.
+        let last = n + walk.time_us[n..].partition_point(|t| *t < end);
+        let end = (last + 1).min(walk.len());
+        std::array::from_fn(|j| {
+            let seconds = f64::from(self.slow[end][j] - self.slow[n][j]) * walk.period;
+            seconds >= MOST_REST * window_us as f64 * 1e-6
+        })
+    }
+}
+
+/// Speed below which the sign of a joint's velocity may be noise, rad/s: no more than that of a standing Go2's reported velocity. The noise by
+/// third differences, of which that of n is 20 n² (their coefficients' squares); the middle one, for touch-downs are rare.
+fn speed_noise(velocity: &[f64]) -> f64 {
+    let third = velocity.windows(4);
+    let third = third.map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs());
+    let noise = share(third.collect(), 0.5) / (MEDIAN * 20f64.sqrt());
+    let fast = share(velocity.iter().map(|v| v.abs()).collect(), 0.95);
+    let least = (SURE * noise).max(SLOW * fast);
+    least.clamp(f64::MIN_POSITIVE, STANDING_NOISE)
+}
+
+/// What this share of the numbers is below; zero of none.
+fn share(mut numbers: Vec<f64>, share: f64) -> f64 {
+    numbers.sort_unstable_by(f64::total_cmp);
+    let at = (share * numbers.len() as f64) as usize;
+    numbers.get(at).copied().unwrap_or(0.0)
+}
