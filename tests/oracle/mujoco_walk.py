@@ -24,6 +24,7 @@ AXES = [(1, 0, 0), (0, 1, 0), (0, 1, 0)]
 HIP, THIGH, LINK = np.array([0.1934, 0.0465, 0]), 0.0955, 0.213  # m
 FOOT, RADIUS = (-0.002, 0, -LINK), 0.022  # m
 IMU = (-0.02557, 0, 0.04232)  # m
+MASS = 16.1  # kg: what a gait takes the robot for
 STEP, CONTROL, SAMPLE = 5e-4, 2, 4  # s; steps per tick of the controller and per sample
 GAIN_P, GAIN_D = 80.0, 2.0  # N m/rad, N m s/rad
 EFFORT = np.tile([23.7, 23.7, 45.43], 4)  # N m
@@ -50,12 +51,15 @@ LOGS = {
     "load_30s": ("trot", 30.0, 1, (2.0, 0.05, -0.02, 0.07)),
     "sway_30s": ("sway", 30.0, 3, None),
     "slip": ("trot", 4.5, 5, None),
+    "hop": ("hop", 4.5, 6, None),
 }
 # The ground's friction: rubber on most floors, and on one where feet slide at every step.
 GROUND = 0.9
 SLIPPERY = {"slip": 0.15}
 SLIDES = 0.02  # m/s: a foot on the ground that is faster does not creep
 STANDING = np.tile([0.0, 0.8, -1.6], 4)  # rad: where the whole robot's centre of mass is told
+HOP = 2.4, 0.60  # Hz; share of a hop with the feet on the ground
+EARTH = 9.780, 9.832  # m/s²: gravity at the equator and at the poles
 SWUNG = 1.5  # m: how high a hand holds the trunk
 
 
@@ -88,7 +92,7 @@ def about_origin(m, com, inertia):
     return np.array([m, *(m * com), *(full[k] for k in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))])
 
 
-def mjcf(bodies, ground=GROUND):
+def mjcf(bodies, ground=GROUND, gravity=GRAVITY):
     text = lambda numbers: " ".join(repr(float(x)) for x in numbers)
 
     def inertial(phi):
@@ -106,7 +110,7 @@ def mjcf(bodies, ground=GROUND):
                 frictionloss="{FRICTION['coulomb'][j]}" armature="{FRICTION['armature'][j]}"/>"""
         legs += f'<geom name="{LEGS[n]}" type="sphere" size="{RADIUS}" pos="{text(FOOT)}"/></body></body></body>'
     motors = "".join(f'<motor joint="{j}"/>' for j in JOINTS)
-    return f"""<mujoco><option timestep="{STEP}" gravity="0 0 {-GRAVITY}" integrator="implicitfast" iterations="30"
+    return f"""<mujoco><option timestep="{STEP}" gravity="0 0 {-gravity}" integrator="implicitfast" iterations="30"
         tolerance="1e-9" cone="elliptic" impratio="10"/>
       <default><joint limited="false" solreffriction="{4 * STEP} 1" solimpfriction="0.999 0.9999 0.001"/>
         <geom mass="0" condim="3" friction="{ground} 0 0" solref="0.008 1" solimp="0.8 0.97 0.003"/></default>
@@ -126,6 +130,13 @@ def leg_angles(n, foot):
     knee = -(np.pi - np.arccos(np.clip(1 - length**2 / (2 * LINK**2), -1, 1)))
     thigh = np.arctan2(-x, reach) - knee / 2
     return np.array([np.arctan2(np.sin(hip), np.cos(hip)), thigh, knee])
+
+
+def foot_at(n, angles):
+    """Where leg n's foot is from its hip, in the base's axes: what `leg_angles` takes."""
+    hip, thigh, calf = angles
+    below = turn(0, calf, 0) @ [0, 0, -LINK] + [0, 0, -LINK]
+    return turn(hip, 0, 0) @ (turn(0, thigh, 0) @ below + [0, THIGH * SIDE[n], 0])
 
 
 def turn(roll, pitch, yaw):
@@ -157,13 +168,13 @@ class Gait:
             size = np.array([0.12, 0.11, 0.12, 0.03, 0.03, 0.03]) * ease
             r, p, y, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.45, 0.55, 0.35, 0.5, 0.4, 0.6)))
             return self.place([(0, 0, 0)] * 4, height + dz, turn(r, p, y), (dx, dy))
-        frequency, duty, lift = (2.2, 0.55, 0.07) if self.kind == "trot" else (2.6, 0.40, 0.07)
-        size = np.array([0.07, 0.06, 0.0, 0.01, 0.01, 0.02]) * ease
+        frequency, duty, lift = {"trot": (2.2, 0.55, 0.07), "flying": (2.6, 0.40, 0.07), "hop": (*HOP, 0.03)}[self.kind]
+        size = np.array([0.04, 0.04, 0.0, 0.01, 0.01, 0.01] if self.kind == "hop" else [0.07, 0.06, 0.0, 0.01, 0.01, 0.02]) * ease
         r, p, _, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.5, 0.7, 0.3, 0.6, 0.4, 0.8)))
         ahead, aside, about = 0.25 * ease * self.tone(2, t, 0.11), 0.1 * ease * self.tone(3, t, 0.13), 0.3 * ease * self.tone(4, t, 0.1)
         feet = []
         for n in range(4):
-            phase = (frequency * t + (0.0 if n in (0, 3) else 0.5)) % 1.0
+            phase = (frequency * t + (0.0 if n in (0, 3) or self.kind == "hop" else 0.5)) % 1.0
             speed = np.array([ahead, aside]) + about * np.array([-SIDE[n] * 0.142, FRONT[n] * 0.1934])
             stride = speed * duty / frequency
             if phase < duty:
@@ -174,7 +185,31 @@ class Gait:
                 s = (phase - duty) / (1 - duty)
                 smooth = s - np.sin(2 * np.pi * s) / (2 * np.pi)
                 feet.append((*(stride * (smooth - 0.5)), lift * ease * 0.5 * (1 - np.cos(2 * np.pi * s))))
+        if self.kind == "hop":
+            dz += ease * self.bounce(t)[0]
         return self.place(feet, height + dz, turn(r, p, 0.0), (dx, dy))
+
+    def bounce(self, t):
+        """How much higher a hopping trunk is than at touch-down (m), and its specific force (m/s²): thrown, and caught at a constant one."""
+        frequency, duty = HOP
+        stance, flight = duty / frequency, (1 - duty) / frequency
+        speed, since = GRAVITY * flight / 2, frequency * t % 1.0 / frequency
+        if since < stance:
+            return speed * since * (since / stance - 1), GRAVITY / duty
+        return speed * (since - stance) * (1 - (since - stance) / flight), 0.0
+
+    def torque(self, t):
+        """What bears the robot ahead of the controller: of a hop, which no controller of positions throws up."""
+        if self.kind != "hop":
+            return 0.0
+        ease = 0.5 - 0.5 * np.cos(np.pi * np.clip(t / 1.0, 0, 1))
+        bears = MASS * ((1 - ease) * GRAVITY + ease * self.bounce(t)[1]) / 4
+        angles, torque = self.angles(t), []
+        for n in range(4):
+            of = lambda q: foot_at(n, q)[2]
+            at = angles[3 * n : 3 * n + 3]
+            torque += [-bears * (of(at + d) - of(at - d)) / 2e-6 for d in 1e-6 * np.eye(3)]
+        return np.array(torque)
 
     def place(self, feet, height, rotation, shift):
         angles = []
@@ -199,9 +234,9 @@ def by_hand(data, t):
     return [*force, *(150 * axis - 12 * (is_now @ data.qvel[3:6]))]
 
 
-def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=None):
+def simulate(kind, seconds, bodies, random, gait=None, ground=GROUND, slides=None, gravity=GRAVITY):
     """Rows of a log; to `slides` is added how fast each foot slides that carries a force, m/s. A gait of one's own has `angles(t)`, and may have `torque(t)`, the feed-forward."""
-    model = mujoco.MjModel.from_xml_string(mjcf(bodies, ground))
+    model = mujoco.MjModel.from_xml_string(mjcf(bodies, ground, gravity))
     data = mujoco.MjData(model)
     gait = gait or Gait(kind, random)
     ahead = getattr(gait, "torque", lambda t: 0.0)
@@ -304,7 +339,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("-o", type=Path, default=FOLDER)
     parser.add_argument("--seconds", type=float)
-    parser.add_argument("--seed", type=int, default=0, help="another robot, gait and noise")
+    parser.add_argument("--seed", type=int, default=0, help="another robot, gait and noise, somewhere else on the Earth")
     parser.add_argument("logs", nargs="*", default=[])
     args = parser.parse_args()
     args.o.mkdir(exist_ok=True, parents=True)
@@ -316,12 +351,16 @@ def main():
         bodies = robot(seed, load)
         bias = imu_bias(random)
         slides = [] if name in SLIPPERY else None
-        rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides)
+        # The committed logs are of 9.81 m/s²; other robots are where they are.
+        gravity = float(np.random.default_rng([seed, 5]).uniform(*EARTH)) if args.seed else GRAVITY
+        rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides, gravity=gravity)
         packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
         (args.o / f"{name}.csv.gz").write_bytes(packed)
         air = np.mean([[f < 1e-6 for f in row[6]] for row in rows])
         print(f"{name}: {len(rows)} samples, {len(packed)} bytes; a foot is in the air for {100 * air:.0f} % of the time")
         truth[name] = told(gait, load, bodies, bias)
+        if args.seed:
+            truth[name]["gravity"] = gravity
         if slides:
             fast = [speed for speed in slides if speed > SLIDES]
             truth[name]["slip"] = {"share": len(fast) / len(slides), "speed": float(np.sqrt(np.mean(np.square(fast))))}

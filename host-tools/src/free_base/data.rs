@@ -22,6 +22,8 @@ const LEAST_BLOCKS: f64 = 12.0;
 const ROUNDS: usize = 3;
 /// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
 pub(super) const MANY: f64 = 0.02;
+/// How far gravity is from 9.81 m/s² where a robot may be: 9.78 at the equator and 9.83 at the poles (GRS 80), less on mountains.
+const LOCAL_GRAVITY: f64 = 0.015;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -63,7 +65,7 @@ pub(super) struct Part {
 
 /// What the walks say of all columns.
 pub(crate) struct Data {
-    /// What gravity's length tells of the accelerometer's bias, one row per walk, in units of its noise.
+    /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity_rows`]).
     pub(super) gravity: DMatrix<f64>,
     pub(super) blocks: Vec<Block>,
     pub(super) all: Sum,
@@ -308,20 +310,27 @@ fn parts_of(blocks: &[Block]) -> Vec<Part> {
     })
 }
 
-/// What gravity's length tells of the accelerometer's bias, one row per walk.
+/// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
+/// are taken to be of one place, whose gravity nobody has measured.
 fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
-    let told: Vec<_> = walks
-        .iter()
-        .filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)))
-        .collect();
+    let told = walks.iter();
+    let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
+    let told: Vec<_> = told.collect();
     let mut rows = DMatrix::zeros(told.len(), COLUMNS + 1);
     for (r, gravity) in told.iter().enumerate() {
         for n in 0..3 {
-            rows[(r, ACC + n)] = gravity.up[n] / gravity.std;
+            rows[(r, ACC + n)] = gravity.up[n];
         }
-        rows[(r, COLUMNS)] = gravity.excess / gravity.std;
+        rows[(r, COLUMNS)] = gravity.excess;
     }
-    rows
+    let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {
+        let own = if r == c { told[r].std.powi(2) } else { 0.0 };
+        own + LOCAL_GRAVITY.powi(2)
+    });
+    // Each has a deviation of its own, so there is a root.
+    let root = covariance.cholesky();
+    root.and_then(|root| root.l().solve_lower_triangular(&rows))
+        .unwrap_or_else(|| DMatrix::zeros(0, COLUMNS + 1))
 }
 
 /// A factor's triangle as a matrix, the right-hand side last.

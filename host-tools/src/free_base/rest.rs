@@ -9,7 +9,6 @@ use proprio_core::effect::STANDING_NOISE;
 use proprio_core::go2::JOINTS;
 
 use super::walk::Walk;
-use crate::equation::motion::MOST_REST;
 
 /// A velocity of fewer standard deviations of its noise may have either sign.
 const SURE: f64 = 3.0;
@@ -46,16 +45,15 @@ impl Rest {
         Self { speed_noise, slow }
     }
 
-    /// Joints that may be held for long in a window of this length that begins with sample n.
+    /// Joints that may be held in a window of this length that begins with sample n: one slow sample is enough. With two, trots' friction was within
+    /// two deviations less often (of a trot of 30 s with a load 30 of 36, and 36 with one); where an eighth of a window was asked for, hops without noise
+    /// came out 0.2 % too heavy and trots 0.07 %.
     pub(super) fn within(&self, walk: &Walk, n: usize, window_us: u64) -> [bool; JOINTS] {
         let end = walk.time_us[n] + window_us;
         // The first sample that is late enough ends the window.
         let last = n + walk.time_us[n..].partition_point(|t| *t < end);
         let end = (last + 1).min(walk.len());
-        std::array::from_fn(|j| {
-            let seconds = f64::from(self.slow[end][j] - self.slow[n][j]) * walk.period;
-            seconds >= MOST_REST * window_us as f64 * 1e-6
-        })
+        std::array::from_fn(|j| self.slow[end][j] > self.slow[n][j])
     }
 }
 

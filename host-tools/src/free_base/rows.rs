@@ -1,7 +1,7 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
 use nalgebra::DVector;
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
 use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
@@ -45,9 +45,6 @@ pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 /// never late, so the time after it alone is longer for that.
 const BEFORE_IMPACT: f64 = REACH;
 const AFTER_IMPACT: f64 = REACH + SPREAD;
-/// Windows have at least this many samples.
-const LEAST_STEPS: f64 = 2.5;
-
 /// What became of the time of a log.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Windows {
@@ -57,6 +54,8 @@ pub struct Windows {
     pub by_feet: [u64; LEGS + 1],
     /// Equations in them that contact forces and friction at rest leave.
     pub equations: u64,
+    /// Equations of joints in them that are left out because friction may hold the joint.
+    pub resting: u64,
     /// Windows lost because a foot touched down or lifted off too soon after they began.
     pub cut: u64,
     /// Windows lost to an impact.
@@ -79,6 +78,7 @@ impl Windows {
             used: self.used + other.used,
             by_feet: std::array::from_fn(|f| self.by_feet[f] + other.by_feet[f]),
             equations: self.equations + other.equations,
+            resting: self.resting + other.resting,
             cut: self.cut + other.cut,
             impact: self.impact + other.impact,
             gap: self.gap + other.gap,
@@ -156,7 +156,7 @@ impl RowSetup {
         terms.sum::<f64>() - row[ACC + MOVED]
     }
 
-    fn window(&self, walk: &Walk, sensors: &Sensors) -> Window {
+    fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
         Window::new(
             self.tree,
             EFFECTS,
@@ -165,7 +165,7 @@ impl RowSetup {
                 feet: sensors.feet(),
                 scale: SCALE,
                 plausible: all_plausible(),
-                settings: settings(walk.period),
+                settings: settings(walk, stance),
                 acc_bias: sensors.acc_bias(),
                 speed_noise: walk.rest.speed_noise,
             },
@@ -230,6 +230,7 @@ pub(super) fn each_row(
         kept.used += 1;
         kept.held += u64::from(told.held);
         kept.equations += told.equations as u64;
+        kept.resting += told.resting as u64;
         kept.by_feet[told.feet] += 1;
     });
     counts.plus(&kept)
@@ -251,7 +252,7 @@ pub(super) fn each_window(
     mut tell: impl FnMut(&Rows, &mut [f64]),
 ) -> Windows {
     let walk = &sensors.corrected(walk);
-    let mut window = Box::new(setup.window(walk, sensors));
+    let mut window = Box::new(setup.window(walk, stance, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
@@ -290,6 +291,8 @@ struct Told {
     coordinates: [bool; COORDINATES],
     /// How many of these contact forces leave.
     equations: usize,
+    /// Joints that friction may hold.
+    resting: usize,
     feet: usize,
     held: bool,
 }
@@ -297,7 +300,9 @@ struct Told {
 impl Told {
     /// Of a window's rows.
     fn of(walk: &Walk, stance: &Stance, rows: &Rows) -> Self {
-        let first = walk.time_us.partition_point(|t| *t < rows.span_us[0]);
+        let [first, last] = rows
+            .span_us
+            .map(|us| walk.time_us.partition_point(|t| *t < us));
         let (loaded, held) = (stance.loaded[first], stance.held[first]);
         let coordinates: [bool; COORDINATES] = std::array::from_fn(|c| {
             let joint = c.checked_sub(6);
@@ -308,16 +313,33 @@ impl Told {
         });
         let equations = if held {
             coordinates.iter().filter(|c| **c).count()
+        } else if stands(
+            &walk.q[first..=last],
+            walk.seconds(last) - walk.seconds(first),
+        ) {
+            0
         } else {
             rows.rank
         };
         Self {
             coordinates,
             equations,
+            resting: rows.resting.iter().filter(|resting| **resting).count(),
             feet: loaded.iter().filter(|loaded| **loaded).count(),
             held,
         }
     }
+}
+
+/// Whether most joints stay where they are for so long (s), whatever is said of their velocities: the robot stands, and what is left of its equations
+/// are the sensors' biases.
+fn stands(positions: &[[f64; JOINTS]], seconds: f64) -> bool {
+    let moves = |j: &usize| {
+        let own = || positions.iter().map(|q| q[*j]);
+        let [least, most] = [f64::min, f64::max].map(|of| own().reduce(of).unwrap_or(0.0));
+        most - least >= STANDING_NOISE * seconds
+    };
+    2 * (0..JOINTS).filter(moves).count() < JOINTS
 }
 
 /// Folds a walk into blocks of `seconds`, and counts.
@@ -339,17 +361,11 @@ pub(super) fn fold(
     (blocks, counts)
 }
 
-/// Windows of twice the usual length, for the gyro's noise at a window's ends counts the less the longer it is; longer ones at a
-/// low rate.
-pub(super) fn usual_window_us(period: f64) -> u64 {
-    (2 * Settings::default().window_us).max(microseconds(LEAST_STEPS * period))
-}
-
-fn settings(period: f64) -> Settings {
+fn settings(walk: &Walk, stance: &Stance) -> Settings {
     let usual = Settings::default();
     Settings {
-        window_us: usual_window_us(period),
-        max_gap_us: usual.max_gap_us.max(microseconds(1.6 * period)),
+        window_us: stance.window_us,
+        max_gap_us: usual.max_gap_us.max(microseconds(1.6 * walk.period)),
         ..usual
     }
 }
@@ -370,7 +386,7 @@ fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS,
         acc: walk.acc[n],
         down: walk.down[n],
         loaded: stance.loaded[n],
-        resting: walk.rest.within(walk, n, usual_window_us(walk.period)),
+        resting: walk.rest.within(walk, n, stance.window_us),
     }
 }
 

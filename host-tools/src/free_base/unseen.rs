@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::Walks;
 use super::data::{Data, MANY};
 use super::outside::{self, Squares};
-use super::rows::{Linearised, RowSetup, usual_window_us};
+use super::rows::{Linearised, RowSetup};
 use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::walk::Walk;
@@ -130,12 +130,12 @@ impl Tally {
 /// The stance with this foot loaded all through the windows that begin then; none if it is so already.
 fn loaded_in(walk: &Walk, stance: &Stance, leg: usize, starts_us: &[u64]) -> Option<Stance> {
     let (mut changed, mut loaded) = (false, stance.loaded.clone());
-    let most_us = usual_window_us(walk.period);
     for start_us in starts_us {
         let first = walk.time_us.partition_point(|t| t < start_us);
         let feet = stance.loaded[first];
-        let inside = (first..walk.len())
-            .take_while(|n| stance.loaded[*n] == feet && walk.time_us[*n] - start_us <= most_us);
+        let inside = (first..walk.len()).take_while(|n| {
+            stance.loaded[*n] == feet && walk.time_us[*n] - start_us <= stance.window_us
+        });
         for n in inside.filter(|_| !feet[leg]) {
             loaded[n][leg] = true;
             changed = true;

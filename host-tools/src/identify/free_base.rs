@@ -326,6 +326,7 @@ impl FreeBaseIdentification {
             used,
             by_feet,
             equations,
+            resting,
             cut,
             impact,
             gap,
@@ -342,6 +343,7 @@ impl FreeBaseIdentification {
         writeln!(
             f,
             "\n{used} windows with {equations} equations: {} feet that may carry a force.\n\
+             Left out of them: {resting} equations of joints that friction may hold.\n\
              Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps, {still} in which the robot stands still, {outside} \
              that no model explains;\n\
              {held} without the trunk's equations, for something beyond the feet carries the robot.\n\

@@ -15,13 +15,18 @@ fn what_was_projected_out_is_counted() {
     let sway = identified("sway");
     assert_eq!(sway.stance[0].air, [0.0; 4]);
     assert_eq!(sway.windows.by_feet[4], sway.windows.used);
-    assert_eq!(sway.windows.equations, 6 * sway.windows.used);
+    // Joints that friction may hold cost an equation each.
+    assert_eq!(
+        sway.windows.equations + sway.windows.resting,
+        6 * sway.windows.used
+    );
+    assert!(sway.windows.resting > 0);
     let flying = identified("flying");
     assert!(flying.stance[0].air.iter().all(|share| *share > 0.1));
     let counted: u64 = (0..5)
         .map(|feet| (18 - 3 * feet as u64) * flying.windows.by_feet[feet])
         .sum();
-    assert_eq!(counted, flying.windows.equations);
+    assert_eq!(counted, flying.windows.equations + flying.windows.resting);
 }
 
 /// A foot sensor that reads nothing costs rows, not truth: the same log without its columns, and with dead ones.
@@ -166,8 +171,8 @@ fn blows_are_left_out_and_told() {
     fs::write(&path, struck.join("\n")).unwrap();
     let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
     let windows = found.windows;
-    // Four blows of 100 ms touch three or four windows of 40 ms each.
-    assert!((8..=20).contains(&windows.outside), "{windows:?}");
+    // Four blows of 100 ms touch two or three windows of 80 ms each; where the calf turns round meanwhile its equation is left out anyway.
+    assert!((4..=12).contains(&windows.outside), "{windows:?}");
     assert!(
         found.warnings.iter().any(|w| w.contains("left out")),
         "{:?}",
