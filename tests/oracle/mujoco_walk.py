@@ -59,6 +59,7 @@ SLIPPERY = {"slip": 0.15}
 SLIDES = 0.02  # m/s: a foot on the ground that is faster does not creep
 STANDING = np.tile([0.0, 0.8, -1.6], 4)  # rad: where the whole robot's centre of mass is told
 HOP = 2.4, 0.60  # Hz; share of a hop with the feet on the ground
+SCALE = 0.005  # of an IMU's readings: data sheets say within 1 %
 EARTH = 9.780, 9.832  # m/s²: gravity at the equator and at the poles
 SWUNG = 1.5  # m: how high a hand holds the trunk
 
@@ -291,8 +292,8 @@ def written(rows, random, bias):
     for t, q, dq, tau, gyro, acc, force in rows:
         dq = dq + NOISE[0] * random.normal(size=12)
         tau = tau + NOISE[1] * random.normal(size=12)
-        gyro = gyro + bias["gyro"] + GYRO[1] * random.normal(size=3)
-        acc = acc + bias["acc"] + ACC[1] * random.normal(size=3)
+        gyro = gyro * (1 + bias["gyro_scale"]) + bias["gyro"] + GYRO[1] * random.normal(size=3)
+        acc = acc * (1 + bias["acc_scale"]) + bias["acc"] + ACC[1] * random.normal(size=3)
         # A pad of rubber and air: 10 ms late, an offset and a gain of its own.
         count += (force - count) * (1 - np.exp(-STEP * SAMPLE / 0.01))
         feet = np.round(offset + gain * count + random.normal(size=4))
@@ -332,7 +333,8 @@ def told(gait, load, bodies, bias):
 
 
 def imu_bias(random):
-    return {"gyro": 0.003 * random.normal(size=3), "acc": np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)}
+    gyro, acc = 0.003 * random.normal(size=3), np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)
+    return {"gyro": gyro, "acc": acc, "gyro_scale": 0.0, "acc_scale": 0.0}
 
 
 def main():
@@ -351,8 +353,12 @@ def main():
         bodies = robot(seed, load)
         bias = imu_bias(random)
         slides = [] if name in SLIPPERY else None
-        # The committed logs are of 9.81 m/s²; other robots are where they are.
-        gravity = float(np.random.default_rng([seed, 5]).uniform(*EARTH)) if args.seed else GRAVITY
+        # The committed logs are of 9.81 m/s² and an IMU of the right scale; other robots are where they are, with the IMU that they have.
+        gravity = GRAVITY
+        if args.seed:
+            elsewhere = np.random.default_rng([seed, 5])
+            gravity = float(elsewhere.uniform(*EARTH))
+            bias["gyro_scale"], bias["acc_scale"] = map(float, SCALE * elsewhere.normal(size=2))
         rows = simulate(gait, args.seconds or seconds, bodies, random, ground=SLIPPERY.get(name, GROUND), slides=slides, gravity=gravity)
         packed = gzip.compress(written(rows, random, bias).encode(), 9, mtime=0)
         (args.o / f"{name}.csv.gz").write_bytes(packed)
@@ -360,7 +366,7 @@ def main():
         print(f"{name}: {len(rows)} samples, {len(packed)} bytes; a foot is in the air for {100 * air:.0f} % of the time")
         truth[name] = told(gait, load, bodies, bias)
         if args.seed:
-            truth[name]["gravity"] = gravity
+            truth[name] |= {"gravity": gravity, "gyro_scale": bias["gyro_scale"], "acc_scale": bias["acc_scale"]}
         if slides:
             fast = [speed for speed in slides if speed > SLIDES]
             truth[name]["slip"] = {"share": len(fast) / len(slides), "speed": float(np.sqrt(np.mean(np.square(fast))))}

@@ -7,11 +7,11 @@ use super::rows::{
     ACC, Block, COLUMNS, COORDINATES, Linearised, RowSetup, SCALE, WholeFactor, Windows, each_row,
     empty, fold,
 };
-use super::sensors::MovedReadings;
+use super::sensors::{ACC_SCALE, MovedReadings};
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
-use super::walk::Walk;
+use super::walk::{GRAVITY, Walk};
 use super::{FreeBaseError, Walks};
 use crate::estimate::robot::side_by_side;
 
@@ -321,6 +321,7 @@ fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
         for n in 0..3 {
             rows[(r, ACC + n)] = gravity.up[n];
         }
+        rows[(r, ACC + ACC_SCALE)] = GRAVITY;
         rows[(r, COLUMNS)] = gravity.excess;
     }
     let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {

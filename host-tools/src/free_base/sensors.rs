@@ -24,12 +24,12 @@ use super::walk::Walk;
 use crate::estimate::robot::side_by_side;
 
 /// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
-/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m.
-pub(crate) const SENSORS: usize = 10;
+/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1.
+pub(crate) const SENSORS: usize = 15;
 /// The first of those that move the readings.
 pub(super) const MOVED: usize = 3;
-/// That of the feet.
-const RADIUS: usize = SENSORS - 1;
+/// The accelerometer's scale.
+pub(super) const ACC_SCALE: usize = SENSORS - 1;
 
 /// Names and units.
 pub(crate) const NAMES: [(&str, &str); SENSORS] = [
@@ -43,15 +43,25 @@ pub(crate) const NAMES: [(&str, &str); SENSORS] = [
     ("delay:imu", "s"),
     ("delay:acc", "s"),
     ("radius:feet", "m"),
+    ("gyro_bias.x:imu", "rad/s"),
+    ("gyro_bias.y:imu", "rad/s"),
+    ("gyro_bias.z:imu", "rad/s"),
+    ("gyro_scale:imu", ""),
+    ("acc_scale:imu", ""),
 ];
 
 /// Standard deviations before any data. An accelerometer's bias is tenths of m/s² (data sheets of the LSM6DSO and BMI088); a board is mounted by
 /// hand within three degrees; readings that a host polls fifty times a second are half of that time apart; the filters of one chip, of 50 to 500 Hz, lag by
-/// 0.3 to 3 ms; rubber and ground give way by a millimetre or two, and the force acts in between.
-pub(crate) const STD: [f64; SENSORS] = [0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01, 0.002, 0.001];
+/// 0.3 to 3 ms; rubber and ground give way by a millimetre or two, and the force acts in between. A gyro reads up to a degree per second where nothing turns, and
+/// the scales of both are right within 1 % (the same data sheets, where that is the tolerance: two deviations).
+pub(crate) const STD: [f64; SENSORS] = [
+    0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01, 0.002, 0.001, 0.01, 0.01, 0.01, 0.005, 0.005,
+];
 
 /// How far readings are moved for a column: far beyond rounding, and too little to be felt.
-const STEP: [f64; SENSORS - MOVED] = [1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-5];
+const STEP: [f64; SENSORS - MOVED] = [
+    1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4,
+];
 
 /// What the sensors get wrong, in the order of [`NAMES`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -71,14 +81,15 @@ impl Sensors {
     /// The feet, as they touch the ground.
     pub(super) fn feet(&self) -> [Foot<f64>; LEGS] {
         go2::feet().map(|foot: Foot<f64>| Foot {
-            radius: foot.radius + self.0[RADIUS],
+            radius: foot.radius + self.0[9],
             ..foot
         })
     }
 
     /// The walk as better sensors would have read it, but for the accelerometer's bias.
     pub(super) fn corrected(&self, walk: &Walk) -> Walk {
-        let [_, _, _, x, y, z, encoders, imu, acc, _] = self.0;
+        let [_, _, _, x, y, z, encoders, imu, acc, _, wx, wy, wz, gyro_scale, acc_scale] = self.0;
+        let gyro_bias = Vector3::new(wx, wy, wz);
         let mounting = Rotation3::from_scaled_axis(Vector3::new(x, y, z));
         let all = 0..walk.len();
         let joint = |n: usize, j: usize| walk.dq[n][j] + encoders * walk.rate(n, |m| walk.dq[m][j]);
@@ -94,10 +105,13 @@ impl Sensors {
                 .clone()
                 .map(|n| std::array::from_fn::<f64, JOINTS, _>(|j| joint(n, j)))
                 .collect(),
-            gyro: all.clone().map(|n| turned(n, &walk.gyro, imu)).collect(),
+            gyro: all
+                .clone()
+                .map(|n| (turned(n, &walk.gyro, imu) - mounting * gyro_bias) / (1.0 + gyro_scale))
+                .collect(),
             acc: all
                 .clone()
-                .map(|n| turned(n, &walk.acc, imu + acc))
+                .map(|n| turned(n, &walk.acc, imu + acc) / (1.0 + acc_scale))
                 .collect(),
             down: all
                 .map(|n| turned(n, &walk.down, imu).normalize())

@@ -23,8 +23,8 @@ use super::walk::Walk;
 
 /// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
 const FORCE: f64 = 14.0;
-/// Height above the feet on the ground, m: more than the ground's softness and an error of the tilt make.
-const HEIGHT: f64 = 0.015;
+/// Height above the feet on the ground, m: more than the ground's softness (some millimetres) and an error of the tilt (3 mrad over 0.4 m) make.
+const HEIGHT: f64 = 0.012;
 /// Time before and after, s.
 const GUARD: f64 = 0.016;
 /// Accelerations are differences over this time to both sides, s; torques are means over it.

@@ -19,7 +19,7 @@ const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
 /// What a velocity that changes sideways adds to the length of the mean specific force, m/s²: 0.3 m/s² beside gravity.
 const SIDEWAYS: f64 = 0.005;
 /// Standard gravity as all models here take it, m/s².
-const GRAVITY: f64 = 9.81;
+pub(super) const GRAVITY: f64 = 9.81;
 
 /// The samples of a log, without those that repeat the one before.
 #[derive(Clone)]

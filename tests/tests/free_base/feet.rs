@@ -200,7 +200,7 @@ fn a_robot_that_stands_still_is_refused() {
         .split(',')
         .position(|name| name == "tau/FR_hip")
         .unwrap();
-    let still = (0..2000).map(|n| {
+    let still = (0..4000).map(|n| {
         let mut cells: Vec<String> = first.split(',').map(str::to_owned).collect();
         cells[0] = format!("{:.3}", 0.002 * f64::from(n));
         // Else each sample repeats the one before.
