@@ -34,6 +34,7 @@ use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
 
 use crate::log::{Log, LogError, Samples};
+use rest::Rest;
 pub use rows::Windows;
 use stance::Stance;
 pub use stance::{FootEpisode, Reason, StanceShares};
@@ -100,6 +101,9 @@ impl Walks {
         for (n, path) in logs.iter().enumerate() {
             let (mut walk, told) = Walk::read(path)?;
             warnings.extend(told);
+            walk.down = gravity::down(&walk);
+            speed::quieten(&mut walk);
+            walk.rest = Rest::of(&walk.dq);
             let stance = Stance::of(&walk, &imu());
             let strikes = stance.strikes(&walk);
             speed::quieten_turning(&mut walk, &strikes);

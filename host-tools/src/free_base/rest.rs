@@ -8,8 +8,6 @@
 use proprio_core::effect::STANDING_NOISE;
 use proprio_core::go2::JOINTS;
 
-use super::walk::Walk;
-
 /// A velocity of fewer standard deviations of its noise may have either sign.
 const SURE: f64 = 3.0;
 /// The same as a share of the joint's greatest speeds, as a joint of the pinned path has it ([`crate::trajectory`]).
@@ -45,14 +43,14 @@ impl Rest {
         Self { speed_noise, slow }
     }
 
-    /// Joints that may be held in a window of this length that begins with sample n: one slow sample is enough. With two, trots' friction was within
-    /// two deviations less often (of a trot of 30 s with a load 30 of 36, and 36 with one); where an eighth of a window was asked for, hops without noise
-    /// came out 0.2 % too heavy and trots 0.07 %.
-    pub(super) fn within(&self, walk: &Walk, n: usize, window_us: u64) -> [bool; JOINTS] {
-        let end = walk.time_us[n] + window_us;
+    /// Joints that may be held in a window of this length that begins with sample n of those at `time_us`: one slow sample is enough. With two,
+    /// trots' friction was within two deviations less often (of a trot of 30 s with a load 30 of 36, and 36 with one); where an eighth of a window was
+    /// asked for, hops without noise came out 0.2 % too heavy and trots 0.07 %.
+    pub(super) fn within(&self, time_us: &[u64], n: usize, window_us: u64) -> [bool; JOINTS] {
+        let end = time_us[n] + window_us;
         // The first sample that is late enough ends the window.
-        let last = n + walk.time_us[n..].partition_point(|t| *t < end);
-        let end = (last + 1).min(walk.len());
+        let last = n + time_us[n..].partition_point(|t| *t < end);
+        let end = (last + 1).min(time_us.len());
         std::array::from_fn(|j| self.slow[end][j] > self.slow[n][j])
     }
 }

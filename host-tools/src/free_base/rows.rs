@@ -386,7 +386,7 @@ fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS,
         acc: walk.acc[n],
         down: walk.down[n],
         loaded: stance.loaded[n],
-        resting: walk.rest.within(walk, n, stance.window_us),
+        resting: walk.rest.within(&walk.time_us, n, stance.window_us),
     }
 }
 

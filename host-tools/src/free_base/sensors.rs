@@ -88,7 +88,23 @@ impl Sensors {
 
     /// The walk as better sensors would have read it, but for the accelerometer's bias.
     pub(super) fn corrected(&self, walk: &Walk) -> Walk {
-        let [_, _, _, x, y, z, encoders, imu, acc, _, wx, wy, wz, gyro_scale, acc_scale] = self.0;
+        let [
+            _,
+            _,
+            _,
+            x,
+            y,
+            z,
+            encoders,
+            imu,
+            acc,
+            _,
+            wx,
+            wy,
+            wz,
+            gyro_scale,
+            acc_scale,
+        ] = self.0;
         let gyro_bias = Vector3::new(wx, wy, wz);
         let mounting = Rotation3::from_scaled_axis(Vector3::new(x, y, z));
         let all = 0..walk.len();

@@ -34,6 +34,7 @@ pub(super) fn quieten(walk: &mut Walk) {
     if walk.period > 1.0 / LEAST_RATE {
         return;
     }
+    walk.gyro_read.clone_from(&walk.gyro);
     walk.gyro = (0..walk.len()).map(|n| smoothed(walk, n, REACH)).collect();
     for j in 0..JOINTS {
         let reported: Vec<f64> = walk.dq.iter().map(|dq| dq[j]).collect();

@@ -1,5 +1,7 @@
 //! Stance, velocities and gravity's length on made-up walks of which all is known.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{SVector, Vector3};
 use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
@@ -7,6 +9,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use super::gravity;
+use super::rest::Rest;
 use super::speed::quieten;
 use super::stance::Stance;
 use super::walk::Walk;
@@ -21,11 +25,13 @@ fn still(count: usize) -> Walk {
         dq: vec![[0.0; JOINTS]; count],
         tau: vec![[0.0; JOINTS]; count],
         gyro: vec![Vector3::zeros(); count],
+        gyro_read: Vec::new(),
         acc: vec![Vector3::new(0.0, 0.0, 9.81); count],
         down: vec![-Vector3::z(); count],
         count: None,
         samples: Default::default(),
         period: 2e-3,
+        rest: Rest::of(&vec![[0.0; JOINTS]; count]),
     }
 }
 
@@ -180,6 +186,53 @@ fn velocities_come_from_the_quieter_channel() {
             assert!(gyro < 0.0030, "{gyro} rad/s");
         }
     }
+}
+
+/// The trunk sways to and fro, so that what it feels is no gravity for a second: over several swings it is.
+#[test]
+fn gravitys_direction_is_told_without_lag() {
+    let mut walk = still(6000);
+    let (rate, roll) = (TAU * 0.5, |t: f64| 0.1 * (TAU * 0.5 * t).sin());
+    let up = |t: f64| Vector3::new(0.0, roll(t).sin(), roll(t).cos());
+    for n in 0..6000 {
+        let t = walk.seconds(n);
+        walk.gyro[n] = Vector3::new(0.1 * rate * (rate * t).cos(), 0.0, 0.0);
+        let aside = Vector3::new(0.0, roll(t).cos(), -roll(t).sin());
+        walk.acc[n] = up(t) * 9.81 + aside * (0.5 * (rate * t).sin());
+    }
+    let down = gravity::down(&walk);
+    for n in (2000..4000).step_by(50) {
+        let off = (down[n] + up(walk.seconds(n))).norm();
+        assert!(off < 2e-3, "{off} rad at {} s", walk.seconds(n));
+    }
+}
+
+/// A joint that turns round is left out of the windows in which it does; one that stays where it is of all.
+#[test]
+fn joints_that_friction_may_hold_are_told() {
+    let mut walk = still(2000);
+    for n in 0..2000 {
+        walk.dq[n][4] = 2.0 * (TAU * walk.seconds(n)).sin();
+    }
+    walk.rest = Rest::of(&walk.dq);
+    let left_out = |seconds: f64| {
+        walk.rest
+            .within(&walk.time_us, walk.index_at(seconds), 40_000)
+    };
+    for (seconds, turns) in [(0.98, true), (1.25, false), (1.48, true), (1.53, false)] {
+        let told = left_out(seconds);
+        assert_eq!(told[4], turns, "{seconds}");
+        assert!((0..JOINTS).all(|j| j == 4 || told[j]));
+    }
+}
+
+/// Windows end where a foot does another thing than before: long ones are for robots whose feet stay.
+#[test]
+fn windows_are_long_where_feet_stay() {
+    let mut stands = still(600);
+    (0..600).for_each(|n| hold(&mut stands, n, [40.0; 4]));
+    assert_eq!(Stance::of(&stands, &imu()).window_us, 80_000);
+    assert_eq!(Stance::of(&step(None), &imu()).window_us, 40_000);
 }
 
 /// An accelerometer that reads 0.09 m/s² too much along gravity, on a robot that rolls and bounces.

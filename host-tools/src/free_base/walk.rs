@@ -6,9 +6,9 @@ use proprio_core::go2::{JOINTS, LEGS, Leg};
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::FreeBaseError;
 use super::expected::Played;
 use super::rest::Rest;
-use super::{FreeBaseError, gravity, speed};
 use crate::log::{Log, Samples};
 
 /// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
@@ -30,7 +30,7 @@ pub(crate) struct Walk {
     pub(super) dq: Vec<[f64; JOINTS]>,
     pub(super) tau: Vec<[f64; JOINTS]>,
     pub(super) gyro: Vec<Vector3<f64>>,
-    /// As the gyro was read, before it was smoothed; none of a motion that was not recorded.
+    /// As the gyro was read; none where it was not smoothed.
     pub(super) gyro_read: Vec<Vector3<f64>>,
     pub(super) acc: Vec<Vector3<f64>>,
     /// Unit vector along gravity in the IMU's axes.
@@ -56,6 +56,7 @@ pub(super) struct GravityTold {
 }
 
 impl Walk {
+    /// As it was recorded: without gravity's direction, and without what is known of joints at rest.
     pub(super) fn read(path: &Path) -> Result<(Self, Vec<String>), FreeBaseError> {
         let log = Log::read(path)?;
         let missing = |what: &'static str| FreeBaseError::Missing {
@@ -102,11 +103,7 @@ impl Walk {
                 count.push(feet[n]);
             }
         }
-        walk.down = gravity::down(&walk);
         walk.period = walk.middle_step();
-        walk.gyro_read.clone_from(&walk.gyro);
-        speed::quieten(&mut walk);
-        walk.rest = Rest::of(&walk.dq);
         let warnings = log.warnings.iter();
         let warnings = warnings.map(|w| format!("{}: {w}", path.display()));
         let warnings = warnings.collect();
