@@ -61,6 +61,10 @@ pub(crate) fn of(error: &Error) -> Option<String> {
             (Some(MismatchKind::NoBetterThanNothing(_)), true) => {
                 "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
             }
+            (Some(MismatchKind::NoBetterThanNothing(_)), false) => {
+                "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it hung"
+                    .to_owned()
+            }
             _ => "mend the log, or go on with --anyway".to_owned(),
         }),
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),

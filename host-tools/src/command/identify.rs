@@ -181,7 +181,15 @@ impl Identify {
             bus: self.bus,
             constraint: self.constraint(),
         };
-        let result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
+        let mut result = identify(&self.logs, options, |done, total| progress.set(done, total))?;
+        // What a bus has sent is judged by the board that sends it.
+        if let Ok(recording) = Recording::read(&self.logs, &Model::default(), |_, _| ()) {
+            let wrong = mismatches(&recording, &Model::default());
+            let told = wrong.iter().map(|wrong| {
+                format!("{wrong}; of a Go2 that walks or stands: proprio identify --free-base")
+            });
+            result.warnings.extend(told);
+        }
         drop(progress);
         for warning in &result.warnings {
             eprintln!("warning: {warning}");

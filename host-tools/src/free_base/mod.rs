@@ -185,6 +185,13 @@ fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
              shows what was at one instant; what follows is worth less than its errors say"
         ));
     }
+    if !walk.imu {
+        told.push(format!(
+            "{path}: no gyro/ and acc/ columns: legs in swing alone are judged, as if the trunk were level and not accelerated; neither the trunk nor \
+             the total mass follows, and what the trunk does is taken for noise"
+        ));
+        return told;
+    }
     let held = stance.held.iter().filter(|held| **held).count() as f64 / walk.len().max(1) as f64;
     if held > 0.0 {
         told.push(format!(

@@ -75,7 +75,7 @@ pub(crate) struct Stance {
     pub(super) changes: Vec<bool>,
     /// How long its windows are, µs.
     pub(super) window_us: u64,
-    /// Something beyond the feet carries the robot here: nothing is known of the forces on its base.
+    /// Something beyond the feet carries the robot here, or no IMU tells how it moves: nothing follows from its base's equations.
     pub(super) held: Vec<bool>,
     pub(super) shares: StanceShares,
     /// Leg by leg, in the order of time.
@@ -148,7 +148,11 @@ impl Stance {
             loaded,
             touch_down,
             changes,
-            held: held::samples(walk, &support),
+            held: if walk.imu {
+                held::samples(walk, &support)
+            } else {
+                vec![true; walk.len()]
+            },
             shares: shares(&reasons),
             episodes: episodes(walk, &reasons),
         }

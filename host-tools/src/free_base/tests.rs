@@ -20,6 +20,7 @@ fn still(count: usize) -> Walk {
     let pose = std::array::from_fn(|j| [0.0, 0.8, -1.6][j % 3]);
     Walk {
         path: "made up".into(),
+        imu: true,
         time_us: (0..count as u64).map(|n| 2_000 * n).collect(),
         q: vec![pose; count],
         dq: vec![[0.0; JOINTS]; count],

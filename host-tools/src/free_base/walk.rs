@@ -25,6 +25,8 @@ pub(super) const GRAVITY: f64 = 9.81;
 #[derive(Clone)]
 pub(crate) struct Walk {
     pub(super) path: PathBuf,
+    /// Whether an IMU was recorded. Without, the trunk is taken to be level and not to be accelerated.
+    pub(super) imu: bool,
     pub(super) time_us: Vec<u64>,
     pub(super) q: Vec<[f64; JOINTS]>,
     pub(super) dq: Vec<[f64; JOINTS]>,
@@ -67,10 +69,15 @@ impl Walk {
         if legs.len() < LEGS {
             return Err(missing("all four legs"));
         }
-        let gyro = log.imu.gyro.as_ref().ok_or(missing("gyro/x|y|z"))?;
-        let acc = log.imu.acc.as_ref().ok_or(missing("acc/x|y|z"))?;
+        let (gyro, acc) = match (&log.imu.gyro, &log.imu.acc) {
+            (Some(gyro), Some(acc)) => (Some(gyro), Some(acc)),
+            (None, None) => (None, None),
+            (None, _) => return Err(missing("gyro/x|y|z")),
+            (_, None) => return Err(missing("acc/x|y|z")),
+        };
         let start = log.t.first().copied().unwrap_or(0.0);
         let mut walk = Self::empty(path, log.foot.is_some());
+        walk.imu = gyro.is_some();
         for (n, t) in log.t.iter().enumerate() {
             let of = |channel: &dyn Fn(&crate::log::JointChannel) -> f64| {
                 std::array::from_fn(|j| channel(&legs[j / 3][j % 3]))
@@ -89,7 +96,9 @@ impl Walk {
                 walk.samples.late += 1;
                 continue;
             }
-            if !gyro[n].iter().chain(&acc[n]).all(|x| x.is_finite()) {
+            let gyro = gyro.map_or([0.0; 3], |gyro| gyro[n]);
+            let acc = acc.map_or([0.0, 0.0, GRAVITY], |acc| acc[n]);
+            if !gyro.iter().chain(&acc).all(|x| x.is_finite()) {
                 walk.samples.rejected += 1;
                 continue;
             }
@@ -97,8 +106,8 @@ impl Walk {
             walk.q.push(q);
             walk.dq.push(dq);
             walk.tau.push(tau);
-            walk.gyro.push(gyro[n].into());
-            walk.acc.push(acc[n].into());
+            walk.gyro.push(gyro.into());
+            walk.acc.push(acc.into());
             if let (Some(count), Some(feet)) = (&mut walk.count, &log.foot) {
                 count.push(feet[n]);
             }
@@ -128,6 +137,7 @@ impl Walk {
     fn empty(path: &Path, feet: bool) -> Self {
         Self {
             path: path.to_owned(),
+            imu: true,
             time_us: Vec::new(),
             q: Vec::new(),
             dq: Vec::new(),
@@ -185,6 +195,9 @@ impl Walk {
     /// the log begins and ends gently: a step's velocity, at whatever moment of it the log is cut, is no vertical motion of a second.
     /// `held` by a hand, a robot moves faster.
     pub(super) fn gravity(&self, held: bool) -> Option<GravityTold> {
+        if !self.imu {
+            return None;
+        }
         let (mut lengths, mut up, mut count) = (0.0, Vector3::zeros(), 0.0);
         let mut first = 0;
         while first < self.len() {

@@ -346,7 +346,7 @@ impl FreeBaseIdentification {
              Left out of them: {resting} equations of joints that friction may hold.\n\
              Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps, {still} in which the robot stands still, {outside} \
              that no model explains;\n\
-             {held} without the trunk's equations, for something beyond the feet carries the robot.\n\
+             {held} without the trunk's equations: something beyond the feet carries the robot, or no IMU tells how it moves.\n\
              Of {} samples {} repeat the one before, {} are late, {} impossible.",
             feet.join(", "),
             self.samples.total,
