@@ -88,11 +88,17 @@ impl Data {
         let mut setup = RowSetup::cad();
         let mut outside = vec![Vec::new(); walks.walks.len()];
         let gravity = gravity_rows(&walks.walks);
+        let mut parts = None;
         for _ in 0..ROUNDS {
-            let data = Self::made(walks, setup, gravity.clone(), outside.clone(), false)?;
+            let data = Self::made(walks, setup, gravity.clone(), outside.clone(), true)?;
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-            let before =
-                std::mem::replace(&mut outside, outside::windows(walks, &data, fit.theta()));
+            // Rows that were made at another fit are much the same.
+            parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
+            let thetas = match &parts {
+                Some(parts) => parts.iter().map(|part| &part.theta).collect(),
+                None => vec![fit.theta()],
+            };
+            let before = std::mem::replace(&mut outside, outside::windows(walks, &data, &thetas));
             setup = RowSetup::at(fit.theta());
             if outside == before {
                 break;
@@ -205,10 +211,23 @@ impl Data {
         self.each_equation(walks, thetas, |equation| {
             tell(&equation);
             for (sums, predicted) in sums.iter_mut().zip(equation.predicted) {
-                sums.add(equation.coordinate, equation.measured - predicted);
+                sums.add(&equation, equation.measured - predicted);
             }
         });
         sums.iter().map(Sums::told).collect()
+    }
+
+    /// Which of these parameters, of each part of the time or one for all, are of a window of log n that begins then, s.
+    pub(super) fn of_the_part<'a>(
+        &self,
+        (n, start): (usize, f64),
+        walk: &Walk,
+        parts: &[&'a DVector<f64>],
+    ) -> &'a DVector<f64> {
+        let block = (n, (start / seconds(walk)) as usize);
+        let at = self.blocks.partition_point(|b| b.of < block);
+        // Blocks of which nothing was used are none: what comes after the last is of the last part.
+        parts[(at * parts.len() / self.blocks.len()).min(parts.len() - 1)]
     }
 
     /// Every equation under several models, log after log as [`Walks::starts`] puts them.
@@ -220,18 +239,16 @@ impl Data {
     ) {
         let mut predicted = vec![0.0; thetas.len()];
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
-            let seconds = seconds(walk);
             each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
-                let block = (n, (row.start / seconds) as usize);
-                let at = self.blocks.partition_point(|b| b.of < block);
                 let scale = SCALE[row.coordinate];
                 for (predicted, parts) in predicted.iter_mut().zip(thetas) {
-                    let theta = parts[at * parts.len() / self.blocks.len()];
+                    let theta = self.of_the_part((n, row.start), walk, parts);
                     let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
                     *predicted = terms.sum::<f64>() / scale;
                 }
                 tell(Equation {
                     t: start + row.start,
+                    window: stance.window_us as f64 * 1e-6,
                     coordinate: row.coordinate,
                     measured: row.numbers[COLUMNS] / scale,
                     predicted: &predicted,
@@ -245,6 +262,8 @@ impl Data {
 pub(crate) struct Equation<'a> {
     /// When its window began, s.
     pub(crate) t: f64,
+    /// How long windows are there, s.
+    window: f64,
     pub(crate) coordinate: usize,
     pub(crate) measured: f64,
     pub(crate) predicted: &'a [f64],
@@ -254,32 +273,47 @@ pub(crate) struct Equation<'a> {
 pub(crate) struct Left {
     /// Root mean square.
     pub(crate) rms: [f64; COORDINATES],
-    /// Correlation of neighbouring windows.
+    /// Correlation of windows that follow each other, and how many pairs of them tell it.
     pub(crate) correlation: [f64; COORDINATES],
+    pub(crate) pairs: [u64; COORDINATES],
 }
+
+/// A window that begins so many lengths after another follows it; what lies between is left out else, and a correlation would be none of neighbours.
+const FOLLOWS: f64 = 1.5;
 
 #[derive(Clone, Default)]
 struct Sums {
     squares: [f64; COORDINATES],
-    products: [f64; COORDINATES],
-    last: [f64; COORDINATES],
     windows: [u64; COORDINATES],
+    /// Of pairs of windows: products, and mean squares.
+    products: [f64; COORDINATES],
+    pair_squares: [f64; COORDINATES],
+    pairs: [u64; COORDINATES],
+    /// When the last window began, s, and what was left of it.
+    last: [Option<(f64, f64)>; COORDINATES],
 }
 
 impl Sums {
-    fn add(&mut self, coordinate: usize, left: f64) {
-        self.squares[coordinate] += left * left;
-        self.products[coordinate] += left * self.last[coordinate];
-        self.last[coordinate] = left;
-        self.windows[coordinate] += 1;
+    fn add(&mut self, equation: &Equation<'_>, left: f64) {
+        let c = equation.coordinate;
+        self.squares[c] += left * left;
+        self.windows[c] += 1;
+        if let Some((t, before)) = self.last[c].replace((equation.t, left))
+            && equation.t - t < FOLLOWS * equation.window
+        {
+            self.products[c] += left * before;
+            self.pair_squares[c] += 0.5 * (left * left + before * before);
+            self.pairs[c] += 1;
+        }
     }
 
     fn told(&self) -> Left {
         Left {
             rms: std::array::from_fn(|c| (self.squares[c] / self.windows[c].max(1) as f64).sqrt()),
             correlation: std::array::from_fn(|c| {
-                self.products[c] / self.squares[c].max(f64::MIN_POSITIVE)
+                self.products[c] / self.pair_squares[c].max(f64::MIN_POSITIVE)
             }),
+            pairs: self.pairs,
         }
     }
 }

@@ -103,7 +103,7 @@ impl Walks {
             warnings.extend(told);
             walk.down = gravity::down(&walk);
             speed::quieten(&mut walk);
-            walk.rest = Rest::of(&walk.dq);
+            walk.rest = Rest::of(&walk.dq, walk.period);
             let stance = Stance::of(&walk, &imu());
             let strikes = stance.strikes(&walk);
             speed::quieten_turning(&mut walk, &strikes);

@@ -8,6 +8,8 @@
 use proprio_core::effect::STANDING_NOISE;
 use proprio_core::go2::JOINTS;
 
+use super::speed::LEAST_RATE;
+
 /// A velocity of fewer standard deviations of its noise may have either sign.
 const SURE: f64 = 3.0;
 /// The same as a share of the joint's greatest speeds, as a joint of the pinned path has it ([`crate::trajectory`]).
@@ -27,17 +29,18 @@ pub(super) struct Rest {
 }
 
 impl Rest {
-    /// By the velocities (rad/s) of all samples.
-    pub(super) fn of(velocities: &[[f64; JOINTS]]) -> Self {
+    /// By the velocities (rad/s) of all samples, which are so far apart, s. Slow samples tell no rest: a joint turns round between two of them.
+    pub(super) fn of(velocities: &[[f64; JOINTS]], period: f64) -> Self {
         let speed_noise = std::array::from_fn(|j| {
             let own: Vec<f64> = velocities.iter().map(|dq| dq[j]).collect();
             speed_noise(&own)
         });
         let mut slow = vec![[0; JOINTS]];
         let mut sum = [0; JOINTS];
+        let shows_rest = period <= 1.0 / LEAST_RATE;
         for dq in velocities {
-            sum =
-                std::array::from_fn(|j| sum[j] + u32::from(dq[j].abs() < RESTING * speed_noise[j]));
+            let is_slow = |j: usize| shows_rest && dq[j].abs() < RESTING * speed_noise[j];
+            sum = std::array::from_fn(|j| sum[j] + u32::from(is_slow(j)));
             slow.push(sum);
         }
         Self { speed_noise, slow }

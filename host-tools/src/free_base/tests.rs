@@ -32,7 +32,7 @@ fn still(count: usize) -> Walk {
         count: None,
         samples: Default::default(),
         period: 2e-3,
-        rest: Rest::of(&vec![[0.0; JOINTS]; count]),
+        rest: Rest::of(&vec![[0.0; JOINTS]; count], 2e-3),
     }
 }
 
@@ -215,7 +215,7 @@ fn joints_that_friction_may_hold_are_told() {
     for n in 0..2000 {
         walk.dq[n][4] = 2.0 * (TAU * walk.seconds(n)).sin();
     }
-    walk.rest = Rest::of(&walk.dq);
+    walk.rest = Rest::of(&walk.dq, walk.period);
     let left_out = |seconds: f64| {
         walk.rest
             .within(&walk.time_us, walk.index_at(seconds), 40_000)

@@ -62,13 +62,13 @@ pub(super) fn feet(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<Unse
     let mut feet = [Tally::default(); LEGS];
     for (n, (walk, stance)) in walks.walks.iter().enumerate() {
         let outside = data.outside(n);
-        let as_it_is = outside::squares(walk, stance, at, theta);
+        let as_it_is = outside::squares(walk, stance, at, |_| theta);
         let Some(usual) = outside::usual(as_it_is.iter()) else {
             continue;
         };
         let again: [Vec<Squares>; LEGS] =
             std::array::from_fn(|leg| match loaded_in(walk, stance, leg, outside) {
-                Some(stance) => outside::squares(walk, &stance, at, theta),
+                Some(stance) => outside::squares(walk, &stance, at, |_| theta),
                 None => Vec::new(),
             });
         for own in &as_it_is {

@@ -130,7 +130,7 @@ impl Walk {
         walk.acc = played.iter().map(|s| s.acc).collect();
         walk.down = played.iter().map(|s| s.down).collect();
         walk.period = walk.middle_step();
-        walk.rest = Rest::of(&walk.dq);
+        walk.rest = Rest::of(&walk.dq, walk.period);
         walk
     }
 
@@ -149,7 +149,7 @@ impl Walk {
             count: feet.then(Vec::new),
             samples: Samples::default(),
             period: 0.0,
-            rest: Rest::of(&[]),
+            rest: Rest::of(&[], 0.0),
         }
     }
 

@@ -41,7 +41,7 @@ pub(super) fn diagnosis(
         .map(|parts| parts.iter().map(|part| &part.theta).collect())
         .collect();
     let left = data.by_coordinate(walks, &thetas);
-    let outside_catalogue = outside(&left[1], data.windows.used, &walks.torque_rms());
+    let outside_catalogue = outside(&left[1], &walks.torque_rms());
     let first: Vec<&Tried> = found.first.iter().collect();
     let candidates: Vec<CandidateReport> = first.iter().map(|t| report(t, &first)).collect();
     let missing = !found.path.is_empty() || !outside_catalogue.is_empty();
@@ -119,11 +119,11 @@ fn joints(left: &[Left], windows: u64) -> Vec<JointError> {
 }
 
 /// The joints of which what is left goes on from window to window, as noise does not, and is more than a sampled log's errors.
-fn outside(left: &Left, windows: u64, torque_rms: &[f64; JOINTS]) -> Vec<String> {
-    let least = (LEAST_Z / (windows.max(1) as f64).sqrt()).max(STRUCTURE);
+fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
+    let least = |j: usize| (LEAST_Z / (left.pairs[6 + j].max(1) as f64).sqrt()).max(STRUCTURE);
     let joints = JOINT_NAMES.into_iter().enumerate();
     let goes_on = joints.filter(|&(j, _)| {
-        left.correlation[6 + j] > least && left.rms[6 + j] > RESOLUTION * torque_rms[j]
+        left.correlation[6 + j] > least(j) && left.rms[6 + j] > RESOLUTION * torque_rms[j]
     });
     let told = goes_on.map(|(j, name)| {
         format!(
