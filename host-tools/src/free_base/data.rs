@@ -145,7 +145,7 @@ impl Data {
             windows = windows.plus(&counts);
         }
         if blocks.is_empty() {
-            return Err(FreeBaseError::NoWindows(windows));
+            return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
         Ok(Self {
             gravity,

@@ -61,7 +61,7 @@ pub enum FreeBaseError {
          stands still; {} samples cannot be true",
         .0.cut, .0.impact, .0.gap, .0.still, .0.rejected
     )]
-    NoWindows(Windows),
+    NoWindows(Box<Windows>),
     /// Walks are of a Go2.
     #[error("--free-base knows a Go2 alone, and the model is another robot's")]
     NotAGo2,
