@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::advise::{at_the_end, closing};
 use crate::compare::ValuesFrom;
-use crate::compare::compare;
+use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
 use crate::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
 use crate::free_base::has_imu;
@@ -53,7 +53,7 @@ pub(crate) struct Diagnose {
     /// The robot walks, sways or is swung: what the model lacks of friction, rotors, torque offsets and loads on bodies, the trunk's too
     ///
     /// Logs have gyro/ and acc/ columns, as for `identify --free-base`. With --apply the values found are written to the model.
-    #[arg(long, conflicts_with = "html")]
+    #[arg(long)]
     free_base: bool,
     /// Go on where the log is not what the model says (signs, units, exchanged joints, a base that moves)
     #[arg(long)]
@@ -178,7 +178,7 @@ impl Diagnose {
 
     /// The whole Go2, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
-        let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
+        let model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let underway = Underway::new("Trying friction and loads");
         let mut diagnosis = diagnose_free_base(&self.logs, &model, |_, _| ())?;
         drop(underway);
@@ -189,14 +189,21 @@ impl Diagnose {
         for warning in &diagnosis.diagnosis.warnings {
             eprintln!("warning: {warning}");
         }
+        let mut complete = model.clone();
+        diagnosis.apply(&mut complete)?;
         let written = match (self.apply, &self.model) {
             (true, Some(path)) => {
-                diagnosis.apply(&mut model)?;
-                model.save(path)?;
+                complete.save(path)?;
                 true
             }
             _ => false,
         };
+        if let Some(path) = &self.html {
+            let after = compare_free_base(&self.logs, &complete, ValuesFrom::Fitted, |_, _| ())?;
+            let summary = diagnosis.summary(model.robot(), self.model.as_deref(), written);
+            let page = pages::walk_diagnosis(&diagnosis, &after, summary);
+            page.map_err(unreadable)?.write(path)?;
+        }
         if self.json {
             return Ok(json(&diagnosis));
         }

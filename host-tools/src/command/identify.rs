@@ -5,7 +5,7 @@ mod factors;
 use std::path::{Path, PathBuf};
 
 use crate::advise::{at_the_end, closing};
-use crate::compare::{ValuesFrom, compare, series_of};
+use crate::compare::{ValuesFrom, compare, compare_free_base, series_of};
 use crate::detect::mismatch::mismatches;
 use crate::estimate::Constraint;
 use crate::identify::{
@@ -54,7 +54,7 @@ pub(crate) struct Identify {
     /// The robot walks, sways or is swung: trunk and legs of a Go2, from logs with gyro/ and acc/ columns
     ///
     /// Nothing needs to be known of velocity, attitude or contact forces; foot/ columns help to tell which feet are in the air.
-    #[arg(long, conflicts_with_all = ["bus", "model", "html"])]
+    #[arg(long, conflicts_with_all = ["bus", "model"])]
     free_base: bool,
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
@@ -232,6 +232,12 @@ impl Identify {
         }
         if let Some(path) = self.model_file() {
             result.to_model(self.provenance()?)?.save(path)?;
+        }
+        if let Some(path) = &self.html {
+            let found = result.to_model(self.provenance()?)?;
+            let comparison = compare_free_base(&self.logs, &found, ValuesFrom::Given, |_, _| ())?;
+            let page = pages::walk_identification(&result, &comparison);
+            page.map_err(unreadable)?.write(path)?;
         }
         Ok(if self.json {
             json(&result)

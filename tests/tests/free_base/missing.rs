@@ -173,6 +173,26 @@ fn a_page_shows_the_feet_and_the_torques() {
     }
 }
 
+/// What was identified and what is missing have pages too: values, the way down, and the feet.
+#[test]
+fn identify_and_diagnose_write_pages_of_a_walk() {
+    let folder = empty_folder();
+    let log = log("load").display().to_string();
+    let page = |command: &[&str]| {
+        let of = [command, &["--free-base", &log, "--html", "walk.html"]].concat();
+        done(folder.path(), &of);
+        fs::read_to_string(folder.path().join("walk.html")).unwrap()
+    };
+    let identified = page(&["identify", "--physical"]);
+    for words in ["total_mass: 18.", "on paper", "acc_scale:imu", "Feet on the ground"] {
+        assert!(identified.contains(words), "{words}");
+    }
+    let diagnosed = page(&["diagnose"]);
+    for words in ["payload:base", "the model as given", "Feet on the ground"] {
+        assert!(diagnosed.contains(words), "{words}");
+    }
+}
+
 /// From the CAD alone: armature, Coulomb and viscous friction at all joints, and the load where there is one, down to the noise.
 #[test]
 fn the_way_from_the_cad_ends_at_the_noise() {

@@ -44,16 +44,7 @@ impl DiagnosisPage<'_> {
         findings.push(format!("{}.", diagnosis.reason));
         findings.extend(of_data(&self.after.data));
         findings.extend(diagnosis.outside_catalogue.iter().skip(1).cloned());
-        let start = Step {
-            label: "the model as given".to_owned(),
-            rms: diagnosis.held_out_rms,
-        };
-        let steps = diagnosis.path.iter().map(|step| Step {
-            label: step.to_string(),
-            rms: step.held_out_rms,
-        });
-        let ladder: Vec<Step> = [start].into_iter().chain(steps).collect();
-        let mut all = sections(self.after, &ladder);
+        let mut all = sections(self.after, &ladder(diagnosis));
         all.insert(1, bars(diagnosis).folded());
         let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
         all.splice(0..0, tick_boxes);
@@ -89,7 +80,21 @@ impl DiagnosisPage<'_> {
     }
 }
 
-fn bars(diagnosis: &Diagnosis) -> Section {
+/// How the error fell, step by step.
+pub(super) fn ladder(diagnosis: &Diagnosis) -> Vec<Step> {
+    let start = Step {
+        label: "the model as given".to_owned(),
+        rms: diagnosis.held_out_rms,
+    };
+    let steps = diagnosis.path.iter().map(|step| Step {
+        label: step.to_string(),
+        rms: step.held_out_rms,
+    });
+    [start].into_iter().chain(steps).collect()
+}
+
+/// What each candidate would gain.
+pub(super) fn bars(diagnosis: &Diagnosis) -> Section {
     let candidate = |c: &crate::diagnose::CandidateReport| Candidate {
         name: c.name(),
         gain: c.held_out_gain,

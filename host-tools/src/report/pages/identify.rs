@@ -105,7 +105,8 @@ impl Identified<'_> {
     }
 }
 
-fn row(p: &ParameterEstimate) -> ParameterRow {
+/// A row of the parameters' table.
+pub(super) fn row(p: &ParameterEstimate) -> ParameterRow {
     let status = match p.status {
         Status::Identified => "identified",
         Status::Prior => "prior",

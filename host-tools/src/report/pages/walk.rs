@@ -1,9 +1,15 @@
-//! The page of a walk: `compare --free-base`.
+//! The pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`.
 
+use super::diagnose::{bars, ladder};
+use super::identify::row;
 use super::{Unreadable, header};
 use crate::compare::{CoordinateError, FreeBaseComparison, WalkSeries};
+use crate::diagnose::FreeBaseDiagnosis;
+use crate::identify::FreeBaseIdentification;
+use crate::report::parameters::{self, ParameterRow};
 use crate::report::torque::{self, TorqueSeries};
-use crate::report::{Page, stance};
+use crate::report::{Page, Section, stance, waterfall};
+use crate::summary::Summary;
 
 /// A model against walks: each joint's torque over time in the equations that contact forces leave, and the feet that were left out.
 ///
@@ -26,6 +32,71 @@ pub fn walk(comparison: &FreeBaseComparison) -> Result<Page, Unreadable> {
         "{:.3} N m where the CAD alone leaves {:.3}, in the {} equations of {} windows that contact forces leave",
         comparison.rms, comparison.cad_rms, comparison.windows.equations, comparison.windows.used
     );
+    Ok(Page {
+        header,
+        sections: feet_and_torques(comparison).into(),
+    })
+}
+
+/// What was identified of a robot that walks; `comparison` is that of the model that the fit became.
+///
+/// # Errors
+/// If a log cannot be read any more.
+pub fn walk_identification(
+    found: &FreeBaseIdentification,
+    comparison: &FreeBaseComparison,
+) -> Result<Page, Unreadable> {
+    let of = |own: &crate::identify::Quantity| {
+        format!(
+            "{}: {:.4} ± {:.4} {}, {:.4} on paper.",
+            own.name, own.value, own.std, own.unit, own.prior
+        )
+    };
+    let mut findings: Vec<String> = found.quantities.iter().map(of).collect();
+    findings.extend(found.warnings.iter().cloned());
+    let mut header = header("What was identified of a walk", findings, &found.logs)?;
+    header.headline = format!(
+        "{:.4} N m is left{}, {:.4} with the CAD alone, in the {} equations of {} windows that contact forces leave",
+        found.rms,
+        found.held_out_rms.map_or(String::new(), |rms| format!(
+            ", {rms:.4} on time that the fit has not seen"
+        )),
+        found.cad_rms,
+        found.windows.equations,
+        found.windows.used
+    );
+    let rows: Vec<ParameterRow> = found.parameters.iter().map(row).collect();
+    let mut sections: Vec<Section> = feet_and_torques(comparison).into();
+    sections.push(parameters::section(&rows));
+    Ok(Page { header, sections })
+}
+
+/// What the model of a robot that walks lacks; `after` is the comparison of the model that has all of it.
+///
+/// # Errors
+/// If a log cannot be read any more.
+pub fn walk_diagnosis(
+    found: &FreeBaseDiagnosis,
+    after: &FreeBaseComparison,
+    summary: Summary,
+) -> Result<Page, Unreadable> {
+    let diagnosis = &found.diagnosis;
+    let mut findings = summary.points;
+    findings.extend(diagnosis.outside_catalogue.iter().cloned());
+    findings.extend(diagnosis.warnings.iter().cloned());
+    let mut header = header("What the model of a walk lacks", findings, &diagnosis.logs)?;
+    header.headline = summary.headline;
+    header.next = summary.next;
+    let mut sections = vec![
+        waterfall::section(&ladder(diagnosis), Some(diagnosis.noise_floor_rms)),
+        bars(diagnosis).folded(),
+    ];
+    sections.extend(feet_and_torques(after));
+    Ok(Page { header, sections })
+}
+
+/// When each foot was taken to carry a force, and each joint's torque over time.
+fn feet_and_torques(comparison: &FreeBaseComparison) -> [Section; 2] {
     let series = comparison
         .series
         .iter()
@@ -38,11 +109,8 @@ pub fn walk(comparison: &FreeBaseComparison) -> Result<Page, Unreadable> {
                 ("the model".to_owned(), own.model.clone()),
             ],
         });
-    Ok(Page {
-        header,
-        sections: vec![
-            stance::section(&comparison.feet),
-            torque::section(&series.collect::<Vec<_>>()),
-        ],
-    })
+    [
+        stance::section(&comparison.feet),
+        torque::section(&series.collect::<Vec<_>>()),
+    ]
 }
