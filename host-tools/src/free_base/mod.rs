@@ -105,8 +105,7 @@ impl Walks {
             speed::quieten(&mut walk);
             walk.rest = Rest::of(&walk.dq, walk.period);
             let stance = Stance::of(&walk, &imu());
-            let strikes = stance.strikes(&walk);
-            speed::quieten_turning(&mut walk, &strikes);
+            speed::quieten_turning(&mut walk, &stance.strikes);
             walks.push((walk, stance));
             progress(n as u64 + 1, logs.len() as u64);
         }

@@ -28,8 +28,13 @@ use crate::estimate::robot::side_by_side;
 pub(crate) const SENSORS: usize = 15;
 /// The first of those that move the readings.
 pub(super) const MOVED: usize = 3;
-/// The accelerometer's scale.
-pub(super) const ACC_SCALE: usize = SENSORS - 1;
+/// Where each of [`NAMES`] begins.
+const MOUNTING: usize = MOVED;
+const DELAYS: usize = 6;
+const RADIUS: usize = 9;
+const GYRO_BIAS: usize = 10;
+const GYRO_SCALE: usize = 13;
+pub(super) const ACC_SCALE: usize = 14;
 
 /// Names and units.
 pub(crate) const NAMES: [(&str, &str); SENSORS] = [
@@ -75,38 +80,28 @@ impl Sensors {
 
     /// The accelerometer's bias, m/s².
     pub(super) fn acc_bias(&self) -> Vector3<f64> {
-        Vector3::new(self.0[0], self.0[1], self.0[2])
+        self.vector(0)
+    }
+
+    /// Three that belong together.
+    fn vector(&self, first: usize) -> Vector3<f64> {
+        Vector3::from_fn(|n, _| self.0[first + n])
     }
 
     /// The feet, as they touch the ground.
     pub(super) fn feet(&self) -> [Foot<f64>; LEGS] {
         go2::feet().map(|foot: Foot<f64>| Foot {
-            radius: foot.radius + self.0[9],
+            radius: foot.radius + self.0[RADIUS],
             ..foot
         })
     }
 
     /// The walk as better sensors would have read it, but for the accelerometer's bias.
     pub(super) fn corrected(&self, walk: &Walk) -> Walk {
-        let [
-            _,
-            _,
-            _,
-            x,
-            y,
-            z,
-            encoders,
-            imu,
-            acc,
-            _,
-            wx,
-            wy,
-            wz,
-            gyro_scale,
-            acc_scale,
-        ] = self.0;
-        let gyro_bias = Vector3::new(wx, wy, wz);
-        let mounting = Rotation3::from_scaled_axis(Vector3::new(x, y, z));
+        let mounting = Rotation3::from_scaled_axis(self.vector(MOUNTING));
+        let [encoders, imu, acc] = [0, 1, 2].map(|n| self.0[DELAYS + n]);
+        let [gyro_scale, acc_scale] = [GYRO_SCALE, ACC_SCALE].map(|n| 1.0 + self.0[n]);
+        let gyro_bias = mounting * self.vector(GYRO_BIAS);
         let all = 0..walk.len();
         let joint = |n: usize, j: usize| walk.dq[n][j] + encoders * walk.rate(n, |m| walk.dq[m][j]);
         let turned = |n: usize, of: &[Vector3<f64>], late: f64| {
@@ -123,11 +118,11 @@ impl Sensors {
                 .collect(),
             gyro: all
                 .clone()
-                .map(|n| (turned(n, &walk.gyro, imu) - mounting * gyro_bias) / (1.0 + gyro_scale))
+                .map(|n| (turned(n, &walk.gyro, imu) - gyro_bias) / gyro_scale)
                 .collect(),
             acc: all
                 .clone()
-                .map(|n| turned(n, &walk.acc, imu + acc) / (1.0 + acc_scale))
+                .map(|n| turned(n, &walk.acc, imu + acc) / acc_scale)
                 .collect(),
             down: all
                 .map(|n| turned(n, &walk.down, imu).normalize())

@@ -71,8 +71,8 @@ pub(crate) struct Stance {
     pub(super) loaded: Vec<[bool; LEGS]>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,
-    /// A foot's torques begin to tell a force here, or cease to.
-    pub(super) changes: Vec<bool>,
+    /// When feet strike or leave the ground by their legs' torques, s in order; each is told less than [`SPREAD`] early or late.
+    pub(super) strikes: Vec<f64>,
     /// How long its windows are, µs.
     pub(super) window_us: u64,
     /// Something beyond the feet carries the robot here, or no IMU tells how it moves: nothing follows from its base's equations.
@@ -124,12 +124,9 @@ impl Stance {
                 })
             })
             .collect();
-        let changes = (0..walk.len())
-            .map(|n| {
-                let told = |n: usize| reasons[n].map(|reason| reason == Reason::Torque);
-                n > 0 && told(n) != told(n - 1)
-            })
-            .collect();
+        let pressed = |n: usize| reasons[n].map(|reason| reason == Reason::Torque);
+        let strikes = (1..walk.len()).filter(|n| pressed(*n) != pressed(n - 1));
+        let strikes = strikes.map(|n| walk.seconds(n)).collect();
         let touch_down = (0..walk.len())
             .map(|n| {
                 let on = |f: usize| {
@@ -147,7 +144,7 @@ impl Stance {
             window_us: usual_window_us(walk, &loaded),
             loaded,
             touch_down,
-            changes,
+            strikes,
             held: if walk.imu {
                 held::samples(walk, &support)
             } else {
@@ -156,14 +153,6 @@ impl Stance {
             shares: shares(&reasons),
             episodes: episodes(walk, &reasons),
         }
-    }
-}
-
-impl Stance {
-    /// When feet strike or leave the ground by their legs' torques, s in order; each is told less than [`SPREAD`] early or late.
-    pub(super) fn strikes(&self, walk: &Walk) -> Vec<f64> {
-        let changes = (0..walk.len()).filter(|n| self.changes[*n]);
-        changes.map(|n| walk.seconds(n)).collect()
     }
 }
 

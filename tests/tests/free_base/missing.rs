@@ -184,7 +184,12 @@ fn identify_and_diagnose_write_pages_of_a_walk() {
         fs::read_to_string(folder.path().join("walk.html")).unwrap()
     };
     let identified = page(&["identify", "--physical"]);
-    for words in ["total_mass: 18.", "on paper", "acc_scale:imu", "Feet on the ground"] {
+    for words in [
+        "total_mass: 18.",
+        "on paper",
+        "acc_scale:imu",
+        "Feet on the ground",
+    ] {
         assert!(identified.contains(words), "{words}");
     }
     let diagnosed = page(&["diagnose"]);
