@@ -193,7 +193,7 @@ fn identify_and_diagnose_write_pages_of_a_walk() {
         assert!(identified.contains(words), "{words}");
     }
     let diagnosed = page(&["diagnose"]);
-    for words in ["payload:base", "the model as given", "Feet on the ground"] {
+    for words in ["payload base", "the model as given", "Feet on the ground"] {
         assert!(diagnosed.contains(words), "{words}");
     }
 }
