@@ -189,17 +189,20 @@ impl Diagnose {
         for warning in &diagnosis.diagnosis.warnings {
             eprintln!("warning: {warning}");
         }
-        let mut complete = model.clone();
-        diagnosis.apply(&mut complete)?;
+        let complete = || -> Result<Model, Error> {
+            let mut complete = model.clone();
+            diagnosis.apply(&mut complete)?;
+            Ok(complete)
+        };
         let written = match (self.apply, &self.model) {
             (true, Some(path)) => {
-                complete.save(path)?;
+                complete()?.save(path)?;
                 true
             }
             _ => false,
         };
         if let Some(path) = &self.html {
-            let after = compare_free_base(&self.logs, &complete, ValuesFrom::Fitted, |_, _| ())?;
+            let after = compare_free_base(&self.logs, &complete()?, ValuesFrom::Fitted, |_, _| ())?;
             let summary = diagnosis.summary(model.robot(), self.model.as_deref(), written);
             let page = pages::walk_diagnosis(&diagnosis, &after, summary);
             page.map_err(unreadable)?.write(path)?;
