@@ -13,13 +13,13 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::JointState;
 use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Column, Columns, Entry, columns_of};
 use crate::equation::load::Load;
-use crate::equation::motion::{Motion, is_derivative};
+use crate::equation::motion::Motion;
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::share::{Share, shares};
 use crate::equation::states::States;
@@ -170,9 +170,7 @@ impl Pass<'_> {
         torque: &mut [f64],
     ) {
         let n = self.motion.joints;
-        let gains: Vec<f64> = (0..n)
-            .map(|j| values.get((EffectKind::TorqueGain, j), 0))
-            .collect();
+        let gains: Vec<f64> = (0..n).map(|j| values.torque_gain(j)).collect();
         let mut now = Instant {
             momentum: vec![0.0; n],
             rate: vec![0.0; n],
@@ -253,7 +251,7 @@ impl Pass<'_> {
 fn entries(values: &Values) -> Vec<Entry> {
     let linear = values
         .places()
-        .filter(|(effect, _)| !is_derivative(*effect));
+        .filter(|(effect, _)| !effect.description().is_derivative());
     let of = |place: Place| {
         let columns = columns_of(place, values.shape(place)).into_iter();
         columns.map(move |(parameter, column)| Entry {

@@ -1,6 +1,6 @@
 //! Armature, τ = Ia q̈: the rotor's inertia times the gear ratio squared; its impulse is Ia Δq̇.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -10,13 +10,13 @@ impl Effect for Armature {
     const DESCRIPTION: Description = Description {
         name: "armature",
         torque: "Ia q̈",
-        form: Form::Columns,
+        plain: true,
         parameters: &[Parameter::new("Ia", "kg m^2", 0.0, f64::INFINITY)],
         words: "inertia of the motor's rotor, felt at the joint times the gear ratio squared",
         look_alikes: &["payload", "delay", "elasticity", "torque_gain"],
         separated_by: "fast motion of this joint while the joints below it are held at different angles",
-        urdf: None,
         mjcf: Some("armature"),
+        ..Description::TORQUE
     };
 
     fn prior(actuator: &Actuator, _: usize) -> Prior {

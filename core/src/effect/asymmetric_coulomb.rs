@@ -3,7 +3,9 @@
 //! The mean of the two is ordinary Coulomb friction; half their difference acts like a constant torque. At rest friction is anywhere
 //! between the two: their middle is meant.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, JointState, MAX_COLUMNS, Parameter, Prior, Reach, Term,
+};
 use crate::{Real, robot::Actuator, scalar::real};
 
 /// See the module.
@@ -13,7 +15,9 @@ impl Effect for AsymmetricCoulomb {
     const DESCRIPTION: Description = Description {
         name: "asymmetric_coulomb",
         torque: "F+ for q̇ > 0, −F− for q̇ < 0",
-        form: Form::Columns,
+        reach: Reach::Joint,
+        simpler: Some(EffectKind::Coulomb),
+        sum_of: &[EffectKind::Coulomb, EffectKind::Bias],
         parameters: &[
             Parameter::new("F_plus", "N m", 0.0, f64::INFINITY),
             Parameter::new("F_minus", "N m", 0.0, f64::INFINITY),
@@ -21,8 +25,7 @@ impl Effect for AsymmetricCoulomb {
         words: "friction of constant size against the motion, larger in one direction (a worn or preloaded gear)",
         look_alikes: &["bias", "coulomb", "asymmetric_viscous", "load_friction"],
         separated_by: "no motion: a bias and Coulomb friction are the same torque, at rest too; without the gear only the bias is left",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

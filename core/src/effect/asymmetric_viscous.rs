@@ -5,7 +5,7 @@
 //! which is no bound of d alone: an effect knows nothing of another. d is free, then; a larger one means that the model lacks
 //! something else.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -15,7 +15,6 @@ impl Effect for AsymmetricViscous {
     const DESCRIPTION: Description = Description {
         name: "asymmetric_viscous",
         torque: "d |q̇|",
-        form: Form::Columns,
         parameters: &[Parameter::new(
             "d",
             "N m s/rad",
@@ -25,8 +24,7 @@ impl Effect for AsymmetricViscous {
         words: "viscous friction that differs with direction: d more forwards, d less backwards (|d| ≤ Fv)",
         look_alikes: &["asymmetric_coulomb", "bias", "viscous", "quadratic_drag"],
         separated_by: "sweeps in both directions over the same range, each at several speeds",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -3,7 +3,10 @@
 //!
 //! q_link = q + gap x, with x from −½ to ½.
 
-use super::{Description, Effect, Form, JointState, Parameter, Prior};
+use super::{
+    Description, Effect, Enters, Form, Grid, JointState, Moved, Parameter, Prior, Reach,
+    Transmission,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -13,13 +16,14 @@ impl Effect for Backlash {
     const DESCRIPTION: Description = Description {
         name: "backlash",
         torque: "link position = motor position ∓ gap/2",
-        form: Form::Motion,
-        parameters: &[Parameter::new("gap", "rad", 0.0, 0.2)],
+        form: Form::Motion(Moved::Link(Transmission::Backlash)),
+        enters: Enters::Trial,
+        reach: Reach::Joint,
+        parameters: &[Parameter::new("gap", "rad", 0.0, 0.2).searched(Grid::Gaps)],
         words: "play between motor and link, crossed when the torque changes sign",
         look_alikes: &["elasticity", "cogging", "coulomb", "delay"],
         separated_by: "slow motion through the pose in which the torque changes sign",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -1,6 +1,6 @@
 //! Bias, τ = β: an offset of the torque measurement, or a constant load; its impulse is β Δt.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term, Varies};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -10,7 +10,9 @@ impl Effect for Bias {
     const DESCRIPTION: Description = Description {
         name: "bias",
         torque: "β",
-        form: Form::Columns,
+        plain: true,
+        drifts: true,
+        varies: Varies::Slowly,
         parameters: &[Parameter::new("β", "N m", f64::NEG_INFINITY, f64::INFINITY)],
         words: "a constant torque: an offset of the current sensor, or a load that does not move",
         look_alikes: &[
@@ -21,8 +23,7 @@ impl Effect for Bias {
             "payload",
         ],
         separated_by: "slow motion through the whole range, so that gravity's torque changes and the offset does not",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

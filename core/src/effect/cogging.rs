@@ -1,7 +1,7 @@
 //! Cogging, τ = A sin(N q + ψ): the rotor prefers some angles. Linear in the two parts As sin(N q) + Ac cos(N q); N, a multiple
 //! of the gear ratio, is scanned.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, Grid, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator, scalar::sin_cos};
 
 /// See the module.
@@ -11,17 +11,15 @@ impl Effect for Cogging {
     const DESCRIPTION: Description = Description {
         name: "cogging",
         torque: "As sin(N q) + Ac cos(N q)",
-        form: Form::Columns,
         parameters: &[
             Parameter::new("As", "N m", f64::NEG_INFINITY, f64::INFINITY),
             Parameter::new("Ac", "N m", f64::NEG_INFINITY, f64::INFINITY),
-            Parameter::new("N", "1/rad", 0.0, f64::INFINITY).shape(),
+            Parameter::new("N", "1/rad", 0.0, f64::INFINITY).shape(Grid::Harmonics),
         ],
         words: "a torque that repeats with the turning of the rotor (magnetic cogging, gear teeth)",
         look_alikes: &["spring", "coulomb", "backlash"],
         separated_by: "very slow motion in both directions over several turns of the rotor",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

@@ -1,6 +1,6 @@
 //! A force at the foot that the model does not know: a detector finds it by its direction, Jᵀλ with λ away from the ground.
 
-use super::{Description, Effect, Form, Parameter, Prior};
+use super::{Description, Effect, Enters, Form, Parameter, Prior, Reach};
 use crate::robot::Actuator;
 
 /// See the module.
@@ -11,6 +11,8 @@ impl Effect for Contact {
         name: "contact",
         torque: "Jᵀ × force at the foot",
         form: Form::Force,
+        enters: Enters::Direction,
+        reach: Reach::Body,
         parameters: &[Parameter::new(
             "force",
             "N",
@@ -20,8 +22,7 @@ impl Effect for Contact {
         words: "a force at the foot: the leg stands on something, or touches it",
         look_alikes: &["payload", "bias", "load_friction"],
         separated_by: "the robot hung in the air",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -2,7 +2,7 @@
 //!
 //! A joint near rest reports noise, whose sign means nothing: see [`JointState::sign`].
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -12,7 +12,8 @@ impl Effect for Coulomb {
     const DESCRIPTION: Description = Description {
         name: "coulomb",
         torque: "Fc sign(q̇)",
-        form: Form::Columns,
+        plain: true,
+        drifts: true,
         parameters: &[Parameter::new("Fc", "N m", 0.0, f64::INFINITY)],
         words: "friction of constant size against the motion (seals, bearings, gear preload)",
         look_alikes: &[
@@ -25,6 +26,7 @@ impl Effect for Coulomb {
         separated_by: "motion at several speeds in both directions: constant-speed sweeps, slow and fast",
         urdf: Some("friction"),
         mjcf: Some("frictionloss"),
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

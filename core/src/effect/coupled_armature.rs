@@ -5,7 +5,9 @@
 //! and, at each, an [`armature`](super::armature) of its own; where it turns with their difference Ic is negative (Gautier & Janot's
 //! wrist of a Stäubli TX40). The impulse is Ic Δq̇ of the other.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -16,6 +18,7 @@ impl Effect for CoupledArmature {
         name: "coupled_armature",
         torque: "Ic q̈ of the joint before, and the same there of this joint's",
         form: Form::Coupled,
+        beside: &[EffectKind::Armature],
         parameters: &[Parameter::new(
             "Ic",
             "kg m^2",
@@ -25,8 +28,7 @@ impl Effect for CoupledArmature {
         words: "a rotor that turns with this joint and the one before",
         look_alikes: &["armature", "payload", "coupled_viscous"],
         separated_by: "fast motion of each of the two joints while the other is held, then of both",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(actuator: &Actuator, _: usize) -> Prior {

@@ -4,7 +4,9 @@
 //! A gear or a seal that turns with the sum of both velocities rubs against the sum, one that turns with the difference against
 //! that (Gautier & Janot's wrist of a Stäubli TX40). Which of the two a drive has is for the data to say.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -23,6 +25,7 @@ impl Effect for CoupledCoulomb {
         name: "coupled_coulomb",
         torque: "F_sum sign(q̇ + q̇ of the joint before) + F_diff sign(q̇ − q̇ of the joint before), on both",
         form: Form::Coupled,
+        beside: &[EffectKind::Coulomb],
         parameters: &[
             Parameter::new("F_sum", "N m", 0.0, f64::INFINITY),
             Parameter::new("F_diff", "N m", 0.0, f64::INFINITY),
@@ -30,8 +33,7 @@ impl Effect for CoupledCoulomb {
         words: "Coulomb friction of what turns with this joint and the one before",
         look_alikes: &["coulomb", "coupled_viscous", "load_friction"],
         separated_by: "motion of each of the two joints while the other is held, and of both with and against each other",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

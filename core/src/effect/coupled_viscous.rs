@@ -4,7 +4,9 @@
 //! Friction Fv (q̇_i + q̇_j) of what turns with their sum acts on both; the share of each joint's own velocity is its
 //! [`viscous`](super::viscous) friction. Where it turns with their difference Fc is negative. The impulse is Fc Δq of the other.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -15,6 +17,7 @@ impl Effect for CoupledViscous {
         name: "coupled_viscous",
         torque: "Fc q̇ of the joint before, and the same there of this joint's",
         form: Form::Coupled,
+        beside: &[EffectKind::Viscous],
         parameters: &[Parameter::new(
             "Fc",
             "N m s/rad",
@@ -24,8 +27,7 @@ impl Effect for CoupledViscous {
         words: "viscous friction of what turns with this joint and the one before",
         look_alikes: &["viscous", "coupled_coulomb", "coupled_armature"],
         separated_by: "motion of each of the two joints while the other is held, at several speeds",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

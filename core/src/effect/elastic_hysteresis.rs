@@ -7,7 +7,7 @@
 //! with the spring of `elasticity`, and z, from −1 to 1, the state of friction inside the gear (Dahl 1968; of harmonic drives Ruderman &
 //! Bertram 2012, *IEEE/ASME Trans. Mechatronics* 17:1142). It hardly shows in a torque: an encoder at the link tells it.
 
-use super::{Description, Effect, Form, Parameter, Prior};
+use super::{Description, Effect, Enters, Form, Moved, Parameter, Prior, Transmission};
 use crate::robot::Actuator;
 
 /// See the module.
@@ -17,7 +17,8 @@ impl Effect for ElasticHysteresis {
     const DESCRIPTION: Description = Description {
         name: "elastic_hysteresis",
         torque: "transmitted torque = k (motor − link) + f z, z by the way that came",
-        form: Form::Motion,
+        form: Form::Motion(Moved::Link(Transmission::SpringFriction)),
+        enters: Enters::Positions,
         parameters: &[
             Parameter::new("f", "N m", 0.0, f64::INFINITY),
             Parameter::new("w", "rad", 0.0, f64::INFINITY),
@@ -25,8 +26,7 @@ impl Effect for ElasticHysteresis {
         words: "the gear gives way otherwise under a growing torque than under a falling one (friction inside the gear)",
         look_alikes: &["elasticity", "backlash"],
         separated_by: "a second encoder at the link (q_link)",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(actuator: &Actuator, parameter: usize) -> Prior {

@@ -3,7 +3,9 @@
 //! The measured position is the motor's; the rigid body moves as the link does, q_link = q − τ/k. The link's own acceleration
 //! against the motor adds to τ: near the resonance √(k/M) of the inertia M that the joint turns it goes much farther.
 
-use super::{Description, Effect, Form, JointState, Parameter, Prior};
+use super::{
+    Description, Effect, Enters, Form, Grid, JointState, Moved, Parameter, Prior, Transmission,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -13,13 +15,15 @@ impl Effect for Elasticity {
     const DESCRIPTION: Description = Description {
         name: "elasticity",
         torque: "link position = motor position − torque/k",
-        form: Form::Motion,
-        parameters: &[Parameter::new("1/k", "rad/(N m)", 0.0, f64::INFINITY)],
+        form: Form::Motion(Moved::Link(Transmission::Spring)),
+        enters: Enters::Derivative,
+        parameters: &[
+            Parameter::new("1/k", "rad/(N m)", 0.0, f64::INFINITY).searched(Grid::Resonances)
+        ],
         words: "the link gives way against the motor in proportion to the torque (gear, belt, shaft)",
         look_alikes: &["delay", "armature", "backlash"],
         separated_by: "fast motion near the resonance and slow motion under load",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

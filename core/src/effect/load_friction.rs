@@ -3,7 +3,7 @@
 //! Where the transmitted torque is taken to be the measured one, it differs by the friction itself, and μ = 1 would make of the
 //! measured torque its own explanation. A gear that takes half of the load locks itself when it is driven backwards: no leg has one.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, Input, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -13,13 +13,12 @@ impl Effect for LoadFriction {
     const DESCRIPTION: Description = Description {
         name: "load_friction",
         torque: "μ |transmitted torque| sign(q̇)",
-        form: Form::Columns,
+        input: Input::TransmittedTorque,
         parameters: &[Parameter::new("μ", "1", 0.0, 0.5)],
         words: "friction that grows with the transmitted torque: the gear's efficiency",
         look_alikes: &["coulomb", "torque_gain", "asymmetric_coulomb"],
         separated_by: "the same motion with and without a load, or in poses of small and of large gravity torque",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

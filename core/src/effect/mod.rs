@@ -62,7 +62,9 @@ mod torque_gain;
 mod velocity_gain;
 mod viscous;
 
-pub use description::{Description, Form, Parameter, Prior};
+pub use description::{
+    Description, Enters, Form, Grid, Input, Moved, Parameter, Prior, Reach, Transmission, Varies,
+};
 
 use crate::robot::Actuator;
 use crate::{Real, scalar::real};
@@ -291,7 +293,29 @@ catalogue! {
     Saturation = saturation,
 }
 
+/// The effects of the catalogue of which a fact is true, in its order.
+macro_rules! all_that {
+    ($is:expr, $count:literal) => {{
+        let (mut found, mut count, mut n) = ([Self::ALL[0]; $count], 0, 0);
+        while n < Self::ALL.len() {
+            if $is(Self::ALL[n].description()) {
+                found[count] = Self::ALL[n];
+                count += 1;
+            }
+            n += 1;
+        }
+        assert!(count == $count);
+        found
+    }};
+}
+
 impl EffectKind {
+    /// The effects of every geared drive.
+    pub const PLAIN: [Self; 4] = all_that!(Description::is_plain, 4);
+
+    /// Those that let a link move against its motor.
+    pub const COMPLIANT: [Self; 2] = all_that!(Description::is_compliant, 2);
+
     /// The effect's name everywhere: code, command line, JSON, reports.
     pub const fn name(self) -> &'static str {
         self.description().name
@@ -309,7 +333,7 @@ impl EffectKind {
     pub fn columns(self) -> usize {
         let description = self.description();
         match description.form {
-            Form::Columns => description.parameters.iter().filter(|p| !p.shape).count(),
+            Form::Columns | Form::Clock => description.linear().count(),
             _ => 0,
         }
     }
@@ -460,12 +484,11 @@ mod tests {
         for effect in EffectKind::ALL {
             let moves = effect.motion(&state) != [0.0; 2];
             // Hysteresis moves the link by f/k: of elasticity's k an effect does not know.
-            let own = *effect != EffectKind::ElasticHysteresis;
-            assert_eq!(moves, own && effect.description().form == Form::Motion);
-            assert_eq!(
-                effect.columns() > 0,
-                effect.description().form == Form::Columns
-            );
+            let description = effect.description();
+            let own = description.transmission() != Some(Transmission::SpringFriction);
+            assert_eq!(moves, own && matches!(description.form, Form::Motion(_)));
+            let is_torque = matches!(description.form, Form::Columns | Form::Clock);
+            assert_eq!(effect.columns() > 0, is_torque);
         }
     }
 }

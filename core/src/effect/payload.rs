@@ -1,7 +1,7 @@
 //! A load on a body: a point mass m at the body's centre of mass and, to first order, away from it: h is the first moment
 //! about that centre, in the axes of the joint frame; I is what its inertia has beyond a point mass, the same about all axes.
 
-use super::{Description, Effect, Form, Parameter, Prior};
+use super::{Description, Effect, Form, Parameter, Prior, Reach, Varies};
 use crate::robot::Actuator;
 
 /// See the module.
@@ -12,6 +12,8 @@ impl Effect for Payload {
         name: "payload",
         torque: "rigid-body torque of a mass on the body",
         form: Form::Inertia,
+        reach: Reach::Body,
+        varies: Varies::LikeWeight,
         parameters: &[
             Parameter::new("m", "kg", 0.0, f64::INFINITY),
             Parameter::new("hx", "kg m", f64::NEG_INFINITY, f64::INFINITY),
@@ -28,8 +30,7 @@ impl Effect for Payload {
             "encoder_offset",
         ],
         separated_by: "slow motion through the whole range and fast motion, of this joint and of those above",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

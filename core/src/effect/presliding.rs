@@ -13,7 +13,9 @@
 //!
 //! Its impulse needs all of the motion since the recording began ([`JointState::presliding`]): where nothing is stored there is none.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, Grid, Input, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -23,16 +25,16 @@ impl Effect for Presliding {
     const DESCRIPTION: Description = Description {
         name: "presliding",
         torque: "F z/zs with dz/dt = q̇ (1 − z sign(q̇)/zs)",
-        form: Form::Columns,
+        input: Input::Bristles,
+        without_shape: Some(EffectKind::Coulomb),
         parameters: &[
             Parameter::new("F", "N m", 0.0, f64::INFINITY),
-            Parameter::new("zs", "rad", 1e-5, 0.3).shape(),
+            Parameter::new("zs", "rad", 1e-5, 0.3).shape(Grid::Displacements),
         ],
         words: "dry friction that builds up over a displacement after each reversal (seals, preloaded gears)",
         look_alikes: &["coulomb", "stribeck", "spring", "backlash", "delay"],
         separated_by: "many slow reversals, small and large: swings shorter and longer than the displacement zs",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

@@ -1,6 +1,6 @@
 //! Drag that grows with the square of the speed, τ = c q̇ |q̇|.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -10,13 +10,11 @@ impl Effect for QuadraticDrag {
     const DESCRIPTION: Description = Description {
         name: "quadratic_drag",
         torque: "c q̇ |q̇|",
-        form: Form::Columns,
         parameters: &[Parameter::new("c", "N m s^2/rad^2", 0.0, f64::INFINITY)],
         words: "drag that grows with the square of speed (churned oil, air)",
         look_alikes: &["viscous", "delay"],
         separated_by: "sweeps at the highest speeds besides medium ones",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -2,7 +2,9 @@
 //! thins as it shears. Slow motion feels F/vs as viscous friction, fast motion F as Coulomb friction; linear in F, the speed vs is
 //! scanned.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, Grid, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+};
 use crate::{Real, robot::Actuator, scalar::exp_minus};
 
 /// See the module.
@@ -12,16 +14,16 @@ impl Effect for SaturatingViscous {
     const DESCRIPTION: Description = Description {
         name: "saturating_viscous",
         torque: "F (1 − exp(−|q̇|/vs)) sign(q̇)",
-        form: Form::Columns,
+        without_shape: Some(EffectKind::Coulomb),
+        beside: &[EffectKind::Viscous, EffectKind::Coulomb],
         parameters: &[
             Parameter::new("F", "N m", 0.0, f64::INFINITY),
-            Parameter::new("vs", "rad/s", 0.02, 50.0).shape(),
+            Parameter::new("vs", "rad/s", 0.02, 50.0).shape(Grid::SpeedsOfMotion),
         ],
         words: "viscous friction that levels off with speed (harmonic and cycloidal drives)",
         look_alikes: &["viscous", "coulomb", "presliding", "quadratic_drag"],
         separated_by: "sweeps at many speeds, from crawling to the highest",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

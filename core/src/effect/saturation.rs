@@ -4,7 +4,10 @@
 //! larger by an excess that the motion does not show. So the column is where the limit acts, and its coefficient the mean excess;
 //! the limit is scanned. A share of [`EDGE`] below the limit counts in part, as far as a model of the torque can tell.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, Enters, Grid, Input, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+    Varies,
+};
 use crate::{Real, robot::Actuator, scalar::real};
 
 /// Share of the limit from which on a torque may be at it.
@@ -17,16 +20,17 @@ impl Effect for Saturation {
     const DESCRIPTION: Description = Description {
         name: "saturation",
         torque: "true torque = reported within ± limit",
-        form: Form::Columns,
+        enters: Enters::Limit,
+        input: Input::MotorTorque,
+        varies: Varies::Slowly,
         parameters: &[
-            Parameter::new("limit", "N m", 0.0, f64::INFINITY).shape(),
+            Parameter::new("limit", "N m", 0.0, f64::INFINITY).shape(Grid::Torques),
             Parameter::new("excess", "N m", 0.0, f64::INFINITY),
         ],
         words: "the motor gives less than it reports beyond a limit (current limit, voltage)",
         look_alikes: &["torque_gain", "load_friction"],
         separated_by: "the same motion slower, or with smaller loads: below the limit all is well",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(actuator: &Actuator, parameter: usize) -> Prior {

@@ -1,6 +1,8 @@
 //! A spring across the joint, τ = k (q − q0): a cable, a hose, a cover. Linear in k and in c = −k q0.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{
+    Description, Effect, EffectKind, JointState, MAX_COLUMNS, Parameter, Prior, Term, Varies,
+};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -10,7 +12,8 @@ impl Effect for Spring {
     const DESCRIPTION: Description = Description {
         name: "spring",
         torque: "k q + c, zero at q0 = −c/k",
-        form: Form::Columns,
+        varies: Varies::Slowly,
+        simpler: Some(EffectKind::Bias),
         parameters: &[
             Parameter::new("k", "N m/rad", 0.0, f64::INFINITY),
             Parameter::new("c", "N m", f64::NEG_INFINITY, f64::INFINITY),
@@ -24,8 +27,7 @@ impl Effect for Spring {
             "torque_gain",
         ],
         separated_by: "slow motion through the whole range in several poses of the joint's neighbours: gravity's torque changes with them, a spring's does not",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, parameter: usize) -> Prior {

@@ -2,7 +2,7 @@
 //!
 //! Where no temperature is known it has no column.
 
-use super::{Description, Effect, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, Input, JointState, MAX_COLUMNS, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator, scalar::real};
 
 /// See the module.
@@ -15,7 +15,7 @@ impl Effect for ThermalViscous {
     const DESCRIPTION: Description = Description {
         name: "thermal_viscous",
         torque: "kT (T − 40 °C) q̇",
-        form: Form::Columns,
+        input: Input::Temperature,
         parameters: &[Parameter::new(
             "kT",
             "N m s/(rad °C)",
@@ -25,8 +25,7 @@ impl Effect for ThermalViscous {
         words: "viscous friction that changes as the motor warms",
         look_alikes: &["viscous", "coulomb"],
         separated_by: "the same motion cold and warm: log the warm-up from a cold start",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

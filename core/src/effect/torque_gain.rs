@@ -3,7 +3,7 @@
 //! The reported torque is 1/g times all that the model says of the joint; the column of 1/g is the model's own torque. (With
 //! W θ = g ∫τ instead, g = 0 and no body at all would fit best.)
 
-use super::{Description, Effect, Form, Parameter, Prior};
+use super::{Description, Effect, Enters, Form, Parameter, Prior};
 use crate::robot::Actuator;
 
 /// See the module.
@@ -14,12 +14,13 @@ impl Effect for TorqueGain {
         name: "torque_gain",
         torque: "true torque = g × reported",
         form: Form::Scale,
+        enters: Enters::Derivative,
+        drifts: true,
         parameters: &[Parameter::new("g", "1", 0.2, 5.0).neutral(1.0)],
         words: "the reported torque is a constant multiple of the true one (torque constant, gear efficiency)",
         look_alikes: &["payload", "armature", "load_friction", "encoder_offset"],
         separated_by: "a known mass on the foot, in several poses: only it fixes the torque's scale",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -1,6 +1,6 @@
 //! A wrong velocity: reported = g × true. Positions tell it best: ∫ q̇ dt against Δq.
 
-use super::{Description, Effect, Form, JointState, Parameter, Prior};
+use super::{Description, Effect, Enters, Form, JointState, Moved, Parameter, Prior};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -10,13 +10,13 @@ impl Effect for VelocityGain {
     const DESCRIPTION: Description = Description {
         name: "velocity_gain",
         torque: "reported velocity = g × true",
-        form: Form::Motion,
+        form: Form::Motion(Moved::Velocity),
+        enters: Enters::Positions,
         parameters: &[Parameter::new("g", "1", 0.2, 5.0).neutral(1.0)],
         words: "the reported velocity is a constant multiple of the true one (position is right)",
         look_alikes: &["viscous", "armature", "torque_gain"],
         separated_by: "any motion: positions alone tell it",
-        urdf: None,
-        mjcf: None,
+        ..Description::TORQUE
     };
 
     fn prior(_: &Actuator, _: usize) -> Prior {

@@ -94,7 +94,10 @@ const fn shape(effect: EffectKind) -> f64 {
 const _: () = {
     let mut n = 0;
     while n < DEVICE_COLUMNS {
-        assert!(matches!(COLUMNS[n].description().form, Form::Columns));
+        assert!(matches!(
+            COLUMNS[n].description().form,
+            Form::Columns | Form::Clock
+        ));
         n += 1;
     }
 };

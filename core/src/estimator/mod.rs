@@ -98,12 +98,7 @@ use crate::window::{Plausible, Rows, Window};
 use crate::{Real, scalar::real};
 
 /// The effects that are estimated at every joint, in column order.
-pub const EFFECTS: [EffectKind; 4] = [
-    EffectKind::Viscous,
-    EffectKind::Coulomb,
-    EffectKind::Armature,
-    EffectKind::Bias,
-];
+pub const EFFECTS: [EffectKind; 4] = EffectKind::PLAIN;
 
 /// Inertial parameters of a leg.
 pub const LEG_INERTIAL: usize = INERTIAL * JOINTS_PER_LEG;

@@ -170,18 +170,12 @@ impl<T: Real> Solution<T> {
 
     /// Half of a leg's effects.
     fn write_effects(&mut self, n: usize) -> usize {
-        const EFFECT_KINDS: [EffectKind; EFFECTS] = [
-            EffectKind::Viscous,
-            EffectKind::Coulomb,
-            EffectKind::Armature,
-            EffectKind::Bias,
-        ];
         self.block.as_flattened_mut().fill(T::zero());
         let first = OWN * (n / EFFECT_BLOCKS) + INERTIA;
         for r in 0..ROWS {
             let e = ROWS * (n % EFFECT_BLOCKS) + r;
             let actuator = &ACTUATORS[(e / EFFECTS) % JOINTS_PER_LEG];
-            let prior = EFFECT_KINDS[e % EFFECTS].prior_of(actuator, 0);
+            let prior = EffectKind::PLAIN[e % EFFECTS].prior_of(actuator, 0);
             let weight = self.noise * real(1.0 / prior.std);
             set(&mut self.block, first + e, r, weight);
             set(&mut self.block, COLUMNS, r, weight * real(prior.mean));

@@ -55,14 +55,6 @@ const HIDDEN: (EffectKind, &str, f64) = (EffectKind::Spring, "FR_thigh", 4.0);
 /// How far the bodies are off the CAD.
 const INERTIA_ERROR: f64 = 0.06;
 
-/// What every motor has, and the model is told.
-const KNOWN: [EffectKind; 4] = [
-    EffectKind::Viscous,
-    EffectKind::Coulomb,
-    EffectKind::Armature,
-    EffectKind::Bias,
-];
-
 /// An error this close to the noise floor is down to it.
 const DOWN_TO_NOISE: f64 = 1.1;
 
@@ -165,7 +157,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
 
     let mut model = Model::default();
     let joints = 0..model.robot().bodies().len();
-    let known: Vec<_> = KNOWN
+    let known: Vec<_> = EffectKind::PLAIN
         .iter()
         .flat_map(|&effect| joints.clone().map(move |joint| (effect, joint)))
         .collect();
@@ -254,7 +246,7 @@ impl fmt::Display for Report {
             "1. A leg with typical friction moves for 20 s. Its bodies are off the CAD, and it hides an effect.\n\n\
              $ proprio simulate --legs FR --typical --inertia-error {INERTIA_ERROR} --hide {hide} --seed {seed} -o {log}\n"
         )?;
-        let known = KNOWN.map(EffectKind::name).join(" ");
+        let known = EffectKind::PLAIN.map(EffectKind::name).join(" ");
         writeln!(
             f,
             "2. The model: the CAD, and what every motor has. How wrong is it, and where?\n\n\

@@ -1,6 +1,6 @@
 //! What a model's effects are worth: the file's values, or those of the fit.
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{Form, Moved};
 use serde::Serialize;
 
 use crate::detect::contact::LeftOut;
@@ -76,15 +76,11 @@ pub(super) fn once(values: impl Iterator<Item = EffectValue>) -> Vec<EffectValue
 
 /// A parameter by all data, and its standard deviation.
 fn fitted(fit: &LimbFit, place: Place, n: usize) -> (Option<f64>, Option<f64>) {
-    if place.0 == EffectKind::VelocityGain {
+    let description = place.0.description();
+    if description.form == Form::Motion(Moved::Velocity) {
         return (Some(fit.data.velocity_gain[place.1]), None);
     }
-    let between = [
-        EffectKind::Elasticity,
-        EffectKind::Backlash,
-        EffectKind::ElasticHysteresis,
-    ];
-    if between.contains(&place.0) && fit.data.motion.link(place.1).is_some() {
+    if description.transmission().is_some() && fit.data.motion.link(place.1).is_some() {
         let told = told_by_encoders(fit.data, &fit.values, place);
         return told.map_or((None, None), |values| {
             (Some(values[n][0]), Some(values[n][1]))

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::detect::black_box::{Sees, Taken};
@@ -221,8 +221,8 @@ pub(super) fn black_box(taken: &Taken) -> Option<String> {
 pub(super) fn drift(drift: &Drift, by_log: bool) -> String {
     let parameter = &drift.effect.description().parameters[0];
     let [least, most] = drift.range;
-    let (scale, unit) = match drift.effect {
-        EffectKind::TorqueGain => (100.0, "%"),
+    let (scale, unit) = match drift.effect.description().form {
+        Form::Scale => (100.0, "%"),
         _ => (1.0, parameter.unit),
     };
     let (changes, fold) = if by_log {

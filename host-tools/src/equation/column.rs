@@ -1,9 +1,9 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Form, JointState, Term};
+use proprio_core::effect::{EffectKind, Enters, Form, JointState, Term};
 use proprio_core::inertia::INERTIAL;
 
-use super::motion::{is_derivative, is_shared};
+use super::motion::is_shared;
 use super::values::{Place, Values};
 
 /// One parameter of a limb: an entry of θ.
@@ -54,7 +54,7 @@ pub(crate) enum Column {
     /// Turning of gravity about the base's axis.
     Gravity(usize),
     /// One delay of all joints.
-    Lateness,
+    Delay,
 }
 
 /// The columns of a limb.
@@ -94,7 +94,7 @@ impl Columns {
             Column::Coupled { joint: own, .. } => {
                 own == joint || parent(&subtree_end, own) == Some(joint)
             }
-            Column::Motion { .. } | Column::Gravity(_) | Column::Lateness => true,
+            Column::Motion { .. } | Column::Gravity(_) | Column::Delay => true,
         };
         let (mut of_joint, mut places) = (Vec::new(), Vec::new());
         for joint in 0..joints {
@@ -183,8 +183,14 @@ impl Columns {
     pub(crate) fn theta(&self, values: &Values) -> Vec<f64> {
         let of = |entry: &Entry| match entry.effect {
             None => values.bodies[entry.joint][entry.parameter],
-            Some(effect) if !values.has((effect, entry.joint)) || is_derivative(effect) => 0.0,
-            Some(EffectKind::Payload) => values.load_numbers(entry.joint)[entry.parameter],
+            Some(effect)
+                if !values.has((effect, entry.joint)) || effect.description().is_derivative() =>
+            {
+                0.0
+            }
+            Some(effect) if effect.description().form == Form::Inertia => {
+                values.load_numbers(entry.joint)[entry.parameter]
+            }
             Some(effect) => values.get((effect, entry.joint), entry.parameter),
         };
         self.entries.iter().map(of).collect()
@@ -208,12 +214,11 @@ pub(crate) fn parent(subtree_end: &[usize], joint: usize) -> Option<usize> {
 pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Column)> {
     let description = effect.description();
     match description.form {
-        Form::Columns if is_shared(joint) => vec![(0, Column::Lateness)],
-        Form::Columns => {
-            let linear = (description.parameters.iter().enumerate()).filter(|(_, p)| !p.shape);
+        Form::Clock if is_shared(joint) => vec![(0, Column::Delay)],
+        Form::Columns | Form::Clock => {
+            let linear = description.linear().enumerate();
             linear
-                .enumerate()
-                .map(|(n, (parameter, _))| {
+                .map(|(n, parameter)| {
                     (
                         parameter,
                         Column::Own {
@@ -229,16 +234,8 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
         Form::Coupled => (0..description.parameters.len())
             .map(|n| (n, Column::Coupled { joint, effect, n }))
             .collect(),
-        // Positions tell them.
-        Form::Motion
-            if matches!(
-                effect,
-                EffectKind::VelocityGain | EffectKind::ElasticHysteresis
-            ) =>
-        {
-            Vec::new()
-        }
-        Form::Motion => vec![(0, Column::Motion { joint, effect })],
+        Form::Motion(_) if description.enters == Enters::Positions => Vec::new(),
+        Form::Motion(_) => vec![(0, Column::Motion { joint, effect })],
         Form::Gravity => vec![(0, Column::Gravity(0)), (1, Column::Gravity(1))],
         Form::Inertia => (0..description.parameters.len())
             .map(|n| (n, Column::Load { body: joint, n }))

@@ -10,8 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use proprio_core::effect::EffectKind;
 
 use super::column::Column;
-use super::motion::LOOSE;
-use super::values::Values;
+use super::values::{Place, Values};
 
 /// Most numbers that are kept of a limb: 8 MB.
 const MOST: usize = 1_000_000;
@@ -40,10 +39,9 @@ pub(super) enum Key {
 }
 
 impl Where {
-    pub(super) fn of(values: &Values, joints: usize, delay: f64) -> Self {
-        let offset = |j: usize| values.get((EffectKind::EncoderOffset, j), 0);
+    pub(super) fn of(values: &Values, delay: f64) -> Self {
         let numbers = [delay].into_iter().chain(values.tilt());
-        let all = numbers.chain((0..joints).map(offset));
+        let all = numbers.chain(values.offsets());
         // Zero is zero, whatever its sign.
         Self(all.map(|x| (x + 0.0).to_bits()).collect())
     }
@@ -52,22 +50,18 @@ impl Where {
 impl Key {
     /// A column's key at a joint; `None` if more than the motion makes it.
     pub(super) fn of(column: &Column, joint: usize, values: &Values) -> Option<Self> {
-        let gives_way = |effect: EffectKind| {
-            (values.places()).any(|place| place.0 == effect && values.get(place, 0) != 0.0)
-        };
+        let moves_link =
+            |place: Place| place.0.description().is_compliant() && values.get(place, 0) != 0.0;
         match *column {
             Column::Inertial(body, parameter) => {
-                let still = !LOOSE.into_iter().any(gives_way);
+                let still = !values.places().any(moves_link);
                 still.then_some(Self::Inertial {
                     joint,
                     body,
                     parameter,
                 })
             }
-            Column::Own {
-                effect: EffectKind::LoadFriction | EffectKind::Saturation | EffectKind::Delay,
-                ..
-            } => None,
+            Column::Own { effect, .. } if effect.description().depends_on_torque() => None,
             Column::Own {
                 joint,
                 effect,

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::Transmission;
 
 use super::load::Load;
 use super::motion::Motion;
@@ -45,7 +45,7 @@ impl Motion {
         let range = states.first..states.first + all / n.max(1);
         for stretch in self.stretches_within(&range) {
             for &j in &needs.play {
-                let gap = values.get((EffectKind::Backlash, j), 0);
+                let gap = values.transmission(Transmission::Backlash, j, 0);
                 let tried = if gap > 0.0 { gap } else { TYPICAL_PLAY };
                 for (at, moved) in self.in_play(load, &stretch, j, tried) {
                     states.play[at - from] = moved;
@@ -53,7 +53,7 @@ impl Motion {
                 }
             }
             for &j in &needs.spring {
-                let compliance = values.get((EffectKind::Elasticity, j), 0);
+                let compliance = values.transmission(Transmission::Spring, j, 0);
                 let gear = gear(values, j, compliance);
                 // A spring that gives way against the load is none, but a fit may pass by it.
                 if compliance <= 0.0 {
@@ -170,8 +170,8 @@ impl Motion {
             return;
         }
         for stretch in self.stretches_within(&range) {
-            let is_play = effect == EffectKind::Backlash;
-            let (share, moved) = if is_play {
+            let is_gap = effect.description().transmission() == Some(Transmission::Backlash);
+            let (share, moved) = if is_gap {
                 (size, self.in_play(load, &stretch, joint, size))
             } else {
                 let gear = gear(values, joint, size);
@@ -201,7 +201,7 @@ impl Motion {
 
 /// What a model has between a joint's motor and its link, with this compliance, rad/(N m).
 fn gear(values: &Values, joint: usize, compliance: f64) -> Gear {
-    let inside = |n: usize| values.get((EffectKind::ElasticHysteresis, joint), n);
+    let inside = |n: usize| values.transmission(Transmission::SpringFriction, joint, n);
     Gear {
         compliance,
         friction: inside(0),

@@ -6,7 +6,6 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::body::LimbBody;
@@ -43,7 +42,7 @@ impl Key {
     fn of(body: &LimbBody, values: &Values, delay: f64) -> Self {
         let bodies = values.loaded(&body.coms);
         let numbers = bodies.iter().flat_map(|body| body.0.iter().copied());
-        let all = numbers.chain(values.tilt()).chain(offsets(values));
+        let all = numbers.chain(values.tilt()).chain(values.offsets());
         Self(all.chain([delay]).map(f64::to_bits).collect())
     }
 }
@@ -115,12 +114,6 @@ impl Motion {
     }
 }
 
-/// Of each joint, rad.
-fn offsets(values: &Values) -> impl Iterator<Item = f64> + '_ {
-    let joints = 0..values.bodies.len();
-    joints.map(|j| values.get((EffectKind::EncoderOffset, j), 0))
-}
-
 impl Load {
     /// What a joint's gear transmits at a sample by the straight line that smooths it, N m; of so many joints.
     pub(crate) fn smooth(&self, sample: usize, joint: usize, joints: usize) -> f64 {
@@ -190,7 +183,7 @@ impl Motion {
         let n = self.joints;
         let rigid = body.loaded(values);
         let base = body.base(values);
-        let offsets: Vec<f64> = offsets(values).collect();
+        let offsets: Vec<f64> = values.offsets().collect();
         let links = self.links_of(motors);
         let mut torque = vec![0.0; n * self.time.len()];
         let mut inertia = vec![0.0; torque.len()];

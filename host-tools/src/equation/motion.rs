@@ -5,7 +5,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::EffectKind;
 
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
@@ -22,8 +22,8 @@ const LEAST_PERIODS: f64 = 4.0;
 /// Share of a window in which a joint may be so slow that friction may hold it, and the window still say something of its
 /// friction: one sample of a Go2, which a reversal takes that friction does not hold up.
 pub(crate) const MOST_REST: f64 = 0.125;
-/// Effects that let a link move against its motor.
-pub(crate) const LOOSE: [EffectKind; 2] = [EffectKind::Elasticity, EffectKind::Backlash];
+/// The effects of the catalogue that let a link move against its motor.
+pub(crate) const LOOSE: [EffectKind; 2] = EffectKind::COMPLIANT;
 
 /// A limb's motion, sample by sample.
 pub(crate) struct Motion {
@@ -140,7 +140,9 @@ impl Motion {
         if 4 * count >= 3 * self.windows.len() {
             return None;
         }
-        let is_loose = values.places().any(|place| LOOSE.contains(&place.0));
+        let is_loose = values
+            .places()
+            .any(|place| place.0.description().is_compliant());
         let mut asked = vec![false; self.time.len()];
         let mut range: Option<Range<usize>> = None;
         for (_, window) in self.windows.iter().enumerate().filter(|(w, _)| chosen(*w)) {
@@ -227,11 +229,7 @@ fn link(
 
 /// Whether an effect enters by a derivative of the prediction, taken where its value is.
 pub(crate) fn is_derivative(effect: EffectKind) -> bool {
-    effect == EffectKind::Delay
-        || matches!(
-            effect.description().form,
-            Form::Motion | Form::Scale | Form::Gravity
-        )
+    effect.description().is_derivative()
 }
 
 /// Whether an effect is one of all joints at `joint`.

@@ -37,7 +37,7 @@ impl Responses {
         windows: &[usize],
     ) -> Self {
         let (rigid, base) = (body.loaded(values), body.base(values));
-        let offsets = values.offsets();
+        let offsets: Vec<f64> = values.offsets().collect();
         let delay = values.delay(0);
         let joints = motion.late(delay);
         let of = |&w: &usize| -> Vec<Slopes> {

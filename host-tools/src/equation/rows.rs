@@ -62,7 +62,7 @@ impl Rows {
             if !done.contains(&delay) {
                 done.push(delay);
                 let joints = (0..motion.joints).filter(|&j| delays[j] == delay);
-                let at = Where::of(values, motion.joints, delay);
+                let at = Where::of(values, delay);
                 let own = rows.fill_known(known, &at, joints.collect(), values, columns);
                 if own.iter().any(|own| !own.is_empty()) {
                     let is_kept =
@@ -79,7 +79,7 @@ impl Rows {
         rows.put_loads(body, values, columns);
         let numbers = columns.numbers(values);
         for j in 0..motion.joints {
-            let gain = values.get((EffectKind::TorqueGain, j), 0);
+            let gain = values.torque_gain(j);
             let scale = (columns.of_joint[j].iter()).position(|c| *c == Column::Scale(j));
             if gain == 1.0 && scale.is_none() {
                 continue;
@@ -424,7 +424,7 @@ impl<'a> Pass<'a> {
                     slopes.along(joint, effect.motion(&states[joint]), j)
                 }
                 Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
-                Column::Lateness => (-states[j].tau, 0.0),
+                Column::Delay => (-states[j].tau, 0.0),
                 // Made apart from these, or of all others when all windows are.
                 Column::Inertial(..)
                 | Column::Own { .. }

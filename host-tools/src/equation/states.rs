@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, JointState};
+use proprio_core::effect::{Input, JointState, Transmission};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
@@ -143,7 +143,7 @@ impl Motion {
             let displacement = displacement(seen, j)?;
             Some(self.kept_presliding((&motors, delay), j, displacement))
         };
-        let (offsets, room) = (values.offsets(), n * range.len());
+        let (offsets, room): (Vec<f64>, usize) = (values.offsets().collect(), n * range.len());
         let mut states = States {
             first: range.start,
             q: Vec::with_capacity(room),
@@ -184,7 +184,7 @@ impl Motion {
         // What is beyond a limit is not given.
         shares
             .iter_mut()
-            .for_each(|own| own.retain(|share| share.effect != EffectKind::Saturation));
+            .for_each(|own| own.retain(|share| !share.effect.description().is_limit()));
         let mut tau = vec![0.0; states.q.len()];
         let mut joints = Vec::with_capacity(n);
         for stretch in self.stretches_within(&(first..first + states.q.len() / n)) {
@@ -227,30 +227,39 @@ pub(super) struct Needs {
 impl Needs {
     /// What the columns `made` and the links' motion ask for.
     fn of(values: &Values, made: &[&Column]) -> Self {
-        let own = |effects: &[EffectKind]| {
+        let sees = |input: Input| {
             (made.iter()).any(|column| match column {
-                Column::Own { effect, .. } | Column::Motion { effect, .. } => {
-                    effects.contains(effect)
+                Column::Own { effect, .. } => effect.description().input == input,
+                Column::Delay => input == Input::MotorTorque,
+                _ => false,
+            })
+        };
+        let asks = |of: Transmission, at: usize| {
+            (made.iter()).any(|column| match column {
+                Column::Motion { joint, effect } => {
+                    *joint == at && effect.description().transmission() == Some(of)
                 }
                 _ => false,
             })
         };
-        let asks =
-            |effect: EffectKind, joint: usize| made.contains(&&Column::Motion { joint, effect });
+        let has = |of: Transmission, at: usize| {
+            (values.places()).any(|(effect, joint)| {
+                joint == at && effect.description().transmission() == Some(of)
+            })
+        };
         let joints = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
             (0..values.bodies.len()).filter(|j| is(*j)).collect()
         };
-        let loose = |effect: EffectKind| joints(&|j| values.has((effect, j)) || asks(effect, j));
-        let (play, spring) = (loose(EffectKind::Backlash), loose(EffectKind::Elasticity));
-        let late = [EffectKind::Delay, EffectKind::Saturation];
-        let torque = made.contains(&&Column::Lateness) || own(&late);
+        let moves = |of: Transmission| joints(&|j| has(of, j) || asks(of, j));
+        let (play, spring) = (moves(Transmission::Backlash), moves(Transmission::Spring));
+        let torque = sees(Input::MotorTorque);
         let links = !play.is_empty() || !spring.is_empty();
         Self {
-            load: torque || links || own(&[EffectKind::LoadFriction]),
+            load: torque || links || sees(Input::TransmittedTorque),
             torque,
             play,
             spring,
-            give: joints(&|j| asks(EffectKind::Elasticity, j)),
+            give: joints(&|j| asks(Transmission::Spring, j)),
         }
     }
 }
@@ -260,10 +269,10 @@ fn displacement(columns: &[&Column], at: usize) -> Option<f64> {
     columns.iter().find_map(|column| match **column {
         Column::Own {
             joint,
-            effect: EffectKind::Presliding,
+            effect,
             shape,
             ..
-        } if joint == at => Some(shape),
+        } if joint == at && effect.description().input == Input::Bristles => Some(shape),
         _ => None,
     })
 }

@@ -1,7 +1,7 @@
 //! The numbers of a limb's model: what a predictor is given beside the motion, and what a fit moves.
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, MAX_PARAMETERS};
+use proprio_core::effect::{EffectKind, Form, MAX_PARAMETERS, Moved, Transmission};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::load_columns::load;
@@ -100,26 +100,53 @@ impl Values {
         shape.map_or(1.0, |n| self.get(place, n))
     }
 
+    /// The effects at a joint that act on this, with their parameters.
+    fn acting(&self, form: Form, joint: usize) -> impl Iterator<Item = &[f64; MAX_PARAMETERS]> {
+        let own = move |place: &Place| place.1 == joint && place.0.description().form == form;
+        let effects = self.effects.iter().filter(move |(place, _)| own(place));
+        effects.map(|(_, numbers)| numbers)
+    }
+
+    /// The sum of a parameter of those: zero where the model has none.
+    fn sum(&self, form: Form, joint: usize, parameter: usize) -> f64 {
+        let numbers = self.acting(form, joint);
+        numbers.fold(0.0, |sum, numbers| sum + numbers[parameter])
+    }
+
     /// How late a joint's torque is reported, s: its own delay and that of all joints.
     pub(crate) fn delay(&self, joint: usize) -> f64 {
-        self.get((EffectKind::Delay, joint), 0) + self.get((EffectKind::Delay, BASE), 0)
+        self.sum(Form::Clock, joint, 0) + self.sum(Form::Clock, BASE, 0)
+    }
+
+    /// Reported over true torque of a joint's drive, inverted: what the model's torque is divided by.
+    pub(crate) fn torque_gain(&self, joint: usize) -> f64 {
+        let gains = self.acting(Form::Scale, joint);
+        gains.fold(1.0, |product, numbers| product * numbers[0])
+    }
+
+    /// What an encoder's position is off by, rad.
+    pub(crate) fn offset(&self, joint: usize) -> f64 {
+        self.sum(Form::Motion(Moved::Zero), joint, 0)
     }
 
     /// Each encoder's offset, rad.
-    pub(crate) fn offsets(&self) -> Vec<f64> {
-        let joints = 0..self.bodies.len();
-        let offset = |j: usize| self.get((EffectKind::EncoderOffset, j), 0);
-        joints.map(offset).collect()
+    pub(crate) fn offsets(&self) -> impl Iterator<Item = f64> + '_ {
+        (0..self.bodies.len()).map(|j| self.offset(j))
+    }
+
+    /// A parameter of what a joint has between motor and link, SI; zero where the model has nothing of the kind.
+    pub(crate) fn transmission(&self, of: Transmission, joint: usize, parameter: usize) -> f64 {
+        self.sum(Form::Motion(Moved::Link(of)), joint, parameter)
     }
 
     /// Roll and pitch of gravity against the model's base, rad.
     pub(crate) fn tilt(&self) -> [f64; 2] {
-        [0, 1].map(|n| self.get((EffectKind::BaseTilt, BASE), n))
+        [0, 1].map(|n| self.sum(Form::Gravity, BASE, n))
     }
 
     /// Where the load on a body is, m in the joint frame: at the body's centre of mass `com` until it has a mass.
     pub(crate) fn load_at(&self, body: usize, com: &Vector3<f64>) -> Vector3<f64> {
-        let number = |n: usize| self.get((EffectKind::Payload, body), n);
+        let number = |n: usize| self.sum(Form::Inertia, body, n);
         let mass = number(0);
         if mass < LEAST_LOAD {
             return *com;
@@ -129,8 +156,7 @@ impl Values {
 
     /// What multiplies the columns of a load that is where [`load_at`](Self::load_at) says.
     pub(crate) fn load_numbers(&self, body: usize) -> [f64; 5] {
-        let mut numbers: [f64; 5] =
-            std::array::from_fn(|n| self.get((EffectKind::Payload, body), n));
+        let mut numbers: [f64; 5] = std::array::from_fn(|n| self.sum(Form::Inertia, body, n));
         if numbers[0] >= LEAST_LOAD {
             numbers[1..4].fill(0.0);
         }
@@ -141,7 +167,7 @@ impl Values {
     pub(crate) fn loaded(&self, coms: &[Vector3<f64>]) -> Vec<InertialParameters<f64>> {
         let body = |(b, numbers): (usize, &[f64; INERTIAL])| {
             let mut phi = *numbers;
-            if self.has((EffectKind::Payload, b)) {
+            if self.acting(Form::Inertia, b).next().is_some() {
                 let at = self.load_at(b, &coms[b]);
                 for (n, value) in self.load_numbers(b).into_iter().enumerate() {
                     let column = load(&at, n);

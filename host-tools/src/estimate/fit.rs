@@ -8,7 +8,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Enters, Form};
 use proprio_core::inertia::INERTIAL;
 use proprio_solve::group::noises;
 use proprio_solve::nested::NOISE_ROUNDS;
@@ -26,7 +26,6 @@ use super::spread::Spread;
 use super::whitening::neighbour_correlation;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::is_derivative;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 
@@ -181,7 +180,7 @@ impl<'a> LimbFit<'a> {
     ) -> (Option<Values>, Vec<(Place, f64)>) {
         let (mut sought, mut known): (Vec<Place>, Vec<Place>) = places
             .iter()
-            .partition(|place| place.0 == EffectKind::Saturation && is_searched(place, how));
+            .partition(|place| place.0.description().is_limit() && is_searched(place, how));
         let (mut start, mut told) = (how.start.clone(), Vec::new());
         while let Some(place) = sought.pop() {
             let how = How {
@@ -295,7 +294,7 @@ impl<'a> LimbFit<'a> {
         let limits = self.limits.clone();
         let groups = method::data(self.data, &self.values, &self.columns, method);
         let held: Vec<Place> = (self.places.iter().copied())
-            .filter(|place| is_derivative(place.0))
+            .filter(|place| place.0.description().is_derivative())
             .collect();
         let how = How {
             held: [how.held.clone(), held].concat(),
@@ -347,7 +346,7 @@ impl<'a> LimbFit<'a> {
     pub(crate) fn is_derivative(&self, entry: usize) -> bool {
         self.columns.entries[entry]
             .effect
-            .is_some_and(is_derivative)
+            .is_some_and(|effect| effect.description().is_derivative())
     }
 
     /// Entry k's value as the catalogue means it.
@@ -425,7 +424,7 @@ fn start(data: &LimbData, places: &[Place], how: &How) -> Values {
 /// The same, but no limit is sought.
 fn without_limits(places: &[Place], how: &How) -> How {
     let shapes = places.iter().filter(|place| is_searched(place, how));
-    let shapes = shapes.filter(|place| place.0 != EffectKind::Saturation);
+    let shapes = shapes.filter(|place| !place.0.description().is_limit());
     How {
         shapes: Some(shapes.copied().collect()),
         ..how.clone()
@@ -445,8 +444,10 @@ pub(super) fn depend_on_values(columns: &Columns) -> bool {
 
 /// Whether an effect's columns are other ones at other values.
 pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
-    use EffectKind::{LoadFriction, Payload, Saturation};
-    is_derivative(effect) || [LoadFriction, Saturation, Payload].contains(&effect)
+    let description = effect.description();
+    description.is_derivative()
+        || description.depends_on_torque()
+        || description.form == Form::Inertia
 }
 
 /// Noise of each joint's windows before there is a fit, N m: a twentieth of its torque, as well as models of drives do. It is for
@@ -463,7 +464,7 @@ fn typical_noise(data: &LimbData) -> Vec<f64> {
 }
 
 pub(super) fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {
-    effect == EffectKind::Backlash && at.get((effect, joint), 0) > 0.0
+    effect.description().enters == Enters::Trial && at.get((effect, joint), 0) > 0.0
 }
 
 /// Prior and bounds of the effects' entries.
@@ -471,7 +472,7 @@ pub(crate) fn others(columns: &Columns, at: &Values, how: &How) -> Vec<Bounded> 
     let of = |entry: &crate::equation::column::Entry| {
         let effect = entry.effect?;
         let parameter = &effect.description().parameters[entry.parameter];
-        let here = if is_derivative(effect) {
+        let here = if effect.description().is_derivative() {
             at.get((effect, entry.joint), entry.parameter)
         } else {
             0.0

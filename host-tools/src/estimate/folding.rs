@@ -5,7 +5,6 @@
 //! rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands alone, and the chain of correlated
 //! rows starts anew after it.
 
-use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::blocks::BlockFactors;
@@ -185,10 +184,7 @@ impl Weights {
 /// is its mean).
 fn excess(columns: &[Column], numbers: &[f64], row: &[f64]) -> f64 {
     let of = |((column, value), x): ((&Column, &f64), &f64)| match column {
-        Column::Own {
-            effect: EffectKind::Saturation,
-            ..
-        } => (value * x).abs(),
+        Column::Own { effect, .. } if effect.description().is_limit() => (value * x).abs(),
         _ => 0.0,
     };
     columns.iter().zip(numbers).zip(row).map(of).sum()

@@ -1,12 +1,11 @@
 //! How surely a fit's values are known: by the data, beside what shapes and the model leave open, and what values differ by from stretch to
 //! stretch.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Transmission};
 
 use super::deviation::Deviations;
 use super::fit::{LimbFit, found_by_trying};
 use super::spread::Spread;
-use crate::equation::motion::LOOSE;
 use crate::once::made_once;
 
 /// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on six simulated logs with gaps
@@ -50,12 +49,16 @@ impl LimbFit<'_> {
     fn unknown(&self, entry: usize) -> f64 {
         let value = self.value(entry);
         let column = &self.columns.entries[entry];
-        let own = match column.effect {
-            Some(effect) if LOOSE.contains(&effect) && value <= 0.0 => {
+        let transmission =
+            |effect: EffectKind| Some((effect, effect.description().transmission()?));
+        let own = match column.effect.and_then(transmission) {
+            Some((effect, _)) if value <= 0.0 => {
                 self.data.prior((effect, column.joint), column.parameter).1
             }
-            Some(EffectKind::Elasticity) => SWING * value,
-            Some(EffectKind::Backlash) => (BOUNCE * value).hypot(self.landing(column.joint, value)),
+            Some((_, Transmission::Spring)) => SWING * value,
+            Some((_, Transmission::Backlash)) => {
+                (BOUNCE * value).hypot(self.landing(column.joint, value))
+            }
             _ => 0.0,
         };
         own.hypot(self.moved_by_shapes(entry))

@@ -13,8 +13,12 @@ use super::limb_data::LimbData;
 use super::method::Method;
 use crate::equation::dot::dot;
 use crate::equation::jump::DryFriction;
-use crate::equation::motion::is_derivative;
 use crate::equation::values::{Place, Values};
+
+/// Whether an effect is a scale of the reported torque.
+fn is_scale(effect: EffectKind) -> bool {
+    effect.description().form == Form::Scale
+}
 
 impl LimbFit<'_> {
     /// What the estimate predicts, N m.
@@ -38,16 +42,12 @@ impl LimbFit<'_> {
     /// Whether the predictor is linear in all that is fitted but the torques' scales: it is then the sum of the columns, window for
     /// window.
     fn is_linear(&self) -> bool {
-        let is_scale = |effect: EffectKind| effect == EffectKind::TorqueGain;
-        let is_fixed = |place: &Place| self.places.contains(place) || is_derivative(place.0);
+        let is_fixed =
+            |place: &Place| self.places.contains(place) || place.0.description().is_derivative();
         let mut effects = self.columns.entries.iter().filter_map(|e| e.effect);
         effects.all(|effect| is_scale(effect) || !depends_on_values(effect))
             && self.at.places().all(|place| is_fixed(&place))
-            && !self.at.places().any(|place| {
-                place.0.description().form == Form::Motion
-                    && place.0 != EffectKind::EncoderOffset
-                    && place.0 != EffectKind::VelocityGain
-            })
+            && !(self.at.places()).any(|place| place.0.description().transmission().is_some())
     }
 
     /// What the joints' columns are times under θ: those of scales nothing, and the others as much more as the scale is less.
@@ -55,9 +55,9 @@ impl LimbFit<'_> {
         let mut plain = theta.clone();
         let mut scales = vec![1.0; self.data.joints()];
         for (k, entry) in self.columns.entries.iter().enumerate() {
-            if entry.effect == Some(EffectKind::TorqueGain) {
+            if entry.effect.is_some_and(is_scale) {
                 let gain = (self.data).value(&self.at, &self.columns, k, theta.as_slice());
-                let at = self.at.get((EffectKind::TorqueGain, entry.joint), 0);
+                let at = self.at.torque_gain(entry.joint);
                 scales[entry.joint] = at / gain;
                 plain[k] = 0.0;
             }
@@ -115,7 +115,7 @@ impl LimbFit<'_> {
         let limited = self
             .values
             .places()
-            .filter(|place| place.0 == EffectKind::Saturation);
+            .filter(|place| place.0.description().is_limit());
         let limits: Vec<(usize, f64)> = limited
             .map(|place| (place.1, self.values.get(place, 0)))
             .collect();

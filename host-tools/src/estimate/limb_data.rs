@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{Enters, Form, Input, Moved, Transmission};
 use rayon::prelude::*;
 
 use super::directions::Directions;
@@ -10,7 +10,7 @@ use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
 use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
-use crate::equation::motion::{Motion, is_derivative};
+use crate::equation::motion::Motion;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
@@ -55,7 +55,7 @@ impl<'a> LimbData<'a> {
         let blocks = Blocks::of(recording)?;
         let mut velocity_gain = vec![1.0; recording.joints];
         for (place, e) in places(model, limb) {
-            if place.0 == EffectKind::VelocityGain {
+            if place.0.description().form == Form::Motion(Moved::Velocity) {
                 let measured =
                     || VelocityGain::of(recording, place.1, &blocks).map(|gain| gain.value);
                 let given = e.estimate().map(|estimate| estimate.value);
@@ -253,18 +253,21 @@ impl<'a> LimbData<'a> {
 
     /// Whether the recorded torque can tell an effect at a joint at all.
     pub(crate) fn can_tell(&self, (effect, joint): Place) -> bool {
-        match effect {
-            EffectKind::ThermalViscous => self.motion.temperature.iter().all(|t| t.is_finite()),
-            // Positions tell the velocity's gain, and with a second encoder what lies between motor and link.
-            EffectKind::VelocityGain | EffectKind::ElasticHysteresis => false,
-            EffectKind::Elasticity | EffectKind::Backlash => self.motion.link(joint).is_none(),
-            _ => effect.description().form != Form::Force,
-        }
+        let description = effect.description();
+        let senses = match description.input {
+            Input::Temperature => self.motion.temperature.iter().all(|t| t.is_finite()),
+            _ => true,
+        };
+        senses
+            && !matches!(description.enters, Enters::Positions | Enters::Direction)
+            // With a second encoder positions determine what lies between motor and link.
+            && !(description.is_compliant() && self.motion.link(joint).is_some())
     }
 
     /// Whether an effect is as the model gives it, whatever the torque: what hardly shows in one.
     pub(crate) fn is_given(&self, (effect, joint): Place) -> bool {
-        effect == EffectKind::ElasticHysteresis && self.motion.link(joint).is_none()
+        let is_inside = effect.description().transmission() == Some(Transmission::SpringFriction);
+        is_inside && self.motion.link(joint).is_none()
     }
 
     /// An effect's parameter where a fit begins: as given where the torque does not tell it, else as expected.
@@ -287,7 +290,7 @@ impl<'a> LimbData<'a> {
             .map(|entry| {
                 let (mean, std) = self.prior(place, entry.parameter);
                 let neutral = effect.description().parameters[entry.parameter].neutral;
-                let (mean, std) = match (candidate, is_derivative(effect)) {
+                let (mean, std) = match (candidate, effect.description().is_derivative()) {
                     (true, _) => (0.0, std.max((mean - neutral).abs())),
                     (false, true) => (mean - values.get((effect, joint), entry.parameter), std),
                     (false, false) => (mean, std),
@@ -359,17 +362,18 @@ impl<'a> LimbData<'a> {
             return number;
         };
         let place = (effect, entry.joint);
-        if is_derivative(effect) {
-            let p = &effect.description().parameters[entry.parameter];
-            // A torque gain of nothing is none.
-            let lower = if effect == EffectKind::TorqueGain {
+        let description = effect.description();
+        if description.is_derivative() {
+            let p = &description.parameters[entry.parameter];
+            // A scale of nothing is none.
+            let lower = if description.form == Form::Scale {
                 0.05
             } else {
                 p.lower
             };
             return (values.get(place, entry.parameter) + number).clamp(lower, p.upper);
         }
-        if effect == EffectKind::Payload && (1..=3).contains(&entry.parameter) {
+        if description.form == Form::Inertia && (1..=3).contains(&entry.parameter) {
             let mass = columns.of_effect(effect, entry.joint)[0];
             let away = values.load_at(entry.joint, &self.body.coms[entry.joint])
                 - self.body.coms[entry.joint];

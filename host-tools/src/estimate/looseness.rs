@@ -4,24 +4,16 @@
 //! values is put into the model, the whole limb is predicted, and what friction, a rotor and a constant torque of each joint then leave
 //! is counted, of all joints: the link that is let go moves those after it and lacks in those before.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::Enters;
 use rayon::prelude::*;
 
 use super::directions::Span;
-use super::limb_data::LimbData;
+pub(crate) use super::grid::values_to_try;
+use super::grid::{SMALLEST, step_near};
 use super::shapes::{Scan, refined};
 use crate::equation::dot::dot;
-use crate::equation::values::{Place, Values};
+use crate::equation::values::Place;
 
-/// The smallest gap that is tried (rad), each this much wider than the one before, and how many.
-const SMALLEST: f64 = 2e-3;
-const WIDER: f64 = 1.6;
-const GAPS: i32 = 8;
-/// Resonances of springs that are tried, from this multiple of the motion's usual frequency on, each so many times the one before: the
-/// torque is far from what a column says of it up to three times the motion's frequency.
-const LOWEST: f64 = 0.8;
-const HIGHER: f64 = 1.25;
-const RESONANCES: i32 = 14;
 /// A value that takes away less than this share of the sum of squares is not looked for more closely: no effect counts that does
 /// (`select::criteria::LEAST_GAIN`).
 const LEAST_FALL: f64 = 0.01;
@@ -78,14 +70,11 @@ impl Scan<'_> {
     fn values_to_try(&self, place: Place) -> Vec<f64> {
         let known = self.at.get(place, 0);
         if self.is_near && known > 0.0 {
-            let next = match place.0 {
-                EffectKind::Elasticity => HIGHER * HIGHER,
-                _ => WIDER,
-            };
+            let next = step_near(place.0);
             return [-1, 0, 1].map(|k| known * next.powi(k)).to_vec();
         }
         let mut grid = values_to_try(self.data, self.values, place);
-        if place.0 == EffectKind::Backlash {
+        if place.0.description().enters == Enters::Trial {
             // One that was found before may lie between two of them.
             grid.extend(Some(known).filter(|known| *known > 0.5 * SMALLEST));
             grid.sort_unstable_by(f64::total_cmp);
@@ -104,24 +93,4 @@ impl Scan<'_> {
         let taken: f64 = told.basis.iter().map(|b| dot(b, &left).powi(2)).sum();
         dot(&left, &left) - taken
     }
-}
-
-/// The gaps (rad) or compliances (rad/(N m)) that are tried where none is known, from least to most.
-pub(crate) fn values_to_try(data: &LimbData, values: &Values, place: Place) -> Vec<f64> {
-    if place.0 != EffectKind::Elasticity {
-        return (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
-    }
-    let inertia = (data.motion).mean_inertia(&data.body, values, place.1);
-    let lowest = LOWEST * usual_frequency(data, place.1);
-    let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
-    (0..RESONANCES).rev().map(compliance).collect()
-}
-
-/// Acceleration over velocity of a joint, root mean squares, rad/s.
-fn usual_frequency(data: &LimbData, joint: usize) -> f64 {
-    let state = &data.motion.joint[joint].state;
-    let square = |n: usize| state.iter().map(|state| state[n] * state[n]).sum::<f64>();
-    (square(2) / square(1).max(f64::MIN_POSITIVE))
-        .sqrt()
-        .max(1.0)
 }

@@ -7,7 +7,7 @@
 //!
 //! What is a derivative is taken from the momentum fit; here it is held.
 
-use proprio_core::effect::{EffectKind, JointState, Term};
+use proprio_core::effect::{JointState, Term};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 
@@ -60,9 +60,7 @@ pub(super) fn data(data: &LimbData, values: &Values, columns: &Columns, method: 
             .map(|(k, j)| states.joint(k, j))
             .collect(),
         states,
-        gain: (0..n)
-            .map(|j| values.get((EffectKind::TorqueGain, j), 0))
-            .collect(),
+        gain: (0..n).map(|j| values.torque_gain(j)).collect(),
     };
     let groups = if method == Method::Energy { 1 } else { n };
     let mut rows = vec![vec![Vec::new(); groups]; data.blocks.count()];

@@ -10,8 +10,6 @@
 //! What depends on a shape is known as badly as the shape lets it: where one is off by its standard deviation, the others are fitted again,
 //! and by how much each of them moves is a part of its own standard deviation.
 
-use proprio_core::effect::EffectKind;
-
 use super::fit::LimbFit;
 use super::groups::{Groups, stacked};
 use super::shapes::{orthonormal, possible, shape_parameter};
@@ -34,15 +32,18 @@ struct ShapeTold {
     std: f64,
 }
 
+/// Whether an effect has a shape that a scan finds: a limit is found by its own.
+fn is_scanned((effect, _): &Place) -> bool {
+    let description = effect.description();
+    description.shape().is_some() && !description.is_limit()
+}
+
 impl LimbFit<'_> {
     /// How far the entry's value moves with shapes that are off by one standard deviation each; zero where none is scanned.
     pub(super) fn moved_by_shapes(&self, entry: usize) -> f64 {
         let squares = made_once(&self.moved_by_shapes, || {
             let mut squares = vec![0.0; self.columns.entries.len()];
-            let is_scanned = |place: &&Place| {
-                place.0.description().shape().is_some() && place.0 != EffectKind::Saturation
-            };
-            for &place in self.places.iter().filter(is_scanned) {
+            for &place in self.places.iter().filter(|place| is_scanned(place)) {
                 let moved = self.moved_by(place).unwrap_or_default();
                 let both = squares.iter_mut().zip(moved);
                 both.for_each(|(square, by)| *square += by * by);
@@ -81,7 +82,7 @@ impl LimbFit<'_> {
 
     /// Standard deviation of an effect's shape; `None` where the prediction does not depend on it.
     fn shape_std(&self, place: Place) -> Option<f64> {
-        if place.0 == EffectKind::Saturation {
+        if place.0.description().is_limit() {
             let told = self.limits.iter().find(|(limited, _)| *limited == place);
             return told.map(|(_, std)| *std);
         }
@@ -93,11 +94,7 @@ impl LimbFit<'_> {
     /// and a constant torque alone, so that what the bodies or other effects explain may pull a shape away.
     pub(super) fn with_shapes_moved(&self, rows: &Rows, held: &[Place]) -> Option<Values> {
         let mut values = None;
-        let scanned = |place: &&Place| {
-            place.0.description().shape().is_some()
-                && place.0 != EffectKind::Saturation
-                && !held.contains(place)
-        };
+        let scanned = |place: &&Place| is_scanned(place) && !held.contains(place);
         for &place in self.places.iter().filter(scanned) {
             let (n, shape) = (
                 shape_parameter(place.0),

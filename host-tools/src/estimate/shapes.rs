@@ -8,15 +8,16 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::{EffectKind, MAX_COLUMNS};
+use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS};
 use rayon::prelude::*;
 
 use super::directions::{Kept, Key, Span, Vectors};
 use super::fit::LimbFit;
+pub(crate) use super::grid::tried;
+use super::grid::{MULTIPLES, is_narrow};
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::LOOSE;
 use crate::equation::presliding::Way;
 use crate::equation::rows::Rows;
 use crate::equation::states::States;
@@ -25,20 +26,6 @@ use crate::once::made_once;
 
 /// Windows that a scan looks at, spread over the recording.
 const MOST_WINDOWS: usize = 1500;
-/// Multiples of the gear ratio that cogging is looked for at.
-const MULTIPLES: usize = 48;
-/// Limits that a saturation is looked for at, evenly up to the largest torque.
-const LIMITS: usize = 40;
-/// Speeds that a shape of friction is looked for at, each so many times the one before.
-const SPEEDS: usize = 12;
-const FASTER: f64 = 1.45;
-/// Where friction levels off is looked for from this share of the joint's greatest speed, below which it is Coulomb friction, to
-/// nearly all of it, beyond which it is viscous.
-const SLOWEST: f64 = 0.015;
-/// Displacements that presliding friction is looked for at: from what the samples resolve to this share of the joint's travel; over
-/// a larger one friction is a spring.
-const DISPLACEMENTS: usize = 14;
-const FARTHEST: f64 = 0.1;
 /// Rounds of refinement, each a third as wide as the last.
 const ROUNDS: usize = 3;
 /// A shape that differs by less than this share is the same.
@@ -48,14 +35,6 @@ const SAME: f64 = 1e-3;
 const LEAST_FALL: f64 = 0.0025;
 /// Fewer windows tell no shape.
 const LEAST_WINDOWS: usize = 50;
-
-/// What friction, a rotor and a constant torque explain anyhow.
-const BASIS: [EffectKind; 4] = [
-    EffectKind::Viscous,
-    EffectKind::Coulomb,
-    EffectKind::Armature,
-    EffectKind::Bias,
-];
 
 /// What a search for shapes has found.
 pub(crate) enum Searched {
@@ -74,11 +53,8 @@ pub(crate) fn better(
     searched: &dyn Fn(&Place) -> bool,
     again: bool,
 ) -> Searched {
-    let shaped = fit
-        .places
-        .iter()
-        .copied()
-        .filter(|place| has_shape(place.0) || place.0 == EffectKind::Elasticity);
+    let is_sought = |place: &Place| place.0.description().searched().is_some();
+    let shaped = fit.places.iter().copied().filter(is_sought);
     let places: Vec<Place> = shaped.filter(searched).collect();
     if places.is_empty() {
         return Searched::Same;
@@ -94,7 +70,7 @@ pub(crate) fn better(
     let (mut values, mut moved, mut nothing) = (fit.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
         let Some(best) = best else {
-            nothing |= LOOSE.contains(&place.0);
+            nothing |= place.0.description().is_compliant();
             continue;
         };
         let n = shape_parameter(place.0);
@@ -111,30 +87,15 @@ pub(crate) fn better(
     }
 }
 
-/// Whether one of an effect's parameters is scanned.
-pub(crate) fn has_shape(effect: EffectKind) -> bool {
-    effect == EffectKind::Backlash || effect.description().shape().is_some()
-}
-
-/// Which of its parameters.
+/// Which of its parameters is searched.
 pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
-    effect.description().shape().unwrap_or(0)
+    effect.description().searched().map_or(0, |(n, _)| n)
 }
 
 /// The shape next to this one that an effect may have.
 pub(super) fn possible(effect: EffectKind, shape: f64) -> f64 {
     let parameter = &effect.description().parameters[shape_parameter(effect)];
     shape.clamp(parameter.lower, parameter.upper)
-}
-
-/// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
-pub(crate) fn tried(effect: EffectKind) -> f64 {
-    match effect {
-        EffectKind::Cogging => MULTIPLES as f64,
-        // Neighbouring speeds, limits and gaps look much the same.
-        _ if has_shape(effect) => 4.0,
-        _ => 1.0,
-    }
 }
 
 /// The residuals of a limb's model, ready to be searched for shapes.
@@ -194,7 +155,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    fn states(&self) -> &States {
+    pub(super) fn states(&self) -> &States {
         let (data, columns) = (self.data, self.columns);
         let made = || data.motion.states(&data.body, self.values, columns, 0.0);
         made_once(&self.states, made)
@@ -212,19 +173,19 @@ impl<'a> Scan<'a> {
 
     /// The best of the shapes that are tried first, which looks much like the best one; of harmonics, which are narrow, that.
     pub(crate) fn about(&self, place: Place) -> Option<f64> {
-        self.found(place, &|_| true, place.0 == EffectKind::Cogging)
+        self.found(place, &|_| true, is_narrow(place.0))
     }
 
     fn found(&self, place: Place, chosen: &dyn Fn(usize) -> bool, closely: bool) -> Option<f64> {
         let (effect, joint) = place;
-        if LOOSE.contains(&effect) {
+        if effect.description().is_compliant() {
             return self.best_looseness(place, chosen);
         }
         let (windows, mut residual) = self.told(joint, chosen)?;
         if self.values.has(place) {
             // What the effect explains with its present shape is for the new shape to explain.
             let columns = self.columns(&windows, place, self.values.shape(place));
-            for (column, n) in columns.into_iter().zip(linear_parameters(effect)) {
+            for (column, n) in columns.into_iter().zip(effect.description().linear()) {
                 let value = self.values.get(place, n);
                 residual
                     .iter_mut()
@@ -238,12 +199,9 @@ impl<'a> Scan<'a> {
         let span = |shape: f64| self.span(&windows, place, shape, &basis);
         let fall = |shape: f64| explained(&span(shape), &residual);
         let grid = self.grid(place);
-        if effect == EffectKind::Cogging
-            && grid
-                .iter()
-                .any(|shape| self.known(&windows, place, *shape).is_none())
-        {
-            let harmonics = self.harmonics(&windows, joint);
+        let is_known = |shape: &f64| self.known(&windows, place, *shape).is_some();
+        if is_narrow(effect) && !grid.iter().all(is_known) {
+            let harmonics = self.harmonics(&windows, place);
             for (shape, columns) in grid.iter().zip(harmonics) {
                 let key = self.shape_key(&windows, place, *shape);
                 self.keep(key, beside(columns, basis()));
@@ -252,14 +210,14 @@ impl<'a> Scan<'a> {
         let falls: Vec<f64> = grid.iter().map(|&shape| fall(shape)).collect();
         let parameter = &effect.description().parameters[shape_parameter(effect)];
         // No finer than a grid that begins at what the samples resolve.
-        let lower = match effect {
-            EffectKind::Presliding => grid[0],
+        let lower = match parameter.grid {
+            Some(Grid::Displacements) => grid[0],
             _ => parameter.lower,
         };
         // Harmonics are narrow; of other shapes the next one explains much the same.
         let most = falls.iter().copied().fold(0.0, f64::max);
         let explains = most >= LEAST_FALL * dot(&residual, &residual);
-        if !closely || effect != EffectKind::Cogging && !explains {
+        if !closely || !is_narrow(effect) && !explains {
             return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
         }
         Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
@@ -283,7 +241,7 @@ impl<'a> Scan<'a> {
             return known;
         }
         let mut basis = Vectors::new();
-        for effect in BASIS {
+        for effect in EffectKind::PLAIN {
             for column in self.columns(windows, (effect, joint), 1.0) {
                 basis.extend(orthonormal(column, &basis));
             }
@@ -330,75 +288,13 @@ impl<'a> Scan<'a> {
         joint: usize,
         effect: Option<(EffectKind, u64)>,
     ) -> Option<Key> {
-        let is_kept = effect.is_none_or(|(effect, _)| effect != EffectKind::Saturation)
+        let is_kept = effect.is_none_or(|(effect, _)| !effect.description().depends_on_torque())
             && windows.len() == self.windows[joint].len();
-        let offset = self.values.get((EffectKind::EncoderOffset, joint), 0);
         is_kept.then_some(Key {
             joint,
             effect,
-            offset: (offset + 0.0).to_bits(),
+            offset: (self.values.offset(joint) + 0.0).to_bits(),
         })
-    }
-
-    /// The shapes to try, within what is physical.
-    fn grid(&self, place: Place) -> Vec<f64> {
-        let all = self.tried_shapes(place).into_iter();
-        all.map(|shape| possible(place.0, shape)).collect()
-    }
-
-    fn tried_shapes(&self, (effect, joint): Place) -> Vec<f64> {
-        let trajectory = &self.data.motion.joint[joint];
-        match effect {
-            EffectKind::Cogging => (1..=MULTIPLES)
-                .map(|k| k as f64 * self.gear(joint))
-                .collect(),
-            EffectKind::Saturation => {
-                let samples = 0..self.data.motion.time.len();
-                let torques = samples.map(|k| self.states().joint(k, joint).tau);
-                let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
-                (LIMITS / 4..LIMITS)
-                    .map(|k| most * k as f64 / LIMITS as f64)
-                    .collect()
-            }
-            EffectKind::Presliding => {
-                let q = || trajectory.state.iter().map(|state| state[0]);
-                let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
-                let least = self.least_displacement(joint);
-                let most = (FARTHEST * travel).max(least);
-                let farther = (most / least).powf(1.0 / (DISPLACEMENTS - 1) as f64);
-                (0..DISPLACEMENTS as i32)
-                    .map(|k| least * farther.powi(k))
-                    .collect()
-            }
-            EffectKind::SaturatingViscous => {
-                let speeds = trajectory.speed.iter();
-                let most = speeds.fold(0.0f64, |most, speed| most.max(speed.abs()));
-                (0..SPEEDS as i32)
-                    .map(|k| most * SLOWEST * FASTER.powi(k))
-                    .collect()
-            }
-            _ => (0..SPEEDS as i32)
-                .map(|k| trajectory.speed_noise * FASTER.powi(k))
-                .collect(),
-        }
-    }
-
-    /// The least displacement of presliding friction that a joint's samples resolve, rad: from where it turns round it goes ½ a T² in a
-    /// sampling period T, with a the root mean square of its acceleration.
-    fn least_displacement(&self, joint: usize) -> f64 {
-        let state = &self.data.motion.joint[joint].state;
-        let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
-        let acceleration = (square / state.len().max(1) as f64).sqrt();
-        let turning = 0.5 * acceleration * self.data.recording.period().powi(2);
-        let parameter = &EffectKind::Presliding.description().parameters
-            [shape_parameter(EffectKind::Presliding)];
-        turning.max(parameter.lower)
-    }
-
-    /// A joint's gear ratio; one where the motor is not known.
-    fn gear(&self, joint: usize) -> f64 {
-        let body = &self.data.model.robot().bodies()[self.data.limb.bodies.start + joint];
-        body.motor.map_or(1.0, |motor| motor.gear)
     }
 
     /// The columns of an effect over windows, as rows have them.
@@ -420,7 +316,7 @@ impl<'a> Scan<'a> {
     fn columns_of_all(&self, (effect, joint): Place, shape: f64) -> Vectors {
         let windows = &self.windows[joint];
         let motion = &self.data.motion;
-        if effect == EffectKind::Presliding {
+        if effect.description().input == Input::Bristles {
             // The states have what bristles of one displacement do; all of their term is a boundary.
             let ways = made_once(&self.ways[joint], || motion.ways(&motion.joint[joint]));
             let impulse = ways.iter().flat_map(|way| way.impulse(shape));
@@ -432,7 +328,8 @@ impl<'a> Scan<'a> {
             };
             return vec![windows.iter().map(of).collect()];
         }
-        let greatest = (effect == EffectKind::Saturation).then(|| &self.greatest()[joint]);
+        let is_limit = effect.description().is_limit();
+        let greatest = is_limit.then(|| &self.greatest()[joint]);
         let states = self.states();
         let term = |k: usize| effect.terms(&states.joint(k, joint), shape);
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
@@ -473,9 +370,9 @@ impl<'a> Scan<'a> {
         made_once(&self.greatest, || (0..self.data.joints()).map(of).collect())
     }
 
-    /// The columns of cogging at the multiples of the gear ratio that are in its grid. Sine and cosine of each multiple come
+    /// The columns, sine and cosine, at the multiples of the gear ratio that are in a grid of harmonics. Those of each multiple come
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
-    fn harmonics(&self, windows: &[usize], joint: usize) -> Vec<Vectors> {
+    fn harmonics(&self, windows: &[usize], (effect, joint): Place) -> Vec<Vectors> {
         let gear = self.gear(joint);
         // They are kept: no more room than they take.
         let room = || (0..2).map(|_| Vec::with_capacity(windows.len())).collect();
@@ -486,9 +383,7 @@ impl<'a> Scan<'a> {
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
                 let state = self.states().joint(k, joint);
-                let [sin, cos] = EffectKind::Cogging
-                    .terms(&state, gear)
-                    .map(|term| term.rate);
+                let [sin, cos] = effect.terms(&state, gear).map(|term| term.rate);
                 let weight = self.weight(first..last, k);
                 let (mut s, mut c) = (weight * sin, weight * cos);
                 for sum in &mut sums {
@@ -510,12 +405,6 @@ impl<'a> Scan<'a> {
         let time = &self.data.motion.time;
         0.5 * (time[(k + 1).min(samples.end)] - time[k.saturating_sub(1).max(samples.start)])
     }
-}
-
-/// The parameters that are no shape, in the order of their columns.
-fn linear_parameters(effect: EffectKind) -> impl Iterator<Item = usize> {
-    let parameters = effect.description().parameters;
-    (0..parameters.len()).filter(|&n| !parameters[n].shape)
 }
 
 /// The shape with the largest fall, between the neighbours of the best of a grid.

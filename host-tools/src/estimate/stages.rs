@@ -100,9 +100,9 @@ impl LimbFit<'_> {
         let effects = self.columns.entries.iter().filter_map(|entry| entry.effect);
         let of = |(other, effect): (&Bounded, EffectKind)| {
             let [lower, upper] = match effect {
-                EffectKind::Viscous | EffectKind::Coulomb | EffectKind::Armature => [0.0, MOST],
-                EffectKind::Bias => [-MOST, MOST],
-                _ => return *other,
+                effect if !effect.description().plain => return *other,
+                effect if effect.description().parameters[0].lower < 0.0 => [-MOST, MOST],
+                _ => [0.0, MOST],
             };
             Bounded {
                 mean: 0.0,

@@ -24,12 +24,7 @@ pub(crate) const BODIES: usize = JOINTS + 1;
 /// Velocity coordinates.
 pub(crate) const COORDINATES: usize = JOINTS + 6;
 /// The effects of every joint, in the order of their columns.
-pub(crate) const EFFECTS: [EffectKind; 4] = [
-    EffectKind::Viscous,
-    EffectKind::Coulomb,
-    EffectKind::Armature,
-    EffectKind::Bias,
-];
+pub(crate) const EFFECTS: [EffectKind; 4] = EffectKind::PLAIN;
 /// Inertial columns, the effects' and the sensors'.
 pub(crate) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + SENSORS;
 /// Where the sensors' columns begin, the accelerometer's first.

@@ -3,7 +3,7 @@
 mod result;
 mod words;
 
-use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;
 
 use super::runs::{self, Run};
@@ -14,7 +14,6 @@ use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
-use crate::estimate::shapes::has_shape;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
 use crate::model::{Model, ModelEffect};
@@ -225,10 +224,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
 
 /// The shapes that were scanned.
 fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
-    let shaped = fit
-        .values
-        .places()
-        .filter(|place| has_shape(place.0) && !is_shared(place.1));
+    let shaped = fit.values.places().filter(|place| !is_shared(place.1));
     let of = |place: Place| {
         let n = place.0.description().shape()?;
         let (mean, prior) = fit.data.prior(place, n);
@@ -252,15 +248,13 @@ fn told_by_positions(fit: &LimbFit) -> Vec<FittedParameter> {
     let data = fit.data;
     let of = |(place, effect): (Place, &ModelEffect)| -> Vec<FittedParameter> {
         let body = data.body_of(place.1);
-        let measured: Option<Vec<[f64; 2]>> = match place.0 {
-            EffectKind::VelocityGain => VelocityGain::of(data.recording, place.1, &data.blocks)
-                .map(|gain| vec![[gain.value, gain.std]]),
-            EffectKind::Elasticity | EffectKind::Backlash if data.can_tell(place) => {
-                return Vec::new();
+        let measured: Option<Vec<[f64; 2]>> = match place.0.description().form {
+            Form::Motion(_) if data.can_tell(place) => return Vec::new(),
+            Form::Motion(Moved::Velocity) => {
+                VelocityGain::of(data.recording, place.1, &data.blocks)
+                    .map(|gain| vec![[gain.value, gain.std]])
             }
-            EffectKind::Elasticity | EffectKind::Backlash | EffectKind::ElasticHysteresis => {
-                told_by_encoders(data, &fit.values, place)
-            }
+            Form::Motion(Moved::Link(_)) => told_by_encoders(data, &fit.values, place),
             _ => return Vec::new(),
         };
         let parameters = place.0.description().parameters.iter().enumerate();

@@ -4,7 +4,7 @@
 //! A prior is there so that what the data do not tell stays small, not to tell the value: it must never be narrower than what such a
 //! joint can have.
 
-use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::effect::{EffectKind, Form, Prior};
 use proprio_core::go2::{Actuator, JOINTS_PER_LEG};
 
 use super::robot::{Body, JointKind, Motor, Robot, go2_motor};
@@ -38,11 +38,12 @@ impl Robot {
     pub fn parameter_prior(&self, effect: EffectKind, joint: usize, parameter: usize) -> Prior {
         let body = &self.bodies()[joint];
         let unit = effect.description().parameters[parameter].unit;
-        let room = match effect {
-            EffectKind::Armature | EffectKind::CoupledArmature => {
+        let room = match (effect.description().form, unit) {
+            (Form::Inertia, _) => self.room_for_load(joint, unit),
+            // Of all torques only a rotor's has an inertia.
+            (_, "kg m^2") => {
                 (body.motor.is_none()).then(|| self.moved_inertia(joint).max(body.rotor_room()))
             }
-            EffectKind::Payload => self.room_for_load(joint, unit),
             _ => body.room_for(unit),
         };
         if let (false, Some(std)) = (body.is_go2s(), room) {

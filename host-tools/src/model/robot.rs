@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{EffectKind, Form, Reach};
 use proprio_core::go2::{self, ACTUATORS, Actuator, JOINT_NAMES, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
@@ -313,11 +313,11 @@ impl Robot {
     /// # Errors
     /// If no joint has this name, the effect is the base's and the name is not `base`, or it needs another joint.
     pub fn place(&self, effect: EffectKind, name: Option<&str>) -> Result<Vec<usize>, UnknownName> {
-        let of_base = effect.description().form == Form::Gravity;
+        let description = effect.description();
+        let of_base = description.reach == Reach::Robot;
         match name {
             None if of_base => Ok(vec![BASE]),
-            // One delay of all joints is the base's as well.
-            Some("base") if of_base || effect == EffectKind::Delay => Ok(vec![BASE]),
+            Some("base") if description.may_be_shared() => Ok(vec![BASE]),
             Some(name) if of_base => Err(UnknownName::new("joint", name, ["base"])),
             Some(name) => {
                 let joint = self.joint(name)?;

@@ -1,0 +1,151 @@
+//! Where the parameters are searched in which a torque is far from linear: the values of each [`Grid`] at a joint of a limb.
+
+use proprio_core::effect::{EffectKind, Enters, Grid};
+
+use super::limb_data::LimbData;
+use super::shapes::{Scan, possible, shape_parameter};
+use crate::equation::values::{Place, Values};
+
+/// Multiples of the gear ratio that harmonics are looked for at.
+pub(super) const MULTIPLES: usize = 48;
+/// Limits that are looked for, evenly up to the largest torque.
+const LIMITS: usize = 40;
+/// Speeds that a shape of friction is looked for at, each so many times the one before.
+const SPEEDS: usize = 12;
+const FASTER: f64 = 1.45;
+/// Where friction levels off is looked for from this share of the joint's greatest speed, below which it is Coulomb friction, to
+/// nearly all of it, beyond which it is viscous.
+const SLOWEST: f64 = 0.015;
+/// Displacements that presliding friction is looked for at: from what the samples resolve to this share of the joint's travel; over
+/// a larger one friction is a spring.
+const DISPLACEMENTS: usize = 14;
+const FARTHEST: f64 = 0.1;
+/// The smallest gap that is tried (rad), each so many times as wide as the one before, and how many.
+pub(super) const SMALLEST: f64 = 2e-3;
+const WIDER: f64 = 1.6;
+const GAPS: i32 = 8;
+/// Resonances of springs that are tried, from this multiple of the motion's usual frequency on, each so many times the one before: the
+/// torque is far from what a column says of it up to three times the motion's frequency.
+const LOWEST: f64 = 0.8;
+const HIGHER: f64 = 1.25;
+const RESONANCES: i32 = 14;
+/// How many of a grid's values differ from each other as far as chance can tell: neighbouring speeds, limits and gaps look much the
+/// same.
+const DIFFERENT: f64 = 4.0;
+
+/// Whether the best value of an effect's grid stands alone: between two of them the torque is another one.
+pub(super) fn is_narrow(effect: EffectKind) -> bool {
+    matches!(effect.description().searched(), Some((_, Grid::Harmonics)))
+}
+
+/// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
+pub(crate) fn tried(effect: EffectKind) -> f64 {
+    let description = effect.description();
+    match description.searched() {
+        Some((_, Grid::Harmonics)) => MULTIPLES as f64,
+        Some(_) if description.enters != Enters::Derivative => DIFFERENT,
+        // What has a column is tried by that.
+        _ => 1.0,
+    }
+}
+
+impl Scan<'_> {
+    /// The shapes to try, within what is physical.
+    pub(super) fn grid(&self, place: Place) -> Vec<f64> {
+        let all = self.tried_shapes(place).into_iter();
+        all.map(|shape| possible(place.0, shape)).collect()
+    }
+
+    fn tried_shapes(&self, place: Place) -> Vec<f64> {
+        let (effect, joint) = place;
+        let trajectory = &self.data.motion.joint[joint];
+        let Some((_, grid)) = effect.description().searched() else {
+            return Vec::new();
+        };
+        match grid {
+            Grid::Harmonics => (1..=MULTIPLES)
+                .map(|k| k as f64 * self.gear(joint))
+                .collect(),
+            Grid::Torques => {
+                let samples = 0..self.data.motion.time.len();
+                let torques = samples.map(|k| self.states().joint(k, joint).tau);
+                let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
+                (LIMITS / 4..LIMITS)
+                    .map(|k| most * k as f64 / LIMITS as f64)
+                    .collect()
+            }
+            Grid::Displacements => {
+                let q = || trajectory.state.iter().map(|state| state[0]);
+                let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
+                let least = self.least_displacement(place);
+                let most = (FARTHEST * travel).max(least);
+                geometric(least, most, DISPLACEMENTS)
+            }
+            Grid::SpeedsOfMotion => {
+                let speeds = trajectory.speed.iter();
+                let most = speeds.fold(0.0f64, |most, speed| most.max(speed.abs()));
+                (0..SPEEDS as i32)
+                    .map(|k| most * SLOWEST * FASTER.powi(k))
+                    .collect()
+            }
+            Grid::SpeedsAboveNoise => (0..SPEEDS as i32)
+                .map(|k| trajectory.speed_noise * FASTER.powi(k))
+                .collect(),
+            Grid::Values { least, most, count } => geometric(least, most, count),
+            Grid::Gaps | Grid::Resonances => values_to_try(self.data, self.values, place),
+        }
+    }
+
+    /// The least displacement that a joint's samples resolve, rad: from where it turns round it goes ½ a T² in a sampling period T, with
+    /// a the root mean square of its acceleration.
+    fn least_displacement(&self, (effect, joint): Place) -> f64 {
+        let state = &self.data.motion.joint[joint].state;
+        let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
+        let acceleration = (square / state.len().max(1) as f64).sqrt();
+        let turning = 0.5 * acceleration * self.data.recording.period().powi(2);
+        turning.max(effect.description().parameters[shape_parameter(effect)].lower)
+    }
+
+    /// A joint's gear ratio; one where the motor is not known.
+    pub(super) fn gear(&self, joint: usize) -> f64 {
+        let body = &self.data.model.robot().bodies()[self.data.limb.bodies.start + joint];
+        body.motor.map_or(1.0, |motor| motor.gear)
+    }
+}
+
+/// How far the neighbours of a gap or a compliance that is known are, a factor.
+pub(super) fn step_near(effect: EffectKind) -> f64 {
+    match effect.description().searched() {
+        Some((_, Grid::Resonances)) => HIGHER * HIGHER,
+        _ => WIDER,
+    }
+}
+
+/// The gaps (rad) or compliances (rad/(N m)) that are tried where none is known, from least to most.
+pub(crate) fn values_to_try(data: &LimbData, values: &Values, place: Place) -> Vec<f64> {
+    if !matches!(
+        place.0.description().searched(),
+        Some((_, Grid::Resonances))
+    ) {
+        return (0..GAPS).map(|k| SMALLEST * WIDER.powi(k)).collect();
+    }
+    let inertia = (data.motion).mean_inertia(&data.body, values, place.1);
+    let lowest = LOWEST * usual_frequency(data, place.1);
+    let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
+    (0..RESONANCES).rev().map(compliance).collect()
+}
+
+/// So many values from the least to the most, each as many times the one before.
+fn geometric(least: f64, most: f64, count: usize) -> Vec<f64> {
+    let step = (most / least).powf(1.0 / (count - 1) as f64);
+    (0..count as i32).map(|k| least * step.powi(k)).collect()
+}
+
+/// Acceleration over velocity of a joint, root mean squares, rad/s.
+fn usual_frequency(data: &LimbData, joint: usize) -> f64 {
+    let state = &data.motion.joint[joint].state;
+    let square = |n: usize| state.iter().map(|state| state[n] * state[n]).sum::<f64>();
+    (square(2) / square(1).max(f64::MIN_POSITIVE))
+        .sqrt()
+        .max(1.0)
+}
