@@ -5,11 +5,11 @@
 //! prior are in it. Noise of first order with the coefficient a is whitened by (x_k − a x_{k−1}) / √(1 − a²).
 
 use nalgebra::{DMatrix, SVector};
-use proprio::simulator::SimulatedSample;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, Leg};
 use proprio_core::inertia::{INERTIAL, NAMES};
 use proprio_core::spatial::Transform;
+use proprio_simulator::SimulatedSample;
 
 /// Inertial parameters of a leg.
 const BODIES: usize = INERTIAL * JOINTS;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use proprio::simulator::HiddenKind;
+use proprio_simulator::HiddenKind;
 
 use super::case::Group;
 use super::outcome::Outcome;

@@ -24,10 +24,11 @@ use proprio::identifiability::BaseParameter;
 use proprio::identify::{FitOptions, fit_model};
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::{HiddenEffect, Sensors, SimulatedSample, Simulation};
-use proprio_core::effect::{EffectKind, Prior};
+use proprio_core::effect::Prior;
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{HiddenKind, Sensors, SimulatedSample, Simulation};
 use proprio_tests::information::{self, TorqueNoise};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -151,12 +152,8 @@ fn one(seed: u64, seconds: f64) -> Result<Vec<(Noise, Told)>, Failure> {
 
 /// A leg with the four effects; dry friction only where the sensors are a Go2's.
 fn simulation(seed: u64, seconds: f64, noise: Noise) -> Result<Simulation, Failure> {
-    let mut effects = Vec::new();
-    for effect in proprio::parameter::typical_effects(&[LEG]) {
-        if noise == Noise::Go2 || effect.effect != EffectKind::Coulomb {
-            effects.push(HiddenEffect::try_from(effect)?);
-        }
-    }
+    let mut effects = typical(&[LEG]);
+    effects.retain(|e| noise == Noise::Go2 || e.kind() != HiddenKind::Coulomb);
     Ok(Simulation {
         duration: seconds,
         inertia_error: INERTIA_ERROR,

@@ -7,7 +7,7 @@ use proprio::excite::{Goal, RandomMotions, Settings};
 use proprio::identifiability::BaseParameter;
 use proprio::identify::FitOptions;
 use proprio::model::Model;
-use proprio::simulator::{Followed, Simulation};
+use proprio_simulator::{Followed, Simulation};
 
 use super::condition::designed;
 use super::robots::{

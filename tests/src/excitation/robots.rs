@@ -8,13 +8,13 @@ use std::sync::Arc;
 use proprio::excite::output::{Gains, write_csv};
 use proprio::excite::{Foresight, Goal, LimbDesign, Settings};
 use proprio::identify::{FitOptions, Fitted, fit_model};
-use proprio::log::{JointId, LogWriter};
+use proprio::log::LogWriter;
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{Followed, Simulation};
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{Followed, Simulation};
 
 use super::Failure;
 

@@ -6,12 +6,11 @@ use std::sync::Arc;
 
 use proprio::diagnose::{Diagnosis, diagnose};
 use proprio::excite::Goal;
-use proprio::log::JointId;
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::{Followed, HiddenKind, Simulation, Sizes};
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::JOINTS_PER_LEG;
+use proprio_core::go2::{JOINTS_PER_LEG, JointId};
+use proprio_simulator::{Followed, HiddenKind, Simulation, Sizes};
 
 use super::condition::designed;
 use super::robots::{LEG, PLAIN, SLOW, chirp, log_of, model_with, played, robot, settings};
@@ -111,7 +110,7 @@ fn case(
 ) -> Result<Case, Failure> {
     let (a, b, joint) = pair;
     let (truth, other) = if which == 0 { (a, b) } else { (b, a) };
-    let joint: JointId = joint.parse().map_err(|_| "no such joint")?;
+    let joint = JointId::from_name(joint).ok_or("no such joint")?;
     let robot = with_effect(robot(number), [a, b], truth, joint)?;
     let mut model = model_with(&PLAIN);
     let place = model.robot().joint(joint.name())?;

@@ -1,10 +1,9 @@
 //! Typical sizes of every effect: what batteries of tests are made of.
 
-use proprio_core::go2::JOINTS_PER_LEG;
+use proprio_core::go2::{JOINTS_PER_LEG, JointId};
 
 use super::effect::{HiddenKind, Scope};
 use super::hidden::{HiddenEffect, HiddenError};
-use crate::log::JointId;
 
 /// Typical sizes of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +67,7 @@ const fn with(
 
 /// Typical sizes of every effect, from the plausible ranges of go2.md where it has one: a table for test batteries.
 ///
-/// Sizes are whole effects, not additions to `typical_effects`.
+/// Sizes are whole effects, not additions to [`typical`](crate::hidden::typical).
 pub const SIZES: &[Sizes] = {
     use HiddenKind as K;
     &[

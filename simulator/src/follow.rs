@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use nalgebra::Vector3;
-use proprio_core::go2::{JOINTS_PER_LEG as JOINTS, Leg, position_limits};
+use proprio_core::go2::{JOINTS_PER_LEG as JOINTS, JointId, Leg, position_limits};
 
 use super::motion::Wanted;
-use crate::log::JointId;
 
 /// The channels of a motion file, each a column per joint; the last three may be missing.
 const CHANNELS: [&str; 6] = ["q", "dq", "ddq", "tau", "kp", "kd"];
@@ -111,7 +110,7 @@ impl Header {
     fn of(names: &csv::StringRecord, path: &Path) -> Result<Self, FollowError> {
         let name = || path.display().to_string();
         let place = |column: &str| names.iter().position(|h| h.trim() == column);
-        let known = |joint: &str| joint.parse::<JointId>().is_ok();
+        let known = |joint: &str| JointId::from_name(joint).is_some();
         for column in names.iter().map(str::trim) {
             let joint = column.split_once('/').filter(|(c, _)| CHANNELS.contains(c));
             if let Some((_, joint)) = joint.filter(|(_, joint)| !known(joint)) {

@@ -23,8 +23,7 @@ use super::{
     BODY_STREAM, HiddenEffect, HiddenKind, NOISE_STREAM, REFERENCE_STREAM, Sensors,
     SimulatedSample, inertia_error, motion, random, truth_of_body, truth_of_joint,
 };
-use crate::log::JointId;
-use crate::parameter::Parameter;
+use crate::TrueValue;
 pub use gait::Gait;
 use ground::Ground;
 use imu::{Imu, Pads};
@@ -255,10 +254,10 @@ impl Walk {
 
     /// The truth by the names of `identify --free-base`: bodies (without payloads), the effects that are estimated by default (zero
     /// where there is none), all others, the trunk's payload, what the IMU adds to its readings, and the ground's friction.
-    pub fn truth(&self) -> Vec<Parameter> {
+    pub fn truth(&self) -> Vec<TrueValue> {
         let bodies = self.bodies();
         let names = std::iter::once("base").chain(go2::JOINT_NAMES);
-        let mut truth: Vec<Parameter> = names
+        let mut truth: Vec<TrueValue> = names
             .zip(&bodies)
             .flat_map(|(name, body)| truth_of_body(name, body))
             .collect();
@@ -272,13 +271,13 @@ impl Walk {
             ("gyro_bias", "rad/s", imu.gyro_bias),
         ] {
             let axes = ["x", "y", "z"].into_iter().zip(bias.iter());
-            truth.extend(axes.map(|(axis, &value)| Parameter {
+            truth.extend(axes.map(|(axis, &value)| TrueValue {
                 name: format!("{what}.{axis}:imu"),
                 unit,
                 value,
             }));
         }
-        truth.push(Parameter {
+        truth.push(TrueValue {
             name: "friction:ground".to_owned(),
             unit: "1",
             value: self.ground_friction,

@@ -7,7 +7,7 @@ use proprio_core::spatial::Force;
 use super::plant::{State, generalised, lowest};
 use super::walker::STEP;
 use super::*;
-use crate::simulator::{Hide, hidden};
+use crate::{Hide, hidden};
 
 const GRAVITY: f64 = 9.81;
 

@@ -3,9 +3,8 @@
 use std::str::FromStr;
 
 use super::effect::{HiddenKind, Scope};
-use crate::log::{JointId, UnknownName};
-use crate::parameter::{self, JointEffect, Parameter};
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use crate::TrueValue;
+use proprio_core::go2::{JOINT_NAMES, JOINTS_PER_LEG, JointId, Leg};
 
 /// The base, where a payload names it.
 const BASE: &str = "base";
@@ -25,11 +24,12 @@ pub enum HiddenError {
     #[error("expected EFFECT[:JOINT]=VALUE[,NAME=VALUE…]")]
     Form,
     /// No such effect, joint or parameter.
-    #[error("{unknown}{}", did_you_mean(.unknown))]
+    #[error("`{name}` is not one of {}", .known.join(", "))]
     Name {
-        /// What was written, and what there is.
-        #[from]
-        unknown: UnknownName,
+        /// What was written.
+        name: String,
+        /// What there is.
+        known: Vec<&'static str>,
     },
     /// Not a number.
     #[error("`{0}` is not a number")]
@@ -75,9 +75,12 @@ fn walking() -> String {
     WALKING.map(HiddenKind::name).join(", ")
 }
 
-fn did_you_mean(unknown: &UnknownName) -> String {
-    let nearest = unknown.nearest();
-    nearest.map_or_else(String::new, |name| format!("; did you mean `{name}`?"))
+/// `name` was looked for in `known`.
+fn unknown(name: &str, known: impl IntoIterator<Item = &'static str>) -> HiddenError {
+    HiddenError::Name {
+        name: name.to_owned(),
+        known: known.into_iter().collect(),
+    }
 }
 
 impl HiddenEffect {
@@ -119,7 +122,7 @@ impl HiddenEffect {
         let parameters = self.kind.description().parameters;
         let names = || parameters.iter().map(|p| p.name);
         let found = names().position(|known| known == name);
-        let n = found.ok_or_else(|| UnknownName::new(name, names()))?;
+        let n = found.ok_or_else(|| unknown(name, names()))?;
         self.put(n, value)
     }
 
@@ -156,19 +159,19 @@ impl HiddenEffect {
     /// `stribeck:FR_calf`, `payload:base`, `base_tilt`.
     pub fn place(&self) -> String {
         match self.joint {
-            Some(joint) => parameter::name(self.kind.name(), joint),
+            Some(joint) => format!("{}:{joint}", self.kind.name()),
             None if self.kind.description().scope == Scope::Base => self.kind.name().to_owned(),
-            None => parameter::name_at(self.kind.name(), BASE),
+            None => format!("{}:{BASE}", self.kind.name()),
         }
     }
 
     /// Its parameters by name: the first bears the effect's, the others `NAME:EFFECT:JOINT`.
-    pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
+    pub fn parameters(&self) -> impl Iterator<Item = TrueValue> {
         let described = self.kind.description().parameters.iter();
         described
             .zip(&self.values)
             .enumerate()
-            .map(|(n, (parameter, &value))| Parameter {
+            .map(|(n, (parameter, &value))| TrueValue {
                 name: match n {
                     0 => self.place(),
                     _ => format!("{}:{}", parameter.name, self.place()),
@@ -179,26 +182,25 @@ impl HiddenEffect {
     }
 }
 
-impl TryFrom<JointEffect> for HiddenEffect {
-    type Error = HiddenError;
-
-    fn try_from(effect: JointEffect) -> Result<Self, HiddenError> {
-        let kind = kind_named(effect.effect.name())?;
-        let joint = (kind.description().scope != Scope::Base).then_some(effect.joint);
-        Self::new(kind, joint, effect.value)
-    }
-}
-
-/// Friction, rotor inertia and bias of a Go2's motors in the middle of what recorded data show: `typical_effects` as this
-/// simulator's.
+/// Friction, rotor inertia and bias of a Go2's motors in the middle of what recorded data show.
 pub fn typical(legs: &[Leg]) -> Vec<HiddenEffect> {
-    let effects = parameter::typical_effects(legs).into_iter();
-    effects.flat_map(HiddenEffect::try_from).collect()
-}
-
-fn kind_named(name: &str) -> Result<HiddenKind, UnknownName> {
-    let names = || HiddenKind::ALL.iter().map(|kind| kind.name());
-    HiddenKind::from_name(name).ok_or_else(|| UnknownName::new(name, names()))
+    // At hip, thigh and calf.
+    let table = [
+        (HiddenKind::Viscous, [0.03, 0.04, 0.05]),
+        (HiddenKind::Coulomb, [0.15, 0.12, 0.6]),
+        // Not quite the rotors' on paper, which an estimate takes as its prior.
+        (HiddenKind::Armature, [0.005, 0.005, 0.018]),
+        (HiddenKind::Bias, [-0.1, 0.1, -0.1]),
+    ];
+    let at = |joint: JointId| {
+        table.map(|(kind, values)| HiddenEffect {
+            kind,
+            joint: Some(joint),
+            values: vec![values[joint.place()]],
+        })
+    };
+    let joints = legs.iter().flat_map(|&leg| JointId::of(leg));
+    joints.flat_map(at).collect()
 }
 
 /// What `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]` says; without a joint, at all joints that can have it.
@@ -268,9 +270,13 @@ impl FromStr for Hide {
             Some((effect, place)) => (effect, Some(place)),
             None => (place, None),
         };
-        let kind = kind_named(effect)?;
+        let names = || HiddenKind::ALL.iter().map(|kind| kind.name());
+        let kind = HiddenKind::from_name(effect).ok_or_else(|| unknown(effect, names()))?;
         let on_base = joint == Some(BASE) && kind == HiddenKind::Payload;
-        let joint = joint.filter(|_| !on_base).map(str::parse).transpose()?;
+        let joint = joint.filter(|_| !on_base);
+        let joint = joint
+            .map(|name| JointId::from_name(name).ok_or_else(|| unknown(name, JOINT_NAMES)))
+            .transpose()?;
         let mut values = values.split(',');
         let value = number(values.next().unwrap_or(""))?;
         let mut others = Vec::new();

@@ -24,13 +24,12 @@ pub mod walk;
 use std::sync::Arc;
 
 use proprio_core::estimator::EFFECTS;
-use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG, Leg};
-use proprio_core::inertia::InertialParameters;
+use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG, JointId, Leg};
+use proprio_core::inertia::{InertialParameters, NAMES, UNITS};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use serde::Serialize;
 
-use crate::log::JointId;
-use crate::parameter::{self, Parameter};
 pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
 pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide};
@@ -72,6 +71,17 @@ pub struct Simulation {
     pub sensors: Sensors,
     /// Chooses the reference and all that is random.
     pub seed: u64,
+}
+
+/// A parameter of the truth, by the name that `identify` has for it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrueValue {
+    /// `m:FR_hip`, `coulomb:FR_hip`, `vs:stribeck:FR_hip`.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Value.
+    pub value: f64,
 }
 
 /// One sample of a simulated log, its joints leg by leg.
@@ -167,13 +177,13 @@ impl Simulation {
 
     /// The truth by name: each leg's bodies (without payloads), the effects that are estimated by default (zero where there
     /// is none), then the parameters of all other effects, those of the base last.
-    pub fn truth(&self) -> Vec<Parameter> {
+    pub fn truth(&self) -> Vec<TrueValue> {
         let legs = self.legs.iter().flat_map(|&leg| self.truth_of_leg(leg));
         let base = self.effects.iter().filter(|e| e.joint().is_none());
         legs.chain(base.flat_map(|e| e.parameters())).collect()
     }
 
-    fn truth_of_leg(&self, leg: Leg) -> Vec<Parameter> {
+    fn truth_of_leg(&self, leg: Leg) -> Vec<TrueValue> {
         let joints = JointId::of(leg);
         let mut truth = Vec::new();
         for (&joint, body) in joints.iter().zip(&self.bodies(leg)) {
@@ -230,12 +240,11 @@ fn random(seed: u64, stream: u64) -> ChaCha8Rng {
 fn truth_of_body(
     name: &str,
     body: &InertialParameters<f64>,
-) -> impl Iterator<Item = Parameter> + use<> {
+) -> impl Iterator<Item = TrueValue> + use<> {
     let (name, body) = (name.to_owned(), body.0);
-    let named = parameter::INERTIAL_NAMES.iter().enumerate();
-    named.map(move |(n, &(what, unit))| Parameter {
-        name: parameter::name_at(what, &name),
-        unit,
+    NAMES.iter().enumerate().map(move |(n, what)| TrueValue {
+        name: format!("{what}:{name}"),
+        unit: UNITS[n],
         value: body[n],
     })
 }
@@ -245,15 +254,15 @@ fn truth_of_joint(
     effects: &[HiddenEffect],
     joint: JointId,
     unstated: impl Fn(HiddenKind) -> f64,
-) -> Vec<Parameter> {
+) -> Vec<TrueValue> {
     let mut truth = Vec::new();
     let default = |kind: HiddenKind| EFFECTS.iter().any(|e| e.name() == kind.name());
     for &kind in HiddenKind::ALL {
         let here = |e: &&HiddenEffect| e.kind() == kind && e.joint() == Some(joint);
         match effects.iter().rfind(here) {
             Some(effect) => truth.extend(effect.parameters()),
-            None if default(kind) => truth.push(Parameter {
-                name: parameter::name(kind.name(), joint),
+            None if default(kind) => truth.push(TrueValue {
+                name: format!("{}:{joint}", kind.name()),
                 unit: kind.description().parameters[0].unit,
                 value: unstated(kind),
             }),
