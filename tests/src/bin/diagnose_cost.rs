@@ -22,7 +22,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{Hide, Simulation};
-use proprio_tests::excitation::processor_time;
+use proprio_tests::cost::processor_time;
 
 type Failure = Box<dyn std::error::Error>;
 
