@@ -1,5 +1,5 @@
 //! Dynamics and regressors of the Go2's leg, of its four legs on a fixed base and of the free robot, kinematics included:
-//! `cargo bench -p proprio-core --bench dynamics`. `tests/duel/run` times the same beside Pinocchio.
+//! `cargo bench -p proprio-core --bench dynamics`. `studies/duel/run` times the same beside Pinocchio.
 
 use std::hint::black_box;
 

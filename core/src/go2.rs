@@ -13,6 +13,7 @@ use crate::robot::Robot;
 use crate::scalar::real;
 use crate::spatial::Transform;
 use crate::tree::{Body, Joint, Tree};
+use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 
 /// Legs of the robot.
@@ -58,6 +59,11 @@ impl Leg {
         ["FR", "FL", "RR", "RL"][self as usize]
     }
 
+    /// The leg of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|leg| leg.name() == name)
+    }
+
     /// Names of the leg's joints: hip, thigh, calf.
     pub fn joint_names(self) -> [&'static str; JOINTS_PER_LEG] {
         let first = JOINTS_PER_LEG * self.index();
@@ -84,6 +90,53 @@ impl Leg {
         } else {
             -1.0
         }
+    }
+}
+
+/// A joint of the robot: its index in SDK order, 0 (`FR_hip`) to 11 (`RL_calf`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct JointId(usize);
+
+impl JointId {
+    /// Index in SDK order, 0 to 11.
+    pub const fn index(self) -> usize {
+        self.0
+    }
+
+    /// `FR_hip` … `RL_calf`.
+    pub const fn name(self) -> &'static str {
+        JOINT_NAMES[self.0]
+    }
+
+    /// The joint of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        JOINT_NAMES.iter().position(|&n| n == name).map(Self)
+    }
+
+    /// The leg this joint belongs to.
+    pub const fn leg(self) -> Leg {
+        Leg::ALL[self.0 / JOINTS_PER_LEG]
+    }
+
+    /// Place within the leg: 0 hip, 1 thigh, 2 calf.
+    pub const fn place(self) -> usize {
+        self.0 % JOINTS_PER_LEG
+    }
+
+    /// Hip, thigh and calf of a leg.
+    pub fn of(leg: Leg) -> [Self; JOINTS_PER_LEG] {
+        core::array::from_fn(|place| Self(JOINTS_PER_LEG * leg.index() + place))
+    }
+
+    /// All joints in SDK order.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..JOINTS).map(Self)
+    }
+}
+
+impl fmt::Display for JointId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -304,6 +357,18 @@ fn calf_inertia<T: Real>(s: f64) -> InertialParameters<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_joints_round_trip_in_sdk_order() {
+        for (index, joint) in JointId::all().enumerate() {
+            assert_eq!(joint.index(), index);
+            assert_eq!(JointId::from_name(joint.name()), Some(joint));
+            assert_eq!(JointId::of(joint.leg())[joint.place()], joint);
+            assert!(joint.name().starts_with(joint.leg().name()));
+            assert_eq!(Leg::from_name(joint.leg().name()), Some(joint.leg()));
+        }
+        assert_eq!(JointId::from_name("FR_knee"), None);
+    }
 
     #[test]
     fn the_trees_are_numbered_as_trees_must_be() {

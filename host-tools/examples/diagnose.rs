@@ -7,9 +7,9 @@ use proprio::diagnose::diagnose;
 use proprio::log::LogWriter;
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::Simulation;
-use proprio::simulator::hidden::typical;
 use proprio_core::go2::Leg;
+use proprio_simulator::Simulation;
+use proprio_simulator::hidden::typical;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut logs: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();

@@ -11,12 +11,11 @@ use proprio_core::estimator::{
     COLUMNS, DEFAULT_ACTIVE, DeviceFolds, DevicePrior, DeviceSolver, FOLDS, Gather, LegBase,
 };
 use proprio_core::factor::{Factor, FactorError, packed_len};
-use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::Hello;
 use serde::{Deserialize, Serialize};
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
-use crate::log::JointId;
 use crate::output::{AtomicFile, WriteError};
 
 const FIRST_LINE: &[u8] = b"proprio factors 1\n";

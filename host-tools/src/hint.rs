@@ -18,8 +18,8 @@ use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::recording::RecordingError;
-use crate::simulator::walk::WalkError;
 use crate::validate::ValidateError;
+use proprio_simulator::walk::WalkError;
 
 use crate::command::Error;
 

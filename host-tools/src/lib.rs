@@ -1,8 +1,9 @@
-//! Logs, model files, commands, simulator: the desktop side of proprio.
+//! Logs, model files, commands: the desktop side of proprio.
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`model`], [`gate`], `trajectory`, [`recording`],
 //! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
-//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The [`simulator`] is truth, independent of them.
+//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
+//! demos, independent of them, is a crate of its own: [`proprio_simulator`].
 
 pub mod advise;
 pub mod capture;
@@ -23,7 +24,7 @@ pub mod identify;
 pub mod log;
 pub mod model;
 pub mod monitor;
-mod nearest;
+mod name;
 mod once;
 pub mod output;
 pub mod parameter;
@@ -32,7 +33,6 @@ mod progress;
 pub mod recording;
 pub mod report;
 mod select;
-pub mod simulator;
 pub mod summary;
 pub mod table;
 mod trajectory;

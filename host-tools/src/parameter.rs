@@ -1,11 +1,8 @@
-//! Parameters by name: what a result file, a truth file and a table have in common.
+//! Names and units of parameters: what a result file, a truth file and a table have in common.
 
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::EFFECTS;
-use proprio_core::go2::Leg;
-use serde::Serialize;
-
-use crate::log::JointId;
+use proprio_core::go2::{JointId, Leg};
 
 /// Inertial parameters of a body.
 pub const INERTIAL: usize = 10;
@@ -22,17 +19,6 @@ pub const INERTIAL_NAMES: [(&str, &str); INERTIAL] = [
     ("Iyz", "kg m^2"),
     ("Izz", "kg m^2"),
 ];
-
-/// An effect at a joint and the value of its parameter; written `EFFECT:JOINT=VALUE`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointEffect {
-    /// Which effect.
-    pub effect: EffectKind,
-    /// At which joint.
-    pub joint: JointId,
-    /// Its parameter, in the unit of the catalogue.
-    pub value: f64,
-}
 
 /// A parameter's name: `m:FR_hip`, `coulomb:FR_hip`.
 pub fn name(what: &str, joint: JointId) -> String {
@@ -59,17 +45,6 @@ pub fn of_effect(effect: EffectKind, n: usize, joint: &str) -> String {
     }
 }
 
-/// A parameter and its value.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Parameter {
-    /// `m:FR_hip`, `coulomb:FR_hip`.
-    pub name: String,
-    /// SI unit.
-    pub unit: &'static str,
-    /// Value.
-    pub value: f64,
-}
-
 /// Names and units of one leg's parameters in the order of the estimator's θ.
 pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
     let joints = JointId::of(leg);
@@ -89,26 +64,4 @@ pub fn names_of_leg(leg: Leg) -> Vec<(String, &'static str)> {
 /// Unit of an effect's parameter.
 pub fn unit(effect: EffectKind) -> &'static str {
     effect.description().parameters[0].unit
-}
-
-/// Friction and rotor inertia of a Go2's motors in the middle of what recorded data show (go2.md).
-pub fn typical_effects(legs: &[Leg]) -> Vec<JointEffect> {
-    let table = [
-        (EffectKind::Viscous, [0.03, 0.04, 0.05]),
-        (EffectKind::Coulomb, [0.15, 0.12, 0.6]),
-        // Not quite the rotors' on paper, which an estimate takes as its prior.
-        (EffectKind::Armature, [0.005, 0.005, 0.018]),
-        (EffectKind::Bias, [-0.1, 0.1, -0.1]),
-    ];
-    let at = |joint: JointId| {
-        table.map(|(effect, values)| JointEffect {
-            effect,
-            joint,
-            value: values[joint.place()],
-        })
-    };
-    legs.iter()
-        .flat_map(|&leg| JointId::of(leg))
-        .flat_map(at)
-        .collect()
 }

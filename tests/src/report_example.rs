@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use proprio::identify::{Identification, Options, identify};
-use proprio::log::{JointId, LogWriter};
+use proprio::log::LogWriter;
 use proprio::parameter;
 use proprio::report::candidates::Candidate;
 use proprio::report::correlation::Correlation;
@@ -16,13 +16,13 @@ use proprio::report::torque::TorqueSeries;
 use proprio::report::waterfall::Step;
 use proprio::report::{Header, LogFile, Page};
 use proprio::report::{candidates, correlation, parameters, residual, torque, waterfall};
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{SimulatedSample, Simulation};
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegWindow, plausible};
-use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{self, JOINTS_PER_LEG, JointId, Leg};
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings};
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{SimulatedSample, Simulation};
 
 const SETTINGS: Settings = Settings::DEFAULT;
 

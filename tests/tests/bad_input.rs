@@ -7,8 +7,8 @@ use std::path::Path;
 
 use flate2::{Compression, write::GzEncoder};
 use proprio::log::LogWriter;
-use proprio::simulator::Simulation;
 use proprio_core::go2::Leg;
+use proprio_simulator::Simulation;
 use proprio_tests::command::{proprio, stderr, stdout};
 
 /// A log as cells, to be spoilt.

@@ -1,4 +1,4 @@
-//! A few cases of the labelled battery, as the committed table has them; `cargo run --release -p proprio-tests --bin battery`
+//! A few cases of the labelled battery, as the committed table has them; `cargo run --release -p proprio-studies --bin battery`
 //! runs them all.
 
 use proprio_tests::battery::case::Case;

@@ -1,5 +1,5 @@
 //! A few logs that MuJoCo made, through the command line, against their truth; and a torque that nothing may explain.
-//! `cargo run --release -p proprio-tests --bin battery_logged` runs all.
+//! `cargo run --release -p proprio-studies --bin battery_logged` runs all.
 
 use proprio_tests::battery::logged::nonsense::{self, Nonsense};
 use proprio_tests::battery::logged::{self, truth};

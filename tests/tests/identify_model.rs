@@ -88,7 +88,7 @@ fn a_fit_becomes_a_model_that_says_where_it_comes_from() {
     assert!((number(coulomb, "prior") - 0.4).abs() < 1e-9);
     assert!((number(coulomb, "prior_std") - 0.9).abs() < 1e-9);
     let off = number(coulomb, "value") - number(parameter(&truth, "coulomb:FR_calf"), "value");
-    // tests/coverage.md: within 3 σ in 99 % where dry friction's reversals bias the calf; 5 σ is beyond chance.
+    // studies/coverage.md: within 3 σ in 99 % where dry friction's reversals bias the calf; 5 σ is beyond chance.
     assert!(off.abs() < 5.0 * number(coulomb, "std"), "{coulomb}");
     assert!(number(&told, "held_out_rms") < 0.2 * number(&told, "cad_rms"));
 

@@ -11,11 +11,11 @@ use crate::device::serial::{BUS_BAUD, open};
 use crate::device::{BusStep, Device, Qemu, image};
 use crate::monitor::Robot;
 use crate::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
-use crate::simulator::hidden::typical;
 use crate::table::Table;
 use clap::Args;
 use proprio_core::go2::Leg;
 use proprio_core::wire::DeviceMessage;
+use proprio_simulator::hidden::typical;
 use serde::Serialize;
 
 use super::{Error, json};

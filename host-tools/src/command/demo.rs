@@ -9,16 +9,15 @@ use crate::diagnose::Verdict;
 use crate::diagnose::diagnose;
 use crate::model::Model;
 use crate::output::{self, WriteError};
-use crate::parameter::Parameter;
 use crate::recording::Recording;
 use crate::report::pages;
-use crate::simulator::hidden::typical;
-use crate::simulator::{HiddenEffect, Hide, Simulation};
 use crate::summary::Summary;
 use crate::table::{Table, with_std};
 use clap::Args;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{HiddenEffect, Hide, Simulation, TrueValue};
 use serde::Serialize;
 
 use super::simulate::record_with_truth;
@@ -101,7 +100,7 @@ impl Files {
 #[derive(Debug, Serialize)]
 struct Report {
     /// The hidden effect and its true value.
-    hidden: Parameter,
+    hidden: TrueValue,
     /// What the diagnosis names first, `spring:FR_thigh`; none if it finds nothing.
     found: Option<String>,
     value: Option<f64>,
@@ -206,7 +205,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
         before_rms: before.rms,
         after_rms: after.rms,
         noise_floor_rms: after.yardsticks.noise_floor_rms,
-        hidden: Parameter {
+        hidden: TrueValue {
             name: hidden.place(),
             unit: HIDDEN.0.description().parameters[0].unit,
             value: HIDDEN.2,
@@ -273,7 +272,7 @@ impl fmt::Display for Report {
 impl Report {
     /// Whether it is the one, and how near the error came to the noise.
     fn write_end(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Parameter { name, unit, value } = &self.hidden;
+        let TrueValue { name, unit, value } = &self.hidden;
         let found = self.found.as_deref().unwrap_or("nothing");
         let size = match (self.value, self.std) {
             (Some(value), Some(std)) => format!(" of {} {unit}", with_std(value, std)),

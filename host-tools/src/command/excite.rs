@@ -110,9 +110,6 @@ impl Excite {
         if self.trunk.standing {
             return trunk::standing(&self, &model, begun);
         }
-        if self.trunk.suspended {
-            return trunk::suspended(&self, &model, begun);
-        }
         let limbs = chosen(&model, &self.legs)?;
         let settings = self.settings(&model, &limbs)?;
         output::finish_on_interrupt();
@@ -265,5 +262,4 @@ const EXAMPLES: &str = "Examples:
   proprio excite --legs FR --for m:FR_calf,coulomb:FR_calf
   proprio excite --legs FR --separate stribeck,quadratic_drag:FR_thigh -o next.csv
   proprio excite --legs FR --from fr_log.csv -o next.csv
-  proprio excite --standing -o sway.csv
-  proprio excite --suspended --duration 20 -o swing.csv";
+  proprio excite --standing -o sway.csv";

@@ -45,11 +45,11 @@ use crate::monitor::{FeedError, JournalError};
 use crate::output::WriteError;
 use crate::recording::RecordingError;
 use crate::report::pages::Unreadable;
-use crate::simulator::walk::WalkError;
-use crate::simulator::{Diverged, FollowError};
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use proprio_simulator::walk::WalkError;
+use proprio_simulator::{Diverged, FollowError};
 use serde::Serialize;
 
 /// What your robot's body really is, and what the model of it is still missing.

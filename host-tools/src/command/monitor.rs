@@ -12,16 +12,16 @@ use std::path::{Path, PathBuf};
 
 use crate::device::serial::SerialDevice;
 use crate::device::{Desktop, Device, Qemu, image};
-use crate::log::leg_named;
 use crate::monitor::web::Server;
 use crate::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
+use crate::name::leg_named;
 use crate::output::WriteError;
-use crate::simulator::Hide;
-use crate::simulator::hidden::typical;
 use clap::Args;
 use clap::error::ErrorKind;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Action, Hello};
+use proprio_simulator::Hide;
+use proprio_simulator::hidden::typical;
 
 use session::Session;
 use settings::{Known, KnownBody};
@@ -65,7 +65,7 @@ pub(crate) struct Monitor {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = super::simulate::within(0.0, 1000.0))]
     speed: f64,
     /// What the simulated robot has beside usual friction [default: quadratic_drag:FR_calf=0.05]
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = super::simulate::parse_hide)]
     hide: Vec<Hide>,
     /// Have the device forget: data of so many seconds ago weigh 1/e; 0: nothing is forgotten
     #[arg(long, value_name = "S")]

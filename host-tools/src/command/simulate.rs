@@ -7,16 +7,18 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::log::{Channel, LogWriter, UnknownName, leg_named};
+use crate::log::{Channel, LogWriter};
+use crate::name::{self, leg_named};
 use crate::output::{self, AtomicFile, WriteError};
-use crate::parameter;
-use crate::simulator::hidden::typical;
-use crate::simulator::{Followed, HiddenEffect, Hide, Motion, Sensors, Simulation};
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use proprio_core::go2::Leg;
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{
+    Followed, HiddenEffect, HiddenError, Hide, Motion, Sensors, Simulation, TrueValue,
+};
 use serde::Serialize;
 
 use super::{Error, json};
@@ -47,7 +49,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
     ground_friction: Option<f64>,
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]")]
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = parse_hide)]
     hide: Vec<Hide>,
     /// How far the bodies are off the CAD: relative standard deviation of a mass
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 1.0))]
@@ -136,7 +138,7 @@ struct Report {
 struct Truth {
     seed: u64,
     inertia_error: f64,
-    parameters: Vec<parameter::Parameter>,
+    parameters: Vec<TrueValue>,
 }
 
 impl Simulate {
@@ -331,15 +333,25 @@ fn parse_legs(text: &str) -> Result<Legs, String> {
     }
     let mut legs = Vec::new();
     for name in text.split(',') {
-        legs.push(leg_named(name.trim()).map_err(suggest)?);
+        legs.push(leg_named(name.trim()).map_err(|unknown| suggest(&unknown, unknown.nearest()))?);
     }
     legs.sort_by_key(|leg| leg.index());
     legs.dedup();
     Ok(Legs(legs))
 }
 
-fn suggest(unknown: UnknownName) -> String {
-    match unknown.nearest() {
+/// What `--hide` says.
+pub(super) fn parse_hide(text: &str) -> Result<Hide, String> {
+    text.parse().map_err(|error: HiddenError| match &error {
+        HiddenError::Name { name, known } => {
+            suggest(&error, name::nearest(name, known.iter().copied()))
+        }
+        _ => error.to_string(),
+    })
+}
+
+fn suggest(unknown: &dyn std::fmt::Display, nearest: Option<&str>) -> String {
+    match nearest {
         Some(nearest) => format!("{unknown}; did you mean `{nearest}`?"),
         None => unknown.to_string(),
     }

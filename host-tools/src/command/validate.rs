@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::model::Model;
 use crate::report::pages;
-use crate::simulator::hidden::typical;
-use crate::simulator::{Followed, Hide, Simulation};
 use crate::validate::{Candidate, Feedback, candidates, recorded, tracked};
 use clap::Args;
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{Followed, Hide, Simulation};
 use serde::Serialize;
 
 use super::{Error, json};
@@ -43,7 +43,7 @@ pub(crate) struct Validate {
     #[arg(long, requires = "motion")]
     typical: bool,
     /// … and this effect, as `simulate --hide` takes it
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE", requires = "motion")]
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE", requires = "motion", value_parser = super::simulate::parse_hide)]
     hide: Vec<Hide>,
     /// How far its bodies are off the CAD: relative standard deviation of a mass
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = super::simulate::within(0.0, 1.0), requires = "motion")]

@@ -2,11 +2,10 @@
 
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Solution, Walk};
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
-use crate::log::JointId;
 
 /// Where the device's numbers point; none beyond what the robot and the device have.
 pub fn place(at: &EffectAt, hello: &Hello) -> Option<(JointId, EffectKind)> {

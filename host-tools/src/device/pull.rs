@@ -150,7 +150,7 @@ mod tests {
     use super::*;
     use crate::device::Desktop;
     use crate::monitor::Robot;
-    use crate::simulator::hidden::typical;
+    use proprio_simulator::hidden::typical;
 
     /// Two hosts that read at the same time take each other's copy away; both get whole factors, and lost answers are asked again.
     #[test]

@@ -6,10 +6,9 @@ use proprio_core::estimator::{
     CAD_UNCERTAINTY, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
 };
 use proprio_core::factor::{FactorError, packed_len};
-use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, JointId, Leg};
 use serde::Serialize;
 
-use crate::log::JointId;
 use crate::parameter;
 use crate::table::{Table, with_std};
 

@@ -49,7 +49,7 @@ pub enum ExciteError {
     #[error("limb {0} has {1} joints; at most {max} can be designed for", max = super::limb::MAX_JOINTS)]
     TooLarge(String, usize),
     /// The trunk's motions are a Go2's.
-    #[error("--standing and --suspended know a Go2 alone, and the model is another robot's")]
+    #[error("--standing knows a Go2 alone, and the model is another robot's")]
     NotAGo2,
     /// A shape that cannot be.
     #[error("shape {name}: {problem}")]

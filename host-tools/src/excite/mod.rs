@@ -7,7 +7,7 @@
 //! too (`proof`): position, velocity, acceleration, torque and power for all parameters of a stated uncertainty, and what
 //! capsules come near ([`clearance`]).
 //!
-//! The trunk of a robot that stands or hangs freely has a room of its own ([`trunk`]).
+//! The trunk of a robot that stands has a room of its own ([`trunk`]).
 //!
 //! Limbs of a pinned base do not feel each other, and each is designed on its own; they share period and length.
 //!

@@ -7,7 +7,7 @@
 //! that fits the samples within 6 ms best (Savitzky & Golay 1964), which passes motion of up to 65 Hz. Less, and the gyro's noise moves the trunk's
 //! centre of mass; more, and a touch-down, which turns the base within some 8 ms, reaches into windows that are long over: of MuJoCo's walks
 //! 10 ms spoilt the viscous friction of front calves by 15 %, no smoothing the height of the trunk's centre of mass by 1 to 3 mm. Chosen on four of
-//! the twenty robots of `tests/walks.md`.
+//! the twenty robots of `studies/walks.md`.
 
 use nalgebra::{Matrix3, Vector3};
 use proprio_core::go2::JOINTS;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use nalgebra::{DMatrix, DVector, SVector};
-use proprio_core::go2::{self, JOINT_NAMES, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::go2::{self, JOINT_NAMES, JOINTS, JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
 use serde::Serialize;
@@ -18,7 +18,7 @@ use crate::free_base::rows::{ACC, BODIES, COLUMNS, COORDINATES, EFFECTS};
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::log::{JointId, Samples};
+use crate::log::Samples;
 use crate::model::{BASE, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
 use crate::table::{Table, with_std};

@@ -4,12 +4,12 @@ use std::fmt;
 use std::path::PathBuf;
 
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::JOINTS_PER_LEG;
+use proprio_core::go2::{JOINTS_PER_LEG, JointId};
 use serde::Serialize;
 
 use super::leg::{LegFit, Misfit};
 use crate::estimate::{self, LEGEND, ParameterEstimate, Status};
-use crate::log::{JointId, Samples};
+use crate::log::Samples;
 use crate::parameter;
 
 /// The robot's parameters with what is known of their errors.

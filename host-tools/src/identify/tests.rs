@@ -11,12 +11,11 @@ use super::*;
 use crate::estimate::Status;
 use crate::model::{Model, Provenance};
 use crate::recording::Recording;
-use crate::simulator::{HiddenEffect, Hide, Sensors, SimulatedSample, Simulation};
+use proprio_simulator::{Hide, Sensors, SimulatedSample, Simulation, hidden};
 
 /// A front right leg with typical friction and what else is hidden, 20 s.
 fn simulation(hide: &[&str], seed: u64) -> Simulation {
-    let typical = crate::parameter::typical_effects(&[Leg::FR]).into_iter();
-    let mut effects: Vec<HiddenEffect> = typical.flat_map(HiddenEffect::try_from).collect();
+    let mut effects = hidden::typical(&[Leg::FR]);
     for text in hide {
         let hide: Hide = text.parse().unwrap();
         effects.extend(hide.on(&[Leg::FR]).unwrap());

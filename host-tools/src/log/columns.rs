@@ -8,7 +8,6 @@ use std::path::Path;
 use proprio_core::go2::Leg;
 
 use super::error::{LogError, Place, Problem};
-use super::joint::leg_named;
 use super::motors::{MotorSide, Motors};
 use super::slots::{Slots, TIME};
 use super::source::{Empty, Wanted};
@@ -165,7 +164,7 @@ impl Columns {
 
     /// The legs of a Go2 recorded; each with all its joints.
     pub fn legs(&self) -> impl Iterator<Item = Leg> {
-        self.limbs().filter_map(|limb| leg_named(&limb.name).ok())
+        self.limbs().filter_map(|limb| Leg::from_name(&limb.name))
     }
 
     /// Whether the log has this channel of this joint.

@@ -19,7 +19,6 @@
 mod checks;
 mod columns;
 mod error;
-mod joint;
 mod motors;
 mod names;
 mod reader;
@@ -30,12 +29,11 @@ mod writer;
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::go2::{LEGS, Leg};
+use proprio_core::go2::{JointId, LEGS, Leg};
 
 pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods, Warning};
 pub use columns::{Channel, Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
-pub use joint::{JointId, UnknownName, leg_named};
 pub use reader::{LogReader, Row};
 pub use samples::Samples;
 pub use source::files;

@@ -3,10 +3,9 @@
 use std::io::{self, Write};
 
 use super::columns::{Channel, Columns};
-use super::joint::JointId;
 use super::reader::Row;
 use super::slots::{Slots, TIME};
-use proprio_core::go2::{LEGS, Leg};
+use proprio_core::go2::{JointId, LEGS, Leg};
 
 /// Writes a log of the motion of one or more legs.
 pub struct LogWriter<W: Write> {

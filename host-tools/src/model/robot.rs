@@ -18,8 +18,8 @@ use proprio_core::tree::{self, Joint, Tree};
 use super::BASE;
 use super::conventions::LogConventions;
 use super::error::RobotError;
-use super::name::UnknownName;
 use super::urdf;
+use crate::name::UnknownName;
 
 /// Where a robot's description comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -15,7 +15,7 @@ use crate::device::replay::ReplayError;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Device, DeviceError, Requests};
 use crate::factors::Factors;
-use crate::simulator::Diverged;
+use proprio_simulator::Diverged;
 
 /// Messages that may wait for who reads them. A device is never kept waiting by more: a board drops what its host does not take.
 const WAITING: usize = 4096;

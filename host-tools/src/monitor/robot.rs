@@ -6,7 +6,7 @@ use proprio_core::window::Sample;
 use super::feed::FeedError;
 use crate::device::BusStep;
 use crate::device::replay::{Instant, bus_step};
-use crate::simulator::{HiddenEffect, SimulatedSample, Simulation};
+use proprio_simulator::{HiddenEffect, SimulatedSample, Simulation};
 
 /// How long it moves, s: longer than anybody looks.
 const DURATION: f64 = 1e7;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
     LegCounters, Outcome, Reset, Solution,
@@ -11,7 +11,6 @@ use proprio_core::wire::{
 use super::residual::Residual;
 use crate::device::names::{parameters_of, place, words_of, words_of_walk};
 use crate::estimate::ParameterEstimate;
-use crate::log::JointId;
 use crate::parameter;
 
 /// Events that are kept.

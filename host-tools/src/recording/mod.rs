@@ -12,10 +12,10 @@ use serde::Serialize;
 use crate::gate::{DataGates, GateReport, Joint, Reading};
 use crate::log::{LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
-use crate::simulator::SimulatedSample;
 pub use error::RecordingError;
 pub use limb::LimbRecording;
 use pieces::Pieces;
+use proprio_simulator::SimulatedSample;
 
 /// Most joints of a limb that can be judged.
 pub(crate) const MAX_JOINTS: usize = 16;

@@ -14,7 +14,7 @@ pub use recorded::recorded;
 pub use tracked::tracked;
 
 use crate::model::Model;
-use crate::simulator::Diverged;
+use proprio_simulator::Diverged;
 
 /// A model with the name that a report calls it.
 #[derive(Debug, Clone)]

@@ -1,14 +1,14 @@
 //! The loop closed on the simulator, with each model's feed-forward in turn.
 
+use proprio_core::go2::JointId;
 use std::sync::Arc;
 
 use proprio_core::go2::JOINTS_PER_LEG as JOINTS;
 
 use super::{Candidate, Feedback, Sums, ValidateError, feedback};
 use crate::excite::Foresight;
-use crate::log::JointId;
 use crate::model::Model;
-use crate::simulator::{Followed, Simulation};
+use proprio_simulator::{Followed, Simulation};
 
 /// The feedback torque of `robot` on `motion` with each candidate: the torque that its motors report less the feed-forward.
 ///

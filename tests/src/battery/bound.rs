@@ -17,12 +17,12 @@
 //! independent. A wrong velocity is told by the positions as well, and what they tell is added.
 
 use nalgebra::{DMatrix, DVector, SVector, Vector3};
-use proprio::simulator::{HiddenEffect, HiddenKind, Sensors, SimulatedSample, Simulation};
 use proprio_core::estimator::CAD_UNCERTAINTY;
-use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, Leg};
+use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, JointId, Leg};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
+use proprio_simulator::{HiddenEffect, HiddenKind, Sensors, SimulatedSample, Simulation};
 
 use super::case::{Case, TYPICAL};
 
@@ -309,7 +309,7 @@ mod tests {
     #[test]
     fn what_shows_grows_with_the_size() {
         let hidden = |kind, joint: &str, value| {
-            let joint = Some(joint.parse().unwrap());
+            let joint = JointId::from_name(joint);
             HiddenEffect::new(kind, joint, value).unwrap()
         };
         let case: Case = "payload:RR_thigh:0:1".parse().unwrap();

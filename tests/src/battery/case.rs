@@ -3,12 +3,11 @@
 use std::fmt;
 use std::str::FromStr;
 
-use proprio::log::JointId;
 use proprio::model::Model;
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation, Sizes};
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::{ACTUATORS, Leg};
+use proprio_core::go2::{ACTUATORS, JointId, Leg};
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation, Sizes};
 
 /// How far the true bodies are off the CAD: relative standard deviation of a mass.
 const INERTIA_ERROR: f64 = 0.06;
@@ -271,7 +270,7 @@ impl FromStr for Case {
         if let Some(rest) = text.strip_prefix("complete:") {
             let (leg, seed) = rest.split_once(':').ok_or_else(form)?;
             return Ok(Self {
-                leg: proprio::log::leg_named(leg).map_err(|e| e.to_string())?,
+                leg: Leg::from_name(leg).ok_or_else(|| format!("no leg `{leg}`"))?,
                 hidden: Vec::new(),
                 size: 0,
                 seed: seed.parse().map_err(|_| form())?,
@@ -284,9 +283,7 @@ impl FromStr for Case {
         for place in parts.next().ok_or_else(form)?.split('+') {
             let (kind, joint) = place.split_once(':').ok_or_else(form)?;
             let kind = HiddenKind::from_name(kind).ok_or_else(form)?;
-            let joint: JointId = joint
-                .parse()
-                .map_err(|e: proprio::log::UnknownName| e.to_string())?;
+            let joint = JointId::from_name(joint).ok_or_else(form)?;
             let case = Self::one(kind, joint, size, seed);
             match &mut found {
                 None => found = Some(case),

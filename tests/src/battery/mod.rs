@@ -5,17 +5,15 @@
 //!    criticism's columns.
 //! 3. [`outcome`]: one case simulated, diagnosed and judged.
 //! 4. [`record`]: every case as a row of `tests/battery/cases.csv`, so that a change of behaviour shows.
-//! 5. [`table`]: the figures of all cases, `tests/battery/table.md`.
-//! 6. [`mujoco`]: the same judgement on logs that MuJoCo made.
-//! 7. [`logged`]: logs in files with their truth, through the command line.
+//! 5. [`logged`]: logs in files with their truth, through the command line.
+//!
+//! `studies/` runs all cases and makes the tables of them.
 
 pub mod bound;
 pub mod case;
 pub mod logged;
-pub mod mujoco;
 pub mod outcome;
 pub mod record;
-pub mod table;
 
 use std::path::PathBuf;
 use std::sync::Mutex;

@@ -7,11 +7,10 @@ use proprio::compare::{ValuesFrom, compare};
 use proprio::detect::mismatch::mismatches;
 use proprio::diagnose::Verdict;
 use proprio::diagnose::{Diagnosis, diagnose};
-use proprio::log::JointId;
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::{HiddenEffect, HiddenKind, SimulatedSample, Sizes};
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
+use proprio_simulator::{HiddenEffect, HiddenKind, SimulatedSample, Sizes};
 
 use super::bound::{Bound, Noise, Signature, noise};
 use super::case::{Case, Group};

@@ -18,11 +18,11 @@ use proprio::identify::{Options, identify};
 use proprio::log::LogWriter;
 use proprio::model::Model;
 use proprio::recording::Recording;
-use proprio::simulator::hidden::typical;
-use proprio::simulator::{Hide, Simulation};
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
-use proprio_tests::excitation::processor_time;
+use proprio_simulator::hidden::typical;
+use proprio_simulator::{Hide, Simulation};
+use proprio_tests::cost::processor_time;
 
 type Failure = Box<dyn std::error::Error>;
 

@@ -50,16 +50,12 @@ impl LimitArguments {
     }
 }
 
-/// Motions of the trunk.
+/// A motion of the trunk.
 #[derive(Debug, Args)]
 pub(super) struct TrunkArguments {
     /// Sway, heave, roll, pitch and yaw of the trunk over four planted feet, to tell the trunk's mass, centre of mass and inertia
     #[arg(long, conflicts_with_all = ["legs", "cost", "parameters", "separate", "from", "pose", "shapes", "html", "ground"])]
     pub(super) standing: bool,
-    /// Legs' motion of a robot that hangs by a rope, whose trunk answers: the best of --starts x 2 random ones by what it tells of the trunk.
-    /// `identify` does not take the trunk's equations of such a log yet
-    #[arg(long, conflicts_with_all = ["standing", "legs", "cost", "parameters", "separate", "from", "pose", "shapes", "html", "ground"])]
-    pub(super) suspended: bool,
     /// With --standing: greatest tangential over normal force of a foot
     #[arg(long, value_name = "MU", default_value_t = Ground::default().friction, requires = "standing")]
     friction: f64,

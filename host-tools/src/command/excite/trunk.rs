@@ -1,4 +1,4 @@
-//! `excite --standing` and `--suspended`: motions that tell the trunk.
+//! `excite --standing`: a motion that tells the trunk.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::estimate::Status;
 use crate::excite::output::{TrunkCoefficients, write_trunk_csv};
-use crate::excite::trunk::{self, TrunkCommand, TrunkParameter};
+use crate::excite::trunk::{self, TrunkParameter};
 use crate::excite::{Measures, Settings};
 use crate::model::{Model, significant};
 use crate::output;
@@ -32,27 +32,13 @@ struct TrunkReport {
     duration: f64,
     seed: u64,
     interrupted: bool,
-    #[serde(flatten)]
-    support: Support,
+    /// The largest share of its friction cone that a foot uses.
+    cone: f64,
+    /// The least normal force of a foot, N.
+    least_load: f64,
+    /// How far the feet's balls roll, m.
+    rolling: f64,
     trunk: Vec<TrunkParameter>,
-}
-
-/// What is particular of how the robot is carried.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[serde(untagged)]
-enum Support {
-    Standing {
-        /// The largest share of its friction cone that a foot uses.
-        cone: f64,
-        /// The least normal force of a foot, N.
-        least_load: f64,
-        /// How far the feet's balls roll, m.
-        rolling: f64,
-    },
-    Suspended {
-        /// How far the trunk tilts, rad.
-        tilt: f64,
-    },
 }
 
 /// Designs, writes and reports a motion over planted feet.
@@ -64,51 +50,30 @@ pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<
     let series = TrunkCoefficients::of(&design.motion, ground.height, asked.seed);
     let [cone, least_load] = design.cone;
     let report = TrunkReport {
-        support: Support::Standing {
-            cone,
-            least_load,
-            rolling: design.rolling,
-        },
+        motion: asked.output.clone(),
+        coefficients: asked.coefficients(),
+        measures: design.measures,
+        violations: design.violations.len(),
+        seconds: begun.elapsed().as_secs_f64(),
+        duration: asked.duration,
+        seed: asked.seed,
+        interrupted: output::asked_to_finish(),
+        cone,
+        least_load,
+        rolling: design.rolling,
         trunk: design.trunk.clone(),
-        ..TrunkReport::new(asked, design.measures, begun)
     };
-    written(asked, &report, &design.violations, &json(&series), |t| {
-        design.command(t)
-    })
-}
-
-/// The same for a robot that hangs by a rope.
-pub(super) fn suspended(asked: &Excite, model: &Model, begun: Instant) -> Result<String, Error> {
-    output::finish_on_interrupt();
-    let design = trunk::suspended(model, &settings(asked), &Shown::new())?;
-    let report = TrunkReport {
-        trunk: design.trunk.clone(),
-        support: Support::Suspended { tilt: design.tilt },
-        ..TrunkReport::new(asked, design.measures, begun)
-    };
-    let series = json(&design.motion);
-    written(asked, &report, &design.violations, &series, |t| {
-        design.command(t)
-    })
-}
-
-/// Writes motion and coefficients, and says what was found. What is not within the limits is not written: it must not be played.
-fn written(
-    asked: &Excite,
-    report: &TrunkReport,
-    violations: &[String],
-    series: &str,
-    command: impl Fn(f64) -> Option<TrunkCommand>,
-) -> Result<String, Error> {
-    if let Some(first) = violations.first() {
+    // What is not within the limits is not written: it must not be played.
+    if let Some(first) = design.violations.first() {
         return Err(Error::NotWithinLimits(first.clone()));
     }
     write_motion(&asked.output, |file| {
+        let command = |t| design.command(t);
         write_trunk_csv(file, asked.duration, command, asked.gains())
     })?;
-    output::write(&report.coefficients, series)?;
+    output::write(&report.coefficients, &json(&series))?;
     Ok(if asked.json {
-        json(report)
+        json(&report)
     } else {
         report.to_string()
     })
@@ -124,23 +89,6 @@ fn settings(asked: &Excite) -> Settings {
         seed: asked.seed,
         starts: asked.starts,
         ..Settings::default()
-    }
-}
-
-impl TrunkReport {
-    fn new(asked: &Excite, measures: Measures, begun: Instant) -> Self {
-        Self {
-            motion: asked.output.clone(),
-            coefficients: asked.coefficients(),
-            measures,
-            violations: 0,
-            seconds: begun.elapsed().as_secs_f64(),
-            duration: asked.duration,
-            seed: asked.seed,
-            interrupted: output::asked_to_finish(),
-            support: Support::Suspended { tilt: 0.0 },
-            trunk: Vec::new(),
-        }
     }
 }
 
@@ -176,25 +124,14 @@ impl fmt::Display for TrunkReport {
             self.measures.rank,
             self.measures.log_det,
         )?;
-        match self.support {
-            Support::Standing {
-                cone,
-                least_load,
-                rolling,
-            } => writeln!(
-                f,
-                "At every sample within the limits; a foot uses {:.0} % of its friction cone at most, and carries {least_load:.1} N at least.\n\
-                 A foot's ball rolls up to {:.1} mm, which the design takes for standing still.",
-                100.0 * cone,
-                1e3 * rolling,
-            )?,
-            Support::Suspended { tilt } => writeln!(
-                f,
-                "At every sample within the limits; on a rope without friction, tied straight above the centre of mass, the trunk tilts {:.0} \
-                 degrees at most.\n`identify` takes the legs of such a log, and the trunk's equations not yet: the rope's force is not measured.",
-                tilt.to_degrees(),
-            )?,
-        }
+        writeln!(
+            f,
+            "At every sample within the limits; a foot uses {:.0} % of its friction cone at most, and carries {:.1} N at least.\n\
+             A foot's ball rolls up to {:.1} mm, which the design takes for standing still.",
+            100.0 * self.cone,
+            self.least_load,
+            1e3 * self.rolling,
+        )?;
         if self.interrupted {
             writeln!(f, "Interrupted: the best motion until then.")?;
         }

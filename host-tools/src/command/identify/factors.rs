@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
 use crate::factors::{Factors, LegSolution};
-use crate::log::JointId;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use serde::Serialize;
 
 use crate::command::{Error, json};

@@ -3,9 +3,8 @@
 use std::str::FromStr;
 
 use crate::device::names;
-use crate::log::JointId;
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::{Action, Belief, BodyPrior, EffectAt, Hello};
 
 use crate::command::Error;
@@ -26,9 +25,8 @@ pub(super) struct KnownBody {
 }
 
 fn joint_named(name: &str) -> Result<JointId, String> {
-    let mut joints = Leg::ALL.into_iter().flat_map(JointId::of);
-    let found = joints.find(|joint| joint.name() == name);
-    found.ok_or_else(|| format!("no joint is called {name}; joints are FR_hip to RL_calf"))
+    let unknown = || format!("no joint is called {name}; joints are FR_hip to RL_calf");
+    JointId::from_name(name).ok_or_else(unknown)
 }
 
 fn number(text: &str) -> Result<f32, String> {

@@ -3,12 +3,11 @@
 use std::fmt;
 
 use crate::device::names::{self, place};
-use crate::log::JointId;
 use crate::model::UnknownName;
 use crate::parameter;
 use crate::table::{Table, with_std};
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::{Action, Diagnosis, EffectAt, Hello, Outcome};
 use serde::Serialize;
 

@@ -5,9 +5,9 @@ use std::fmt;
 use crate::device::names::{parameters_of, words_of};
 use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
 use crate::identify::IdentificationError;
-use crate::log::{JointId, leg_named};
 use crate::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;
+use proprio_core::go2::JointId;
 use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{
     self, Counters, DeviceMessage, Diagnosis, Estimate, Hello, LegCounters, Solution,
@@ -183,7 +183,7 @@ impl fmt::Display for Report {
         let legs = || {
             self.legs
                 .iter()
-                .filter_map(|leg| leg_named(leg.leg).ok().map(|l| (l, leg)))
+                .filter_map(|leg| Leg::from_name(leg.leg).map(|l| (l, leg)))
         };
         let rows = legs().flat_map(|(leg, report)| {
             let noise = report.noise.map(|noise| [format!("{noise:.4}")]);

@@ -1,7 +1,7 @@
 //! What `proprio simulate --help` says beyond its arguments.
 
-use crate::simulator::hidden::WALKING;
-use crate::simulator::{Description, HiddenKind, Scope};
+use proprio_simulator::hidden::WALKING;
+use proprio_simulator::{Description, HiddenKind, Scope};
 
 pub(super) const EXAMPLES: &str = "Examples:
   proprio simulate --typical -o leg.csv

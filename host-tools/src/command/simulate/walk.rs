@@ -10,9 +10,9 @@ use super::super::{Error, json};
 use super::{DURATION, Report, Simulate, written};
 use crate::log::WalkWriter;
 use crate::output;
-use crate::parameter::Parameter;
 use crate::progress::Progress;
-use crate::simulator::walk::{Gait, Quantity, Walk};
+use proprio_simulator::TrueValue;
+use proprio_simulator::walk::{Gait, Quantity, Walk};
 
 /// How the robot goes; [`Gait`] on the command line.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -44,7 +44,7 @@ struct Truth {
     seed: u64,
     inertia_error: f64,
     gait: &'static str,
-    parameters: Vec<Parameter>,
+    parameters: Vec<TrueValue>,
     quantities: Vec<Quantity>,
 }
 

@@ -11,7 +11,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::log::LogWriter;
 use crate::model::{Model, Robot};
 use crate::recording::Recording;
-use crate::simulator::{Hide, Simulation, hidden};
+use proprio_simulator::{Hide, Simulation, hidden};
 
 /// What is left of a front right leg of typical friction, with what is hidden in it besides, under the four effects of every drive.
 fn of(hide: &str) -> BlackBox {

@@ -11,7 +11,7 @@ use crate::estimate::limb_data::LimbData;
 use crate::log::LogWriter;
 use crate::model::{Model, Robot};
 use crate::recording::Recording;
-use crate::simulator::{Hide, Simulation, hidden};
+use proprio_simulator::{Hide, Simulation, hidden};
 
 /// A front right leg of typical friction whose bodies are off the CAD, with what is hidden in it besides.
 fn simulation(seed: u64, duration: f64, hide: &str) -> Simulation {

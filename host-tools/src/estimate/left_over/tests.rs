@@ -11,7 +11,7 @@ use crate::estimate::fit::How;
 use crate::estimate::limb_data::LimbData;
 use crate::model::{Model, Robot};
 use crate::recording::Recording;
-use crate::simulator::{Simulation, hidden};
+use proprio_simulator::{Simulation, hidden};
 
 fn recording(model: &Model) -> Recording {
     let legs = [Leg::FR];

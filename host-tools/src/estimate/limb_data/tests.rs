@@ -9,7 +9,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::log::LogWriter;
 use crate::model::Robot;
 use crate::recording::Recording;
-use crate::simulator::{Simulation, hidden};
+use proprio_simulator::{Simulation, hidden};
 
 fn recording(model: &Model) -> Recording {
     let legs = [Leg::FR];

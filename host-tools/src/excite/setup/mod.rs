@@ -16,7 +16,6 @@ use super::problem::Problem;
 use super::settings::{Goal, Settings};
 use super::space::{Space, by_kind};
 use super::{ExciteError, Measured};
-use crate::log::leg_named;
 use crate::model::{self, Model, Source};
 pub(super) use knowledge::{Knowledge, stated, window_weights};
 
@@ -150,7 +149,7 @@ impl Design<'_> {
 
     fn leg(&self) -> Option<Leg> {
         match self.model.robot().source() {
-            Source::Go2 => leg_named(&self.limb.name).ok(),
+            Source::Go2 => Leg::from_name(&self.limb.name),
             Source::Urdf(_) => None,
         }
     }

@@ -1,11 +1,10 @@
-//! Motions that tell the trunk: over four planted feet, or hanging by a rope.
+//! Motions that tell the trunk, over four planted feet.
 //!
 //! 1. `leg`: a leg in closed form. `state`: the whole robot at an instant, the feet's forces, and the rows of its equations that no foot
 //!    reaches.
 //! 2. `knowledge`: what rows tell of the trunk beside all else that is unknown.
 //! 3. `footing` and `standing`: the trunk's six coordinates over planted feet, and their limits. `evolve`: the search.
-//! 4. `suspended`: the legs of a robot that hangs, and how its trunk answers.
-//! 5. `table`: each of the trunk's parameters, before and after.
+//! 4. `table`: each of the trunk's parameters, before and after.
 //!
 //! On planted feet the legs move as the trunk does, and six equations of eighteen are free of the feet's forces (Aghili 2005): they are
 //! what `identify --free-base` takes of such a log.
@@ -16,7 +15,6 @@ mod knowledge;
 mod leg;
 mod standing;
 mod state;
-mod suspended;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -30,7 +28,6 @@ use crate::model::{BASE, Model};
 pub use footing::TRUNK_COORDINATES;
 use standing::Standing;
 use state::{Drive, Robot, State};
-use suspended::{Hanging, Suspended};
 pub use table::{TrunkParameter, measured};
 
 /// What the feet stand on, and how.
@@ -166,60 +163,6 @@ pub fn standing(
         violations,
         motion,
         standing,
-    })
-}
-
-/// A motion of the legs of a robot that hangs by a rope, and what it tells.
-pub struct SuspendedDesign {
-    /// Series of the twelve joints, rad.
-    pub motion: Motion,
-    /// What it tells, as of a motion over planted feet.
-    pub measures: Measures,
-    /// Limits that are exceeded at a sample, in words: none, or the motion must not be played.
-    pub violations: Vec<String>,
-    /// The trunk's parameters.
-    pub trunk: Vec<TrunkParameter>,
-    /// How far the trunk tilts, rad, by a model of a rope without friction.
-    pub tilt: f64,
-    hanging: Hanging,
-}
-
-impl std::fmt::Debug for SuspendedDesign {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("SuspendedDesign")
-            .field("motion", &self.motion)
-            .field("measures", &self.measures)
-            .finish_non_exhaustive()
-    }
-}
-
-impl SuspendedDesign {
-    /// What to command at `t` seconds; none before the start and after the end.
-    pub fn command(&self, t: f64) -> Option<TrunkCommand> {
-        self.hanging.command(t)
-    }
-}
-
-/// Chooses, of random motions of the legs of a robot that hangs by a rope, the one that tells the most of the trunk.
-///
-/// # Errors
-/// As [`standing`].
-pub fn suspended(
-    model: &Model,
-    settings: &Settings,
-    supervisor: &dyn Supervisor,
-) -> Result<SuspendedDesign, ExciteError> {
-    is_go2(model)?;
-    let suspended = Suspended::new(model, settings)?;
-    let (hanging, seen) = suspended.design(settings, supervisor)?;
-    let rows = suspended.rows(&hanging);
-    Ok(SuspendedDesign {
-        motion: hanging.motion.clone(),
-        measures: table::measures(&suspended.prior, &rows).unwrap_or(table::NOTHING),
-        violations: suspended.violations(&hanging),
-        trunk: table::parameters(model, seen.std),
-        tilt: hanging.tilt(),
-        hanging,
     })
 }
 

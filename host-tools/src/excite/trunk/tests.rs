@@ -259,32 +259,3 @@ fn a_stance_that_cannot_be_is_refused() {
     assert!(matches!(at(0.6), ExciteError::Pose { .. }));
     assert!(matches!(at(f64::NAN), ExciteError::Setting { .. }));
 }
-
-#[test]
-fn a_trunk_on_a_rope_swings_about_its_knot_without_a_moment() {
-    let model = Model::default();
-    let settings = Settings {
-        duration: 5.0,
-        period: 2.5,
-        harmonics: 4,
-        starts: 1,
-        ..Settings::default()
-    };
-    let found = suspended(&model, &settings, &Quiet).unwrap();
-    assert!(found.violations.is_empty(), "{:?}", found.violations);
-    assert!(found.tilt > 0.02 && found.tilt < 1.0, "{}", found.tilt);
-    for own in &found.trunk {
-        eprintln!("{} {:.3e} prior {:.3e}", own.name, own.std, own.prior_std);
-        assert!(own.std > 0.0 && own.std <= own.prior_std * (1.0 + 1e-9));
-    }
-    assert_eq!(
-        suspended(&model, &settings, &Quiet).unwrap().motion,
-        found.motion
-    );
-    // What is commanded is the series.
-    let at = found.command(1.3).unwrap();
-    for j in 0..12 {
-        let [q, dq, ddq, _] = found.motion.at(j, 1.3);
-        assert_eq!([at.q[j], at.dq[j], at.ddq[j]], [q, dq, ddq]);
-    }
-}

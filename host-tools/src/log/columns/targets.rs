@@ -9,7 +9,7 @@ use crate::log::error::Problem;
 use crate::log::names::{self, Meaning, Sensor, Which};
 use crate::log::slots::TIME;
 use crate::log::source::Empty;
-use crate::model::UnknownName;
+use crate::name::UnknownName;
 
 /// Cells, and what they are.
 type Targets = Vec<(usize, Target)>;

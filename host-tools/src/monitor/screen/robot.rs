@@ -1,7 +1,7 @@
 //! All joints with their friction and residual, what the model lacks, what happened.
 
 use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -10,7 +10,6 @@ use ratatui::widgets::{Paragraph, Wrap};
 
 use super::{Screen, bold, dim, titled, wrong};
 use crate::estimate::{Status, find};
-use crate::log::JointId;
 use crate::monitor::view::{Ranked, View};
 use crate::parameter;
 use crate::table::with_std;

@@ -8,7 +8,7 @@ use ratatui::backend::TestBackend;
 use super::{Page, Screen, draw};
 use crate::device::{Desktop, Device};
 use crate::monitor::{Robot, View};
-use crate::simulator::hidden::typical;
+use proprio_simulator::hidden::typical;
 
 /// What is known after some seconds of a device that hears these legs.
 fn watched(legs: &[Leg], seconds: u64) -> View {
@@ -16,7 +16,7 @@ fn watched(legs: &[Leg], seconds: u64) -> View {
     let mut device = Desktop::<f64>::new();
     view.hear(&DeviceMessage::Hello(device.hello().clone()));
     let mut effects = typical(legs);
-    let hide: crate::simulator::Hide = "quadratic_drag:FR_calf=0.1".parse().unwrap();
+    let hide: proprio_simulator::Hide = "quadratic_drag:FR_calf=0.1".parse().unwrap();
     effects.extend(hide.on(legs).unwrap());
     let robot = Robot::new(legs, effects, 3);
     device.command(&HostMessage::RequestHello).unwrap();

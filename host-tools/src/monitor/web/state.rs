@@ -1,11 +1,10 @@
 //! All that a page shows.
 
-use proprio_core::go2::Leg;
+use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::Counters;
 use serde::Serialize;
 
 use crate::estimate::ParameterEstimate;
-use crate::log::JointId;
 use crate::monitor::residual::Residual;
 use crate::monitor::view::{Ranked, View};
 use crate::table::with_std;

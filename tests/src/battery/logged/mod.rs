@@ -3,14 +3,12 @@
 //! 1. [`truth`]: a log, a model that lacks something, and what.
 //! 2. [`verdict`]: what `proprio diagnose --json` says.
 //! 3. [`judgement`]: the one against the other.
-//! 4. [`table`]: counts by effect, by size and by noise, with their targets.
-//! 5. [`simulated`]: such logs by the project's own simulator, in every noise.
-//! 6. [`nonsense`]: logs in which a torque has nothing to do with the motion.
+//! 4. [`simulated`]: such logs by the project's own simulator, in every noise.
+//! 5. [`nonsense`]: logs in which a torque has nothing to do with the motion.
 
 pub mod judgement;
 pub mod nonsense;
 pub mod simulated;
-pub mod table;
 pub mod truth;
 pub mod verdict;
 

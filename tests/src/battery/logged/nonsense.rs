@@ -6,8 +6,8 @@ use std::path::Path;
 
 use proprio::log::{Channel, LogWriter};
 use proprio::model::Model;
-use proprio::simulator::{HiddenEffect, SimulatedSample};
 use proprio_core::effect::EffectKind;
+use proprio_simulator::{HiddenEffect, SimulatedSample};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;

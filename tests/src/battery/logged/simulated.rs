@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use proprio::log::{Channel, LogWriter};
-use proprio::simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation};
+use proprio_simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation};
 use serde_json::json;
 
 use crate::battery::bound::{Signature, noise};

@@ -1,0 +1,303 @@
+//! An effect at a place with its values: what `--hide` says, and what a battery of tests is made of.
+
+use std::str::FromStr;
+
+use super::effect::{HiddenKind, Scope};
+use crate::TrueValue;
+use proprio_core::go2::{JOINT_NAMES, JOINTS_PER_LEG, JointId, Leg};
+
+/// The base, where a payload names it.
+const BASE: &str = "base";
+
+/// An effect at a joint, or of the base, with a value for each of its parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HiddenEffect {
+    kind: HiddenKind,
+    joint: Option<JointId>,
+    values: Vec<f64>,
+}
+
+/// Why an effect cannot be as asked for.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum HiddenError {
+    /// Not `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]`.
+    #[error("expected EFFECT[:JOINT]=VALUE[,NAME=VALUE…]")]
+    Form,
+    /// No such effect, joint or parameter.
+    #[error("`{name}` is not one of {}", .known.join(", "))]
+    Name {
+        /// What was written.
+        name: String,
+        /// What there is.
+        known: Vec<&'static str>,
+    },
+    /// Not a number.
+    #[error("`{0}` is not a number")]
+    Number(String),
+    /// A value that cannot be.
+    #[error("{name} must lie between {lower} and {upper}")]
+    Bounds {
+        /// The effect, or its parameter.
+        name: String,
+        /// Least value.
+        lower: f64,
+        /// Greatest value.
+        upper: f64,
+    },
+    /// An effect that cannot be at such a place.
+    #[error("{0} {1}")]
+    Place(&'static str, &'static str),
+    /// An effect that a robot on its feet is not simulated with.
+    #[error("{0} cannot be hidden from a robot that walks; what can: {walking}", walking = walking())]
+    Walking(&'static str),
+}
+
+/// The effects that a robot on its feet can have: those of a joint's own motion, of its sensors, and loads.
+pub const WALKING: [HiddenKind; 15] = [
+    HiddenKind::Viscous,
+    HiddenKind::Coulomb,
+    HiddenKind::Armature,
+    HiddenKind::Bias,
+    HiddenKind::AsymmetricCoulomb,
+    HiddenKind::AsymmetricViscous,
+    HiddenKind::Stribeck,
+    HiddenKind::QuadraticDrag,
+    HiddenKind::SaturatingViscous,
+    HiddenKind::Spring,
+    HiddenKind::Cogging,
+    HiddenKind::TorqueGain,
+    HiddenKind::VelocityGain,
+    HiddenKind::EncoderOffset,
+    HiddenKind::Payload,
+];
+
+fn walking() -> String {
+    WALKING.map(HiddenKind::name).join(", ")
+}
+
+/// `name` was looked for in `known`.
+fn unknown(name: &str, known: impl IntoIterator<Item = &'static str>) -> HiddenError {
+    HiddenError::Name {
+        name: name.to_owned(),
+        known: known.into_iter().collect(),
+    }
+}
+
+impl HiddenEffect {
+    /// The effect at `joint` (`None`: the base, which may carry a payload) with this value of its first parameter and the others' defaults.
+    ///
+    /// # Errors
+    /// [`HiddenError::Bounds`] or [`HiddenError::Place`].
+    pub fn new(kind: HiddenKind, joint: Option<JointId>, value: f64) -> Result<Self, HiddenError> {
+        let description = kind.description();
+        let misplaced = |why| Err(HiddenError::Place(description.name, why));
+        match (description.scope, joint) {
+            (Scope::Base, Some(_)) => return misplaced("is of the base: name no joint"),
+            (Scope::Joint, None) if kind == HiddenKind::Payload => {}
+            (Scope::Joint | Scope::Pair | Scope::Foot, None) => return misplaced("needs a joint"),
+            (Scope::Pair, Some(joint)) if joint.place() == 0 => {
+                return misplaced(
+                    "couples a joint with the one that carries it: name a thigh or a calf",
+                );
+            }
+            (Scope::Foot, Some(joint)) if joint.place() + 1 != JOINTS_PER_LEG => {
+                return misplaced("is at a foot: name the calf that carries it");
+            }
+            _ => {}
+        }
+        let values = description.parameters.iter().map(|p| p.default).collect();
+        let effect = Self {
+            kind,
+            joint,
+            values,
+        };
+        effect.put(0, value)
+    }
+
+    /// The same effect with another value of the parameter called `name`.
+    ///
+    /// # Errors
+    /// [`HiddenError::Name`] or [`HiddenError::Bounds`].
+    pub fn with(self, name: &str, value: f64) -> Result<Self, HiddenError> {
+        let parameters = self.kind.description().parameters;
+        let names = || parameters.iter().map(|p| p.name);
+        let found = names().position(|known| known == name);
+        let n = found.ok_or_else(|| unknown(name, names()))?;
+        self.put(n, value)
+    }
+
+    fn put(mut self, n: usize, value: f64) -> Result<Self, HiddenError> {
+        let description = self.kind.description();
+        let parameter = &description.parameters[n];
+        if !value.is_finite() || !(parameter.lower..=parameter.upper).contains(&value) {
+            let name = match n {
+                0 => description.name.to_owned(),
+                _ => format!("{} of {}", parameter.name, description.name),
+            };
+            let (lower, upper) = (parameter.lower, parameter.upper);
+            return Err(HiddenError::Bounds { name, lower, upper });
+        }
+        self.values[n] = value;
+        Ok(self)
+    }
+
+    /// Which effect.
+    pub fn kind(&self) -> HiddenKind {
+        self.kind
+    }
+
+    /// At which joint; `None` for the base.
+    pub fn joint(&self) -> Option<JointId> {
+        self.joint
+    }
+
+    /// Its parameters' values, in the order of its description.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// `stribeck:FR_calf`, `payload:base`, `base_tilt`.
+    pub fn place(&self) -> String {
+        match self.joint {
+            Some(joint) => format!("{}:{joint}", self.kind.name()),
+            None if self.kind.description().scope == Scope::Base => self.kind.name().to_owned(),
+            None => format!("{}:{BASE}", self.kind.name()),
+        }
+    }
+
+    /// Its parameters by name: the first bears the effect's, the others `NAME:EFFECT:JOINT`.
+    pub fn parameters(&self) -> impl Iterator<Item = TrueValue> {
+        let described = self.kind.description().parameters.iter();
+        described
+            .zip(&self.values)
+            .enumerate()
+            .map(|(n, (parameter, &value))| TrueValue {
+                name: match n {
+                    0 => self.place(),
+                    _ => format!("{}:{}", parameter.name, self.place()),
+                },
+                unit: parameter.unit,
+                value,
+            })
+    }
+}
+
+/// Friction, rotor inertia and bias of a Go2's motors in the middle of what recorded data show.
+pub fn typical(legs: &[Leg]) -> Vec<HiddenEffect> {
+    // At hip, thigh and calf.
+    let table = [
+        (HiddenKind::Viscous, [0.03, 0.04, 0.05]),
+        (HiddenKind::Coulomb, [0.15, 0.12, 0.6]),
+        // Not quite the rotors' on paper, which an estimate takes as its prior.
+        (HiddenKind::Armature, [0.005, 0.005, 0.018]),
+        (HiddenKind::Bias, [-0.1, 0.1, -0.1]),
+    ];
+    let at = |joint: JointId| {
+        table.map(|(kind, values)| HiddenEffect {
+            kind,
+            joint: Some(joint),
+            values: vec![values[joint.place()]],
+        })
+    };
+    let joints = legs.iter().flat_map(|&leg| JointId::of(leg));
+    joints.flat_map(at).collect()
+}
+
+/// What `EFFECT[:JOINT]=VALUE[,NAME=VALUE…]` says; without a joint, at all joints that can have it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hide {
+    kind: HiddenKind,
+    joint: Option<JointId>,
+    on_base: bool,
+    value: f64,
+    others: Vec<(String, f64)>,
+}
+
+impl Hide {
+    /// The joint it names, if it does.
+    pub fn joint(&self) -> Option<JointId> {
+        self.joint
+    }
+
+    /// The effects it asks for on a pinned robot with these legs.
+    ///
+    /// # Errors
+    /// [`HiddenError`].
+    pub fn on(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if self.on_base {
+            let why = "on the base is felt only by a robot that walks (simulate --walk)";
+            return Err(HiddenError::Place(self.kind.name(), why));
+        }
+        self.places(legs)
+    }
+
+    /// The effects it asks for on a whole robot that walks.
+    ///
+    /// # Errors
+    /// [`HiddenError`], such as [`HiddenError::Walking`].
+    pub fn on_walker(&self) -> Result<Vec<HiddenEffect>, HiddenError> {
+        if !WALKING.contains(&self.kind) {
+            return Err(HiddenError::Walking(self.kind.name()));
+        }
+        self.places(&Leg::ALL)
+    }
+
+    fn places(&self, legs: &[Leg]) -> Result<Vec<HiddenEffect>, HiddenError> {
+        let joints = || legs.iter().flat_map(|&leg| JointId::of(leg));
+        let places: Vec<Option<JointId>> = match (self.joint, self.kind.description().scope) {
+            (None, _) if self.on_base => vec![None],
+            (Some(joint), _) => vec![Some(joint)],
+            (None, Scope::Base) => vec![None],
+            (None, Scope::Joint) => joints().map(Some).collect(),
+            (None, Scope::Pair) => joints().filter(|j| j.place() > 0).map(Some).collect(),
+            (None, Scope::Foot) => joints().filter(|j| j.place() == 2).map(Some).collect(),
+        };
+        let at = |joint| {
+            let effect = HiddenEffect::new(self.kind, joint, self.value)?;
+            let mut others = self.others.iter();
+            others.try_fold(effect, |effect, (name, value)| effect.with(name, *value))
+        };
+        places.into_iter().map(at).collect()
+    }
+}
+
+impl FromStr for Hide {
+    type Err = HiddenError;
+
+    fn from_str(text: &str) -> Result<Self, HiddenError> {
+        let (place, values) = text.split_once('=').ok_or(HiddenError::Form)?;
+        let (effect, joint) = match place.split_once(':') {
+            Some((effect, place)) => (effect, Some(place)),
+            None => (place, None),
+        };
+        let names = || HiddenKind::ALL.iter().map(|kind| kind.name());
+        let kind = HiddenKind::from_name(effect).ok_or_else(|| unknown(effect, names()))?;
+        let on_base = joint == Some(BASE) && kind == HiddenKind::Payload;
+        let joint = joint.filter(|_| !on_base);
+        let joint = joint
+            .map(|name| JointId::from_name(name).ok_or_else(|| unknown(name, JOINT_NAMES)))
+            .transpose()?;
+        let mut values = values.split(',');
+        let value = number(values.next().unwrap_or(""))?;
+        let mut others = Vec::new();
+        for other in values {
+            let (name, value) = other.split_once('=').ok_or(HiddenError::Form)?;
+            others.push((name.to_owned(), number(value)?));
+        }
+        let hide = Self {
+            kind,
+            joint,
+            on_base,
+            value,
+            others,
+        };
+        // What is wrong with it is wrong on any legs.
+        hide.places(&[joint.map_or(Leg::FR, JointId::leg)])?;
+        Ok(hide)
+    }
+}
+
+fn number(text: &str) -> Result<f64, HiddenError> {
+    text.parse()
+        .map_err(|_| HiddenError::Number(text.to_owned()))
+}

@@ -1,0 +1,359 @@
+//! The walk against mechanics: flight, stance, contact, friction; convergence and repeatability.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use proprio_core::go2::LEGS;
+use proprio_core::spatial::Force;
+
+use super::plant::{State, generalised, lowest};
+use super::walker::STEP;
+use super::*;
+use crate::{Hide, hidden};
+
+const GRAVITY: f64 = 9.81;
+
+fn ideal(gait: Gait) -> Walk {
+    Walk {
+        sensors: Sensors::ideal(),
+        inertia_error: 0.03,
+        ..Walk::new(gait)
+    }
+}
+
+fn with(walk: Walk, effects: &[&str]) -> Walk {
+    let hide = |text: &&str| text.parse::<Hide>().unwrap().on_walker().unwrap();
+    Walk {
+        effects: effects.iter().flat_map(hide).collect(),
+        ..walk
+    }
+}
+
+/// In the air, turning and with moving legs.
+fn thrown(height: f64) -> State {
+    let q = Torques::from_fn(|j, _| STANDING[j % JOINTS_PER_LEG] + 0.1 * (j as f64).sin());
+    let mut state = State::new(0.0, height, q);
+    state.orientation = UnitQuaternion::from_euler_angles(0.3, -0.2, 0.5);
+    state.v.iter_mut().enumerate().for_each(|(n, v)| {
+        *v = (1.0 + n as f64).cos() * if n < 6 { 0.8 } else { 2.0 };
+    });
+    state
+}
+
+/// Energy of bodies, rotors, ground and bristles, J; momentum in the world about the whole robot's centre of mass; its velocity, m/s.
+fn stored(walk: &Walk, plant: &Plant, state: &State) -> (f64, Vector3<f64>, Vector3<f64>) {
+    let base = state.base();
+    let k = plant.tree.kinematics(&base, &positions(&state.q), &state.v);
+    let frames = frames(&k);
+    let (kinetic, potential) = plant.tree.energy(&k, &base);
+    let mut energy = kinetic + potential;
+    for leg in 0..LEGS {
+        let depth = -lowest(&frames, leg).z;
+        energy += plant.ground.energy(depth, &state.bent[leg]);
+    }
+    for (j, dq) in state.dq().iter().enumerate() {
+        let armature: f64 = walk.effects_at(j).iter().map(|e| e.armature()).sum();
+        energy += 0.5 * armature * dq * dq;
+    }
+    let (mut momentum, mut whole) = (Force::zero(), InertialParameters::zero());
+    for (b, frame) in frames.iter().enumerate() {
+        let inertia = &plant.tree.bodies()[b].inertia;
+        let own = frame.act_force(&inertia.momentum(&k.velocity[b]));
+        momentum.angular += own.angular;
+        momentum.linear += own.linear;
+        whole = whole + inertia.in_parent(frame);
+    }
+    let com = whole.first_moment() / whole.mass();
+    let about_com = momentum.angular - com.cross(&momentum.linear);
+    (energy, about_com, momentum.linear / whole.mass())
+}
+
+fn step(plant: &mut Plant, state: &mut State, tau: &Torques, h: f64) {
+    plant.step(state, tau, h).unwrap();
+}
+
+/// A robot that is thrown: its centre of mass falls as a stone, its momentum about that stays, and so does its energy.
+#[test]
+fn what_nothing_touches_keeps_momentum_and_energy() {
+    let walk = ideal(Gait::Trot);
+    let mut plant = walk.plant();
+    let mut state = thrown(5.0);
+    let (energy, angular, velocity) = stored(&walk, &plant, &state);
+    let count = 4000;
+    for _ in 0..count {
+        step(&mut plant, &mut state, &Torques::zeros(), STEP);
+    }
+    let after = stored(&walk, &plant, &state);
+    let fall = velocity + plant.tree.gravity() * (f64::from(count) * STEP);
+    assert!((after.0 - energy).abs() < 1e-4, "{energy} {after:?}");
+    assert!((after.1 - angular).norm() < 1e-5 * angular.norm());
+    assert!((after.2 - fall).norm() < 1e-6, "{fall} {after:?}");
+}
+
+/// A robot whose motors are off falls on its feet and collapses: in every hundredth of a second energy is lost, none is made.
+#[test]
+fn the_ground_takes_energy_and_gives_none() {
+    let walk = with(ideal(Gait::Trot), &["armature=0.01"]);
+    let mut plant = walk.plant();
+    let mut state = thrown(0.36);
+    let (start, ..) = stored(&walk, &plant, &state);
+    let mut energy = start;
+    let mut touched = 0;
+    for _ in 0..32 {
+        for _ in 0..80 {
+            step(&mut plant, &mut state, &Torques::zeros(), STEP);
+            for force in plant.forces() {
+                assert!(force.z >= 0.0 && force.xy().norm() <= 0.9 * force.z * (1.0 + 1e-9));
+                touched += usize::from(force.z > 0.0);
+            }
+        }
+        let (after, ..) = stored(&walk, &plant, &state);
+        assert!(after < energy + 1e-3, "{energy} J, then {after} J");
+        energy = after;
+    }
+    assert!(
+        touched > 500 && start - energy > 5.0,
+        "{touched} {start} {energy}"
+    );
+}
+
+/// Standing: the feet carry the weight, the accelerometer reads gravity, and nothing creeps.
+#[test]
+fn a_standing_robot_weighs_what_its_bodies_do() {
+    let walk = with(
+        ideal(Gait::Sway),
+        &[
+            "coulomb=0.3",
+            "armature=0.01",
+            "payload:base=2,x=0.05,z=0.07",
+        ],
+    );
+    let mut walker = walk.walker();
+    walker.advance_to(0.0).unwrap();
+    let truth = walker.truth().unwrap();
+    let before = walker.state;
+    let weight = walk.quantities()[0].value * GRAVITY;
+    let carried: f64 = truth.normal.iter().sum();
+    assert!(
+        (carried / weight - 1.0).abs() < 1e-3,
+        "{carried} N of {weight} N"
+    );
+    assert!(truth.normal.iter().all(|force| *force > 0.1 * weight));
+    assert!((truth.acc.norm() - GRAVITY).abs() < 5e-3, "{}", truth.acc);
+    let up = before.orientation.inverse() * Vector3::z() * GRAVITY;
+    assert!((truth.acc - up).norm() < 1e-2);
+    // A tenth of a second on, feet and joints are where they were: no motor of a sway moves yet.
+    walker.advance_to(0.01).unwrap();
+    assert!((walker.state.q - before.q).amax() < 1e-6);
+    assert!((walker.state.position - before.position).norm() < 1e-6);
+}
+
+/// A force below the friction of a joint moves it by nothing at all, one above does.
+#[test]
+fn a_joint_that_friction_holds_stays_where_it_is() {
+    let walk = with(ideal(Gait::Trot), &["coulomb=0.5"]);
+    let mut state = State::new(0.0, 5.0, Torques::from_fn(|j, _| STANDING[j % 3]));
+    let mut plant = walk.plant();
+    for (torque, moves) in [(0.3, false), (0.8, true)] {
+        let mut tau = Torques::zeros();
+        tau[2] = torque;
+        let before = state.q;
+        for _ in 0..800 {
+            // It falls: no weight is on its joints.
+            step(&mut plant, &mut state, &tau, STEP);
+        }
+        assert_eq!(state.q[2] != before[2], moves);
+        assert_eq!(state.v[6 + 5], 0.0);
+    }
+}
+
+/// What every sample of every gait is: half the step changes joints, trunk and forces little.
+#[test]
+fn half_the_step_tells_the_same() {
+    for gait in Gait::ALL {
+        let walk = with(
+            ideal(gait),
+            &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
+        );
+        let mut walker = walk.walker();
+        walker.advance_to(1.0).unwrap();
+        let tau = walker.truth().unwrap().tau;
+        let ends = [1, 2, 4].map(|parts| {
+            let (mut plant, mut state) = (walk.plant(), walker.state);
+            for _ in 0..160 * parts {
+                step(&mut plant, &mut state, &tau, STEP / f64::from(parts));
+            }
+            state
+        });
+        let off = |a: &State, b: &State| {
+            let trunk = (a.position - b.position).norm();
+            trunk.max((a.q - b.q).amax())
+        };
+        let (whole, half) = (off(&ends[0], &ends[2]), off(&ends[1], &ends[2]));
+        assert!(whole < 1e-4, "{gait:?}: {whole}");
+        assert!(half < 0.7 * whole + 1e-6, "{gait:?}: {half} {whole}");
+    }
+}
+
+/// The Jacobian of a foot's force is that of its work: force times velocity of the point is torque times joint velocity.
+#[test]
+fn a_force_works_as_much_at_the_joints_as_at_the_foot() {
+    let plant = ideal(Gait::Trot).plant();
+    let state = thrown(0.3);
+    let k = plant
+        .tree
+        .kinematics(&state.base(), &positions(&state.q), &state.v);
+    let frames = frames(&k);
+    for leg in 0..LEGS {
+        let (point, meeting) = plant.meeting(&k, &frames, leg);
+        let force = Vector3::new(20.0, -7.0, 50.0);
+        let power = generalised(&plant.tree, &frames, leg, &point, &force).dot(&state.v);
+        let velocity = meeting.sliding.push(-meeting.rate);
+        assert!((power - force.dot(&velocity)).abs() < 1e-9);
+        // And that velocity is how the point moves.
+        let h = 1e-6;
+        let mut later = state;
+        let mut falling = ideal(Gait::Trot).plant();
+        step(&mut falling, &mut later, &Torques::zeros(), h);
+        let moved = falling
+            .tree
+            .kinematics(&later.base(), &positions(&later.q), &later.v);
+        let depth = |f: &[Transform<f64>; BODIES]| -lowest(f, leg).z;
+        let rate = (depth(&super::frames(&moved)) - depth(&frames)) / h;
+        assert!(
+            (rate - meeting.rate).abs() < 1e-3,
+            "{rate} {}",
+            meeting.rate
+        );
+    }
+}
+
+/// What the gyro and the accelerometer are to read is how the trunk moves: integrated, they give its velocity.
+#[test]
+fn the_imu_reads_how_the_trunk_moves() {
+    let walk = Walk {
+        rate: 4000.0,
+        ..ideal(Gait::Flying)
+    };
+    let mut walker = walk.walker();
+    let sampled = |n: f64| 1.5 + n / 4000.0;
+    walker.advance_to(sampled(-0.5)).unwrap();
+    let at = Vector3::from(go2::IMU);
+    let velocity = |state: &State| {
+        let part = |first| -> Vector3<f64> { state.v.fixed_rows::<3>(first).into() };
+        state.orientation * (part(3) + part(0).cross(&at))
+    };
+    let (before, mut moved) = (walker.state, Vector3::zeros());
+    let mut turned = before.orientation;
+    let count = 400;
+    for n in 0..count {
+        walker
+            .advance_to(1.5 + (f64::from(n) + 0.5) / 4000.0)
+            .unwrap();
+        let truth = walker.truth().unwrap();
+        turned *= UnitQuaternion::from_scaled_axis(truth.gyro / 4000.0);
+        let acc = walker.state.orientation * truth.acc;
+        moved += (acc + walker.plant.tree.gravity()) / 4000.0;
+    }
+    walker.advance_to(sampled(f64::from(count) - 0.5)).unwrap();
+    let change = velocity(&walker.state) - velocity(&before);
+    assert!(
+        change.norm() > 0.1 && (change - moved).norm() < 1e-3,
+        "{change} {moved}"
+    );
+    let off = turned.angle_to(&walker.state.orientation);
+    assert!(off < 5e-4, "{off}");
+}
+
+#[test]
+fn a_seed_gives_one_log_and_another_seed_another() {
+    let log = |seed| {
+        let walk = Walk {
+            duration: 0.3,
+            inertia_error: 0.03,
+            effects: hidden::typical(&Leg::ALL),
+            seed,
+            ..Walk::new(Gait::Trot)
+        };
+        walk.samples().collect::<Result<Vec<_>, _>>().unwrap()
+    };
+    let one = log(1);
+    assert_eq!(one.len(), 151);
+    assert_eq!(one, log(1));
+    assert_ne!(one, log(2));
+}
+
+/// Each gait is what its name says: which feet carry the robot, and how many at a time.
+#[test]
+fn gaits_are_what_their_names_say() {
+    for (gait, flies, most_on_two) in [
+        (Gait::Trot, false, true),
+        (Gait::Flying, true, true),
+        (Gait::Hop, true, false),
+        (Gait::Sway, false, false),
+    ] {
+        let walk = with(
+            ideal(gait),
+            &["coulomb=0.2", "viscous=0.03", "armature=0.01"],
+        );
+        let mut walker = walk.walker();
+        let mut counts = [0; LEGS + 1];
+        for n in 0..200 {
+            walker.advance_to(1.0 + f64::from(n) / 200.0).unwrap();
+            let carrying = walker.plant.forces().iter().filter(|f| f.z > 1.0).count();
+            counts[carrying] += 1;
+        }
+        assert_eq!(counts[0] > 10, flies, "{gait:?}: {counts:?}");
+        assert_eq!(counts[2] > 100, most_on_two, "{gait:?}: {counts:?}");
+    }
+}
+
+/// A robot that asks too much of its legs lies, and says when.
+#[test]
+fn a_robot_that_falls_says_so() {
+    let walk = with(Walk::new(Gait::Trot), &["payload:base=60"]);
+    let last = walk.samples().last();
+    assert!(matches!(last, Some(Err(WalkError::Fell(_)))), "{last:?}");
+}
+
+/// Payloads are in the masses as a whole, and not in the bodies.
+#[test]
+fn the_truth_tells_bodies_loads_and_sensors() {
+    let walk = with(
+        Walk {
+            inertia_error: 0.03,
+            ..Walk::new(Gait::Trot)
+        },
+        &[
+            "payload:base=2,x=0.05",
+            "payload:FR_calf=0.1",
+            "coulomb:FR_hip=0.2",
+        ],
+    );
+    let truth = walk.truth();
+    let of = |name: &str| truth.iter().find(|p| p.name == name).unwrap().value;
+    let bodies: f64 = truth
+        .iter()
+        .filter(|p| p.name.starts_with("m:"))
+        .map(|p| p.value)
+        .sum();
+    let total = walk.quantities()[0];
+    assert_eq!(total.name, "total_mass");
+    assert!((bodies + 2.1 - total.value).abs() < 1e-9 && (bodies - 16.087).abs() > 1e-3);
+    assert_eq!((of("payload:base"), of("x:payload:base")), (2.0, 0.05));
+    assert_eq!((of("coulomb:FR_hip"), of("viscous:RL_calf")), (0.2, 0.0));
+    assert_eq!(of("friction:ground"), 0.9);
+    assert!(of("acc_bias.x:imu") != 0.0 && of("gyro_bias.z:imu").abs() < 0.02);
+}
+
+#[test]
+fn what_cannot_be_hidden_while_walking_is_refused_with_what_can() {
+    let refused = |text: &str| {
+        let hide: Hide = text.parse().unwrap();
+        hide.on_walker().unwrap_err().to_string()
+    };
+    let said = refused("delay=0.002");
+    assert!(said.starts_with("delay cannot be hidden") && said.contains("viscous, coulomb"));
+    assert!(refused("base_tilt=0.1").contains("base_tilt"));
+    let hide: Hide = "payload:base=2".parse().unwrap();
+    assert!(hide.on(&Leg::ALL).is_err());
+    assert!("coulomb:base=1".parse::<Hide>().is_err());
+}
