@@ -26,12 +26,7 @@ const AMBIENT: f64 = 25.0;
 
 impl Plant {
     /// Moves `state` by `h` seconds under the motors' true torques. False if the inertia is not positive definite.
-    pub(in crate::simulator) fn step(
-        &mut self,
-        state: &mut State,
-        tau: &Vector3<f64>,
-        h: f64,
-    ) -> bool {
+    pub(crate) fn step(&mut self, state: &mut State, tau: &Vector3<f64>, h: f64) -> bool {
         let moved = if self.is_rigid {
             self.step_with::<JOINTS>(state, tau, h)
         } else {

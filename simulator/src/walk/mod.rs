@@ -13,7 +13,7 @@ mod plant;
 mod tests;
 mod walker;
 
-use proprio_core::go2::{self, ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::go2::{self, ACTUATORS, JOINTS, JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 use rand_chacha::ChaCha8Rng;

@@ -28,7 +28,7 @@ use proprio_core::effect::Prior;
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_simulator::hidden::typical;
-use proprio_simulator::{HiddenKind, Sensors, SimulatedSample, Simulation};
+use proprio_simulator::{HiddenEffect, HiddenKind, Sensors, SimulatedSample, Simulation};
 use proprio_studies::information::{self, TorqueNoise};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

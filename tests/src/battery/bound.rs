@@ -18,7 +18,7 @@
 
 use nalgebra::{DMatrix, DVector, SVector, Vector3};
 use proprio_core::estimator::CAD_UNCERTAINTY;
-use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, JointId, Leg};
+use proprio_core::go2::{self, JOINTS_PER_LEG as JOINTS, Leg};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
@@ -290,6 +290,7 @@ fn kinematic(effect: &HiddenEffect, simulation: &Simulation) -> f64 {
 #[cfg(test)]
 mod tests {
     use nalgebra::Matrix3;
+    use proprio_core::go2::JointId;
 
     use super::*;
 

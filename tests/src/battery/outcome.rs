@@ -224,9 +224,7 @@ fn bounds(case: &Case, noise: &Noise) -> Vec<Bound> {
 fn apart(case: &Case, named: &str, noise: &Noise) -> Option<f64> {
     let (kind, joint) = named.split_once(':').unwrap_or((named, ""));
     let kind = HiddenKind::from_name(kind)?;
-    let joint = joint
-        .parse()
-        .unwrap_or_else(|_| JointId::of(case.leg)[Leg::ALL.len() - 2]);
+    let joint = JointId::from_name(joint).unwrap_or(JointId::of(case.leg)[Leg::ALL.len() - 2]);
     let rival = Sizes::of(kind).at(1, joint).ok()?;
     let hidden = Signature::new(case, &case.hidden);
     let rival = Signature::new(case, &[rival]);

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 
+use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 
 use super::*;
