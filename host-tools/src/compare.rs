@@ -31,7 +31,6 @@ pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
-use crate::equation::motion::is_shared;
 use crate::equation::values::Values;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
@@ -146,6 +145,19 @@ pub fn compare(
     model: &Model,
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
+    compare_without(recording, model, &[], values)
+}
+
+/// The same of a model from which the effects `left_out` were removed: the model that had them is what it is held against.
+///
+/// # Errors
+/// [`RecordingError`] if no limb can be judged.
+pub fn compare_without(
+    recording: &Recording,
+    model: &Model,
+    left_out: &[ModelEffect],
+    values: ValuesFrom,
+) -> Result<Comparison, RecordingError> {
     let unvalued = match unvalued(model) {
         none if none.is_empty() && values == ValuesFrom::Auto => valued_by(recording, model),
         some => some,
@@ -161,61 +173,22 @@ pub fn compare(
     let data: Vec<LimbData> = data.into_iter().map(|data| with_rest(data, rest)).collect();
     check(recording, &data, &feet, fitted)?;
     let predictions = predictions(&data, from);
-    let added = if fitted {
-        last_added(&unvalued)
-    } else {
-        Vec::new()
+    let added = match fitted {
+        true => last_added(&unvalued),
+        false => Vec::new(),
     };
-    let baselines = Baselines::new(recording, model, from, &added, &feet, rest);
+    let before = (!added.is_empty() || !left_out.is_empty())
+        .then(|| with(&without(model, &added), left_out));
     let judged = Judged {
         recording,
         model,
         data: &data,
         feet: &feet,
         predictions,
-        baselines,
+        baselines: Baselines::new(recording, model, from, before.as_ref(), &feet, rest),
         fitted,
     };
-    Ok(judged.told(&added, &[]))
-}
-
-/// Compares `model` with the model `given`, from which it was made by adding and leaving out effects: both fitted to every stretch
-/// of time but the one that is predicted, under the weights that the fit of `given` has. That is what a report's page does.
-///
-/// # Errors
-/// [`RecordingError`] if no limb can be judged.
-pub fn compare_with(
-    recording: &Recording,
-    given: &Model,
-    model: &Model,
-) -> Result<Comparison, RecordingError> {
-    let (given_data, feet) = swing(robot::data(recording, given));
-    check(recording, &given_data, &feet, true)?;
-    let before = predictions(&given_data, From::HeldOut);
-    let data: Vec<LimbData> = (robot::data(recording, model).into_iter().zip(&feet))
-        .map(|(data, foot)| without_stance(data, foot))
-        .collect();
-    let predictions = predictions_under(&data, &before);
-    let mut baselines = Baselines::new(recording, model, From::File, &[], &feet, false);
-    baselines.before = Some(all_series(&given_data, &before));
-    let judged = Judged {
-        recording,
-        model,
-        data: &data,
-        feet: &feet,
-        predictions,
-        baselines,
-        fitted: true,
-    };
-    let lacks = |model: &Model, e: &ModelEffect| {
-        let same = |other: &ModelEffect| (other.effect, other.joint) == (e.effect, e.joint);
-        !model.effects().iter().any(same)
-    };
-    let only = |own: &Model, other: &Model| -> Vec<ModelEffect> {
-        let effects = own.effects().iter().filter(|e| lacks(other, e));
-        effects.copied().collect()
-    };
-    Ok(judged.told(&only(model, given), &only(given, model)))
+    Ok(judged.told(&added, left_out))
 }
 
 /// A model and what it predicts.
@@ -279,7 +252,7 @@ impl Judged<'_> {
 /// What models that know less make of the same windows.
 struct Baselines {
     cad: Vec<JointSeries>,
-    /// Without what was added last.
+    /// Without what was added last, and with what was left out.
     before: Option<Vec<JointSeries>>,
 }
 
@@ -288,7 +261,7 @@ impl Baselines {
         recording: &Recording,
         model: &Model,
         from: From,
-        added: &[ModelEffect],
+        before: Option<&Model>,
         feet: &Feet,
         rest: bool,
     ) -> Self {
@@ -299,9 +272,8 @@ impl Baselines {
                 .collect();
             all_series(&data, &predictions(&data, from))
         };
-        let before = (!added.is_empty()).then(|| series(&without(model, added), from));
         Self {
-            before,
+            before: before.map(|before| series(before, from)),
             cad: series(
                 &Model::new(model.robot().clone()).mounted_as(model),
                 From::File,
@@ -356,6 +328,13 @@ fn without(model: &Model, added: &[ModelEffect]) -> Model {
     for e in added {
         model.remove_effect(e.effect, e.joint);
     }
+    model
+}
+
+/// The model with those effects again.
+fn with(model: &Model, left_out: &[ModelEffect]) -> Model {
+    let mut model = model.clone();
+    model.put_back(left_out);
     model
 }
 
@@ -493,11 +472,7 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
         // A fit that is not finite has no prediction: that of the file stands for it.
         return predictions(data, From::File);
     }
-    predicted(fits)
-}
-
-/// What fits predict, each window by that to the other folds.
-fn predicted(fits: Vec<LimbFit<'_>>) -> Vec<Prediction<'_>> {
+    // Each window by the fit to the other folds.
     let of = |fit: &LimbFit| match fit.held_out() {
         Some(values) => fit.data.predicted_by_fold(&values),
         None => fit.data.predicted(&fit.values, &|_| true),
@@ -511,44 +486,9 @@ fn predicted(fits: Vec<LimbFit<'_>>) -> Vec<Prediction<'_>> {
     .collect()
 }
 
-/// What another model of the same limbs predicts, fitted under the weights of the fits `before`; its shapes and what all limbs
-/// share are theirs.
-fn predictions_under<'a>(data: &'a [LimbData<'a>], before: &[Prediction]) -> Vec<Prediction<'a>> {
-    let fit = |(data, before): &(&'a LimbData<'a>, &Prediction)| {
-        let before = before.fit.as_ref()?;
-        let places = places_of(data);
-        let shared = places.iter().copied().filter(|place| is_shared(place.1));
-        let how = How {
-            constraint: Constraint::Physical,
-            start: Some(before.values.clone()),
-            held: shared.collect(),
-            shapes: Some(Vec::new()),
-            weights: Some(before.weights.clone()),
-            ..How::default()
-        };
-        LimbFit::of(data, &places, &how)
-    };
-    let both: Vec<_> = data.iter().zip(before).collect();
-    let fits: Vec<LimbFit> = side_by_side(&both, fit).into_iter().flatten().collect();
-    if fits.len() < data.len() {
-        return predictions(data, From::File);
-    }
-    predicted(fits)
-}
-
 fn all_series(data: &[LimbData], predictions: &[Prediction]) -> Vec<JointSeries> {
     let limbs = data.iter().zip(predictions);
     limbs
         .flat_map(|(data, of)| JointSeries::of(data, &of.torque))
         .collect()
-}
-
-/// What a model file predicts, joint by joint, windows in contact included.
-///
-/// # Errors
-/// As [`compare`].
-pub fn series_of(recording: &Recording, model: &Model) -> Result<Vec<JointSeries>, RecordingError> {
-    let data = robot::data(recording, model);
-    check(recording, &data, &Feet::new(), false)?;
-    Ok(all_series(&data, &predictions(&data, From::File)))
 }

@@ -13,7 +13,6 @@ use crate::excite::ExciteError;
 use crate::excite::earlier::EarlierError;
 use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
-use crate::identify::IdentificationError;
 use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
@@ -26,8 +25,7 @@ use crate::command::Error;
 /// The hint for an error, if there is anything to do.
 pub(crate) fn of(error: &Error) -> Option<String> {
     match error {
-        Error::Log(error) | Error::Identification(IdentificationError::Log(error)) => Some(of_log(error)),
-        Error::Recording(RecordingError::Log(error)) => Some(of_log(error)),
+        Error::Log(error) | Error::Recording(RecordingError::Log(error)) => Some(of_log(error)),
         Error::Recording(RecordingError::Impossible { .. }) => Some(
             "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
                 .to_owned(),
@@ -41,14 +39,6 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Recording(RecordingError::LimbTooLarge { .. }) => Some(
             "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log".to_owned(),
         ),
-        Error::Identification(IdentificationError::NoWindows { .. }) => {
-            Some("record moving joints at 500 Hz, without losing messages".to_owned())
-        }
-        Error::Identification(IdentificationError::Impossible { .. }) => Some(
-            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
-                .to_owned(),
-        ),
-        Error::Identification(IdentificationError::Solve { .. }) => None,
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
             "record /lowstate, which has all motors and the IMU; of a robot that hangs, leave out --free-base".to_owned(),
@@ -117,7 +107,7 @@ pub(crate) fn of(error: &Error) -> Option<String> {
         Error::Export(error) => model::of_export(error),
         Error::NotReproduced(_) => Some("please report it, with the model file and the logs".to_owned()),
         Error::NotAModel(_) => Some(
-            "add --physical (with --model: leave out --free), or name a .json file".to_owned(),
+            "leave out --free, or name a .json file".to_owned(),
         ),
         Error::Unreadable(..) => Some("the log was there a moment ago: keep it in place".to_owned()),
         Error::WouldReplace { .. } => {

@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use nalgebra::{Cholesky, Matrix4, Vector4};
+use proprio::identify;
 use proprio::log::{LogReader, Selection};
 use proprio_core::Real;
 use proprio_core::consistent::{LegConsistentSolver, body};
 use proprio_core::estimator::{
     CAD_UNCERTAINTY, EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver,
-    LegWindow, plausible,
+    LegVector, LegWindow, plausible,
 };
 use proprio_core::factor::packed_len;
 use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
@@ -34,6 +35,40 @@ pub fn factors<T: Real>(
     leg: Leg,
     to: impl Fn(f64) -> T,
 ) -> Result<LegFactors<T>, Failure> {
+    folded(log, leg, |sample| Sample {
+        time_us: sample.time_us,
+        q: sample.q.map(&to),
+        dq: sample.dq.map(&to),
+        tau: sample.tau.map(&to),
+    })
+}
+
+/// The estimate of core's estimator and its standard deviations from a log as the motor bus carries it: all columns, one factor per joint,
+/// solved at once. What a device reports of the same log is to be this.
+///
+/// # Errors
+/// As [`factors`].
+pub fn estimate_over_bus(log: &Path, leg: Leg) -> Result<[LegVector<f64>; 2], Failure> {
+    let data = folded(log, leg, |sample| {
+        let mut received = *sample;
+        for j in 0..JOINTS_PER_LEG {
+            [received.q[j], received.dq[j], received.tau[j]] =
+                identify::received(j, [sample.q[j], sample.dq[j], sample.tau[j]]);
+        }
+        received
+    })?;
+    let mut solver = LegSolver::default();
+    solver.start(&LegPrior::of(leg), &data);
+    while !solver.advance().map_err(|e| e.to_string())? {}
+    let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
+    Ok([own(solver.values()), own(solver.std())])
+}
+
+fn folded<T: Real>(
+    log: &Path,
+    leg: Leg,
+    sample: impl Fn(&Sample<f64, JOINTS_PER_LEG>) -> Sample<T, JOINTS_PER_LEG>,
+) -> Result<LegFactors<T>, Failure> {
     let mut reader = LogReader::open(log, Selection::Motion)?;
     let settings = Settings::default();
     let mut window: LegWindow<T> = Window::new(
@@ -45,14 +80,7 @@ pub fn factors<T: Real>(
     );
     let mut factors = LegFactors::<T>::default();
     while let Some(row) = reader.next_row()? {
-        let sample = row.sample(leg);
-        let sample = Sample {
-            time_us: sample.time_us,
-            q: sample.q.map(&to),
-            dq: sample.dq.map(&to),
-            tau: sample.tau.map(&to),
-        };
-        if window.push(&sample) == Push::Closed {
+        if window.push(&sample(&row.sample(leg))) == Push::Closed {
             factors
                 .fold_window(window.rows())
                 .map_err(|e| e.to_string())?;

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use proprio::identify::{Identification, Options, identify};
+use proprio::identify::{FitOptions, Fitted, identify};
 use proprio::log::LogWriter;
 use proprio::parameter;
 use proprio::report::candidates::Candidate;
@@ -83,7 +83,9 @@ pub fn write(page: &Path, legs: &[Leg]) {
         ..Simulation::new(legs)
     };
     let samples = record(&simulation, &log);
-    let result = identify(std::slice::from_ref(&log), Options::default(), |_, _| ()).unwrap();
+    let logs = std::slice::from_ref(&log);
+    let identified = identify(logs, None, FitOptions::default(), |_, _| ()).unwrap();
+    let result = identified.fitted;
     let windows: Vec<Windows> = legs
         .iter()
         .enumerate()
@@ -98,7 +100,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
         findings: vec![
             format!(
                 "With the URDF alone the torque error is {:.2} N m rms; with what was identified it is {:.3} N m.",
-                result.urdf_rms, result.rms
+                result.cad_rms, result.rms
             ),
             format!("The most useful single effect is {}.", gains[0].name),
         ],
@@ -140,7 +142,7 @@ fn windows_of(
     leg: Leg,
     first: usize,
     samples: &[SimulatedSample],
-    result: &Identification,
+    result: &Fitted,
 ) -> [Windows; 3] {
     let names = parameter::names_of_leg(leg);
     let estimates = names
@@ -315,7 +317,7 @@ fn gains(windows: &[Windows]) -> Vec<Candidate> {
     candidates
 }
 
-fn rows(result: &Identification) -> Vec<ParameterRow> {
+fn rows(result: &Fitted) -> Vec<ParameterRow> {
     let row = |p: &proprio::estimate::ParameterEstimate| ParameterRow {
         name: p.name.clone(),
         unit: p.unit.to_owned(),
@@ -329,5 +331,5 @@ fn rows(result: &Identification) -> Vec<ParameterRow> {
             .unwrap()
             .to_owned(),
     };
-    result.parameters.iter().map(row).collect()
+    result.parameters.iter().map(|p| row(&p.estimate)).collect()
 }

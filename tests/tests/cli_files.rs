@@ -93,9 +93,14 @@ fn ctrl_c_leaves_no_half_file() {
 #[test]
 fn a_physical_fit_becomes_a_model_that_exports() {
     let folder = simulated("--duration 4");
-    let free = proprio(folder.path(), &["identify", "log.csv", "-o", "go2.toml"]);
+    let free = ["identify", "log.csv", "--free", "-o", "go2.toml"];
+    let free = proprio(folder.path(), &free);
     assert_eq!(free.status.code(), Some(1));
-    assert!(stderr(&free).contains("--physical"), "{}", stderr(&free));
+    assert!(
+        stderr(&free).contains("leave out --free"),
+        "{}",
+        stderr(&free)
+    );
     assert!(!folder.path().join("go2.toml").exists());
 
     done(

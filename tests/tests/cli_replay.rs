@@ -1,32 +1,31 @@
 //! `proprio replay` into a device in its own process, and into ports that are not there.
 
+use proprio::parameter::names_of_leg;
+use proprio_core::go2::Leg;
 use proprio_tests::command::{done, json, parameter, proprio, simulated, stderr};
+use proprio_tests::device_fit::estimate_over_bus;
 
+/// A device folds base columns in two folds and solves a step at a time: the same as core's estimator over all columns at once.
 #[test]
-fn a_device_in_this_process_says_what_identify_says() {
+fn a_device_in_this_process_says_what_cores_estimator_says() {
     let folder = simulated("--typical --legs FR,RL --duration 6 --repeats 0.05");
-    let here = json(&done(
-        folder.path(),
-        &["identify", "log.csv", "--json", "--bus"],
-    ));
     let there = json(&done(
         folder.path(),
         &["replay", "log.csv", "--json", "--to", "desktop"],
     ));
     assert_eq!(there["parameters"].as_array().unwrap().len(), 2 * 42);
-    for estimate in there["parameters"].as_array().unwrap() {
-        let name = estimate["name"].as_str().unwrap();
-        for key in ["value", "std"] {
-            let (a, b) = (
-                estimate[key].as_f64().unwrap(),
-                parameter(&here, name)[key].as_f64().unwrap(),
-            );
-            // A device tells f32, and folds base columns in two folds: the same up to the rounding of f64, in sigmas.
-            let sigma = parameter(&here, name)["std"].as_f64().unwrap();
-            assert!(
-                (a - b).abs() <= 1e-7 * b.abs() + 1e-7 * sigma,
-                "{key} of {name}: {a} there, {b} here"
-            );
+    for leg in [Leg::FR, Leg::RL] {
+        let [values, std] = estimate_over_bus(&folder.path().join("log.csv"), leg).unwrap();
+        for (k, (name, _)) in names_of_leg(leg).into_iter().enumerate() {
+            let estimate = parameter(&there, &name);
+            for (key, here) in [("value", values[k]), ("std", std[k])] {
+                // A device tells f32: the same up to the rounding of f64, in sigmas.
+                let said = estimate[key].as_f64().unwrap();
+                assert!(
+                    (said - here).abs() <= 1e-7 * here.abs() + 1e-7 * std[k],
+                    "{key} of {name}: {said} there, {here} here"
+                );
+            }
         }
     }
     // A bus never says what it measured twice: rows that repeat the one before are not played.
@@ -48,6 +47,31 @@ fn a_device_in_this_process_says_what_identify_says() {
     assert!(
         text.starts_with("desktop, firmware ") && text.contains("32-bit"),
         "{text}"
+    );
+}
+
+/// Where the model lacks nothing, the device's bounded estimator and the desktop's agree within the errors that they state.
+#[test]
+fn a_devices_values_are_those_of_identify_within_their_errors() {
+    let folder = simulated("--typical --legs FR,RL --duration 12");
+    let run = |command: &[&str]| json(&done(folder.path(), command));
+    let here = run(&["identify", "log.csv", "--bus", "--json"]);
+    let there = run(&["replay", "log.csv", "--json", "--to", "desktop"]);
+    let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
+    let mut far = 0;
+    for estimate in there["parameters"].as_array().unwrap() {
+        let name = estimate["name"].as_str().unwrap();
+        let other = parameter(&here, name);
+        let std = number(estimate, "std").hypot(number(other, "std"));
+        let apart = (number(estimate, "value") - number(other, "value")).abs() / std;
+        // The same data: what they weigh differently is less than what noise makes of them.
+        assert!(apart < 3.0, "{name}: {apart} of both errors apart");
+        far += usize::from(apart > 2.0);
+    }
+    // Of 84 values that were independent, 4 would be beyond two standard deviations by chance.
+    assert!(
+        far <= 4,
+        "{far} of 84 values are more than two errors apart"
     );
 }
 

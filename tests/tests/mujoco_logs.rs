@@ -3,16 +3,17 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio::identify::{Identification, Options, identify};
+use proprio::identify::{FitOptions, Fitted, identify};
 use proprio_tests::command::json;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("oracle/mujoco")
 }
 
-fn identified(name: &str) -> Identification {
+fn identified(name: &str) -> Fitted {
     let log = folder().join(format!("{name}.csv.gz"));
-    identify(&[log], Options::default(), |_, _| ()).unwrap()
+    let options = FitOptions::default();
+    identify(&[log], None, options, |_, _| ()).unwrap().fitted
 }
 
 fn truth() -> serde_json::Value {

@@ -2,16 +2,16 @@
 
 use std::path::PathBuf;
 
-use crate::compare::{Comparison, ValuesFrom, compare, compare_free_base, compare_with, csv};
+use crate::compare::{Comparison, ValuesFrom, compare_free_base, compare_without, csv};
 use crate::detect::mismatch::mismatches;
-use crate::model::{Model, UnknownName};
+use crate::model::{Model, ModelEffect, UnknownName};
 use crate::output::{AtomicFile, WriteError};
 use crate::recording::{Recording, gate_words};
 use crate::report::pages;
 use clap::Args;
 
 use super::add::parse;
-use super::{Error, json, unreadable};
+use super::{Error, json, remove, unreadable};
 use crate::progress::{Progress, Underway};
 
 /// Compare model and measurement: how well, where and when it fails
@@ -46,23 +46,13 @@ pub(crate) struct Compare {
     #[arg(long, conflicts_with_all = ["at_rest", "with", "without", "output"])]
     free_base: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
-    #[arg(long, conflicts_with_all = ["fit", "with", "without"])]
+    #[arg(long, conflicts_with = "fit")]
     at_rest: bool,
-    /// Fit the model with these as well, under the weights of the model as it is
-    #[arg(
-        long,
-        value_name = "EFFECT[:JOINT]",
-        value_delimiter = ',',
-        conflicts_with = "given"
-    )]
+    /// Compare the model that `proprio add` makes with these
+    #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
     with: Vec<String>,
-    /// Fit the model without these, each at one joint or wherever the model has it, under the weights of the model as it is
-    #[arg(
-        long,
-        value_name = "EFFECT[:JOINT]",
-        value_delimiter = ',',
-        conflicts_with = "given"
-    )]
+    /// Compare the model that `proprio remove` makes without these, each at one joint or wherever the model has it
+    #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
     without: Vec<String>,
     /// Tell each joint's error, where and when the model fails
     #[arg(short, long)]
@@ -86,17 +76,14 @@ impl Compare {
         if self.free_base {
             return self.run_free_base();
         }
-        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut model = super::model_or_default(self.model.as_deref(), false)?;
+        let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
         let recording =
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
-        let changed = self.changed(&model)?;
         let underway = Underway::new("Comparing");
-        let mut comparison = match &changed {
-            Some(changed) => compare_with(&recording, &model, changed)?,
-            None => compare(&recording, &model, self.values())?,
-        };
+        let mut comparison = compare_without(&recording, &model, &left_out, self.values())?;
         drop(underway);
         let wrong = mismatches(&recording, &model);
         comparison
@@ -115,8 +102,7 @@ impl Compare {
             file.commit()?;
         }
         if let Some(path) = &self.html {
-            let shown = changed.as_ref().unwrap_or(&model);
-            pages::comparison(&comparison, &recording, shown, self.model.as_deref())
+            pages::comparison(&comparison, &recording, &model, self.model.as_deref())
                 .map_err(unreadable)?
                 .write(path)?;
         }
@@ -168,29 +154,18 @@ impl Compare {
         )
     }
 
-    /// The model with what --with names and without what --without names; none if nothing is named.
-    fn changed(&self, model: &Model) -> Result<Option<Model>, UnknownName> {
-        if self.with.is_empty() && self.without.is_empty() {
-            return Ok(None);
-        }
-        let mut changed = model.clone();
+    /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.
+    fn change(&self, model: &mut Model) -> Result<Vec<ModelEffect>, UnknownName> {
+        let mut left_out = Vec::new();
         for text in &self.without {
-            let (effect, joints) = parse(text, model.robot())?;
-            let own = model.effects().iter().filter(|e| e.effect == effect);
-            let places: Vec<usize> = match text.contains(':') {
-                true => joints,
-                false => own.map(|e| e.joint).collect(),
-            };
-            for joint in places {
-                changed.remove_effect(effect, joint);
-            }
+            left_out.extend(remove::take_out(model, text)?);
         }
         let mut more = Vec::new();
         for text in &self.with {
             let (effect, joints) = parse(text, model.robot())?;
             more.extend(joints.into_iter().map(|joint| (effect, joint)));
         }
-        changed.add_last(&more);
-        Ok(Some(changed))
+        model.add_last(&more);
+        Ok(left_out)
     }
 }

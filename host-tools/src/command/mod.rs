@@ -36,7 +36,7 @@ use crate::excite::earlier::EarlierError;
 use crate::excite::shapes::ShapesError;
 use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
-use crate::identify::{IdentificationError, NotAModel, NotReproduced};
+use crate::identify::{NotAModel, NotReproduced};
 use crate::log::LogError;
 use crate::model::export::ExportError;
 use crate::model::{Model, ModelError, RobotError, UnknownName};
@@ -174,8 +174,6 @@ impl Command {
 /// Why a command fails: the data or the files are bad. Wrong usage is clap's affair.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Error {
-    #[error(transparent)]
-    Identification(#[from] IdentificationError),
     #[error(transparent)]
     FreeBase(#[from] FreeBaseError),
     /// Logs that are not what the model says, and whether they have an IMU's columns.

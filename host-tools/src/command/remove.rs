@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::model::Model;
+use crate::model::{Model, ModelEffect, UnknownName};
 use clap::Args;
 use serde::Serialize;
 
@@ -43,21 +43,13 @@ impl Remove {
         let mut model = Model::load(&self.model)?;
         let (mut removed, mut absent) = (Vec::new(), Vec::new());
         for text in &self.effects {
-            let (effect, named) = parse(text, model.robot())?;
-            let has = model.effects().iter().filter(|e| e.effect == effect);
-            let joints = match text.contains(':') {
-                true => named,
-                false => has.map(|e| e.joint).collect(),
-            };
-            let before = removed.len();
-            for joint in joints {
-                if model.remove_effect(effect, joint) {
-                    removed.push(format!("{}:{}", effect.name(), model.joint_name(joint)));
-                }
-            }
-            if removed.len() == before {
+            let taken = take_out(&mut model, text)?;
+            if taken.is_empty() {
                 absent.push(text.clone());
             }
+            let name =
+                |e: ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+            removed.extend(taken.into_iter().map(name));
         }
         if !removed.is_empty() {
             model.save(&self.model)?;
@@ -73,6 +65,19 @@ impl Remove {
             report.to_string()
         })
     }
+}
+
+/// Takes what `EFFECT[:JOINT]` names out of a model, at one joint or wherever the model has it; what that was.
+pub(super) fn take_out(model: &mut Model, text: &str) -> Result<Vec<ModelEffect>, UnknownName> {
+    let (effect, named) = parse(text, model.robot())?;
+    let is_named =
+        |e: &ModelEffect| e.effect == effect && (!text.contains(':') || named.contains(&e.joint));
+    let taken = model.effects().iter().filter(|e| is_named(e));
+    let taken: Vec<ModelEffect> = taken.copied().collect();
+    for e in &taken {
+        model.remove_effect(e.effect, e.joint);
+    }
+    Ok(taken)
 }
 
 impl std::fmt::Display for Report {

@@ -1,11 +1,11 @@
 //! Estimates of parameters, wherever they were made: their errors, their standing against the prior, their table.
 
-use proprio_core::consistent::{Held, LegConsistentSolver, body};
+use proprio_core::consistent::body;
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{
-    CAD_UNCERTAINTY, LEG_INERTIAL, LEG_PARAMETERS, LegFactors, LegPrior, LegSolver, LegVector,
+    CAD_UNCERTAINTY, LEG_INERTIAL, LegFactors, LegPrior, LegSolver, LegVector,
 };
-use proprio_core::factor::{FactorError, packed_len};
+use proprio_core::factor::FactorError;
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, JointId, Leg};
 use serde::Serialize;
 
@@ -37,9 +37,9 @@ pub struct ParameterEstimate {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
-    /// The data: they leave at most half of the prior's standard deviation.
+    /// The data: they leave at most half of the prior's standard deviation, and an effect that is there by two of its own.
     Identified,
-    /// The prior, more than the data.
+    /// The prior more than the data, or a bound; or an effect that may as well be absent.
     Prior,
     /// The prior alone: the motion does not show the parameter.
     Unexcited,
@@ -66,17 +66,6 @@ impl Status {
     }
 }
 
-/// A leg's θ and standard deviations.
-#[derive(Debug, Clone, Copy)]
-pub struct Fit {
-    /// θ.
-    pub values: LegVector<f64>,
-    /// Standard deviations.
-    pub std: LegVector<f64>,
-    /// The effects held at a bound.
-    pub held: Held,
-}
-
 /// Whether a fit may take values that no body and no friction can have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Constraint {
@@ -87,78 +76,13 @@ pub enum Constraint {
     Physical,
 }
 
-/// The fit to `data` on top of `prior`; without data it is the prior.
-///
-/// # Errors
-/// As the core's solvers'.
-pub fn solve(
-    prior: &LegPrior<f64>,
-    data: &LegFactors<f64>,
-    constraint: Constraint,
-) -> Result<Fit, FactorError> {
-    let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
+/// Values and standard deviations of a leg's parameters before any data.
+fn without_data(prior: &LegPrior<f64>) -> Result<[LegVector<f64>; 2], FactorError> {
     let mut solver = LegSolver::default();
-    match constraint {
-        Constraint::Free => {
-            solver.start(prior, data);
-            while !solver.advance()? {}
-            let held = Held::default();
-            Ok(Fit {
-                values: own(solver.values()),
-                std: own(solver.std()),
-                held,
-            })
-        }
-        Constraint::Physical => {
-            let bodies = [0.0; packed_len(LEG_INERTIAL)];
-            let mut solver = LegConsistentSolver::new(prior, solver, [0.0; LEG_PARAMETERS], bodies);
-            solver.solve(data)?;
-            let held = solver.held();
-            Ok(Fit {
-                values: own(solver.values()),
-                std: own(solver.std()),
-                held,
-            })
-        }
-    }
-}
-
-/// A leg's parameters from its fit, in the estimator's order.
-///
-/// # Errors
-/// [`FactorError`] if the leg has no prior; the Go2's have.
-pub fn of_leg(
-    leg: Leg,
-    fit: &Fit,
-    constraint: Constraint,
-) -> Result<Vec<ParameterEstimate>, FactorError> {
-    let known = LegPrior::of(leg);
-    let prior = solve(&known, &LegFactors::default(), Constraint::Free)?;
-    let there = match constraint {
-        Constraint::Free => prior.std,
-        Constraint::Physical => {
-            solve(
-                &seen_from(&known, &fit.values),
-                &LegFactors::default(),
-                Constraint::Free,
-            )?
-            .std
-        }
-    };
-    let named = parameter::names_of_leg(leg).into_iter().enumerate();
-    let estimates = named.map(|(k, (name, unit))| ParameterEstimate {
-        name,
-        unit,
-        value: fit.values[k],
-        std: fit.std[k],
-        prior: prior.values[k],
-        prior_std: prior.std[k],
-        status: Status::there(fit.std[k], prior.std[k], fit.std[k], there[k]),
-        at_bound: k
-            .checked_sub(LEG_INERTIAL)
-            .is_some_and(|n| fit.held.contains(n)),
-    });
-    Ok(estimates.collect())
+    solver.start(prior, &LegFactors::default());
+    while !solver.advance()? {}
+    let own = |numbers: &[f64]| std::array::from_fn(|k| numbers[k]);
+    Ok([own(solver.values()), own(solver.std())])
 }
 
 /// The prior as it looks from physical `values`: a body twice as heavy is known half as well.
@@ -171,7 +95,7 @@ fn seen_from(prior: &LegPrior<f64>, values: &[f64]) -> LegPrior<f64> {
 /// A leg's parameters as a device tells them: the inertial ones, then the effects that it says it has. `constraint`: which solution it is.
 ///
 /// # Errors
-/// As [`of_leg`].
+/// [`FactorError`] if the leg has no prior; the Go2's have.
 pub fn of_device(
     leg: Leg,
     effects: &[(JointId, EffectKind)],
@@ -182,30 +106,27 @@ pub fn of_device(
     let number = |from: &[f64], k: usize| from.get(k).copied().unwrap_or(f64::NAN);
     let physical = constraint == Constraint::Physical;
     let known = LegPrior::of(leg);
-    let prior = solve(&known, &LegFactors::default(), Constraint::Free)?;
+    let [prior, prior_std] = without_data(&known)?;
     let there = match physical {
-        false => prior.std,
-        true => {
-            let near = seen_from(&known, values);
-            solve(&near, &LegFactors::default(), Constraint::Free)?.std
-        }
+        false => prior_std,
+        true => without_data(&seen_from(&known, values))?[1],
     };
     let inertial = parameter::names_of_leg(leg)
         .into_iter()
         .take(LEG_INERTIAL)
         .enumerate()
-        .map(|(k, (name, unit))| (name, unit, [prior.values[k], prior.std[k], there[k]], None));
+        .map(|(k, (name, unit))| (name, unit, [prior[k], prior_std[k], there[k]], None));
     let effects = effects.iter().map(|&(joint, effect)| {
         let prior = effect.prior(&ACTUATORS[joint.place()]);
         let name = parameter::name(effect.name(), joint);
-        let lower = effect.description().parameters.first().map(|p| p.lower);
         let known = [prior.mean, prior.std, prior.std];
-        (name, parameter::unit(effect), known, lower)
+        (name, parameter::unit(effect), known, Some(effect))
     });
     let all = inertial.chain(effects).enumerate();
-    let estimates = all.map(|(k, (name, unit, [prior, prior_std, there], lower))| {
+    let estimates = all.map(|(k, (name, unit, [prior, prior_std, there], effect))| {
         let (value, std) = (number(values, k), number(std, k));
-        ParameterEstimate {
+        let lower = effect.map(|effect| effect.description().parameters[0].lower);
+        let estimate = ParameterEstimate {
             name,
             unit,
             value,
@@ -214,6 +135,10 @@ pub fn of_device(
             prior_std,
             status: Status::there(std, prior_std, std, there),
             at_bound: physical && lower == Some(value),
+        };
+        match effect {
+            Some(effect) => estimate.unless_absent(effect, 0),
+            None => estimate,
         }
     });
     Ok(estimates.collect())
@@ -233,6 +158,17 @@ impl ParameterEstimate {
             .any(|(name, _)| Some(*name) == what)
     }
 
+    /// The same of parameter `n` of an effect: at its bound, or within two standard deviations of the value at which the effect is absent,
+    /// the data show no more than how large it is at most, and that is not called identified.
+    pub(crate) fn unless_absent(mut self, effect: EffectKind, n: usize) -> Self {
+        let parameter = &effect.description().parameters[n];
+        let absent = !parameter.shape && (self.value - parameter.neutral).abs() < 2.0 * self.std;
+        if self.status == Status::Identified && (self.at_bound || absent) {
+            self.status = Status::Prior;
+        }
+        self
+    }
+
     pub(crate) fn cell(&self) -> String {
         let mark = match self.status {
             _ if self.at_bound => "(b)",
@@ -245,39 +181,30 @@ impl ParameterEstimate {
 }
 
 /// What [`effect_table`]'s marks mean.
-pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) held by the prior, (u) unexcited: \
-                          the prior alone,\n(b) at its bound: the data would have it unphysical.";
+pub const LEGEND: &str = "± one standard deviation if residuals are independent; (p) prior-dominated, or within two ± of an absent effect, \
+                          (u) unexcited: the\nprior alone, (b) at its bound: the data would have it unphysical.";
 
-/// A table of the joints' effects, with further columns of which the headings, units and cells are given.
-pub fn effect_table<const N: usize>(
-    parameters: &[ParameterEstimate],
+/// A table of what every drive has, joint by joint, with further columns of which the headings, units and cells are given. `find` gives the
+/// estimate of that name; an effect that no joint has is left out.
+pub fn effect_table<'a, const N: usize>(
+    find: impl Fn(&str) -> Option<&'a ParameterEstimate>,
     headings: [[&str; 2]; N],
-    rows: impl IntoIterator<Item = (JointId, [String; N])>,
+    rows: &[(String, [String; N])],
 ) -> Table {
-    let effects = [
-        EffectKind::Coulomb,
-        EffectKind::Viscous,
-        EffectKind::Armature,
-        EffectKind::Bias,
-    ];
-    let line = |first: &str, effects: [String; 4], further: [String; N]| {
-        [first.to_owned()].into_iter().chain(effects).chain(further)
-    };
+    let of = |effect: EffectKind, joint: &str| find(&parameter::name_at(effect.name(), joint));
+    let has = |effect: &EffectKind| rows.iter().any(|(joint, _)| of(*effect, joint).is_some());
+    let effects: Vec<EffectKind> = EffectKind::PLAIN.into_iter().filter(has).collect();
     let mut table = Table::default();
-    let names = effects.map(|effect| effect.name().to_owned());
-    table.row(line(
-        "joint",
-        names,
-        headings.map(|[name, _]| name.to_owned()),
-    ));
-    let units = effects.map(|effect| parameter::unit(effect).to_owned());
-    table.row(line("", units, headings.map(|[_, unit]| unit.to_owned())));
+    let mut line = |first: &str, effect: &dyn Fn(EffectKind) -> String, further: [String; N]| {
+        let cells = effects.iter().map(|&kind| effect(kind));
+        table.row([first.to_owned()].into_iter().chain(cells).chain(further));
+    };
+    let [names, units] = [0, 1].map(|n| headings.map(|heading| heading[n].to_owned()));
+    line("joint", &|effect| effect.name().to_owned(), names);
+    line("", &|effect| parameter::unit(effect).to_owned(), units);
     for (joint, further) in rows {
-        let cells = effects.map(|effect| {
-            let estimate = find(parameters, &parameter::name(effect.name(), joint));
-            estimate.map_or_else(String::new, ParameterEstimate::cell)
-        });
-        table.row(line(joint.name(), cells, further));
+        let cell = |effect| of(effect, joint).map_or_else(String::new, ParameterEstimate::cell);
+        line(joint, &cell, further.clone());
     }
     table
 }
@@ -300,23 +227,18 @@ mod tests {
     #[test]
     fn what_no_motion_shows_is_not_identified_by_a_light_body() {
         let prior = LegPrior::<f64>::of(Leg::FR);
-        let nothing = LegFactors::default();
-        let cad = solve(&prior, &nothing, Constraint::Physical).unwrap();
+        let [cad, cad_std] = without_data(&prior).unwrap();
         let mut light = cad;
-        light.values[..LEG_INERTIAL]
-            .iter_mut()
-            .for_each(|x| *x /= 3.0);
-        light.std = solve(
-            &seen_from(&prior, &light.values),
-            &nothing,
-            Constraint::Free,
-        )
-        .unwrap()
-        .std;
-        assert!(light.std[0] < 0.4 * cad.std[0]);
-        for fit in [cad, light] {
-            let told = of_leg(Leg::FR, &fit, Constraint::Physical).unwrap();
-            assert!(told.iter().all(|p| p.status == Status::Unexcited));
+        light[..LEG_INERTIAL].iter_mut().for_each(|x| *x /= 3.0);
+        let [_, light_std] = without_data(&seen_from(&prior, &light)).unwrap();
+        assert!(light_std[0] < 0.4 * cad_std[0]);
+        let joints = JointId::of(Leg::FR).into_iter();
+        let effects: Vec<_> = joints
+            .flat_map(|joint| EffectKind::PLAIN.map(|effect| (joint, effect)))
+            .collect();
+        for (values, std) in [(cad, cad_std), (light, light_std)] {
+            let of = of_device(Leg::FR, &effects, &values, &std, Constraint::Physical).unwrap();
+            assert!(of.iter().all(|p| p.status == Status::Unexcited));
         }
     }
 }

@@ -1,24 +1,25 @@
-//! A log's samples as a listener on the motor bus hears them.
+//! A log's samples as a listener on the motor bus receives them.
 
-use proprio_core::bus::{EncodeError, Mode, Reply};
-use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG};
-use proprio_core::window::Sample;
+use proprio_core::bus::{Mode, Reply};
+use proprio_core::go2::ACTUATORS;
 
-/// What a listener makes of the three motors' replies: the frame's integers are all that the bus loses, so bytes and
-/// checksums need not be made here.
-///
-/// # Errors
-/// [`EncodeError`] if a value does not fit a frame.
-pub(super) fn heard(
-    sample: &Sample<f64, JOINTS_PER_LEG>,
-) -> Result<Sample<f64, JOINTS_PER_LEG>, EncodeError> {
-    let mut heard = *sample;
-    for j in 0..JOINTS_PER_LEG {
-        let (gear, mode) = (ACTUATORS[j].gear, Mode::foc(j as u8));
-        let reply = Reply::from_joint(mode, gear, sample.q[j], sample.dq[j], sample.tau[j], 0)?;
-        heard.q[j] = reply.joint_position(gear);
-        heard.dq[j] = reply.joint_velocity(gear);
-        heard.tau[j] = reply.joint_torque(gear);
+use crate::recording::Recording;
+
+/// Position (rad), velocity (rad/s) and torque (N m) of the leg's joint `joint`, counted from its hip, as its motor's reply carries them: the
+/// frame's integers are all that the bus loses, so bytes and checksums need not be made. Values that fit no frame stay: they are also
+/// more than the robot can do.
+pub fn received(joint: usize, [q, dq, tau]: [f64; 3]) -> [f64; 3] {
+    let (gear, mode) = (ACTUATORS[joint].gear, Mode::foc(joint as u8));
+    let reply = Reply::from_joint(mode, gear, q, dq, tau, 0);
+    reply.map_or([q, dq, tau], |reply| {
+        let (q, dq) = (reply.joint_position(gear), reply.joint_velocity(gear));
+        [q, dq, reply.joint_torque(gear)]
+    })
+}
+
+/// Rounds each sample of a Go2's legs to what the bus carries.
+pub(super) fn round(recording: &mut Recording) {
+    for (_, limb) in &mut recording.limbs {
+        limb.replace(received);
     }
-    Ok(heard)
 }

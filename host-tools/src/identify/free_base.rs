@@ -288,11 +288,9 @@ impl fmt::Display for FreeBaseIdentification {
         }
         writeln!(f, "{table}")?;
         let joints = Leg::ALL.into_iter().flat_map(JointId::of);
-        write!(
-            f,
-            "{}",
-            estimate::effect_table(&self.parameters, [], joints.map(|joint| (joint, [])))
-        )?;
+        let joints: Vec<_> = joints.map(|joint| (joint.name().to_owned(), [])).collect();
+        let find = |name: &str| self.parameter(name);
+        write!(f, "{}", estimate::effect_table(find, [], &joints))?;
         self.legend(f)?;
         self.time(f)
     }

@@ -1,167 +1,108 @@
 //! From logs to parameters: what `proprio identify` does.
 //!
-//! Rows of a log go through the core's windows into one factor per leg and fold, and are forgotten: memory does not grow
-//! with the log. Time is cut into blocks that fall into two folds by turns, with a guard between blocks that belongs to
-//! neither; the fit uses everything, and the held-out error is that of each fold under the fit to the other.
+//! 1. `model_fit`: a model's effects, or the four of a plain drive, fitted to a recording by the one estimator ([`crate::estimate`]).
+//! 2. `runs`: several logs, each on its own, and where they disagree.
+//! 3. `bus`: samples as a device receives them over the motor bus.
+//! 4. `to_model`: estimates into a model file.
+//! 5. `free_base`: the same questions of a Go2 on a floating base.
 
-mod base_rows;
 mod bus;
 mod free_base;
-mod leg;
 pub(crate) mod model_fit;
-mod result;
 mod runs;
 mod to_model;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use proprio_core::factor::FactorError;
-use proprio_core::go2::{LEGS, Leg};
+use proprio_core::effect::EffectKind;
 
-use crate::estimate::Constraint;
+use crate::detect::mismatch::mismatches;
 pub use crate::estimate::Method;
 pub use crate::estimate::stages::{Stage, StageParameter};
-use crate::log::{LogError, LogReader, Samples, Selection, Warning};
+use crate::model::{Model, Robot};
+use crate::recording::{Recording, RecordingError};
+pub use bus::received;
 pub(crate) use free_base::walk_parameters;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
-use leg::LegIdentifier;
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
-    fit_model, fit_runs,
+    fit_model,
 };
-pub use result::{Identification, JointFit};
 pub use runs::{Consistency, Run, RunValue};
 pub(crate) use to_model::set_joint;
 pub use to_model::{NotAModel, set_possible};
 
-/// How to identify.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
-    /// Round every sample to what the motor bus can carry, so that the result is that of a device which hears the log
-    /// over its bus.
-    pub bus: bool,
-    /// Whether values may be unphysical.
-    pub constraint: Constraint,
+/// What `identify` has read, of which model, and what came out.
+#[derive(Debug, Clone)]
+pub struct Identified {
+    /// The samples of all logs.
+    pub recording: Recording,
+    /// The model that was fitted: the one given, or [`plain`].
+    pub model: Model,
+    /// Its parameters.
+    pub fitted: Fitted,
 }
 
-/// Why no parameters come out.
-#[derive(Debug, thiserror::Error)]
-pub enum IdentificationError {
-    /// A log is bad.
-    #[error(transparent)]
-    Log(#[from] LogError),
-    /// Most of a leg's samples are beyond what the robot can do.
-    #[error(
-        "{}, line {line}: the {what} of leg {} is more than the robot can do; so are {percent:.0} % of its samples",
-        .path.display(), .leg.name()
-    )]
-    Impossible {
-        /// The log.
-        path: PathBuf,
-        /// The first such line.
-        line: u64,
-        /// The leg.
-        leg: Leg,
-        /// Which quantity.
-        what: &'static str,
-        /// Share of the samples, %.
-        percent: f64,
-    },
-    /// A leg's samples do not make a single window.
-    #[error(
-        "{}: leg {} has no {window_ms} ms of samples without a gap or a fault: of {} samples, {} repeat the one before, {} \
-         are late, {} impossible, and {} gaps lie between them",
-        .path.display(), .leg.name(), .samples.total, .samples.repeated, .samples.late, .samples.rejected, .samples.gaps
-    )]
-    NoWindows {
-        /// The last log.
-        path: PathBuf,
-        /// The leg.
-        leg: Leg,
-        /// What became of its samples.
-        samples: Samples,
-        /// Length of a window, ms.
-        window_ms: u64,
-    },
-    /// The linear algebra refused; the data passed every check before it.
-    #[error("the parameters of leg {} cannot be solved for: {source}", .leg.name())]
-    Solve {
-        /// The leg.
-        leg: Leg,
-        /// Why.
-        source: FactorError,
-    },
-}
-
-/// Identifies the robot from its `logs`, taken together. `progress` hears of bytes read, and of how many in all.
+/// Identifies the parameters of `model`, or without one those of a [`plain`] Go2, from its `logs`, taken together; of several logs each is
+/// also fitted on its own. `progress` receives the bytes read, and how many there are in all.
 ///
 /// # Errors
-/// [`IdentificationError`]; the first bad log stops the work.
+/// [`RecordingError`]; the first bad log stops the work.
 pub fn identify(
     logs: &[PathBuf],
-    options: Options,
+    model: Option<&Model>,
+    options: FitOptions,
     mut progress: impl FnMut(u64, u64),
-) -> Result<Identification, IdentificationError> {
-    let mut legs: [Option<LegIdentifier>; LEGS] = [const { None }; LEGS];
-    let mut warnings = Vec::new();
-    for path in logs {
-        let told = read(path, options, &mut legs, &mut progress)?;
-        warnings.extend(
-            told.iter()
-                .map(|warning| format!("{}: {warning}", path.display())),
-        );
-        for identifier in legs.iter_mut().flatten() {
-            warnings.extend(identifier.end_log(path)?);
+) -> Result<Identified, RecordingError> {
+    let cad = Model::default();
+    let read = |logs: &[PathBuf], progress: &mut dyn FnMut(u64, u64)| {
+        let mut recording = Recording::read(logs, model.unwrap_or(&cad), progress)?;
+        if options.bus {
+            bus::round(&mut recording);
         }
-    }
-    let mut fits = Vec::new();
-    for identifier in legs.iter().flatten() {
-        let (leg, samples) = (identifier.leg(), identifier.samples());
-        if identifier.windows() == 0 {
-            let path = logs.last().cloned().unwrap_or_default();
-            let window_ms = leg::SETTINGS.window_us / 1000;
-            return Err(IdentificationError::NoWindows {
-                path,
-                leg,
-                samples,
-                window_ms,
-            });
+        Ok::<_, RecordingError>(recording)
+    };
+    let recording = read(logs, &mut progress)?;
+    let model = model.map_or_else(|| plain(&recording), Model::clone);
+    let mut fitted = fit_model(&recording, &model, options)?;
+    if logs.len() > 1 {
+        let (mut each, mut fits) = (Vec::new(), Vec::new());
+        for log in logs {
+            let own = read(std::slice::from_ref(log), &mut |_, _| ())?;
+            let fitted = fit_model(&own, &model, options)?;
+            each.push(Run::of(&own, &fitted));
+            fits.push(fitted);
         }
-        let fit = identifier.fit(options.constraint);
-        fits.push(fit.map_err(|source| IdentificationError::Solve { leg, source })?);
+        fitted.compare_runs(each, &fits);
     }
-    Ok(Identification::new(logs, &fits, warnings))
+    let walks = match *model.robot() == Robot::go2() {
+        true => "; of a Go2 that walks or stands: proprio identify --free-base",
+        false => "",
+    };
+    let wrong = mismatches(&recording, &model);
+    let wrong = wrong.iter().map(|wrong| format!("{wrong}{walks}"));
+    fitted.warnings.extend(wrong);
+    Ok(Identified {
+        recording,
+        model,
+        fitted,
+    })
 }
 
-/// Feeds one log to the identifiers of its legs.
-fn read(
-    path: &Path,
-    options: Options,
-    legs: &mut [Option<LegIdentifier>; LEGS],
-    progress: &mut impl FnMut(u64, u64),
-) -> Result<Vec<Warning>, LogError> {
-    /// Rows between two reports of progress.
-    const STRIDE: u64 = 1024;
-    let mut reader = LogReader::open(path, Selection::Motion)?;
-    let recorded: Vec<Leg> = reader.columns().legs().collect();
-    for &leg in &recorded {
-        legs[leg.index()].get_or_insert_with(|| LegIdentifier::new(leg));
-    }
-    while let Some(row) = reader.next_row()? {
-        for &leg in &recorded {
-            if let Some(identifier) = &mut legs[leg.index()] {
-                let sample = row.sample(leg);
-                // What fits no frame is also more than the robot can do: the window rejects it.
-                let heard = options.bus.then(|| bus::heard(&sample).ok()).flatten();
-                identifier.push(&heard.unwrap_or(sample), row.line);
-            }
-        }
-        if reader.checks().rows().is_multiple_of(STRIDE) {
-            let (done, total) = reader.progress();
-            progress(done, total);
+/// The Go2 with what every drive has at each joint of the legs that were recorded: viscous and Coulomb friction, armature, torque offset.
+/// The order is that of `proprio add viscous coulomb armature bias`, so that both give the same numbers to the last digit.
+pub fn plain(recording: &Recording) -> Model {
+    let mut model = Model::default();
+    let mut joints: Vec<usize> = (recording.limbs.iter())
+        .flat_map(|(limb, _)| limb.bodies.clone())
+        .collect();
+    joints.sort_unstable();
+    for effect in EffectKind::PLAIN {
+        for &joint in &joints {
+            model.add_effect(effect, joint);
         }
     }
-    reader.finish()
+    model
 }
 
 #[cfg(test)]

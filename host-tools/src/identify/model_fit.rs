@@ -1,4 +1,4 @@
-//! What `proprio identify --model` does: the effects that a model file names, fitted to logs.
+//! A model's effects and bodies, fitted to a recording.
 
 mod result;
 mod words;
@@ -6,7 +6,6 @@ mod words;
 use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;
 
-use super::runs::{self, Run};
 use crate::detect::twist::told_by_encoders;
 use crate::equation::motion::is_shared;
 use crate::equation::values::{Place, Values, places};
@@ -32,6 +31,8 @@ pub struct FitOptions {
     pub method: Method,
     /// Friction first, then inertia: see [`Stage`].
     pub stages: bool,
+    /// Whether samples are rounded to what the motor bus carries, as a device receives them.
+    pub bus: bool,
 }
 
 /// Fits `model`, whose values are not looked at but whose priors are, to a recording.
@@ -112,34 +113,6 @@ pub fn check_reproduced(
     }
 }
 
-/// Fits `model` to each log on its own and to all together, and compares the runs.
-///
-/// # Errors
-/// As [`fit_model`]'s, and as [`Recording::read`]'s.
-pub fn fit_runs(
-    recording: &Recording,
-    model: &Model,
-    options: FitOptions,
-) -> Result<Fitted, RecordingError> {
-    let mut all = fit_model(recording, model, options)?;
-    if recording.logs.len() < 2 {
-        return Ok(all);
-    }
-    let (mut runs, mut fits) = (Vec::new(), Vec::new());
-    for log in &recording.logs {
-        let own = Recording::read(std::slice::from_ref(log), model, |_, _| {})?;
-        let fitted = fit_model(&own, model, options)?;
-        runs.push(Run::of(&own, &fitted));
-        fits.push(fitted);
-    }
-    all.consistency = runs::compare(&fits);
-    for disagreement in all.consistency.iter().filter(|c| !c.consistent) {
-        runs[disagreement.differs].disagreements += 1;
-    }
-    all.runs = runs;
-    Ok(all)
-}
-
 /// The steps of all limbs, parameter by parameter.
 fn go_through_stages(fits: &mut [LimbFit]) -> Vec<Stage> {
     let mut parameters: [Vec<StageParameter>; 3] = Default::default();
@@ -194,18 +167,22 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
             let prior_std = prior_std.as_ref().map_or(f64::INFINITY, |std| std[k]);
             let (std, std_between) = (fit.std(k), fit.spread().of_parameter(k));
             let body = fit.data.body_of(entry.joint);
+            let estimate = ParameterEstimate {
+                name: fit.data.name(entry),
+                unit: entry.effect.map_or(UNITS[entry.parameter], |effect| {
+                    effect.description().parameters[entry.parameter].unit
+                }),
+                value: fit.value(k),
+                std,
+                prior: fit.prior_mean(k),
+                prior_std,
+                status: Status::there(std, prior_std, independent, there.row(k).norm()),
+                at_bound: fit.solution.held[k] && !fit.is_found_by_trying(k),
+            };
             FittedParameter {
-                estimate: ParameterEstimate {
-                    name: fit.data.name(entry),
-                    unit: entry.effect.map_or(UNITS[entry.parameter], |effect| {
-                        effect.description().parameters[entry.parameter].unit
-                    }),
-                    value: fit.value(k),
-                    std,
-                    prior: fit.prior_mean(k),
-                    prior_std,
-                    status: Status::there(std, prior_std, independent, there.row(k).norm()),
-                    at_bound: fit.solution.held[k] && !fit.is_found_by_trying(k),
+                estimate: match entry.effect {
+                    Some(effect) => estimate.unless_absent(effect, entry.parameter),
+                    None => estimate,
                 },
                 std_independent: independent,
                 std_between,
@@ -236,7 +213,6 @@ fn shapes(fit: &LimbFit) -> Vec<FittedParameter> {
             (fit.values.get(place, n), std),
             Prior { mean, std: prior },
         );
-        shape.estimate.status = Status::of(std, prior);
         shape.place = Where::Shape(place.0, body, n);
         Some(shape)
     };

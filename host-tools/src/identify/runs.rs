@@ -110,7 +110,9 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
             .filter_map(|(run, fitted)| {
                 let parameter = fitted.fitted(name)?;
                 let estimate = &parameter.estimate;
-                let counts = estimate.status == Status::Identified
+                // An effect that one run shows to be absent differs from one that another run shows.
+                let counts = estimate.status != Status::Unexcited
+                    && estimate.std <= 0.5 * estimate.prior_std
                     && !estimate.at_bound
                     && estimate.std > 0.0;
                 counts.then_some(RunValue {

@@ -1,13 +1,12 @@
-//! What was identified, as a model file.
+//! Estimates into a model, where they can be.
 
 use std::array;
 
 use proprio_core::effect::EffectKind;
 use proprio_core::inertia::InertialParameters;
 
-use super::Identification;
 use crate::estimate::{ParameterEstimate, find};
-use crate::model::{Impossible, Model, Provenance};
+use crate::model::{Impossible, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at};
 
 /// A value that was identified but that no model may hold.
@@ -18,32 +17,6 @@ pub struct NotAModel {
     pub of: String,
     /// Why not.
     pub fault: Impossible,
-}
-
-impl Identification {
-    /// The Go2 with the bodies and effects identified, their standard deviations, and `provenance`.
-    ///
-    /// # Errors
-    /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
-    pub fn to_model(&self, provenance: Provenance) -> Result<Model, NotAModel> {
-        let mut model = Model::default();
-        let joints: Vec<String> = model
-            .robot()
-            .bodies()
-            .iter()
-            .map(|body| body.name.clone())
-            .collect();
-        for (joint, of) in joints.into_iter().enumerate() {
-            self.set_joint(&mut model, joint, &of)
-                .map_err(|fault| NotAModel { of, fault })?;
-        }
-        model.set_provenance(provenance);
-        Ok(model)
-    }
-
-    fn set_joint(&self, model: &mut Model, joint: usize, of: &str) -> Result<(), Impossible> {
-        set_joint(&self.parameters, model, joint, of)
-    }
 }
 
 /// Sets each body and each effect of the Go2's `model` to what was identified of it, where that can be; says what cannot.

@@ -82,6 +82,15 @@ impl Model {
         added
     }
 
+    /// Puts effects back as they were taken out, values and all, where the model has none of their kind.
+    pub fn put_back(&mut self, effects: &[ModelEffect]) {
+        for e in effects {
+            if self.add_effect(e.effect, e.joint) {
+                *self.entry(e.effect, e.joint) = *e;
+            }
+        }
+    }
+
     /// No effect is what was added last any more.
     pub fn forget_last_added(&mut self) {
         for e in &mut self.effects {

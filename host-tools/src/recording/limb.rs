@@ -148,6 +148,15 @@ impl LimbRecording {
         Trajectory::of(&motions, self.period())
     }
 
+    /// Replaces position (rad), velocity (rad/s) and torque (N m) of each sample and joint.
+    pub(crate) fn replace(&mut self, with: impl Fn(usize, [f64; 3]) -> [f64; 3]) {
+        self.trajectories = Trajectories::default();
+        for k in 0..self.q.len() {
+            let own = [self.q[k], self.dq[k], self.tau[k]];
+            [self.q[k], self.dq[k], self.tau[k]] = with(k % self.joints, own);
+        }
+    }
+
     /// Adds a sample: positions, velocities, torques, temperatures, positions of second encoders (nothing where there are none);
     /// `new_log` where nothing is continuous with what came before.
     pub(super) fn push(&mut self, time_us: u64, sample: [&[f64]; 5], foot: f64, new_log: bool) {

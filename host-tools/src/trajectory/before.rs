@@ -81,7 +81,7 @@ impl Before {
 }
 
 /// A cubic's state `s` seconds later.
-fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
+pub(super) fn moved(&[q, dq, ddq, jerk]: &[f64; 4], s: f64) -> [f64; 4] {
     [
         q + s * (dq + s * (ddq / 2.0 + s * jerk / 6.0)),
         dq + s * (ddq + s * jerk / 2.0),

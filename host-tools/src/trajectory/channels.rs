@@ -219,6 +219,8 @@ fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<De
     let per = ((LENGTH.min(usual_length(stretches)) / period) as usize)
         .saturating_sub(4)
         .max(LEAST_SAMPLES);
+    let hann = |k: usize| 0.5 * (1.0 - (std::f64::consts::TAU * k as f64 / per as f64).cos());
+    let window: Vec<f64> = (0..per).map(hann).collect();
     for s in stretches.iter().filter(|s| s.t.len() > 4) {
         let velocity = even(s.t, s.dq, period);
         let position = even(s.t, s.q, period);
@@ -227,7 +229,7 @@ fn densities(stretches: &[Stretch], frequencies: &[f64], period: f64) -> (Vec<De
         // A slope stands for the sample in the middle.
         for begin in (0..(slope.len() + 1).saturating_sub(per)).step_by(per / 2) {
             let channels = [&velocity[begin + 1..][..per], &slope[begin..][..per]];
-            weight += add(&mut sums, frequencies, channels, period);
+            weight += add(&mut sums, frequencies, channels, &window, period);
         }
     }
     (sums, weight)
@@ -284,12 +286,11 @@ fn add(
     sums: &mut [Density],
     frequencies: &[f64],
     [velocity, slope]: [&[f64]; 2],
+    window: &[f64],
     period: f64,
 ) -> f64 {
-    let count = velocity.len() as f64;
-    let hann = |k: usize| 0.5 * (1.0 - (std::f64::consts::TAU * k as f64 / count).cos());
     let weighed: Vec<[f64; 2]> = (0..velocity.len())
-        .map(|k| [hann(k) * velocity[k], hann(k) * slope[k]])
+        .map(|k| [window[k] * velocity[k], window[k] * slope[k]])
         .collect();
     let groups = sums.chunks_mut(LANES).zip(frequencies.chunks(LANES));
     for (sums, frequencies) in groups {
@@ -305,7 +306,7 @@ fn add(
             sum.slope += (dc * dc + ds * ds) / (passed * passed);
         }
     }
-    (0..velocity.len()).map(|k| hann(k).powi(2)).sum()
+    window.iter().map(|w| w.powi(2)).sum()
 }
 
 /// Σ x cos, Σ x sin of both channels at angles that grow by each of the steps from sample to sample: each angle's sine and cosine come

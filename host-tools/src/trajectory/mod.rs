@@ -17,9 +17,8 @@ mod before;
 mod channels;
 mod speed;
 
-use nalgebra::{Matrix4, Vector4};
-
 pub(crate) use before::Before;
+use before::moved;
 use channels::Channels;
 
 /// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
@@ -171,30 +170,26 @@ struct Smoother {
     intensity: f64,
     /// Variance that a turn adds to the acceleration: it may jump by as much as it is at the joint's greatest speeds.
     jump: f64,
-    /// Of the last steps without a turn: their length, and what they make of a covariance. Steps of one length soon make the same.
-    known: Option<Steady>,
+    /// The samples of the stretch, filtered: room for one stretch after the other.
+    passed: Vec<Filtered>,
 }
 
-/// One step of the covariance, as it is.
-#[derive(Clone)]
-struct Steady {
-    step: f64,
-    position: f64,
-    before: Matrix4<f64>,
-    filtered: Matrix4<f64>,
-    gains: [Vector4<f64>; 2],
-    back: Matrix4<f64>,
-}
+/// Position, velocity, acceleration and jerk, or what is dual to them.
+type State = [f64; 4];
 
 /// A filtered sample, as the way back needs it.
 struct Filtered {
-    state: Vector4<f64>,
-    /// Of this sample from the one before.
-    predicted: Vector4<f64>,
-    /// Of its position and of its velocity.
-    gains: [Vector4<f64>; 2],
-    /// The gain of the way back from this sample to the one before.
-    back: Matrix4<f64>,
+    state: State,
+    covariance: Covariance,
+    /// Of its position and of its velocity: the gain, the innovation's variance, and the innovation over that.
+    channels: [Innovation; 2],
+}
+
+#[derive(Clone, Copy, Default)]
+struct Innovation {
+    gain: State,
+    variance: f64,
+    scaled: f64,
 }
 
 impl Smoother {
@@ -211,21 +206,21 @@ impl Smoother {
             channels,
             unit,
             velocity_noise,
-            known: None,
+            passed: Vec::new(),
         }
     }
 
     /// Position, velocity, acceleration and jerk at each sample of a stretch; the acceleration may jump after the samples `turns`.
     fn once(&mut self, s: &Stretch, turns: &[usize]) -> Vec<[f64; 4]> {
-        let passed = self.run(s, turns);
-        self.back(s, &passed)
+        self.run(s, turns);
+        self.back(s)
     }
 
     /// The same with what is left of the channels smoothed again, by the same gains: they are of the times, of the turns and of how
     /// surely positions are known.
     fn twice(&mut self, s: &Stretch, turns: &[usize]) -> Vec<[f64; 4]> {
-        let mut passed = self.run(s, turns);
-        let mut smooth = self.back(s, &passed);
+        self.run(s, turns);
+        let mut smooth = self.back(s);
         let left = |x: &[f64], n: usize| -> Vec<f64> {
             (x.iter().zip(&smooth))
                 .map(|(x, smooth)| x - smooth[n])
@@ -237,152 +232,160 @@ impl Smoother {
             q: &q,
             dq: &dq,
         };
-        for k in 0..passed.len() {
-            let before = k.checked_sub(1).map(|before| passed[before].state);
-            let own = &mut passed[k];
-            [own.predicted, own.state] = self.told(&rest, k, before, &own.gains);
+        let mut state = self.first(&rest);
+        for k in 0..self.passed.len() {
+            if k > 0 {
+                state = moved(&state, self.step(&rest, k));
+                state = self.corrected(&rest, k, state);
+            }
+            self.passed[k].state = state;
         }
-        for (state, more) in smooth.iter_mut().zip(self.back(&rest, &passed)) {
+        for (state, more) in smooth.iter_mut().zip(self.back(&rest)) {
             state.iter_mut().zip(more).for_each(|(x, more)| *x += more);
         }
         smooth
     }
 
     /// The way forth: each sample by all that came before it; the acceleration may jump after the samples `turns`.
-    fn run(&mut self, s: &Stretch, turns: &[usize]) -> Vec<Filtered> {
-        let mut passed: Vec<Filtered> = Vec::with_capacity(s.t.len());
+    fn run(&mut self, s: &Stretch, turns: &[usize]) {
         let start = self.jump.max(self.velocity_noise);
-        let mut covariance = Matrix4::from_diagonal(&Vector4::new(start, start, start, start));
+        let mut covariance = Covariance::diagonal(start);
+        let mut state = self.first(s);
         let mut turns = turns.iter().peekable();
+        self.passed.clear();
+        self.passed.reserve(s.t.len());
         for k in 0..s.t.len() {
-            let mut own = Filtered {
-                state: Vector4::zeros(),
-                predicted: Vector4::zeros(),
-                gains: [Vector4::zeros(); 2],
-                back: Matrix4::zeros(),
-            };
-            let before = passed.last().map(|before| before.state);
-            if let Some(before) = &before {
-                let step = (s.t[k] - s.t[k - 1]) / self.unit;
-                let turn = turns.next_if(|&&turn| turn < k).is_some();
+            let mut channels = [Innovation::default(); 2];
+            if k > 0 {
                 // The noisy velocity tells well enough how fast the joint is.
-                let speed = before[1] / self.unit;
+                let speed = state[1] / self.unit;
                 let position =
                     self.channels.standing.powi(2) + (self.channels.timing * speed).powi(2);
-                let steady = self.step(&covariance, step, turn, position);
-                covariance = steady.filtered;
-                (own.gains, own.back) = (steady.gains, steady.back);
+                let step = self.step(s, k);
+                state = moved(&state, step);
+                covariance = covariance.moved_on(step, self.intensity);
+                if turns.next_if(|&&turn| turn < k).is_some() {
+                    covariance.0[2][2] += self.jump;
+                }
+                for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
+                    (channels[n].gain, channels[n].variance) = covariance.observed(n, noise);
+                }
             }
-            [own.predicted, own.state] = self.told(s, k, before, &own.gains);
-            passed.push(own);
+            self.passed.push(Filtered {
+                state,
+                covariance,
+                channels,
+            });
+            if k > 0 {
+                state = self.corrected(s, k, state);
+                self.passed[k].state = state;
+            }
         }
-        passed
     }
 
-    /// Sample k as the state `before` predicts it, and with what its own channels say.
-    fn told(
-        &self,
-        s: &Stretch,
-        k: usize,
-        before: Option<Vector4<f64>>,
-        gains: &[Vector4<f64>; 2],
-    ) -> [Vector4<f64>; 2] {
-        let Some(before) = before else {
-            return [Vector4::new(0.0, s.dq[0] * self.unit, 0.0, 0.0); 2];
-        };
-        let step = (s.t[k] - s.t[k - 1]) / self.unit;
-        let predicted = transition(step) * before;
-        let mut state = predicted;
-        state += gains[0] * (s.q[k] - s.q[0] - state[0]);
-        state += gains[1] * (s.dq[k] * self.unit - state[1]);
-        [predicted, state]
+    /// Time since the sample before, in units.
+    fn step(&self, s: &Stretch, k: usize) -> f64 {
+        (s.t[k] - s.t[k - 1]) / self.unit
     }
 
-    /// The way back: each sample by all that came after it.
-    fn back(&self, s: &Stretch, passed: &[Filtered]) -> Vec<[f64; 4]> {
-        let mut smooth = vec![[0.0; 4]; passed.len()];
-        let mut later: Option<(Vector4<f64>, &Filtered)> = None;
-        for (k, own) in passed.iter().enumerate().rev() {
-            let state = match later {
-                None => own.state,
-                Some((state, next)) => own.state + next.back * (state - next.predicted),
-            };
-            let mut scale = 1.0;
-            for (n, x) in smooth[k].iter_mut().enumerate() {
-                *x = state[n] * scale;
-                scale /= self.unit;
-            }
+    /// The first sample: positions count from it.
+    fn first(&self, s: &Stretch) -> State {
+        [0.0, s.dq[0] * self.unit, 0.0, 0.0]
+    }
+
+    /// The state that was predicted for sample k with what its own channels say.
+    fn corrected(&mut self, s: &Stretch, k: usize, mut state: State) -> State {
+        let measured = [s.q[k] - s.q[0], s.dq[k] * self.unit];
+        for (n, (own, measured)) in (self.passed[k].channels.iter_mut().zip(measured)).enumerate() {
+            let innovation = measured - state[n];
+            own.scaled = innovation / own.variance;
+            (0..4).for_each(|i| state[i] += own.gain[i] * innovation);
+        }
+        state
+    }
+
+    /// The way back: each sample by all that came after it, by the recursion of the adjoint (Bierman 1973, *Automatica* 9, "Fixed interval
+    /// smoothing with discrete measurements", after Bryson and Frazier), which inverts no covariance.
+    fn back(&self, s: &Stretch) -> Vec<[f64; 4]> {
+        let mut smooth = vec![[0.0; 4]; self.passed.len()];
+        let rate = 1.0 / self.unit;
+        let scale = [1.0, rate, rate * rate, rate * rate * rate];
+        let mut adjoint = [0.0; 4];
+        for (k, own) in self.passed.iter().enumerate().rev() {
+            let known = own.covariance.times(&adjoint);
+            smooth[k] = std::array::from_fn(|n| (own.state[n] - known[n]) * scale[n]);
             smooth[k][0] += s.q[0];
-            later = Some((state, own));
+            if k == 0 {
+                break;
+            }
+            for (n, channel) in own.channels.iter().enumerate().rev() {
+                let through: f64 = (channel.gain.iter().zip(&adjoint))
+                    .map(|(g, a)| g * a)
+                    .sum();
+                adjoint[n] -= through + channel.scaled;
+            }
+            // The transpose of what moves the state on.
+            adjoint.reverse();
+            adjoint = moved(&adjoint, self.step(s, k));
+            adjoint.reverse();
         }
         smooth
     }
+}
 
-    /// A step of the covariance, and its gains.
-    fn step(&mut self, before: &Matrix4<f64>, step: f64, turn: bool, position: f64) -> Steady {
-        const SAME: f64 = 1e-7;
-        if let Some(known) = &self.known
-            && !turn
-            && (known.step - step).abs() <= 1e-9 * step
-            && known.position == position
-            && (known.before - before)
-                .iter()
-                .zip(before.iter())
-                .all(|(d, b)| d.abs() <= SAME * b.abs())
-        {
-            return known.clone();
-        }
-        let f = transition(step);
-        let mut predicted = f * before * f.transpose() + self.intensity * snap_noise(step);
-        if turn {
-            predicted[(2, 2)] += self.jump;
-        }
-        let mut filtered = predicted;
-        let gains = [0, 1].map(|n| {
-            let column: Vector4<f64> = filtered.column(n).into_owned();
-            let noise = if n == 0 {
-                position
-            } else {
-                self.velocity_noise
-            };
-            let gain = column / (column[n] + noise);
-            filtered -= gain * column.transpose();
-            gain
-        });
-        filtered = 0.5 * (filtered + filtered.transpose());
-        let back = predicted
-            .cholesky()
-            .map_or_else(Matrix4::zeros, |c| c.solve(&(f * before)).transpose());
-        let steady = Steady {
-            step,
-            position,
-            before: *before,
-            filtered,
-            gains,
-            back,
-        };
-        self.known = (!turn).then(|| steady.clone());
-        steady
+/// The covariance of a state: symmetric, so that the entries on and above the diagonal are all that is kept up.
+#[derive(Clone, Copy)]
+struct Covariance([State; 4]);
+
+impl Covariance {
+    fn diagonal(variance: f64) -> Self {
+        let entry = |i, j| if i == j { variance } else { 0.0 };
+        Self(std::array::from_fn(|i| {
+            std::array::from_fn(|j| entry(i, j))
+        }))
     }
-}
 
-/// x(t + h) of a motion of constant jerk.
-fn transition(h: f64) -> Matrix4<f64> {
-    let (a, b) = (h * h / 2.0, h * h * h / 6.0);
-    Matrix4::new(
-        1.0, h, a, b, 0.0, 1.0, h, a, 0.0, 0.0, 1.0, h, 0.0, 0.0, 0.0, 1.0,
-    )
-}
+    /// After a time h without a measurement: F P Fᵀ + Q with F the motion of constant jerk and Q what white snap of this intensity adds,
+    /// ∫ g gᵀ dt with g the motion after a unit of jerk.
+    fn moved_on(&self, h: f64, intensity: f64) -> Self {
+        let columns: [State; 4] = std::array::from_fn(|j| moved(&self.column(j), h));
+        let row = |i: usize| moved(&columns.map(|column| column[i]), h);
+        let mut next: [State; 4] = std::array::from_fn(row);
+        let (q, h2) = (intensity * h, h * h);
+        let (h3, h4) = (h * h2, h2 * h2);
+        let noise = [
+            [h2 * h4 / 252.0, h * h4 / 72.0, h4 / 30.0, h3 / 24.0],
+            [0.0, h4 / 20.0, h3 / 8.0, h2 / 6.0],
+            [0.0, 0.0, h2 / 3.0, h / 2.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        for (row, noise) in next.iter_mut().zip(noise) {
+            row.iter_mut().zip(noise).for_each(|(x, n)| *x += q * n);
+        }
+        Self(next)
+    }
 
-/// What white snap of unit density adds to the covariance in a time h: ∫ g gᵀ dt with g the motion after a unit of jerk.
-fn snap_noise(h: f64) -> Matrix4<f64> {
-    let factorial = [6.0, 2.0, 1.0, 1.0];
-    let (h2, h4) = (h * h, (h * h) * (h * h));
-    let powers = [h, h2, h * h2, h4, h * h4, h2 * h4, h * h2 * h4];
-    Matrix4::from_fn(|i, j| {
-        let power = 7 - i - j;
-        powers[power - 1] / (power as f64 * factorial[i] * factorial[j])
-    })
+    /// Takes in a measurement of entry n with this noise; its gain, and the variance of its innovation.
+    fn observed(&mut self, n: usize, noise: f64) -> (State, f64) {
+        let column = self.column(n);
+        let variance = column[n] + noise;
+        let gain = column.map(|c| c / variance);
+        for i in 0..4 {
+            for j in i..4 {
+                self.0[i][j] -= gain[i] * column[j];
+            }
+        }
+        (gain, variance)
+    }
+
+    fn times(&self, x: &State) -> State {
+        std::array::from_fn(|i| self.column(i).iter().zip(x).map(|(p, x)| p * x).sum())
+    }
+
+    /// A column, or a row.
+    fn column(&self, n: usize) -> State {
+        std::array::from_fn(|i| self.0[i.min(n)][i.max(n)])
+    }
 }
 
 #[cfg(test)]

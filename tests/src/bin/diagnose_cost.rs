@@ -4,17 +4,16 @@
 //! of all threads and the process's largest memory, as Linux counts them (`proc(5)`), against the budget: 2 s and
 //! 200 MB. Waiting for a busy machine does not count. Ends with status 1 above the budget.
 //!
-//! With logs: a table of what `proprio diagnose` and `proprio identify` take for each, on one thread and on two, each in a process of its
-//! own. There is no budget then.
+//! With logs: a table of what the commands `proprio diagnose` and `proprio identify` take for each, on one thread and on two, from the
+//! process's start to its end. There is no budget then.
 
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
-use std::time::Instant;
+use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
 
 use proprio::diagnose::diagnose;
-use proprio::identify::{Options, identify};
 use proprio::log::LogWriter;
 use proprio::model::Model;
 use proprio::recording::Recording;
@@ -22,15 +21,14 @@ use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{Hide, Simulation};
-use proprio_tests::cost::processor_time;
+use proprio_tests::command::binary;
+use proprio_tests::cost::{processor_time, processor_time_of_children};
 
 type Failure = Box<dyn std::error::Error>;
 
 /// Half more than it was measured to take.
 const MOST_SECONDS: f64 = 2.0;
 const MOST_MEGABYTES: f64 = 200.0;
-/// Says that this process is to do one command once and to print what it took.
-const ONE: &str = "--one";
 /// A short command is repeated for so long, s: processor time is counted in hundredths.
 const LONG_ENOUGH: f64 = 1.0;
 
@@ -38,7 +36,6 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let done = match &arguments[..] {
         [] => within_budget(),
-        [one, command, log] if one == ONE => measure_here(command, Path::new(log)),
         logs => table(logs),
     };
     match done {
@@ -59,7 +56,7 @@ fn table(logs: &[String]) -> Result<bool, Failure> {
         let name = Path::new(log).file_name().unwrap_or_default();
         for command in ["diagnose", "identify"] {
             let [[processor, one, _], [_, two, memory]] =
-                [in_process(command, log, 1)?, in_process(command, log, 2)?];
+                [of_command(command, log, 1)?, of_command(command, log, 2)?];
             println!(
                 "| {} | {command} | {processor:.3} s | {one:.3} s | {two:.3} s | {memory:.0} MB |",
                 name.display()
@@ -70,40 +67,36 @@ fn table(logs: &[String]) -> Result<bool, Failure> {
 }
 
 /// Processor time and wall time (s) and most memory (MB) of a command on so many threads.
-fn in_process(command: &str, log: &str, threads: u32) -> Result<[f64; 3], Failure> {
-    let output = Command::new(std::env::current_exe()?)
-        .args([ONE, command, log])
-        .env("RAYON_NUM_THREADS", threads.to_string())
-        .output()?;
-    if !output.status.success() {
-        return Err(String::from_utf8_lossy(&output.stderr).into_owned().into());
-    }
-    let text = String::from_utf8(output.stdout)?;
-    let numbers: Vec<f64> = (text.split_whitespace())
-        .map(str::parse)
-        .collect::<Result<_, _>>()?;
-    let numbers: [f64; 3] =
-        (numbers.try_into()).map_err(|_| format!("`{text}`: not understood"))?;
-    Ok(numbers)
-}
-
-/// Prints those of a command in this process.
-fn measure_here(command: &str, log: &Path) -> Result<bool, Failure> {
+fn of_command(command: &str, log: &str, threads: u32) -> Result<[f64; 3], Failure> {
     let nothing_known = "this system does not tell processor time";
-    let (begin, before) = (Instant::now(), processor_time().ok_or(nothing_known)?);
-    let mut times = 0.0;
-    while times == 0.0 || command == "identify" && begin.elapsed().as_secs_f64() < LONG_ENOUGH {
-        match command {
-            "identify" => drop(identify(&[log.to_owned()], Options::default(), |_, _| {})?),
-            _ => drop(diagnosed(log, &Model::default())?),
+    let mut run = Command::new(binary());
+    run.args([command, log])
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let (begin, before) = (
+        Instant::now(),
+        processor_time_of_children().ok_or(nothing_known)?,
+    );
+    let (mut times, mut megabytes) = (0.0, 0.0_f64);
+    while begin.elapsed().as_secs_f64() < LONG_ENOUGH {
+        let mut child = run.spawn()?;
+        let status = loop {
+            // Its peak only grows: the last look before it ends is the peak to within what a millisecond adds.
+            megabytes = megabytes.max(peak_memory(&child.id().to_string()).unwrap_or(0.0));
+            match child.try_wait()? {
+                Some(status) => break status,
+                None => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        if !status.success() {
+            return Err(format!("proprio {command} {log}: {status}").into());
         }
         times += 1.0;
     }
     let wall = begin.elapsed().as_secs_f64();
-    let processor = processor_time().ok_or(nothing_known)? - before;
-    let megabytes = peak_memory().ok_or(nothing_known)?;
-    println!("{} {} {megabytes}", processor / times, wall / times);
-    Ok(true)
+    let processor = processor_time_of_children().ok_or(nothing_known)? - before;
+    Ok([processor / times, wall / times, megabytes])
 }
 
 /// How long a log is (s), and how many candidates were tried.
@@ -131,7 +124,8 @@ fn within_budget() -> Result<bool, Failure> {
     let (begin, before) = (Instant::now(), processor_time());
     let (duration, candidates) = diagnosed(&log, &model)?;
     let wall = begin.elapsed().as_secs_f64();
-    let (Some(before), Some(after), Some(megabytes)) = (before, processor_time(), peak_memory())
+    let (Some(before), Some(after), Some(megabytes)) =
+        (before, processor_time(), peak_memory("self"))
     else {
         println!("diagnose: {wall:.2} s; this system does not say what of it was processor time");
         return Ok(true);
@@ -161,9 +155,9 @@ fn simulated(path: &Path) -> Result<PathBuf, Failure> {
     Ok(path.to_owned())
 }
 
-/// Most memory that this process has had in RAM, MB.
-fn peak_memory() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+/// Most memory that a process has had in RAM, MB.
+fn peak_memory(process: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: f64 = line.split_whitespace().next()?.parse().ok()?;
     Some(kilobytes * 1024e-6)

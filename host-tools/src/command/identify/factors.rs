@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
+use crate::estimate::{LEGEND, ParameterEstimate, effect_table, find};
 use crate::factors::{Factors, LegSolution};
 use proprio_core::go2::{JointId, Leg};
 use serde::Serialize;
@@ -73,9 +73,15 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rows = self.legs.iter().flat_map(|report| {
             let noise = report.noise.map(|noise| [format!("{noise:.4}")]);
-            JointId::of(report.leg).into_iter().zip(noise)
+            JointId::of(report.leg)
+                .map(|joint| joint.name().to_owned())
+                .into_iter()
+                .zip(noise)
         });
-        let table = effect_table(&self.parameters, [["noise", "N m"]], rows);
+        let (rows, find) = (rows.collect::<Vec<_>>(), |name: &str| {
+            find(&self.parameters, name)
+        });
+        let table = effect_table(find, [["noise", "N m"]], &rows);
         writeln!(f, "{table}{LEGEND}")?;
         let files = self.factors.len();
         for LegReport { leg, windows, .. } in &self.legs {

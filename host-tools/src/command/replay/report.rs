@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::device::names::{parameters_of, words_of};
-use crate::estimate::{LEGEND, ParameterEstimate, effect_table};
-use crate::identify::IdentificationError;
+use crate::estimate::{LEGEND, ParameterEstimate, effect_table, find};
+use crate::factors::FactorsError;
 use crate::table::{Table, with_std};
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::JointId;
@@ -126,8 +126,7 @@ impl Report {
                 ));
             }
             let estimates = parameters_of(estimate, hello);
-            parameters
-                .extend(estimates.map_err(|source| IdentificationError::Solve { leg, source })?);
+            parameters.extend(estimates.map_err(|source| FactorsError::Solve { leg, source })?);
             let (windows, noise) = (estimate.windows, estimate.noise);
             reports.push(LegReport {
                 leg: name,
@@ -187,12 +186,20 @@ impl fmt::Display for Report {
         };
         let rows = legs().flat_map(|(leg, report)| {
             let noise = report.noise.map(|noise| [format!("{noise:.4}")]);
-            JointId::of(leg).into_iter().zip(noise)
+            JointId::of(leg)
+                .map(|joint| joint.name().to_owned())
+                .into_iter()
+                .zip(noise)
         });
+        let rows: Vec<_> = rows.collect();
         writeln!(
             f,
             "{}{LEGEND}\n",
-            effect_table(&self.parameters, [["noise", "N m"]], rows)
+            effect_table(
+                |name| find(&self.parameters, name),
+                [["noise", "N m"]],
+                &rows
+            )
         )?;
 
         self.effects(f)?;

@@ -12,17 +12,21 @@ use super::{parameters, words};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::robot::Shared;
 use crate::estimate::stages::Stage;
-use crate::estimate::{LEGEND, ParameterEstimate, Status};
+use crate::estimate::{LEGEND, ParameterEstimate, Status, effect_table};
 use crate::identifiability::{BaseParameter, Identifiability, NullDirection};
 use crate::identify::NotAModel;
-use crate::identify::runs::{Consistency, Run};
+use crate::identify::runs::{self, Consistency, Run};
 use crate::model::{BASE, Model, Provenance};
 use crate::recording::Recording;
-use crate::table::Table;
+
+/// What the JSON object of an identification is called; the number grows when a key changes its meaning or goes.
+const SCHEMA: &str = "proprio.identify/1";
 
 /// A model's parameters with what is known of their errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct Fitted {
+    /// The format of this object as JSON.
+    schema: &'static str,
     /// Every parameter of every limb in the logs.
     pub parameters: Vec<FittedParameter>,
     /// How well each joint's torque is explained.
@@ -85,7 +89,8 @@ impl FittedParameter {
                 prior_std: prior.std,
                 status: Status::of(std, prior.std),
                 at_bound: false,
-            },
+            }
+            .unless_absent(effect, n),
             std_independent: std,
             std_between: 0.0,
             place: Where::Effect(effect, joint, n),
@@ -144,6 +149,7 @@ impl Fitted {
             .iter()
             .all(|j| j.held_out_rms.is_some() || j.windows == 0);
         Self {
+            schema: SCHEMA,
             rms: rms(&|j| j.rms),
             cad_rms: rms(&|j| j.cad_rms),
             held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
@@ -157,6 +163,15 @@ impl Fitted {
             logs: recording.logs.clone(),
             warnings: recording.warnings.clone(),
         }
+    }
+
+    /// Takes in what each log gives on its own, of which `fits` are the fits: where they disagree beyond chance.
+    pub(in crate::identify) fn compare_runs(&mut self, mut runs: Vec<Run>, fits: &[Self]) {
+        self.consistency = runs::compare(fits);
+        for disagreement in self.consistency.iter().filter(|c| !c.consistent) {
+            runs[disagreement.differs].disagreements += 1;
+        }
+        self.runs = runs;
     }
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
@@ -252,32 +267,24 @@ fn of_shared(model: &Model, one: &Shared) -> FittedParameter {
 /// The effects of every joint with their errors, and how much of the torque they explain.
 impl fmt::Display for Fitted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut table = Table::default();
-        table.row(["parameter", "unit", "value", "prior"].map(str::to_owned));
-        for FittedParameter { estimate, .. } in &self.parameters {
-            if !estimate.is_inertial() {
-                let prior = crate::table::with_std(estimate.prior, estimate.prior_std);
-                table.row([
-                    estimate.name.clone(),
-                    estimate.unit.to_owned(),
-                    estimate.cell(),
-                    prior,
-                ]);
-            }
-        }
-        writeln!(f, "{table}")?;
         let rms =
             |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
-        let mut table = Table::default();
-        table.row(["joint", "rms", "held-out", "CAD's"].map(str::to_owned));
-        for joint in &self.joints {
+        let errors = |joint: &FittedJoint| {
             let known = |rms| (joint.windows > 0).then_some(rms);
-            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)].map(rms);
-            table.row([joint.joint.clone()].into_iter().chain(errors));
-        }
-        let errors = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
-        table.row(["all".to_owned()].into_iter().chain(errors));
-        write!(f, "{table}")?;
+            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)];
+            (joint.joint.clone(), errors.map(rms))
+        };
+        let all = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
+        let rows = self.joints.iter().map(errors);
+        let rows: Vec<_> = rows.chain([("all".to_owned(), all)]).collect();
+        let headings = [["rms", "N m"], ["held-out", "N m"], ["CAD's", "N m"]];
+        let estimate = |name: &str| self.parameter(name);
+        write!(f, "{}", effect_table(estimate, headings, &rows))?;
+        words::others(
+            f,
+            &self.parameters,
+            rows.iter().map(|(joint, _)| joint.as_str()),
+        )?;
         let inertial = || self.parameters.iter().filter(|p| p.estimate.is_inertial());
         let identified = inertial()
             .filter(|p| p.estimate.status == Status::Identified)
@@ -292,6 +299,7 @@ impl fmt::Display for Fitted {
             words::between(&self.parameters),
             inertial().count(),
         )?;
+        words::unphysical(f, &self.parameters)?;
         words::stages(f, &self.stages)?;
         words::runs(f, &self.runs, &self.consistency)
     }

@@ -2,13 +2,78 @@
 
 use std::fmt::{self, Write};
 
-use super::result::{Fitted, FittedParameter};
+use proprio_core::effect::EffectKind;
+
+use super::result::{Fitted, FittedParameter, Where};
 use crate::estimate::stages::Stage;
 use crate::identify::runs::{Consistency, Run};
 use crate::table::{Table, with_std};
 
 /// Most disagreements that are listed.
 const MOST_LISTED: usize = 12;
+
+/// The effects that are not of every drive at one of these `joints`, with what is known of them before any data.
+pub(super) fn others<'a>(
+    f: &mut fmt::Formatter<'_>,
+    parameters: &[FittedParameter],
+    joints: impl Iterator<Item = &'a str>,
+) -> fmt::Result {
+    let joints: Vec<&str> = joints.collect();
+    let plain = |p: &&FittedParameter| {
+        let place = p.estimate.name.split_once(':');
+        place.is_some_and(|(what, joint)| {
+            let is_plain = EffectKind::PLAIN.iter().any(|effect| effect.name() == what);
+            is_plain && joints.contains(&joint)
+        })
+    };
+    let mut others = (parameters.iter())
+        .filter(|p| !p.estimate.is_inertial() && !plain(p))
+        .peekable();
+    if others.peek().is_none() {
+        return Ok(());
+    }
+    let mut table = Table::default();
+    table.row(["parameter", "unit", "value", "prior"].map(str::to_owned));
+    for FittedParameter { estimate, .. } in others {
+        table.row([
+            estimate.name.clone(),
+            estimate.unit.to_owned(),
+            estimate.cell(),
+            with_std(estimate.prior, estimate.prior_std),
+        ]);
+    }
+    write!(f, "\n{table}")
+}
+
+/// Names the values that cannot be, by two standard deviations: those of a fit without constraints.
+pub(super) fn unphysical(
+    f: &mut fmt::Formatter<'_>,
+    parameters: &[FittedParameter],
+) -> fmt::Result {
+    for effect in EffectKind::ALL {
+        let description = effect.description();
+        let beyond = |p: &&FittedParameter| match p.place {
+            Where::Effect(own, _, n) if own == *effect => {
+                let (estimate, bound) = (&p.estimate, &description.parameters[n]);
+                let [least, most] = [-2.0, 2.0].map(|by| estimate.value + by * estimate.std);
+                most < bound.lower || least > bound.upper
+            }
+            _ => false,
+        };
+        let names: Vec<&str> = (parameters.iter().filter(beyond))
+            .map(|p| p.estimate.name.as_str())
+            .collect();
+        if !names.is_empty() {
+            writeln!(
+                f,
+                "Unphysical: {}. The model lacks an effect that looks like it ({}).",
+                names.join(", "),
+                description.look_alikes.join(", ")
+            )?;
+        }
+    }
+    Ok(())
+}
 
 pub(super) fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
     if stages.is_empty() {

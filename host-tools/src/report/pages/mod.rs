@@ -22,7 +22,7 @@ use crate::recording::LogGates;
 
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
-pub use identify::{fit, identification};
+pub use identify::fit;
 pub use walk::{walk, walk_diagnosis, walk_identification};
 
 /// A log that cannot be read any more: its path, and why.
