@@ -35,7 +35,7 @@ use crate::estimate::factor::HeapFactor;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::folding::Folding;
 use crate::estimate::triangle::Triangle;
-use crate::select::screen::{cad_prior, possible};
+use crate::select::score_test::{cad_prior, possible};
 use look::Look;
 pub(crate) use report::{LeftOut, leave_out_contact};
 use residuals::Residuals;

@@ -7,7 +7,7 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::screen::Screen;
+use super::score_test::Screen;
 
 /// What may change with time.
 const WATCHED: [EffectKind; 4] = [

@@ -2,85 +2,100 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::candidate::{Candidate, Member};
+use super::candidate::Member;
 use super::ranking::Judged;
-use super::search::{Search, Step};
-use super::state::State;
+use super::state::{State, Step};
 use crate::estimate::limb_data::Squares;
 
-impl<'a> Search<'a> {
-    /// What is told of the first candidate is of the fit with it: what a column says of a value is true to first order, and of what was found
-    /// by trying not even that it is there.
-    pub(super) fn tell_first(&mut self, candidate: &Candidate, after: &State<'a>, by_trying: bool) {
-        let Some(first) = self.first.first_mut() else {
-            return;
-        };
-        let own = candidate
-            .members
-            .iter()
-            .map(|member| after.parameters(member));
-        first.parameters = own.collect();
+/// What is told of the first candidate is of the fit with it: what a column says of a value is true to first order, and of what was found
+/// by trying not even that it is there.
+pub(super) fn with_values(mut first: Vec<Judged>, after: &State, by_trying: bool) -> Vec<Judged> {
+    if let Some(first) = first.first_mut() {
+        first.parameters = values(&first.candidate.members, after);
         if by_trying {
             (first.significant, first.possible) = (true, true);
         }
     }
+    first
+}
 
-    /// What the model has in the end is told with its value there; but a limit, which the rest of the model does not tell, as it was found.
-    pub(super) fn tell_what_is_kept(&mut self) {
-        let there = self.state.places();
-        let stays = |(limb, place): &Member| {
-            place.0 != EffectKind::Saturation && there[*limb].contains(place)
-        };
-        for told in &mut self.first {
-            let members = &told.candidate.members;
-            if members.iter().all(stays) {
-                let own = members.iter().map(|member| self.state.parameters(member));
-                told.parameters = own.collect();
-            }
+/// What was judged of the model as it was given, as it is told in the end.
+pub(super) fn kept(
+    first: Vec<Judged>,
+    start: &[Squares],
+    steps: &[Step],
+    end: &State,
+) -> Vec<Judged> {
+    with_values_at_end(with_largest_first(first, start, steps, end), end)
+}
+
+/// What the model has in the end is told with its value there; but a limit, which the rest of the model does not tell, as it was found.
+fn with_values_at_end(mut first: Vec<Judged>, end: &State) -> Vec<Judged> {
+    let there = end.places();
+    let stays =
+        |(limb, place): &Member| place.0 != EffectKind::Saturation && there[*limb].contains(place);
+    for told in &mut first {
+        let members = &told.candidate.members;
+        if members.iter().all(stays) {
+            told.parameters = values(members, end);
         }
     }
+    first
+}
 
-    /// The headline is what takes most torque error away of what the model has in the end: a candidate that was refused or taken out again
-    /// only resembled that. Where nothing was taken nothing is named.
-    pub(super) fn keep_headline(&mut self) {
-        let there = self.state.places();
-        let stays = |(limb, place): &Member| there[*limb].contains(place);
-        let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
-        let is_it = |j: &Judged, step: &Step| {
-            (j.candidate.effect, &j.candidate.members) == (step.effect, &step.members)
-        };
-        let before = [&self.start]
-            .into_iter()
-            .chain(self.steps.iter().map(|step| &step.squares));
-        let kept: Vec<(f64, &Step)> = before
-            .zip(&self.steps)
-            .filter(|(_, step)| !step.removed && step.members.iter().any(stays))
-            .map(|(before, step)| (total(before) - total(&step.squares), step))
-            .collect();
-        if kept.is_empty() {
-            self.first.iter_mut().for_each(|j| j.significant = false);
-            return;
-        }
-        let told = kept.into_iter().filter_map(|(fall, step)| {
-            let at = self.first.iter().position(|j| is_it(j, step))?;
-            Some((fall, at))
-        });
-        let most = told.max_by(|a, b| a.0.total_cmp(&b.0));
-        let (Some((_, at)), Some(old)) = (most, self.first.first()) else {
-            return;
-        };
-        if at == 0 && old.significant {
-            return;
-        }
-        let old = old.candidate.clone();
-        self.first[..=at].rotate_right(1);
-        let first = &mut self.first[0];
-        (first.significant, first.possible) = (true, true);
-        let own = first.candidate.members.iter();
-        first.parameters = own.map(|member| self.state.parameters(member)).collect();
-        first.alternatives = Vec::new();
-        if old.meets(&first.candidate) && !old.members.iter().any(stays) {
-            first.alternatives.push((old.effect, old.members));
-        }
+/// The headline is what takes most torque error away of what the model has in the end: a candidate that was refused or taken out again
+/// only resembled that. Where nothing was taken nothing is named.
+fn with_largest_first(
+    mut first: Vec<Judged>,
+    start: &[Squares],
+    steps: &[Step],
+    end: &State,
+) -> Vec<Judged> {
+    let there = end.places();
+    let stays = |(limb, place): &Member| there[*limb].contains(place);
+    let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
+    let is_it = |j: &Judged, step: &Step| {
+        (j.candidate.effect, &j.candidate.members) == (step.effect, &step.members)
+    };
+    let before = [start]
+        .into_iter()
+        .chain(steps.iter().map(|step| &step.squares[..]));
+    let kept: Vec<(f64, &Step)> = before
+        .zip(steps)
+        .filter(|(_, step)| !step.removed && step.members.iter().any(stays))
+        .map(|(before, step)| (total(before) - total(&step.squares), step))
+        .collect();
+    if kept.is_empty() {
+        first.iter_mut().for_each(|j| j.significant = false);
+        return first;
     }
+    let told = kept.into_iter().filter_map(|(fall, step)| {
+        let at = first.iter().position(|j| is_it(j, step))?;
+        Some((fall, at))
+    });
+    let most = told.max_by(|a, b| a.0.total_cmp(&b.0));
+    let (Some((_, at)), Some(old)) = (most, first.first()) else {
+        return first;
+    };
+    if at == 0 && old.significant {
+        return first;
+    }
+    let old = old.candidate.clone();
+    first[..=at].rotate_right(1);
+    let told = &mut first[0];
+    (told.significant, told.possible) = (true, true);
+    told.parameters = values(&told.candidate.members, end);
+    told.alternatives = Vec::new();
+    // What was first and did not stay only resembled what did.
+    if old.meets(&told.candidate) && !old.members.iter().any(stays) {
+        told.alternatives.push((old.effect, old.members));
+    }
+    first
+}
+
+fn values(members: &[Member], model: &State) -> Vec<Vec<(f64, f64)>> {
+    members
+        .iter()
+        .map(|member| model.parameters(member))
+        .collect()
 }

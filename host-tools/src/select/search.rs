@@ -4,41 +4,27 @@
 //! and predicts that one by the predictor that scores them. A step stays if the held-out error falls, no log's rises, and its values
 //! are physical and not nothing.
 //!
-//! The four plain effects of every drive (viscous, coulomb, armature, bias at all joints) are always among the answers: a search that
-//! ends above them starts again from them.
+//! A search is a state machine: a [`Phase`] says which edits of the model are looked for, the other files of this room make them, and
+//! [`Search::apply`] alone changes the model.
 
-use std::sync::{Arc, Weak};
-
-use proprio_core::effect::EffectKind;
-
-use super::candidate::{self, Candidate, Member};
-use super::criteria;
+use super::accept::Context;
+use super::candidate::{Candidate, Member};
+use super::criteria::choice::Look;
+use super::criteria::feasible::is_feasible;
+use super::criteria::presence::is_structure;
+use super::criteria::step::{
+    LEAST_SHARE, MOST_REFUSED, MOST_STEPS, SAME, bears_a_drive, begins_below, may_take_away,
+};
 use super::drift::{Drift, drifts};
-use super::ranking::{Judged, PLAIN, best, judge, judged};
-use super::screen::{self, Screen};
-use super::state::State;
+use super::limits::{Sought, with_limit};
+use super::look::Screens;
+use super::ranking::{Judged, judge, judged};
+use super::refused::Refused;
+use super::score_test::{Screen, beside};
+use super::state::{State, Step};
+use super::{backward, compliance_scan, headline, restart};
 use crate::equation::values::Place;
-use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
-use crate::estimate::robot::side_by_side;
-
-/// Most steps of a search.
-const MOST_STEPS: usize = 40;
-/// Most candidates that are refused one after the other before a search ends.
-const MOST_REFUSED: usize = 12;
-
-/// One step of a search.
-#[derive(Debug, Clone)]
-pub(crate) struct Step {
-    pub(crate) effect: EffectKind,
-    pub(crate) members: Vec<Member>,
-    /// Held-out sums of squares after it, limb by limb.
-    pub(crate) squares: Vec<Squares>,
-    pub(crate) removed: bool,
-}
-
-/// A candidate, and the model with it if one could be fitted.
-type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
 
 /// What a search has found.
 pub(crate) struct Found<'a> {
@@ -58,193 +44,207 @@ pub(crate) struct Found<'a> {
 }
 
 /// Searches from the limbs' effects `given`.
+///
+/// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, and with one cause
+/// where it took two.
 pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Option<Found<'a>> {
     let start = State::of(data, given)?;
-    let mut search = Search::new(data, given, start);
-    search.limits();
-    search.forward();
-    if search.limits() {
-        search.forward();
-    }
-    search.backward();
-    if let Some(other) = search.with_plain() {
+    let mut search = Search::new(data, given, start).run(Phase::Limits);
+    if let Some(other) = search.with_drive() {
         search = other;
     }
     if let Some(other) = search.with_one_cause() {
         search = other;
     }
-    search.finish()
+    Some(search.finish())
+}
+
+/// What a search looks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Drives at their limits, `again` once the rest of the model is known.
+    Limits,
+    LimitsAgain,
+    /// The next effect that the model lacks.
+    Forward,
+    ForwardAgain,
+    /// What the model does without.
+    Backward,
+    End,
+}
+
+impl Phase {
+    /// What is looked for next, by whether the model has `changed`.
+    fn next(self, changed: bool) -> Self {
+        match (self, changed) {
+            (Self::Limits, _) | (Self::Forward, true) => Self::Forward,
+            // What effects have explained of the torque may have hidden a limit.
+            (Self::Forward, false) => Self::LimitsAgain,
+            (Self::LimitsAgain | Self::ForwardAgain, true) => Self::ForwardAgain,
+            (Self::LimitsAgain | Self::ForwardAgain, false) => Self::Backward,
+            (Self::Backward | Self::End, _) => Self::End,
+        }
+    }
+}
+
+/// A change of the model.
+struct Edit<'a> {
+    members: Vec<Member>,
+    /// Whether they are taken out.
+    removed: bool,
+    after: State<'a>,
 }
 
 /// A search on its way.
-pub(super) struct Search<'a> {
-    pub(super) data: &'a [LimbData<'a>],
-    pub(super) given: Vec<Vec<Place>>,
-    pub(super) start: Vec<Squares>,
-    pub(super) state: State<'a>,
-    pub(super) steps: Vec<Step>,
-    pub(super) first: Vec<Judged>,
-    /// Of each limb what its model may lack, and what that would add: made anew when the limb's fit is another.
-    pub(super) screens: Vec<Screen<'a>>,
-    possible: Vec<Vec<Place>>,
-    /// What was tried beside which fits of its limbs, and not taken.
-    refused: Vec<Refused<'a>>,
-    /// Fits of which it is known what limits they tell.
-    pub(super) limits_sought: Vec<Weak<LimbFit<'a>>>,
-}
-
-/// A candidate that was refused and promises no more than so many times what it did then would be refused again: it is an eighth more of
-/// its standard deviations. A trial costs as much as a look at all candidates of a limb.
-const PROMISES_MORE: f64 = 1.25;
-
-/// A candidate that was not taken, what it promised, and the fits of its limbs that it was tried beside, which are told apart and not kept:
-/// each has its data as triangles.
-struct Refused<'a> {
-    effect: EffectKind,
-    members: Vec<Member>,
-    /// In units of the joints' noise.
-    promise: f64,
-    beside: Vec<Weak<LimbFit<'a>>>,
+struct Search<'a> {
+    data: &'a [LimbData<'a>],
+    given: Vec<Vec<Place>>,
+    start: Vec<Squares>,
+    model: State<'a>,
+    steps: Vec<Step>,
+    first: Vec<Judged>,
+    screens: Screens<'a>,
+    refused: Refused<'a>,
+    limits: Sought<'a>,
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>], state: State<'a>) -> Self {
+    fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>], model: State<'a>) -> Self {
         Self {
             data,
             given: given.to_vec(),
-            start: state.squares.clone(),
-            state,
+            start: model.squares.clone(),
+            model,
             steps: Vec::new(),
             first: Vec::new(),
-            screens: Vec::new(),
-            possible: Vec::new(),
-            refused: Vec::new(),
-            limits_sought: Vec::new(),
+            screens: Screens::default(),
+            refused: Refused::default(),
+            limits: Sought::default(),
         }
     }
 
-    /// The fits of a candidate's limbs.
-    fn beside(&self, candidate: &Candidate) -> Vec<Weak<LimbFit<'a>>> {
-        let limbs = candidate.trials.iter();
-        limbs
-            .map(|(limb, _)| Arc::downgrade(&self.state.fits[*limb]))
-            .collect()
+    /// From a phase to the end.
+    fn run(mut self, mut phase: Phase) -> Self {
+        while phase != Phase::End {
+            let changed = match phase {
+                Phase::Limits | Phase::LimitsAgain => self.take_limits(),
+                Phase::Forward | Phase::ForwardAgain => self.take_next(),
+                Phase::Backward => self.take_out(),
+                Phase::End => false,
+            };
+            phase = phase.next(changed);
+        }
+        self
     }
 
-    /// Whether a candidate was refused beside the same fits of its limbs: it would be again.
-    pub(super) fn was_refused(&self, candidate: &Candidate) -> bool {
-        let beside = self.beside(candidate);
-        let same = |a: &[Weak<LimbFit>]| {
-            a.len() == beside.len() && a.iter().zip(&beside).all(|(a, b)| Weak::ptr_eq(a, b))
-        };
-        (self.refused.iter()).any(|refused| {
-            refused.effect == candidate.effect
-                && refused.members == candidate.members
-                && same(&refused.beside)
-        })
-    }
-
-    /// Whether a candidate was refused when it promised about as much: it would be again.
-    fn promises_no_more(&self, candidate: &Candidate) -> bool {
-        (self.refused.iter()).any(|refused| {
-            refused.effect == candidate.effect
-                && refused.members == candidate.members
-                && candidate.gain().0 <= PROMISES_MORE * refused.promise
-        })
-    }
-
-    pub(super) fn refuse(&mut self, candidate: &Candidate) {
-        self.refused.push(Refused {
-            effect: candidate.effect,
-            members: candidate.members.clone(),
-            promise: candidate.gain().0,
-            beside: self.beside(candidate),
+    /// Changes the model: the only place that does.
+    fn apply(&mut self, edit: Edit<'a>) {
+        self.model = edit.after;
+        self.steps.push(Step {
+            effect: edit.members[0].1.0,
+            members: edit.members,
+            squares: self.model.squares.clone(),
+            removed: edit.removed,
         });
     }
 
-    /// Whether what a candidate promises is worth a fit: a step takes away a share of the error of all joints, and the fit all but
-    /// never takes away twice of what the columns promise.
-    fn is_worth_trying(&self, candidate: &Candidate) -> bool {
-        let base: f64 = self.screens.iter().map(Screen::error).sum();
-        candidate.gain().0 > 0.5 * criteria::LEAST_SHARE * base
+    fn add(&mut self, members: &[Member], after: State<'a>) {
+        self.apply(Edit {
+            members: members.to_vec(),
+            removed: false,
+            after,
+        });
     }
 
-    /// Looks at all candidates beside the present model.
-    pub(super) fn look(&mut self) -> Vec<Candidate> {
-        let limbs: Vec<usize> = (0..self.data.len()).collect();
-        let old: Vec<Option<Screen>> = std::mem::take(&mut self.screens)
-            .into_iter()
-            .map(Some)
+    /// What steps work from, after a look.
+    fn context(&self) -> Context<'_, 'a> {
+        Context {
+            data: self.data,
+            model: &self.model,
+            screens: &self.screens.of_limbs,
+        }
+    }
+
+    fn look(&mut self) -> Vec<Candidate> {
+        self.screens.look(&self.model, &self.given)
+    }
+
+    /// What a look has shown, for the rules.
+    fn with_look<T>(&self, all: &[Candidate], rule: impl FnOnce(&Look) -> T) -> T {
+        rule(&Look {
+            all,
+            windows: self.screens.windows(),
+            beside: &|candidate, other| beside(&self.screens.of_limbs, candidate, other),
+        })
+    }
+
+    /// Takes limits of torques into the model that the data tell.
+    fn take_limits(&mut self) -> bool {
+        let mut taken = false;
+        for (member, limit) in self.limits.limits(&self.model) {
+            let Some(after) = with_limit(self.data, &self.model, member, &limit) else {
+                continue;
+            };
+            if self.steps.is_empty() {
+                let candidates = self.look();
+                let own = candidates.iter().find(|c| c.members == [member]);
+                self.first = self.with_look(&candidates, |look| judge(look, own));
+                if own.is_some() {
+                    self.first =
+                        headline::with_values(std::mem::take(&mut self.first), &after, true);
+                    self.first[0].parameters[0][0] = (limit.torque, limit.std);
+                }
+            }
+            self.add(&[member], after);
+            taken = true;
+        }
+        taken
+    }
+
+    /// Takes the next effect into the model, if one is there and helps; with it what every drive has, where that was missing.
+    fn take_next(&mut self) -> bool {
+        if self.steps.len() >= MOST_STEPS {
+            return false;
+        }
+        let candidates = self.look();
+        let taken = self.take_best(&candidates) || self.take_transmission(&candidates);
+        if taken && restart::lacks_a_drive(&self.steps) {
+            self.complete_drive();
+        }
+        taken
+    }
+
+    /// Takes the best candidate that is not refused.
+    fn take_best(&mut self, candidates: &[Candidate]) -> bool {
+        let base: f64 = self.screens.of_limbs.iter().map(Screen::error).sum();
+        let mut open: Vec<&Candidate> = (candidates.iter())
+            .filter(|c| may_take_away(c.gain().0, LEAST_SHARE, base))
+            .filter(|c| !self.refused.has(c, &self.model))
             .collect();
-        let known = |n: usize| {
-            let screen = old.get(n).and_then(Option::as_ref);
-            screen.is_some_and(|screen| Arc::ptr_eq(&screen.fit, &self.state.fits[n]))
+        let mut known = match self.first.is_empty() {
+            true => self.look_first(candidates),
+            false => None,
         };
-        let made = side_by_side(&limbs, |&n| {
-            (!known(n)).then(|| {
-                let fit = self.state.fits[n].clone();
-                let predicted = fit.predicted();
-                let possible = screen::possible(&fit, &self.given[n]);
-                let screen = Screen::of(fit, predicted, &possible);
-                let screen = screen.after(old.get(n).and_then(Option::as_ref));
-                (screen, possible)
-            })
-        });
-        let mut possible = std::mem::take(&mut self.possible);
-        possible.resize(limbs.len(), Vec::new());
-        let mut old = old;
-        old.resize_with(limbs.len(), || None);
-        for (n, made) in made.into_iter().enumerate() {
-            let screen = match made {
-                Some((screen, places)) => {
-                    possible[n] = places;
-                    Some(screen)
-                }
-                None => old[n].take(),
+        for _ in 0..MOST_REFUSED {
+            let Some(mut next) = self.with_look(candidates, |look| look.best(&open)) else {
+                return false;
             };
-            self.screens.extend(screen);
-        }
-        self.possible = possible;
-        candidate::candidates(&self.screens, &self.possible)
-    }
-
-    /// Takes effect after effect into the model while one is there and helps.
-    pub(super) fn forward(&mut self) {
-        while self.steps.len() < MOST_STEPS {
-            let candidates = self.look();
-            let mut open: Vec<&Candidate> = (candidates.iter())
-                .filter(|c| self.is_worth_trying(c) && !self.was_refused(c))
-                .collect();
-            let mut known = match self.first.is_empty() {
-                true => self.look_first(&candidates),
-                false => None,
-            };
-            let mut taken = false;
-            for _ in 0..MOST_REFUSED {
-                let Some(mut next) = best(&self.screens, &open, &candidates) else {
-                    break;
+            if !self.refused.promises_no_more(next) {
+                let (told, after) = match known.take() {
+                    Some((of, tried)) if of.is_same(next) => tried,
+                    _ => self.try_best(next, candidates, false),
                 };
-                if !self.promises_no_more(next) {
-                    let after;
-                    (next, after) = match known.take() {
-                        Some((of, tried)) if std::ptr::eq(of, next) => tried,
-                        _ => self.best_by_trying(next, &candidates),
-                    };
-                    taken = after.is_some_and(|after| self.take(next, after));
-                    if taken {
-                        break;
-                    }
-                    self.refuse(next);
+                next = told;
+                let accepted = after.and_then(|after| self.context().accepted(next, after));
+                if let Some(after) = accepted {
+                    self.add(&next.members, after);
+                    return true;
                 }
-                open.retain(|c| !(c.effect == next.effect && c.members == next.members));
+                self.refused.add(next, &self.model);
             }
-            if !taken && !self.take_looseness(&candidates) {
-                break;
-            }
-            if self.lacks_a_drive() {
-                self.complete_drive();
-            }
+            open.retain(|c| !c.is_same(next));
         }
+        false
     }
 
     /// Judges what each candidate would add to the model as it was given: the best of them by trying it, which is returned with what was
@@ -252,106 +252,169 @@ impl<'a> Search<'a> {
     fn look_first<'c>(
         &mut self,
         candidates: &'c [Candidate],
-    ) -> Option<(&'c Candidate, Tried<'c, 'a>)> {
+    ) -> Option<(&'c Candidate, compliance_scan::Tried<'c, 'a>)> {
         let all: Vec<&Candidate> = candidates.iter().collect();
-        let Some(best) = best(&self.screens, &all, candidates) else {
-            self.first = judge(&self.screens, candidates, None);
+        let Some(best) = self.with_look(candidates, |look| look.best(&all)) else {
+            self.first = self.with_look(candidates, |look| judge(look, None));
             return None;
         };
-        let (told, after) = self.best_by_trying(best, candidates);
-        self.first = judge(&self.screens, candidates, Some(told));
+        let (told, after) = self.try_best(best, candidates, true);
+        self.first = self.with_look(candidates, |look| judge(look, Some(told)));
         if let Some(after) = &after {
-            self.tell_first(told, after, !std::ptr::eq(told, best));
+            let first = std::mem::take(&mut self.first);
+            self.first = headline::with_values(first, after, !told.is_same(best));
         }
         Some((best, (told, after)))
     }
 
-    pub(super) fn push(&mut self, members: &[Member], removed: bool) {
-        self.steps.push(Step {
-            effect: members[0].1.0,
-            members: members.to_vec(),
-            squares: self.state.squares.clone(),
-            removed,
-        });
+    /// The best candidate, or what lies between motor and link there, and the model with it.
+    fn try_best<'c>(
+        &mut self,
+        best: &'c Candidate,
+        all: &'c [Candidate],
+        is_first: bool,
+    ) -> compliance_scan::Tried<'c, 'a> {
+        let context = self.context();
+        let (told, useless) =
+            compliance_scan::best_by_trying(&context, &self.refused, best, all, is_first);
+        for candidate in useless {
+            self.refused.add(candidate, &self.model);
+        }
+        told
     }
 
-    /// Of each plain effect the joints that do not have it.
-    pub(super) fn plain_that_lack(&self) -> Vec<Vec<Member>> {
-        let there = self.state.places();
-        let all = |effect: EffectKind| -> Vec<Member> {
-            (self.data.iter().enumerate())
-                .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
-                .filter(|(limb, place)| !there[*limb].contains(place))
-                .collect()
+    /// Takes what lies between motor and link at the joint with the largest error, where no column shows anything that helps.
+    fn take_transmission(&mut self, all: &[Candidate]) -> bool {
+        let found =
+            compliance_scan::transmission_of_largest_error(&self.context(), &self.refused, all);
+        let Some((candidate, told, is_sure)) = found else {
+            return false;
         };
-        let lacking = PLAIN.map(all).into_iter();
-        lacking.filter(|members| !members.is_empty()).collect()
-    }
-
-    /// Whether the model as it was given lacks what makes a drive: two families of the plain effects were found.
-    pub(super) fn lacks_a_drive(&self) -> bool {
-        let found = |effect: &&EffectKind| {
-            (self.steps.iter()).any(|s| s.effect == **effect && s.members.len() > 1 && !s.removed)
+        let accepted = is_sure
+            .then(|| self.context().accepted(candidate, told.clone()))
+            .flatten();
+        let Some(after) = accepted else {
+            self.refused.add(candidate, &self.model);
+            return false;
         };
-        PLAIN.iter().filter(found).count() >= 2
+        if self.steps.is_empty() {
+            let first = self.with_look(all, |look| judge(look, Some(candidate)));
+            self.first = headline::with_values(first, &told, true);
+        }
+        self.add(&candidate.members, after);
+        true
     }
 
     /// Where two plain effects were missing at many joints, the others are there too and at all joints, whether or not this log moves
     /// fast enough to tell: a model without them fails on one that does.
     fn complete_drive(&mut self) {
-        for members in self.plain_that_lack() {
-            let mut places = self.state.places();
-            for (limb, place) in &members {
-                places[*limb].push(*place);
-            }
+        for members in restart::lacking_of_drive(self.data, &self.model) {
+            let places = self.model.places_with(&members);
             let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
-            let start = self.state.values();
-            let Some(after) = self.state.with(self.data, &places, &start, &new) else {
+            let start = self.model.values();
+            let Some(after) = self.model.with(self.data, &places, &start, &new) else {
                 continue;
             };
-            let most = if after.is_by_log() {
-                criteria::SAME
-            } else {
-                1.0 + criteria::LEAST_SHARE
-            };
-            let mut logs = after.by_log().into_iter().zip(self.state.by_log());
-            if logs.all(|(after, before)| after <= most * before) {
-                self.state = after;
-                self.push(&members, false);
+            let before = self.model.held_out(&self.model);
+            if bears_a_drive(&after.held_out(&self.model), &before) {
+                self.add(&members, after);
             }
         }
     }
 
-    fn finish(mut self) -> Option<Found<'a>> {
-        self.keep_headline();
-        self.tell_what_is_kept();
+    /// Takes out again what has become nothing, or what the others do without.
+    fn take_out(&mut self) -> bool {
+        let drive = restart::lacks_a_drive(&self.steps);
+        for member in backward::nothing(&self.model, &self.steps, drive) {
+            self.do_without(member, true);
+        }
+        for member in backward::superseded(&self.steps) {
+            self.do_without(member, false);
+        }
+        true
+    }
+
+    fn do_without(&mut self, member: Member, nothing: bool) {
+        if let Some(after) = backward::without(self.data, &self.model, member, nothing) {
+            self.apply(Edit {
+                members: vec![member],
+                removed: true,
+                after,
+            });
+        }
+    }
+
+    /// A search that begins with the four plain effects at all joints, if this one ends above them.
+    fn with_drive(&self) -> Option<Self> {
+        if self.steps.is_empty() {
+            return None;
+        }
+        let lacks = |search: &Self| restart::lacking_of_drive(self.data, &search.model);
+        if lacks(self).is_empty() {
+            return None;
+        }
+        let mut other = self.anew()?;
+        for members in lacks(&other) {
+            other.begin_with(&members)?;
+        }
+        let torque: f64 = (self.data.iter())
+            .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
+            .sum();
+        if !begins_below(other.model.total(), self.model.total(), torque) {
+            return None;
+        }
+        other.take_limits();
+        Some(other.run(Phase::ForwardAgain))
+    }
+
+    /// A search that begins with one cause where this one has found two, if it does as well: one cause before two.
+    fn with_one_cause(&self) -> Option<Self> {
+        let causes = restart::one_cause(self.data, &self.steps);
+        if causes.is_empty() {
+            return None;
+        }
+        let mut other = self.anew()?;
+        for members in causes {
+            other.begin_with(&members)?;
+        }
+        let other = other.run(Phase::ForwardAgain);
+        let error = |search: &Self| search.model.weighted(&self.model);
+        (error(&other) <= SAME * error(self)).then_some(other)
+    }
+
+    /// A search that has taken nothing yet, its headline known.
+    fn anew(&self) -> Option<Self> {
+        let start = State::of(self.data, &self.given)?;
+        let mut other = Self::new(self.data, &self.given, start);
+        other.first.clone_from(&self.first);
+        Some(other)
+    }
+
+    /// Takes effects into the model untried.
+    fn begin_with(&mut self, members: &[Member]) -> Option<()> {
+        let after = State::of(self.data, &self.model.places_with(members))?;
+        self.add(members, after);
+        Some(())
+    }
+
+    fn finish(mut self) -> Found<'a> {
         let candidates = self.look();
-        let screens = &self.screens;
-        let (floor, drifts, unphysical) = {
-            let mut unphysical: Vec<Judged> = Vec::new();
-            for c in candidates
-                .iter()
-                .filter(|c| c.members.len() == 1 && c.is_there())
-            {
-                let known = unphysical.iter().any(|j| j.candidate.meets(c));
-                if !known && c.held_out_gain().0 > criteria::STRUCTURE && !c.is_possible(screens) {
-                    unphysical.push(judged(screens, c));
-                }
+        let screens = &self.screens.of_limbs;
+        let mut unphysical: Vec<Judged> = Vec::new();
+        for c in candidates.iter().filter(|c| c.members.len() == 1) {
+            let known = unphysical.iter().any(|j| j.candidate.meets(c));
+            if !known && is_structure(c) && !is_feasible(c) {
+                unphysical.push(judged(c));
             }
-            (
-                screens.iter().map(|screen| screen.floor.clone()).collect(),
-                screens.iter().map(drifts).collect(),
-                unphysical,
-            )
-        };
-        Some(Found {
-            first: self.first,
+        }
+        Found {
+            first: headline::kept(self.first, &self.start, &self.steps, &self.model),
+            floor: screens.iter().map(|screen| screen.floor.clone()).collect(),
+            drifts: screens.iter().map(drifts).collect(),
+            unphysical,
             start: self.start,
             steps: self.steps,
-            end: self.state,
-            unphysical,
-            floor,
-            drifts,
-        })
+            end: self.model,
+        }
     }
 }

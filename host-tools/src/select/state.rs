@@ -6,7 +6,7 @@ use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::candidate::Member;
-use super::criteria;
+use super::criteria::step::{HeldOut, LEAST_VALUE};
 use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
@@ -22,6 +22,16 @@ const COULOMB_WITHOUT_SHAPE: [EffectKind; 2] =
 
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;
+
+/// One step of a search.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub(crate) effect: EffectKind,
+    pub(crate) members: Vec<Member>,
+    /// Held-out sums of squares after it, limb by limb.
+    pub(crate) squares: Vec<Squares>,
+    pub(crate) removed: bool,
+}
 
 /// A model of all limbs, and how it predicts what it has not seen.
 #[derive(Clone)]
@@ -39,7 +49,7 @@ impl<'a> State<'a> {
         if fits.len() < data.len() {
             return None;
         }
-        let squares = side_by_side(&fits, held_out)
+        let squares = side_by_side(&fits, held_out_squares)
             .into_iter()
             .collect::<Option<_>>()?;
         Some(Self {
@@ -84,7 +94,7 @@ impl<'a> State<'a> {
             if same {
                 Some(self.squares[n].clone())
             } else {
-                held_out(&after.fits[n])
+                held_out_squares(&after.fits[n])
             }
         });
         after.squares = squares.into_iter().collect::<Option<_>>()?;
@@ -100,6 +110,15 @@ impl<'a> State<'a> {
             .iter()
             .map(|fit| fit.values.places().collect())
             .collect()
+    }
+
+    /// The effects with `members` among them.
+    pub(super) fn places_with(&self, members: &[Member]) -> Vec<Vec<Place>> {
+        let mut places = self.places();
+        for (limb, place) in members {
+            places[*limb].push(*place);
+        }
+        places
     }
 
     /// In units of the joints' noise under `noise`'s model.
@@ -121,38 +140,25 @@ impl<'a> State<'a> {
         self.squares.iter().map(Squares::total).sum()
     }
 
-    /// Each log's, if each is held out as a whole; else of all.
-    pub(super) fn by_log(&self) -> Vec<f64> {
-        if !self.is_by_log() {
-            return vec![self.total()];
-        }
-        let folds = self
-            .squares
-            .iter()
-            .map(|s| s.cells.len())
-            .max()
-            .unwrap_or(0);
+    /// How it predicts what it has not seen, in units of the joints' noise under `noise`'s model.
+    pub(super) fn held_out(&self, noise: &Self) -> HeldOut {
+        let is_by_log = self.fits.iter().all(|fit| fit.data.blocks.by_log);
+        let folds = (self.squares.iter()).map(|s| s.cells.len()).max();
         let log = |f: usize| {
             self.squares
                 .iter()
                 .filter_map(|s| s.by_fold().get(f).copied())
                 .sum()
         };
-        (0..folds).map(log).collect()
-    }
-
-    /// Whether this model predicts better than `before`, and no log worse.
-    pub(super) fn is_better_than(&self, before: &Self) -> bool {
-        let logs = self.by_log().into_iter().zip(before.by_log());
-        self.weighted(before) < before.weighted(before)
-            && logs
-                .into_iter()
-                .all(|(after, before)| after <= criteria::SAME * before)
-    }
-
-    /// Whether each log is held out as a whole.
-    pub(super) fn is_by_log(&self) -> bool {
-        self.fits.iter().all(|fit| fit.data.blocks.by_log)
+        let by_log = match is_by_log {
+            true => (0..folds.unwrap_or(0)).map(log).collect(),
+            false => vec![self.total()],
+        };
+        HeldOut {
+            weighted: self.weighted(noise),
+            by_log,
+            is_by_log,
+        }
     }
 
     /// An effect's parameters and their standard deviations.
@@ -184,7 +190,7 @@ impl<'a> State<'a> {
     pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
         let fit = &self.fits[limb];
         !COULOMB_WITHOUT_SHAPE.contains(&place.0)
-            || fit.values.shape(place) >= criteria::LEAST_VALUE * fit.known_shape(place)
+            || fit.values.shape(place) >= LEAST_VALUE * fit.known_shape(place)
     }
 
     /// The largest of an effect's parameters in units of its standard deviation.
@@ -249,7 +255,7 @@ pub(super) fn how_near(place: Place) -> How {
 }
 
 /// Held-out sums of squares of a limb's fit.
-fn held_out(fit: &LimbFit) -> Option<Squares> {
+fn held_out_squares(fit: &LimbFit) -> Option<Squares> {
     Some(fit.data.squares(&fit.predicted_held_out()?))
 }
 

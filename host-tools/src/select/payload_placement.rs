@@ -9,8 +9,9 @@ use nalgebra::Vector3;
 use proprio_core::effect::EffectKind;
 
 use super::candidate::Candidate;
-use super::criteria;
-use super::screen::Screen;
+use super::criteria::feasible::{NEAR, REACH};
+use super::criteria::presence::is_there;
+use super::score_test::Screen;
 use crate::equation::values::{LEAST_LOAD, Place, Values};
 
 impl Screen<'_> {
@@ -30,15 +31,16 @@ impl Screen<'_> {
     /// place open, too.
     fn moved_load(&self, place: Place) -> Option<Vector3<f64>> {
         let trial = self.trial(&[place])?;
-        let number = |n: usize| Some(self.parameter(&trial, place, n)?.0);
+        let told = trial.findings.first()?;
+        let number = |n: usize| Some(told.parameters[n]?.0);
         let mass = number(0)?;
         let moment = Vector3::new(number(1)?, number(2)?, number(3)?);
-        if mass < LEAST_LOAD || !Candidate::of(place.0, vec![(0, trial)], 1)?.is_there() {
+        if mass < LEAST_LOAD || !is_there(&Candidate::of(place.0, vec![(0, trial)], 1)?) {
             return None;
         }
-        let away = (moment / mass).cap_magnitude(criteria::REACH);
+        let away = (moment / mass).cap_magnitude(REACH);
         let known = self.at().load_at(place.1, &Vector3::zeros());
-        ((away - known).norm() > criteria::NEAR).then_some(away)
+        ((away - known).norm() > NEAR).then_some(away)
     }
 }
 

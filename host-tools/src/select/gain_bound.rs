@@ -8,19 +8,16 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::candidate::Candidate;
-use super::criteria;
-use super::screen::Screen;
-use super::search::Search;
+use super::candidate::{Candidate, Finding};
+use super::criteria::choice::is_of_transmission;
+use super::criteria::step::may_take_away;
+use super::score_test::Screen;
 use crate::equation::motion::LOOSE;
 use crate::equation::response::Responses;
 use crate::equation::values::Place;
 use crate::estimate::left_over::LeftOver;
 use crate::estimate::looseness::values_to_try;
 use crate::once::made_once;
-
-/// A fit all but never takes away so many times what is promised: the half of it is asked for.
-const MARGIN: f64 = 2.0;
 
 /// The responses of a limb's links, worked out when they are asked for and good for all fits whose loads are alike.
 pub(crate) struct Links {
@@ -37,13 +34,13 @@ struct Tried {
 
 /// What a screen keeps of it.
 #[derive(Default)]
-pub(crate) struct Promises {
+pub(crate) struct GainBounds {
     /// Of an earlier fit, if they are good for this one.
     known: Option<Arc<Links>>,
     made: OnceLock<Option<(Arc<Links>, LeftOver)>>,
 }
 
-impl Promises {
+impl GainBounds {
     /// With what another screen of the same limb has worked out.
     pub(super) fn after(other: &Self) -> Self {
         let links = other.made.get().and_then(Option::as_ref);
@@ -61,7 +58,7 @@ impl Screen<'_> {
         let made = || {
             let (data, values) = (self.fit.data, &self.fit.values);
             let left = LeftOver::of(&self.fit, self.predicted())?;
-            let known = self.promises.known.clone();
+            let known = self.bounds.known.clone();
             let known = known.filter(|links| links.responses.hold_for(&data.body, values));
             let links = known.unwrap_or_else(|| {
                 Arc::new(Links {
@@ -71,7 +68,7 @@ impl Screen<'_> {
             });
             Some((links, left))
         };
-        made_once(&self.promises.made, made).as_ref()
+        made_once(&self.bounds.made, made).as_ref()
     }
 
     /// How much of the sum of squares, in units of the noise, a spring or a play takes away at most, and of which size it does.
@@ -121,32 +118,33 @@ fn twice_as_many(sizes: &[f64]) -> Vec<f64> {
     all
 }
 
-impl Search<'_> {
-    /// The size of a spring or a play that promises to be worth a step.
-    pub(super) fn promised(&self, limb: usize, place: Place) -> Option<f64> {
-        let (fall, size) = self.screens.get(limb)?.most_of_one(place)?;
-        let least = criteria::LEAST_SHARE * self.state.weighted(&self.state);
-        (MARGIN * fall >= least).then_some(size)
-    }
+/// Of which size a spring or a play may take away this share of the error `now` of all joints, in units of their noise.
+pub(super) fn size_worth(screen: &Screen, place: Place, share: f64, now: f64) -> Option<f64> {
+    let (fall, size) = screen.most_of_one(place)?;
+    may_take_away(fall, share, now).then_some(size)
+}
 
-    /// Whether a spring or a play may take away this share of all joints' error; where it cannot be told, it may.
-    pub(super) fn may_take_away(&self, candidate: &Candidate, share: f64) -> bool {
-        if !LOOSE.contains(&candidate.effect) {
-            return true;
-        }
-        let most = (candidate.trials.iter()).map(|(limb, trial)| {
-            let screen = &self.screens[*limb];
-            if let [place] = trial.places[..]
-                && candidate.members.len() == 1
-            {
-                return Some(screen.most_of_one(place)?.0);
-            }
-            let size = |place: &Place| Some(screen.parameter(trial, *place, 0)?.0);
-            let sizes: Option<Vec<f64>> = trial.places.iter().map(size).collect();
-            screen.most_of_several(&trial.places, &sizes?)
-        });
-        let most: Option<f64> = most.sum();
-        let now = self.state.weighted(&self.state);
-        most.is_none_or(|most| MARGIN * most >= share * now)
+/// Whether a candidate may take away this share of the error `now` of all joints; where that cannot be told, it may.
+pub(super) fn may_be_worth(
+    screens: &[Screen],
+    candidate: &Candidate,
+    share: f64,
+    now: f64,
+) -> bool {
+    if !is_of_transmission(candidate.effect) {
+        return true;
     }
+    let most = (candidate.trials.iter()).map(|(limb, trial)| {
+        let screen = &screens[*limb];
+        if let [place] = trial.places[..]
+            && candidate.members.len() == 1
+        {
+            return Some(screen.most_of_one(place)?.0);
+        }
+        let size = |told: &Finding| Some(told.parameters[0]?.0);
+        let sizes: Option<Vec<f64>> = trial.findings.iter().map(size).collect();
+        screen.most_of_several(&trial.places, &sizes?)
+    });
+    let most: Option<f64> = most.sum();
+    most.is_none_or(|most| may_take_away(most, share, now))
 }

@@ -1,4 +1,5 @@
-//! When an effect is there: the rules of a diagnosis and all their constants, each with its reason.
+//! Statistics that the rules are made of: how unlikely a fall of the sum of squares is, and what an estimate's spread over folds and the memory
+//! of its residuals make of its error.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
@@ -7,54 +8,12 @@ pub(crate) const FALSE_ALARM: f64 = 0.01;
 /// No effect counts that is smaller than this, in standard deviations, however few were tried: residuals are never quite as normal
 /// and independent as the chance supposes.
 pub(crate) const LEAST_Z: f64 = 4.0;
-/// What an effect adds in some stretches of time it may take back in others up to this share.
-pub(crate) const MOST_HARM: f64 = 0.2;
-/// Smallest share of the held-out error of the joints that feel an effect: less is not worth a parameter.
-pub(crate) const LEAST_GAIN: f64 = 0.02;
-/// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
-/// many.
-pub(crate) const LEAST_GAIN_OF_SLOW: f64 = 0.005;
-/// Share of a joint's mean square error that is no noise, or that a value explains which cannot be, from which something is missing that
-/// the catalogue does not have: a fifth, for a log's sampling, its reversals and lost messages leave shares of less.
-pub(crate) const STRUCTURE: f64 = 0.2;
-/// What acts by weight is there if it takes away this share of its joints' error, however small it is; from this share on a soft spring or a
-/// wide play may be what another effect resembles.
-pub(crate) const SURE_GAIN: f64 = 0.05;
-/// Smallest share of the held-out error of all joints that a step takes away: below, what one log asks for is as likely to be worse on
-/// the next.
-pub(crate) const LEAST_SHARE: f64 = 0.01;
-/// A value within so many of its standard deviations of nothing is not kept.
-pub(crate) const LEAST_VALUE: f64 = 2.0;
-/// Held-out error may rise by this share without being worse: a comparison shows four digits, which stay the same.
-pub(crate) const SAME: f64 = 1.001;
-/// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
-pub(crate) const RIVAL: f64 = 0.3;
-/// A simple effect that gains at least this share of what a richer one gains that contains it is taken for it.
-pub(crate) const PART: f64 = 0.95;
-
-/// A sampled log resolves no more of a joint's torque than this share, rms: of complete legs simulated at 500 and 1000 Hz, kinks where
-/// friction turns round and integrals over samples leave about half of it; at 100 Hz a third more than it. What is left below it tells of
-/// nothing missing.
-pub(crate) const RESOLUTION: f64 = 0.01;
-/// An effect takes away at least this share of the torque of the joints that feel it, rms: a fifth of the resolution, for effects are
-/// told by all windows together.
-pub(crate) const LEAST_EFFECT: f64 = 0.002;
-/// What takes away so much of the held-out error, and more than so many of its errors from fold to fold, is no chance however its value
-/// scatters: what grows with time, as heat does, gains most in the last folds.
-pub(crate) const MOST_BY_CHANCE: f64 = 0.5;
-pub(crate) const LEAST_OF_MOST: f64 = 2.0;
-
-/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
-pub(crate) const REACH: f64 = 0.3;
-/// A load that is nearer to where its columns were made stays there, m: a tenth of a Go2's link.
-pub(crate) const NEAR: f64 = 0.02;
-
 /// Longest memory of a noise, s: five times that of a first-order filter of 8 Hz, and a tenth of the slowest motion that an exciting
 /// log is made of. What residuals remember longer is no noise.
 pub(crate) const NOISE_MEMORY: f64 = 0.1;
 
 /// A sum of squares in units of its variance: χ² of `freedom` if nothing is there, the best of `tried`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Squared {
     pub(crate) size: f64,
     pub(crate) freedom: f64,

@@ -11,8 +11,11 @@ use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
-use super::criteria::{self, Squared};
-use super::promise::Promises;
+use super::candidate::{Candidate, Finding, Trial};
+use super::criteria::statistics::{
+    NOISE_MEMORY, Squared, autocorrelation_time, jackknife, noise_memory,
+};
+use super::gain_bound::GainBounds;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
 use crate::equation::motion::LOOSE;
@@ -55,8 +58,8 @@ pub(crate) struct Screen<'a> {
     /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
     /// catalogue leaves less.
     pub(crate) floor: Vec<f64>,
-    /// What springs and plays can take away.
-    pub(super) promises: Promises,
+    /// What springs and plays can take away at most.
+    pub(super) bounds: GainBounds,
     /// What was asked for already: a step at one limb leaves the others' screens as they are.
     trials: Mutex<HashMap<Vec<Place>, Option<Trial>>>,
 }
@@ -68,32 +71,6 @@ const LEAST_MOVING: f64 = 0.1;
 /// It moves where it is faster than three times the noise of a Go2's velocity, rad/s, or than this share of its limit.
 const AT_REST: f64 = 0.1;
 const SLOW: f64 = 0.01;
-
-/// What an effect, or one effect at several joints of the limb, would add.
-#[derive(Debug, Clone)]
-pub(crate) struct Trial {
-    pub(crate) places: Vec<Place>,
-    /// θ's entries of its parameters.
-    pub(crate) entries: Vec<usize>,
-    /// How much each fold's sum of squares falls, held out, in units of the joints' noise.
-    pub(crate) gains: Vec<f64>,
-    /// The same in (N m)².
-    pub(crate) falls: Vec<f64>,
-    /// Sum of squares before of the joints that feel it, in units of their noise.
-    pub(crate) felt: f64,
-    /// Sum of squares of the torque of the joints that feel it, (N m)².
-    pub(crate) torque: f64,
-    /// Its parameters by all data, as the columns have them.
-    pub(crate) value: Vec<f64>,
-    /// By the data of all folds but one, fold by fold.
-    pub(crate) by_fold: Vec<Vec<f64>>,
-    /// Their standard deviations: the larger of what independent residuals give, memory included, and of the spread over folds.
-    pub(crate) std: Vec<f64>,
-    /// How much the sum of squares of all data falls, the priors included, as far as windows are independent.
-    pub(crate) fall: f64,
-    /// The same as the spread over folds has it: the smaller where they agree less than chance lets them.
-    pub(crate) sure: Squared,
-}
 
 impl<'a> Screen<'a> {
     /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals, and
@@ -177,14 +154,15 @@ impl<'a> Screen<'a> {
             fit: own.clone(),
             columns,
             at,
-            promises: Promises::default(),
+            bounds: GainBounds::default(),
         }
     }
 
     /// The same after another screen of the limb, beside another fit.
     pub(super) fn after(mut self, other: Option<&Self>) -> Self {
-        self.promises =
-            other.map_or_else(Promises::default, |other| Promises::after(&other.promises));
+        self.bounds = other.map_or_else(GainBounds::default, |other| {
+            GainBounds::after(&other.bounds)
+        });
         self
     }
 
@@ -299,7 +277,7 @@ impl<'a> Screen<'a> {
         for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
             let looser = own.iter().map(|trial| trial.std[n] / independent);
             let by_fold = values.iter().map(|v| v[n]).zip(looser);
-            let spread = criteria::jackknife(by_fold, *value);
+            let spread = jackknife(by_fold, *value);
             let independent = independent * memory.sqrt();
             inflation = inflation.max(spread / independent);
             std.push(independent.max(spread));
@@ -311,8 +289,9 @@ impl<'a> Screen<'a> {
             .iter()
             .flat_map(|fold| felt.iter().map(|&j| fold[j] / (noise[j] * noise[j])));
         let tried: f64 = places.iter().map(|place| shapes::tried(place.0)).product();
-        Some(Trial {
+        let mut trial = Trial {
             places: places.to_vec(),
+            findings: Vec::new(),
             gains,
             falls,
             felt: felt.sum(),
@@ -327,7 +306,9 @@ impl<'a> Screen<'a> {
                 tried,
             },
             entries,
-        })
+        };
+        trial.findings = self.findings(&trial);
+        Some(trial)
     }
 
     /// What the effects at `places` would add to the model with the candidates `others` in it.
@@ -336,6 +317,7 @@ impl<'a> Screen<'a> {
         let mut trial = self.trial(&[others, places].concat())?;
         let known = before.entries.len();
         trial.places.drain(..others.len());
+        trial.findings.drain(..others.len());
         trial.entries.drain(..known);
         trial.value.drain(..known);
         trial.std.drain(..known);
@@ -362,39 +344,59 @@ impl<'a> Screen<'a> {
         Some(trial)
     }
 
-    /// A parameter of a trial as the catalogue means it, and its standard deviation.
-    pub(crate) fn parameter(
-        &self,
-        trial: &Trial,
-        place: Place,
-        parameter: usize,
-    ) -> Option<(f64, f64)> {
-        let at = trial.entries.iter().position(|&e| {
-            let entry = &self.columns.entries[e];
-            (entry.effect, entry.joint, entry.parameter) == (Some(place.0), place.1, parameter)
-        })?;
+    /// What a trial says of the parameters at each of its places, as the catalogue means them.
+    pub(super) fn findings(&self, trial: &Trial) -> Vec<Finding> {
+        let data = self.fit.data;
         let mut theta = self.columns.theta(&self.at);
         for (&e, value) in trial.entries.iter().zip(&trial.value) {
             theta[e] = *value;
         }
-        let value = self
-            .fit
-            .data
-            .value(&self.at, &self.columns, trial.entries[at], &theta);
-        Some((value, trial.std[at]))
+        let told = |place: Place, parameter: usize| {
+            let at = trial.entries.iter().position(|&e| {
+                let entry = &self.columns.entries[e];
+                (entry.effect, entry.joint, entry.parameter) == (Some(place.0), place.1, parameter)
+            })?;
+            let value = data.value(&self.at, &self.columns, trial.entries[at], &theta);
+            Some((value, trial.std[at]))
+        };
+        let of = |&place: &Place| {
+            let parameters = 0..place.0.description().parameters.len();
+            Finding {
+                place,
+                parameters: parameters.clone().map(|n| told(place, n)).collect(),
+                prior: parameters.map(|n| data.prior(place, n)).collect(),
+                nonlinear: self.at.shape(place),
+                period: data.recording.period(),
+                beyond_limit: (place.0 == EffectKind::Saturation)
+                    .then(|| self.shown_beyond(place.1, self.at.shape(place))),
+            }
+        };
+        trial.places.iter().map(of).collect()
+    }
+
+    /// Of each N m that a joint reports beyond a limit how much the motion shows: the slope of the predicted on the reported torque there.
+    fn shown_beyond(&self, joint: usize, limit: f64) -> f64 {
+        let beyond: Vec<[f64; 2]> = (self.torques(joint))
+            .filter(|[reported, _]| reported.abs() > limit)
+            .map(|[reported, predicted]| [reported.abs(), predicted * reported.signum()])
+            .collect();
+        let mean = |n: usize| beyond.iter().map(|x| x[n]).sum::<f64>() / beyond.len() as f64;
+        let means = [mean(0), mean(1)];
+        let product = |[a, b]: [usize; 2]| {
+            beyond
+                .iter()
+                .map(|x| (x[a] - means[a]) * (x[b] - means[b]))
+                .sum::<f64>()
+        };
+        product([0, 1]) / product([0, 0])
     }
 
     /// Of each window that counts a joint's torque as reported and as predicted, N m.
-    pub(crate) fn torques(&self, joint: usize) -> impl Iterator<Item = [f64; 2]> {
+    fn torques(&self, joint: usize) -> impl Iterator<Item = [f64; 2]> {
         let (data, n) = (self.fit.data, self.fit.data.joints());
         (0..data.motion.windows.len())
             .filter(move |&w| data.counts(w, joint))
             .map(move |w| [data.torque[w * n + joint], self.predicted[w * n + joint]])
-    }
-
-    /// The shape that a candidate was tried with.
-    pub(crate) fn shape(&self, place: Place) -> f64 {
-        self.at.shape(place)
     }
 
     /// The values of the fit, with the effects of a trial at what it found, and their shapes as close as the data tell them.
@@ -403,20 +405,39 @@ impl<'a> Screen<'a> {
         let shapes = with_shapes(&self.fit, &trial.places, &self.predicted, &|scan, place| {
             scan.closest(place)
         });
-        for &place in &trial.places {
+        for told in &trial.findings {
+            let (place, described) = (told.place, told.place.0.description());
             values.insert(place);
-            if let Some(n) = place.0.description().shape() {
+            if let Some(n) = described.shape() {
                 values.set(place, n, shapes.get(place, n));
             }
-            for n in 0..place.0.description().parameters.len() {
-                if let Some((value, _)) = self.parameter(trial, place, n) {
-                    let p = &place.0.description().parameters[n];
+            for (n, p) in described.parameters.iter().enumerate() {
+                if let Some((value, _)) = told.parameters[n] {
                     values.set(place, n, value.clamp(p.lower, p.upper));
                 }
             }
         }
         values
     }
+}
+
+/// What a candidate adds to the limbs' models with another one in them.
+pub(super) fn beside(
+    screens: &[Screen],
+    candidate: &Candidate,
+    other: &Candidate,
+) -> Option<Candidate> {
+    let trials: Option<Vec<_>> = (candidate.trials.iter())
+        .map(|(limb, trial)| {
+            let there = other.trials.iter().find(|(l, _)| l == limb);
+            let trial = match there {
+                None => trial.clone(),
+                Some((_, with)) => screens[*limb].trial_beside(&trial.places, &with.places)?,
+            };
+            Some((*limb, trial))
+        })
+        .collect();
+    Candidate::of(candidate.effect, trials?, candidate.tried)
 }
 
 /// Every effect that a limb's model does not have, where it could be.
@@ -627,13 +648,11 @@ impl Left {
                 })
                 .collect();
             left.correlation.push(correlation);
-            left.memory.push(criteria::autocorrelation_time(&whitened));
-            let lags = (criteria::NOISE_MEMORY / window_length(data))
-                .ceil()
-                .max(2.0);
+            left.memory.push(autocorrelation_time(&whitened));
+            let lags = (NOISE_MEMORY / window_length(data)).ceil().max(2.0);
             let unwhitened: Vec<f64> = residuals.iter().map(|(_, r)| *r).collect();
             left.noise_memory
-                .push(criteria::noise_memory(&unwhitened, lags as usize));
+                .push(noise_memory(&unwhitened, lags as usize));
             left.floor
                 .push((square / (residuals.len() as f64 - fitted).max(1.0)).sqrt());
         }

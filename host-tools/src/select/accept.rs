@@ -1,0 +1,121 @@
+//! A candidate fitted, and accepted if the model with it keeps what the candidate promised.
+
+use super::candidate::{Candidate, Member};
+use super::criteria::choice::is_of_transmission;
+use super::criteria::step::{HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step};
+use super::gain_bound::size_worth;
+use super::score_test::Screen;
+use super::state::{State, held_out_with_shape, how_near, how_with};
+use crate::equation::values::{Place, Values};
+use crate::estimate::fit::How;
+use crate::estimate::limb_data::LimbData;
+
+/// What a step works from: the data, the model as it is, and the score tests of each of its limbs.
+#[derive(Clone, Copy)]
+pub(super) struct Context<'s, 'a> {
+    pub(super) data: &'a [LimbData<'a>],
+    pub(super) model: &'s State<'a>,
+    pub(super) screens: &'s [Screen<'a>],
+}
+
+impl<'a> Context<'_, 'a> {
+    /// The held-out error of the model as it is, in units of the joints' noise.
+    pub(super) fn now(&self) -> f64 {
+        self.model.weighted(self.model)
+    }
+
+    /// The held-out error of another model, in units of the joints' noise under this one.
+    pub(super) fn held_out(&self, model: &State) -> HeldOut {
+        model.held_out(self.model)
+    }
+
+    /// The model with a candidate in it, fitted.
+    pub(super) fn with(&self, candidate: &Candidate) -> Option<State<'a>> {
+        self.with_worthwhile(candidate, &|_| true)
+    }
+
+    /// The same where `is_worth` says so of the fit. A play or a spring that promises something is sought near what it promises.
+    pub(super) fn with_worthwhile(
+        &self,
+        candidate: &Candidate,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
+        let near = match candidate.members[..] {
+            [(limb, place)] => self
+                .screens
+                .get(limb)
+                .and_then(|screen| size_worth(screen, place, LEAST_SHARE, self.now()))
+                .map(|size| (limb, place, size)),
+            _ => None,
+        };
+        let Some((limb, place, size)) = near else {
+            return self.with_all_sought(candidate, is_worth);
+        };
+        let mut start = self.start_with(candidate);
+        start[limb].set(place, 0, size);
+        self.fitted(candidate, &start, &how_near(place), is_worth)
+    }
+
+    /// The same with its nonlinear parameters sought wherever they may be.
+    fn with_all_sought(
+        &self,
+        candidate: &Candidate,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
+        let places: Vec<Place> = candidate.members.iter().map(|(_, place)| *place).collect();
+        let start = self.start_with(candidate);
+        self.fitted(candidate, &start, &how_with(&places), is_worth)
+    }
+
+    fn fitted(
+        &self,
+        candidate: &Candidate,
+        start: &[Values],
+        how: &How,
+        is_worth: &dyn Fn(&State) -> bool,
+    ) -> Option<State<'a>> {
+        let places = self.model.places_with(&candidate.members);
+        (self.model).with_worthwhile(self.data, &places, start, how, is_worth)
+    }
+
+    /// The limbs' values with a candidate at what it was found to be.
+    fn start_with(&self, candidate: &Candidate) -> Vec<Values> {
+        let mut values = self.model.values();
+        for (limb, trial) in &candidate.trials {
+            values[*limb] = self.screens[*limb].with(trial);
+        }
+        values
+    }
+
+    /// The model `after` a candidate was fitted, as it is to be kept; none if it does not keep what the candidate promised.
+    pub(super) fn accepted(
+        &self,
+        candidate: &Candidate,
+        mut after: State<'a>,
+    ) -> Option<State<'a>> {
+        let members = &candidate.members;
+        let before = self.held_out(self.model);
+        if let [(_, place)] = members[..]
+            && is_of_transmission(place.0)
+            && is_worth_a_step(&self.held_out(&after), &before)
+        {
+            // It was tried near what it promised and in few passes: what stays is told as well as it can be.
+            after = self.with_all_sought(candidate, &|_| true)?;
+        }
+        if let [(limb, place)] = members[..]
+            && place.0.description().shape().is_some()
+            && is_better(&self.held_out(&after), &before)
+        {
+            // A nonlinear parameter that all data have chosen is no surprise to the fold that is held out.
+            let (before, fit) = (&self.model.fits[limb], &after.fits[limb]);
+            after.squares[limb] = held_out_with_shape(before, fit, place)?;
+        }
+        if !is_worth_a_step(&self.held_out(&after), &before) {
+            return None;
+        }
+        // How surely values are known is expensive: of what is refused anyhow it is not asked.
+        let is_there = |m: &&Member| is_held(after.size(m)) && after.tells_shape(m);
+        let held = members.iter().filter(is_there).count();
+        are_most(held, members.len()).then_some(after)
+    }
+}

@@ -1,0 +1,126 @@
+//! What lies between motor and link, found by trying: of a soft spring or a wide play a column says little, and other effects look like
+//! them to first order.
+
+use proprio_core::effect::EffectKind;
+
+use super::accept::Context;
+use super::candidate::Candidate;
+use super::criteria::choice::{handicap, is_of_transmission, may_be_transmission};
+use super::criteria::step::{LEAST_SHARE, is_held, is_less, is_resolved, is_structure};
+use super::gain_bound::may_be_worth;
+use super::refused::Refused;
+use super::state::State;
+use crate::equation::motion::LOOSE;
+
+/// A candidate, and the model with it if one could be fitted.
+pub(super) type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
+
+/// A candidate that takes a sure part of a joint's error, and the model with it; or a spring or a play there with which the model
+/// predicts better. With the springs and plays that were found to be none.
+///
+/// The `first` look tells what the best one would be, taken or not.
+pub(super) fn best_by_trying<'c, 'a>(
+    context: &Context<'_, 'a>,
+    refused: &Refused<'a>,
+    best: &'c Candidate,
+    all: &'c [Candidate],
+    is_first: bool,
+) -> (Tried<'c, 'a>, Vec<&'c Candidate>) {
+    let now = context.now();
+    let may_be_worth = |c: &Candidate, share: f64| may_be_worth(context.screens, c, share, now);
+    let weighted = |after: &State| after.weighted(context.model);
+    let is_tried = is_first || may_be_worth(best, LEAST_SHARE);
+    let first = (best, is_tried.then(|| context.with(best)).flatten());
+    let is_loose = is_of_transmission(best.effect);
+    // What a joint's own columns show and no fit keeps is no spring either.
+    let keeps = (first.1.as_ref()).is_some_and(|after| is_less(weighted(after), now));
+    if !is_loose && !may_be_transmission(best, keeps) {
+        return (first, Vec::new());
+    }
+    let error = |(c, after): &Tried| {
+        let error = after.as_ref().map_or(f64::INFINITY, weighted);
+        error + handicap(c, best) * now
+    };
+    // What several promise together may be of one, which alone, the others rigid, promises less: its column is believed.
+    let one_of_several = is_loose && is_tried && best.members.len() > 1;
+    let gained = 1.0 - error(&first) / now;
+    let (mut kept, mut useless) = (Vec::new(), Vec::new());
+    for c in transmission_at(context, refused, best, all) {
+        if !one_of_several && !may_be_worth(c, LEAST_SHARE + handicap(c, best)) {
+            useless.push(c);
+            continue;
+        }
+        // One that the first leaves behind need not be known.
+        if !one_of_several && !may_be_worth(c, gained + handicap(c, best)) {
+            continue;
+        }
+        // One that is found to be nothing need not be judged.
+        let is_something = |after: &State| is_held(after.size(&c.members[0]));
+        let tried = (c, context.with_worthwhile(c, &is_something));
+        if is_less(error(&tried), now) {
+            kept.push(tried);
+        } else {
+            useless.push(c);
+        }
+    }
+    let told = (kept.into_iter().chain([first]))
+        .min_by(|a, b| error(a).total_cmp(&error(b)))
+        .unwrap_or((best, None));
+    (told, useless)
+}
+
+/// Springs and plays at the joint of a candidate; of several joints at the one where most is gained.
+fn transmission_at<'c>(
+    context: &Context,
+    refused: &Refused,
+    best: &Candidate,
+    all: &'c [Candidate],
+) -> Vec<&'c Candidate> {
+    let is_one = |c: &&Candidate| {
+        c.members.len() == 1
+            && is_of_transmission(c.effect)
+            && c.is_within(best)
+            && !c.is_same(best)
+            && !refused.has(c, context.model)
+    };
+    let mut found: Vec<&Candidate> = all.iter().filter(is_one).collect();
+    if best.members.len() > 1 {
+        found.retain(|c| c.effect == best.effect);
+        found.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
+        found.truncate(1);
+    }
+    found
+}
+
+/// A spring or a play at the joint with the largest error, where no column shows anything that helps, and the model with it; and whether
+/// it takes away a share of that joint's error that no sampling makes.
+pub(super) fn transmission_of_largest_error<'c, 'a>(
+    context: &Context<'_, 'a>,
+    refused: &Refused<'a>,
+    all: &'c [Candidate],
+) -> Option<(&'c Candidate, State<'a>, bool)> {
+    let model = context.model;
+    let joints = (model.squares.iter().enumerate()).flat_map(|(limb, squares)| {
+        let joints = squares.by_joint().into_iter().enumerate();
+        joints.map(move |(joint, square)| (limb, joint, square))
+    });
+    let (limb, joint, square) = joints.max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let data = &context.data[limb];
+    let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint()[joint];
+    if !is_resolved(square, torque) {
+        return None;
+    }
+    let is_here = |effect: EffectKind| {
+        (all.iter()).find(|c| c.members == [(limb, (effect, joint))] && !refused.has(c, model))
+    };
+    let now = context.now();
+    let tried = LOOSE.into_iter().filter_map(is_here);
+    let tried = tried.filter(|c| may_be_worth(context.screens, c, LEAST_SHARE, now));
+    let tried = tried.filter_map(|c| Some((c, context.with(c)?)));
+    let (candidate, after) = tried.min_by(|a, b| {
+        let error = |after: &State| after.weighted(model);
+        error(&a.1).total_cmp(&error(&b.1))
+    })?;
+    let is_sure = is_structure(model.total() - after.total(), square);
+    Some((candidate, after, is_sure))
+}

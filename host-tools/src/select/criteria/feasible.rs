@@ -1,0 +1,110 @@
+//! What a robot can have: values that are physical, likely and not nothing.
+
+use proprio_core::effect::EffectKind;
+
+use super::presence::is_there;
+use super::step::LEAST_VALUE;
+use crate::equation::motion::is_derivative;
+use crate::select::candidate::{Candidate, Finding};
+
+/// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
+pub(crate) const REACH: f64 = 0.3;
+/// A load that is nearer to where its columns were made stays there, m: a tenth of a Go2's link.
+pub(crate) const NEAR: f64 = 0.02;
+/// A smaller delay is none, sampling periods: how the torque runs between two samples is not known.
+const LEAST_DELAY: f64 = 0.1;
+/// The same of a torque ahead of its motion: one that a drive holds from sample to sample is on average half a period later than it is
+/// reported.
+const LEAST_LEAD: f64 = 0.5;
+/// χ² of a mass and its first moment below which a load weighs nothing that is told (99 % of four degrees of freedom): what is only
+/// inertia is a rotor's.
+const LEAST_WEIGHT: f64 = 13.3;
+/// What a sensor, a mounting, a gear or a load can be wrong by, in standard deviations of what the catalogue takes for likely.
+const LIKELY: f64 = 3.0;
+/// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
+const MOST_BEYOND_LIMIT: f64 = 0.5;
+/// Errors of a value within which it may be on the other side of a bound.
+const WITHIN: f64 = 2.0;
+
+/// Whether a candidate's values are physical within twice their errors, what a robot can have, and not all nothing.
+pub(crate) fn is_feasible(candidate: &Candidate) -> bool {
+    candidate.findings().all(can_be) && candidate.findings().any(is_something)
+}
+
+/// Whether a candidate is a delay too small to be told from how the torque runs between two samples.
+pub(crate) fn is_unresolved_delay(candidate: &Candidate) -> bool {
+    let is_small = |told: &Finding| {
+        told.parameters[0].is_some_and(|(delay, _)| !is_resolved(told.period, delay))
+    };
+    candidate.effect == EffectKind::Delay
+        && is_there(candidate)
+        && candidate.findings().all(is_small)
+}
+
+/// Whether what a trial says of an effect is physical within twice its error, and likely.
+fn can_be(told: &Finding) -> bool {
+    let effect = told.place.0;
+    let mass = told.parameters[0].map_or(0.0, |(mass, _)| mass.abs());
+    let within = |(n, p): (usize, &proprio_core::effect::Parameter)| {
+        let Some((value, std)) = told.parameters[n] else {
+            return true;
+        };
+        let (mean, likely) = told.prior[n];
+        let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
+        // A load's own inertia is told as well as its place: off by d, m d² is missing.
+        let open = match (effect, n) {
+            (EffectKind::Payload, 4) => mass * NEAR * NEAR,
+            _ => 0.0,
+        };
+        value + WITHIN * std + open >= p.lower
+            && value - WITHIN * std <= p.upper
+            && (!is_sensor || (value - mean).abs() - WITHIN * std <= LIKELY * likely)
+    };
+    let is_resolved = effect != EffectKind::Delay
+        || told.parameters[0].is_none_or(|(delay, _)| is_resolved(told.period, delay));
+    let parameters = effect.description().parameters;
+    parameters.iter().enumerate().all(within)
+        && is_resolved
+        && (effect != EffectKind::Payload || is_load(&told.parameters))
+        && (told.beyond_limit).is_none_or(|shown| shown < MOST_BEYOND_LIMIT)
+}
+
+/// Whether an effect's one value is beyond [`LEAST_VALUE`] errors of nothing; of several parameters each may be unsure where
+/// together they are not.
+fn is_something(told: &Finding) -> bool {
+    let parameters = told.place.0.description().parameters;
+    let mut linear = (0..parameters.len()).filter(|&n| !parameters[n].shape);
+    let (Some(only), None) = (linear.next(), linear.next()) else {
+        return true;
+    };
+    told.parameters[only].is_none_or(|(value, std)| {
+        let away = (value - parameters[only].neutral).abs();
+        away > 0.0 && away >= LEAST_VALUE * std
+    })
+}
+
+/// Whether a delay (s) is more than how the torque runs between two samples, a period (s) apart.
+fn is_resolved(period: f64, delay: f64) -> bool {
+    let periods = delay / period;
+    !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
+}
+
+/// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
+/// a mass is none, nor is an inertia without weight. At most [`REACH`] away.
+fn is_load(told: &[Option<(f64, f64)>]) -> bool {
+    let [Some((mass, std)), moments @ ..] = told else {
+        return true;
+    };
+    let weighs: f64 = (told.iter().take(4).flatten())
+        .map(|(value, std)| (value / std).powi(2))
+        .sum();
+    if weighs < LEAST_WEIGHT {
+        return false;
+    }
+    let heaviest = mass + WITHIN * std;
+    let smallest = moments.iter().take(3).flatten();
+    let smallest: f64 = smallest
+        .map(|(h, std)| (h.abs() - WITHIN * std).max(0.0).powi(2))
+        .sum();
+    heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
+}

@@ -1,0 +1,110 @@
+//! Whether an effect is there: beyond chance, worth a place in the model, at one joint or at all like joints.
+
+use proprio_core::effect::EffectKind;
+
+use super::statistics::{LEAST_Z, Squared, least_z, sum_and_error};
+use crate::select::candidate::Candidate;
+
+/// What an effect adds in some stretches of time it may take back in others up to this share.
+const MOST_HARM: f64 = 0.2;
+/// Smallest share of the held-out error of the joints that feel an effect: less is not worth a parameter.
+const LEAST_GAIN: f64 = 0.02;
+/// The same of effects that change as slowly as the position, or act at few moments: in one window they are small, and sure over
+/// many.
+const LEAST_GAIN_OF_SLOW: f64 = 0.005;
+/// What acts by weight is there if it takes away this share of its joints' error, however small it is; from this share on a soft spring or a
+/// wide play may be what another effect resembles.
+pub(crate) const SURE_GAIN: f64 = 0.05;
+/// Share of a joint's mean square error that is no noise, or that a value explains which cannot be, from which something is missing that
+/// the catalogue does not have: a fifth, for a log's sampling, its reversals and lost messages leave shares of less.
+pub(crate) const STRUCTURE: f64 = 0.2;
+/// A sampled log resolves no more of a joint's torque than this share, rms: of complete legs simulated at 500 and 1000 Hz, kinks where
+/// friction turns round and integrals over samples leave about half of it; at 100 Hz a third more than it. What is left below it tells of
+/// nothing missing.
+pub(crate) const RESOLUTION: f64 = 0.01;
+/// An effect takes away at least this share of the torque of the joints that feel it, rms: a fifth of the resolution, for effects are
+/// told by all windows together.
+pub(crate) const LEAST_EFFECT: f64 = 0.002;
+/// What takes away so much of the held-out error, and more than so many of its errors from fold to fold, is no chance however its value
+/// scatters: what grows with time, as heat does, gains most in the last folds.
+const MOST_BY_CHANCE: f64 = 0.5;
+const LEAST_OF_MOST: f64 = 2.0;
+
+/// Whether a candidate is there beyond chance.
+pub(crate) fn is_beyond_chance(candidate: &Candidate) -> bool {
+    let (gain, error) = candidate.gain();
+    let most = gain > MOST_BY_CHANCE * candidate.felt && gain > LEAST_OF_MOST * error;
+    // Both tests are needed: z is of the data that the value is fitted to, the gain of data that it has not seen.
+    most || (candidate.z() >= least_z(candidate.tried) && gain > error)
+}
+
+/// Whether a candidate is there beyond chance and worth a place in the model, whatever its value.
+pub(crate) fn is_there(candidate: &Candidate) -> bool {
+    let (gain, _) = candidate.gain();
+    let harm: f64 = candidate.gains.iter().map(|gain| gain.min(0.0)).sum();
+    let held_out_gain = candidate.held_out_gain().0;
+    is_beyond_chance(candidate)
+        // A cause that is there is there all the time.
+        && -harm < MOST_HARM * (gain - harm)
+        && held_out_gain > least_gain(candidate.effect)
+        // What sampling alone leaves of a torque looks like friction and like delays, but not like a weight.
+        && (candidate.torque_error_taken() > LEAST_EFFECT.powi(2) * candidate.torque
+            || acts_by_weight(candidate.effect) && held_out_gain > SURE_GAIN)
+}
+
+/// Whether a candidate is a sure part of the error of one joint: then a soft spring or a wide play there may be what it resembles.
+pub(crate) fn is_sure_of_one_joint(candidate: &Candidate) -> bool {
+    candidate.members.len() == 1
+        && !candidate.is_shared()
+        && candidate.held_out_gain().0 > SURE_GAIN
+}
+
+/// Whether a value that cannot be explains so much that something is missing which the catalogue does not have.
+pub(crate) fn is_structure(candidate: &Candidate) -> bool {
+    is_there(candidate) && candidate.held_out_gain().0 > STRUCTURE
+}
+
+/// Whether a family stands: without its best member it still is beyond chance, and it takes away more than that one alone,
+/// beyond the error of that.
+pub(crate) fn is_family(candidate: &Candidate, all: &[Candidate]) -> bool {
+    let own: Vec<&Candidate> = (all.iter())
+        .filter(|c| {
+            c.effect == candidate.effect
+                && c.members.len() == 1
+                && candidate.members.contains(&c.members[0])
+        })
+        .collect();
+    let Some(best) = own.iter().max_by(|a, b| a.gain().0.total_cmp(&b.gain().0)) else {
+        return true;
+    };
+    let rest = own.iter().filter(|c| c.members != best.members);
+    let sure = rest.clone().map(|c| c.sure).reduce(Squared::and);
+    let gain: f64 = rest.clone().map(|c| c.gain().0).sum();
+    let helped = own.iter().filter(|c| c.gain().0 > 0.0).count();
+    let more: Vec<f64> = (candidate.gains.iter().zip(&best.gains))
+        .map(|(all, best)| all - best)
+        .collect();
+    let (more, error) = sum_and_error(&more);
+    // One joint that has it and many that do not are one joint's effect, though all together gain as well.
+    more > error
+        && gain > 0.0
+        && 2 * helped > own.len()
+        && sure.is_some_and(|sure| sure.z() >= LEAST_Z)
+}
+
+/// Smallest share of the held-out error that is worth a parameter.
+fn least_gain(effect: EffectKind) -> f64 {
+    use EffectKind::{Bias, Saturation, Spring};
+    if acts_by_weight(effect) || [Bias, Spring, Saturation].contains(&effect) {
+        LEAST_GAIN_OF_SLOW
+    } else {
+        LEAST_GAIN
+    }
+}
+
+/// Whether an effect acts by the weight of the bodies: what happens between two samples, or where friction turns round, does not look
+/// like it.
+pub(super) fn acts_by_weight(effect: EffectKind) -> bool {
+    use EffectKind::{BaseTilt, EncoderOffset, Payload};
+    [BaseTilt, EncoderOffset, Payload].contains(&effect)
+}

@@ -1,0 +1,106 @@
+//! Whether a model that was fitted is worth a step: judged by what it predicts of data that it has not seen.
+
+use super::presence::{LEAST_EFFECT, RESOLUTION, STRUCTURE};
+
+/// Most steps of a search.
+pub(crate) const MOST_STEPS: usize = 40;
+/// Most candidates that are refused one after the other before a search ends.
+pub(crate) const MOST_REFUSED: usize = 12;
+/// Smallest share of the held-out error of all joints that a step takes away: below, what one log asks for is as likely to be worse on
+/// the next.
+pub(crate) const LEAST_SHARE: f64 = 0.01;
+/// A value within so many of its standard deviations of nothing is not kept.
+pub(crate) const LEAST_VALUE: f64 = 2.0;
+/// Held-out error may rise by this share without being worse: a comparison shows four digits, which stay the same.
+pub(crate) const SAME: f64 = 1.001;
+/// A fit all but never takes away so many times what columns promise: the half of it is asked for.
+const MARGIN: f64 = 2.0;
+/// A candidate that was refused and promises no more than so many times what it did then would be refused again: it is an eighth more of
+/// its standard deviations. A trial costs as much as a look at all candidates of a limb.
+const PROMISES_MORE: f64 = 1.25;
+
+/// How a model predicts what it has not seen: sums of squares over all limbs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct HeldOut {
+    /// In units of the joints' noise, of whatever model it is compared with.
+    pub(crate) weighted: f64,
+    /// Each log's if each is held out as a whole, else one of all, (N m)².
+    pub(crate) by_log: Vec<f64>,
+    /// Whether each log is held out as a whole.
+    pub(crate) is_by_log: bool,
+}
+
+/// Whether what columns `promise` of the error `now` is enough for a fit to take away this share of it.
+pub(crate) fn may_take_away(promise: f64, share: f64, now: f64) -> bool {
+    MARGIN * promise >= share * now
+}
+
+/// Whether a candidate that was `refused` when it promised so much would be refused again.
+pub(crate) fn promises_no_more(promise: f64, refused: f64) -> bool {
+    promise <= PROMISES_MORE * refused
+}
+
+/// Whether an error is less than the one `before` by what a step is worth.
+pub(crate) fn is_less(after: f64, before: f64) -> bool {
+    after < (1.0 - LEAST_SHARE) * before
+}
+
+/// Whether a model predicts better than the one `before` it, and no log worse: what one log asks for and another does not bear is the log's.
+pub(crate) fn is_better(after: &HeldOut, before: &HeldOut) -> bool {
+    after.weighted < before.weighted && no_log_rises(after, before, SAME)
+}
+
+/// Whether a model takes away what a step is worth, and makes no log worse.
+pub(crate) fn is_worth_a_step(after: &HeldOut, before: &HeldOut) -> bool {
+    is_less(after.weighted, before.weighted) && is_better(after, before)
+}
+
+/// Whether more than half of an effect's members have values that are not nothing: of a family some joints may have little of it.
+pub(crate) fn are_most(held: usize, members: usize) -> bool {
+    2 * held > members
+}
+
+/// Whether a size, in its standard deviations, is more than nothing.
+pub(crate) fn is_held(size: f64) -> bool {
+    size >= LEAST_VALUE
+}
+
+/// Whether a model does without what was taken out of it, which is `nothing` by its value, or else resembles what came after.
+pub(crate) fn does_without(without: &HeldOut, before: &HeldOut, nothing: bool) -> bool {
+    // What only resembles another effect took its share of the error, which that one may not give back to the last digit.
+    let most = if nothing { SAME } else { 1.0 + LEAST_SHARE };
+    no_log_rises(without, before, most) && without.weighted <= most * before.weighted
+}
+
+/// Whether a model may have what every drive has, though this log may not tell it: it predicts no worse with it. Of one log, whose folds are
+/// alike, a rise of less than a step's share is chance.
+pub(crate) fn bears_a_drive(after: &HeldOut, before: &HeldOut) -> bool {
+    let most = if after.is_by_log {
+        SAME
+    } else {
+        1.0 + LEAST_SHARE
+    };
+    no_log_rises(after, before, most)
+}
+
+/// Whether a search that begins with every drive's effects is to go on where another has ended: a search finds by small steps what is better
+/// yet. `torque` is the sum of squares of all that was measured, (N m)².
+pub(crate) fn begins_below(begin: f64, end: f64, torque: f64) -> bool {
+    let less = end - begin;
+    less >= LEAST_SHARE * end && less >= LEAST_EFFECT.powi(2) * torque
+}
+
+/// Whether a joint's error (N m)² is more than sampling leaves of its torque.
+pub(crate) fn is_resolved(error: f64, torque: f64) -> bool {
+    error >= RESOLUTION.powi(2) * torque
+}
+
+/// Whether a fall of all joints' error takes away so much of a joint's that no sampling makes it.
+pub(crate) fn is_structure(fall: f64, error: f64) -> bool {
+    fall >= STRUCTURE * error
+}
+
+fn no_log_rises(after: &HeldOut, before: &HeldOut, most: f64) -> bool {
+    let mut logs = after.by_log.iter().zip(&before.by_log);
+    logs.all(|(after, before)| *after <= most * before)
+}

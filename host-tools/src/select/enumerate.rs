@@ -1,0 +1,154 @@
+//! Every effect that the limbs' models may lack, at one joint, at like joints, and as one cause that all joints share.
+
+use proprio_core::effect::{EffectKind, Form};
+
+use super::candidate::{Candidate, Trial};
+use super::criteria::statistics::Squared;
+use super::score_test::Screen;
+use crate::equation::motion::is_shared;
+use crate::equation::values::Place;
+use crate::model::BASE;
+
+/// All that the limbs' models may lack: every effect at every joint, families, and shared causes.
+pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Candidate> {
+    use rayon::prelude::*;
+    let mut sets: Vec<Joints> = Vec::new();
+    for (limb, places) in possible.iter().enumerate() {
+        for &place in places.iter().filter(|place| !is_shared(place.1)) {
+            sets.push((place.0, vec![(limb, vec![place])]));
+        }
+    }
+    sets.extend(families(possible));
+    let tried = sets.len();
+    let mut all: Vec<Candidate> = sets
+        .into_par_iter()
+        .filter_map(|(effect, set)| {
+            let trial =
+                |(limb, places): (usize, Vec<Place>)| Some((limb, screens[limb].trial(&places)?));
+            Candidate::of(
+                effect,
+                set.into_iter().map(trial).collect::<Option<_>>()?,
+                tried,
+            )
+        })
+        .collect();
+    for effect in [EffectKind::Delay, EffectKind::BaseTilt] {
+        all.extend(shared(screens, possible, effect, tried));
+    }
+    all
+}
+
+/// An effect at a set of joints, limb by limb.
+type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
+
+/// The sets of joints that are alike: all, and those at the same place of limbs of the same length.
+fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
+    let mut found = Vec::new();
+    for &effect in EffectKind::ALL {
+        // What happens to one body, one sensor or one worn gear is no property of a kind of drive; a delay that many have is one for
+        // all.
+        let one = [
+            EffectKind::EncoderOffset,
+            EffectKind::Backlash,
+            EffectKind::AsymmetricCoulomb,
+            EffectKind::Delay,
+        ];
+        if effect.description().form == Form::Inertia || one.contains(&effect) {
+            continue;
+        }
+        let own = |places: &Vec<Place>| -> Vec<Place> {
+            places
+                .iter()
+                .copied()
+                .filter(|p| p.0 == effect && !is_shared(p.1))
+                .collect()
+        };
+        let all: Vec<(usize, Vec<Place>)> = (possible.iter().enumerate())
+            .map(|(limb, places)| (limb, own(places)))
+            .filter(|(_, places)| !places.is_empty())
+            .collect();
+        let members: usize = all.iter().map(|(_, places)| places.len()).sum();
+        let joints = all
+            .iter()
+            .flat_map(|(_, p)| p.iter().map(|p| p.1 + 1))
+            .max()
+            .unwrap_or(0);
+        if joints > 1 && members > 1 {
+            found.push((effect, all.clone()));
+        }
+        for joint in 0..joints {
+            let like: Vec<(usize, Vec<Place>)> = (all.iter())
+                .filter(|(_, places)| places.contains(&(effect, joint)))
+                .map(|(limb, _)| (*limb, vec![(effect, joint)]))
+                .collect();
+            if like.len() > 1 {
+                found.push((effect, like));
+            }
+        }
+    }
+    found
+}
+
+/// One value for all limbs: the mean weighted by their errors, of all data and of each fold.
+fn shared(
+    screens: &[Screen],
+    possible: &[Vec<Place>],
+    effect: EffectKind,
+    tried: usize,
+) -> Option<Candidate> {
+    let place = (effect, BASE);
+    if !possible.iter().all(|places| places.contains(&place)) || screens.is_empty() {
+        return None;
+    }
+    let trials: Vec<Trial> = screens
+        .iter()
+        .map(|screen| screen.trial(&[place]))
+        .collect::<Option<_>>()?;
+    let (parameters, folds) = (trials[0].value.len(), trials[0].by_fold.len());
+    if trials.iter().any(|trial| trial.by_fold.len() != folds) {
+        return None;
+    }
+    let mean = |of: &dyn Fn(&Trial) -> &Vec<f64>| -> Vec<f64> {
+        let number = |n: usize| {
+            let weight = |trial: &Trial| trial.std[n].powi(-2);
+            let sum: f64 = trials
+                .iter()
+                .map(|trial| weight(trial) * of(trial)[n])
+                .sum();
+            sum / trials.iter().map(weight).sum::<f64>()
+        };
+        (0..parameters).map(number).collect()
+    };
+    let value = mean(&|trial| &trial.value);
+    let by_fold: Vec<Vec<f64>> = (0..folds)
+        .map(|f| mean(&|trial| &trial.by_fold[f]))
+        .collect();
+    let std: Vec<f64> = (0..parameters)
+        .map(|n| {
+            trials
+                .iter()
+                .map(|trial| trial.std[n].powi(-2))
+                .sum::<f64>()
+                .powf(-0.5)
+        })
+        .collect();
+    let of = |(limb, screen): (usize, &Screen)| {
+        Some((limb, screen.trial_of(&[place], &value, &by_fold)?))
+    };
+    let own: Vec<(usize, Trial)> = screens.iter().enumerate().map(of).collect::<Option<_>>()?;
+    let mut candidate = Candidate::of(effect, own, tried)?;
+    candidate.sure = Squared {
+        size: value
+            .iter()
+            .zip(&std)
+            .map(|(value, std)| (value / std).powi(2))
+            .sum(),
+        freedom: parameters as f64,
+        tried: 1.0,
+    };
+    for (limb, trial) in &mut candidate.trials {
+        trial.std.clone_from(&std);
+        trial.findings = screens[*limb].findings(trial);
+    }
+    Some(candidate)
+}
