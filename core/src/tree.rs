@@ -46,6 +46,9 @@ mod kinematics;
 
 pub use kinematics::{Jacobians, Kinematics, Placements};
 
+/// Standard gravity as robots' models round it, m/s²: 9.78 at the equator and 9.83 at the poles (GRS 80).
+pub const GRAVITY: f64 = 9.81;
+
 /// How a body moves in its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -117,7 +120,7 @@ pub struct Tree<T: Real, const B: usize, const V: usize> {
 }
 
 impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
-    /// A tree under standard gravity, 9.81 m/s² along −z of the world.
+    /// A tree under standard gravity, [`GRAVITY`] along −z of the world.
     ///
     /// # Errors
     /// [`TreeError`] names the body that breaks the numbering.
@@ -175,7 +178,7 @@ impl<T: Real, const B: usize, const V: usize> Tree<T, B, V> {
             bodies,
             first_coordinate,
             subtree_end,
-            gravity: Vector3::new(T::zero(), T::zero(), scalar::real(-9.81)),
+            gravity: Vector3::new(T::zero(), T::zero(), scalar::real(-GRAVITY)),
         }
     }
 

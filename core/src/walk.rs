@@ -20,7 +20,7 @@ mod pose;
 mod rows;
 mod smoother;
 mod solution;
-mod stance;
+pub mod stance;
 #[cfg(test)]
 mod tests;
 mod window;

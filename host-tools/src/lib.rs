@@ -32,6 +32,7 @@ mod predict;
 mod progress;
 pub mod recording;
 pub mod report;
+mod robust;
 mod select;
 pub mod summary;
 pub mod table;

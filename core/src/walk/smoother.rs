@@ -9,6 +9,7 @@ use super::WalkSample;
 use crate::contact::GravityDirection;
 use crate::go2::JOINTS;
 use crate::scalar::sqrt;
+use crate::tree::GRAVITY;
 use crate::window::microseconds;
 use crate::{Real, scalar::real};
 use nalgebra::Vector3;
@@ -241,8 +242,6 @@ pub(super) struct GravityLength<T: Real> {
 const STRETCH: f64 = 2.0;
 /// Vertical velocity that a robot may have when its log begins or ends, m/s.
 const VERTICAL_SPEED: f64 = 0.2;
-/// Standard gravity, m/s².
-const GRAVITY: f64 = 9.81;
 
 impl<T: Real> GravityLength<T> {
     pub(super) const fn new() -> Self {

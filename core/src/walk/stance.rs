@@ -1,4 +1,5 @@
-//! Which feet may carry a force: all but those that are surely in the air. The desktop's rule (`free_base::stance`), eleven samples later.
+//! Which feet may carry a force: all but those that are surely in the air. The figures are the desktop's too, which looks at a whole log; the
+//! board judges eleven samples later.
 //!
 //! A foot that is eliminated without need costs rows; a force that is not moves the masses. So a foot counts as in the air only if
 //!
@@ -6,7 +7,7 @@
 //! - *count*: its sensor reads as low as it does in the air: a share of its own range so far, told by running quantiles. A sensor that
 //!   reads nothing has no range and is not asked;
 //! - *height*: it is [`HEIGHT`] above the lowest foot that carries a force by torque;
-//! - *guard*: and all of that for [`GUARD`] samples before and after.
+//! - *guard*: and all of that for [`GUARD`] before and after.
 
 use super::leg::{Felt, LegFrame};
 use super::smoother::Quiet;
@@ -17,25 +18,44 @@ use crate::{Real, scalar::real};
 use nalgebra::Vector3;
 
 /// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
-const FORCE: f64 = 14.0;
-/// Height above the feet on the ground, m.
-const HEIGHT: f64 = 0.015;
-/// Samples before and after.
-pub(super) const GUARD: usize = 8;
-/// Samples to both sides that accelerations and means are taken over.
-const SPREAD: usize = 3;
-/// Samples around a touch-down that belong to no window: impacts are short and hard.
-const IMPACT: usize = 2;
-/// Low is this share of a sensor's range, told by the counts that one in twenty are below and above.
-const LOW: f64 = 0.25;
-const TAIL: f64 = 0.05;
-/// A sensor whose range is less reads nothing.
-const LEAST_RANGE: f64 = 8.0;
+pub const FORCE: f64 = 14.0;
+/// Height above the feet on the ground, m: more than the ground's softness (some millimetres) and an error of the tilt (3 mrad over 0.4 m) make.
+pub const HEIGHT: f64 = 0.012;
+/// Time before and after, s.
+pub const GUARD: f64 = 0.016;
+/// Accelerations are differences over this time to both sides, s; torques are means over it.
+pub const SPREAD: f64 = 0.006;
+/// This much time before a touch-down belongs to no window, s: impacts are short and hard, and what one does to the base is smoothed over 6 ms
+/// to both sides.
+pub const BEFORE_IMPACT: f64 = 0.006;
+/// This much after it, s. It is told by torques that are averaged over [`SPREAD`] to both sides, which rise that much before the foot strikes:
+/// never late, so the time after it is longer for that.
+pub const AFTER_IMPACT: f64 = BEFORE_IMPACT + SPREAD;
+/// Low is this share of a sensor's range.
+pub const LOW: f64 = 0.25;
+/// The range is told by the counts that this share is below and above.
+pub const TAIL: f64 = 0.05;
+/// A sensor whose range is less reads nothing, counts.
+pub const LEAST_RANGE: f64 = 8.0;
+
+/// A time, s, in samples of 2 ms.
+const fn samples(time: f64) -> usize {
+    (500.0 * time + 0.5) as usize
+}
+
+/// [`GUARD`] and [`SPREAD`] in samples.
+const GUARD_SAMPLES: usize = samples(GUARD);
+const SPREAD_SAMPLES: usize = samples(SPREAD);
+/// Bits of the touch-downs that are too near a sample, which is as many samples back as the guard is long; one bit back is one sample back.
+const NEAR: u32 = {
+    let before = samples(BEFORE_IMPACT);
+    ((1 << (before + samples(AFTER_IMPACT) + 1)) - 1) << (GUARD_SAMPLES - before)
+};
 /// How far a quantile moves with a sample, as a share of the range.
 const STEP: f64 = 0.01;
 
 /// Samples kept: those that an acceleration needs, and those that wait for the guard.
-const RING: usize = 2 * SPREAD + 1 + GUARD - SPREAD;
+const RING: usize = 2 * SPREAD_SAMPLES + 1 + GUARD_SAMPLES - SPREAD_SAMPLES;
 
 /// A sample whose feet are judged.
 #[derive(Clone, Copy, Debug)]
@@ -133,12 +153,10 @@ impl<T: Real> Judge<T> {
             return None;
         }
         self.judge(legs);
-        let oldest = GUARD - IMPACT;
-        let near = ((1 << (2 * IMPACT + 1)) - 1) << oldest;
         Some(Judged {
             quiet: *self.at(0),
-            loaded: self.since.map(|since| since <= 2 * GUARD),
-            impact: self.touch_downs & near != 0,
+            loaded: self.since.map(|since| since <= 2 * GUARD_SAMPLES),
+            impact: self.touch_downs & NEAR != 0,
         })
     }
 
@@ -167,17 +185,17 @@ impl<T: Real> Judge<T> {
     #[inline(never)]
     fn told(&self, legs: &[LegFrame<T>; LEGS]) -> ([T; LEGS], [T; LEGS], [T; LEGS]) {
         let newest = RING - 1;
-        let middle = self.at(newest - SPREAD);
+        let middle = self.at(newest - SPREAD_SAMPLES);
         let (first, last) = (
-            &self.at(newest - 2 * SPREAD).sample,
+            &self.at(newest - 2 * SPREAD_SAMPLES).sample,
             &self.at(newest).sample,
         );
         let span = last.joints.time_us.saturating_sub(first.joints.time_us);
         let per_second = T::one() / microseconds::<T>(span.max(1));
-        let share = real::<T>(1.0 / (2 * SPREAD + 1) as f64);
+        let share = real::<T>(1.0 / (2 * SPREAD_SAMPLES + 1) as f64);
         let (mut dq, mut tau, mut acc) =
             ([T::zero(); JOINTS], [T::zero(); JOINTS], Vector3::zeros());
-        for n in 0..=2 * SPREAD {
+        for n in 0..=2 * SPREAD_SAMPLES {
             let sample = &self.at(newest - n).sample;
             for j in 0..JOINTS {
                 dq[j] += sample.joints.dq[j] * share;

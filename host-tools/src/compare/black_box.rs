@@ -5,7 +5,7 @@ use crate::summary::torque;
 use crate::table::{Table, with_std};
 
 /// A box that takes away less than this share of the squared error takes away nothing.
-const LEAST_SHARE: f64 = 0.05;
+const LEAST_TAKEN: f64 = 0.05;
 /// What takes this share of all that can be taken away is worth a word.
 const WORTH_SAYING: f64 = 0.2;
 
@@ -37,7 +37,7 @@ pub(super) fn sentence(boxes: &BlackBox) -> String {
     });
     let square = boxes.rms.powi(2);
     let all = square - past.powi(2);
-    if all < LEAST_SHARE * square {
+    if all < LEAST_TAKEN * square {
         return format!(
             "A black box that sees the limb's whole motion takes away no more than {:.0} % of the square error: what is left is noise, or does \
              not follow the motion",

@@ -9,7 +9,7 @@ use crate::summary::{Summary, torque, typed};
 /// Points of a summary.
 const POINTS: usize = 3;
 /// A pattern with less of the square error is no point, %.
-const LEAST_SHARE: f64 = 1.0;
+const LEAST_PERCENT: f64 = 1.0;
 /// Share of the square error above the noise from which on a model is worth a diagnosis, %.
 const WORTH_A_DIAGNOSIS: f64 = 20.0;
 
@@ -20,7 +20,7 @@ impl Comparison {
         let patterns = self
             .patterns
             .iter()
-            .filter(|p| p.share_percent >= LEAST_SHARE);
+            .filter(|p| p.share_percent >= LEAST_PERCENT);
         points.extend(patterns.map(|p| {
             format!(
                 "{:.0} % of the square error: {}",

@@ -6,17 +6,16 @@
 //! turns round, is taken as that much noise more.
 
 use super::series::JointSeries;
+use crate::robust::{self, median};
 
 /// Share of the squared error above noise with the same median from which a joint has bursts.
-const LEAST_SHARE: f64 = 0.3;
+const BURST_SHARE: f64 = 0.3;
 /// Residuals larger than this are part of a burst, standard deviations.
 const LARGE: f64 = 3.0;
 /// Fewer windows of bursts are chance.
 const LEAST_WINDOWS: usize = 10;
 /// Bursts lie at a speed or a position if it is this much less than the joint's usual one, or scattered that much less.
 const NARROW: f64 = 0.35;
-/// The median of a standard normal variable's size.
-const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// Residuals far larger than the usual ones.
 struct Bursts {
@@ -31,7 +30,7 @@ struct Bursts {
 impl Bursts {
     /// The bursts of residuals, each with its window; `None` if there is nothing to judge.
     fn of(residuals: &[(usize, f64)]) -> Option<Self> {
-        let usual = median(residuals.iter().map(|(_, r)| r.abs()).collect())? / NORMAL_MEDIAN;
+        let usual = robust::scale(residuals.iter().map(|(_, r)| *r))?;
         let squares: f64 = residuals.iter().map(|(_, r)| r * r).sum();
         let large = residuals.iter().filter(|(_, r)| r.abs() > LARGE * usual);
         let carried: f64 = large.clone().map(|(_, r)| r * r).sum();
@@ -53,7 +52,7 @@ pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<String> {
     // Over a lost message means are rough.
     let whole = against_noise.enumerate().filter(|(w, _)| series.whole[*w]);
     let bursts = Bursts::of(&whole.collect::<Vec<_>>())?;
-    if bursts.share < LEAST_SHARE || bursts.large.len() < LEAST_WINDOWS {
+    if bursts.share < BURST_SHARE || bursts.large.len() < LEAST_WINDOWS {
         return None;
     }
     let place = place(series, &bursts.large).unwrap_or_default();
@@ -66,8 +65,7 @@ pub(crate) fn bursts(series: &JointSeries, doubt: &[f64]) -> Option<String> {
 
 /// Where the windows of bursts are, if they are anywhere.
 fn place(series: &JointSeries, large: &[usize]) -> Option<String> {
-    let speeds =
-        |all: &mut dyn Iterator<Item = usize>| median(all.map(|w| series.dq[w].abs()).collect());
+    let speeds = |all: &mut dyn Iterator<Item = usize>| median(all.map(|w| series.dq[w].abs()));
     let [slow, usual] = [
         speeds(&mut large.iter().copied())?,
         speeds(&mut (0..series.dq.len()))?,
@@ -75,23 +73,14 @@ fn place(series: &JointSeries, large: &[usize]) -> Option<String> {
     if slow < NARROW * usual {
         return Some(", mostly at reversals".to_owned());
     }
-    let middle = median(large.iter().map(|&w| series.q[w]).collect())?;
-    let scatter = |all: &mut dyn Iterator<Item = usize>| {
-        median(all.map(|w| (series.q[w] - middle).abs()).collect())
-    };
+    let middle = median(large.iter().map(|&w| series.q[w]))?;
+    let scatter =
+        |all: &mut dyn Iterator<Item = usize>| median(all.map(|w| (series.q[w] - middle).abs()));
     let [near, usual] = [
         scatter(&mut large.iter().copied())?,
         scatter(&mut (0..series.q.len()))?,
     ];
     (near < NARROW * usual).then(|| format!(", mostly near {middle:.2} rad"))
-}
-
-fn median(mut x: Vec<f64>) -> Option<f64> {
-    let middle = x.len() / 2;
-    if x.is_empty() {
-        return None;
-    }
-    Some(*x.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

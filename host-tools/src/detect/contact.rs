@@ -35,6 +35,7 @@ use crate::estimate::factor::HeapFactor;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::folding::Folding;
 use crate::estimate::triangle::Triangle;
+use crate::robust::{MEDIAN_OF_NORMAL, QUARTER_OF_NORMAL, quantile};
 use crate::select::score_test::{cad_prior, possible};
 use look::Look;
 pub(crate) use report::{LeftOut, leave_out_contact};
@@ -206,7 +207,7 @@ impl<'a> Search<'a> {
             }
             let fitted = self.predict(&self.fit_swing());
             let swing = |w: usize| self.phases[w] == Phase::Swing;
-            let scales = [&given, &fitted].map(|of| self.scale(of, 0.5, 0.6745, swing));
+            let scales = [&given, &fitted].map(|of| self.scale(of, 0.5, MEDIAN_OF_NORMAL, swing));
             for joint in 0..friction.len() {
                 let better = usize::from(scales[1][joint] < scales[0][joint]);
                 let chosen = [&given, &fitted][better];
@@ -219,7 +220,7 @@ impl<'a> Search<'a> {
             }
             if self.look == Look::Runs {
                 self.runs.own = self.residuals.runs();
-                let noise = self.scale(&self.runs.own, 0.5, 0.6745, swing);
+                let noise = self.scale(&self.runs.own, 0.5, MEDIAN_OF_NORMAL, swing);
                 let least = friction.iter().map(|friction| LEAST_NOISE * friction);
                 self.runs.noise = noise.iter().zip(least).map(|(n, l)| n.max(l)).collect();
             }
@@ -230,7 +231,7 @@ impl<'a> Search<'a> {
     /// What the model as it is given may have wrong in swing, of each joint, N m: friction as the catalogue expects it, or
     /// less where a quarter of all windows says so; half of the time or more may be contact.
     fn friction(&self) -> Vec<f64> {
-        let small = self.scale(&self.residuals.own, 0.25, 0.3186, |_| true);
+        let small = self.scale(&self.residuals.own, 0.25, QUARTER_OF_NORMAL, |_| true);
         let of = |(joint, small): (usize, f64)| {
             let (mean, std) = self.fit.data.prior((EffectKind::Coulomb, joint), 0);
             small.min(mean + std)
@@ -274,22 +275,18 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Standard deviation of each joint's `residuals` from a quantile of their size, which is `normal` for a normal variable.
+    /// Standard deviation of each joint's `residuals` from what a `share` of their sizes is below, which is `normal` for a normal variable.
     fn scale(
         &self,
         residuals: &[Vec<f64>],
-        quantile: f64,
+        share: f64,
         normal: f64,
         chosen: impl Fn(usize) -> bool,
     ) -> Vec<f64> {
         let of = |joint: usize| {
-            let mut sizes: Vec<f64> = (0..self.windows.len())
-                .filter(|&w| chosen(w))
-                .map(|w| residuals[w][joint].abs())
-                .collect();
-            sizes.sort_unstable_by(f64::total_cmp);
-            let at = (quantile * sizes.len() as f64) as usize;
-            let size = sizes.get(at).copied().unwrap_or(0.0) / normal;
+            let own = (0..self.windows.len()).filter(|&w| chosen(w));
+            let sizes = own.map(|w| residuals[w][joint].abs());
+            let size = quantile(sizes, share).unwrap_or(0.0) / normal;
             size.max(1e-3 * self.fit.noise[joint])
         };
         (0..self.fit.data.joints()).map(of).collect()

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use crate::model::{Limb, Model};
 use crate::recording::{LimbRecording, Recording};
+use crate::robust;
 use reading::{JointReading, Reading, shifts};
 
 /// Another reading is named if it leaves less than this share of what the log leaves as it is, and less than so much of the torque's
@@ -149,9 +150,7 @@ fn share(readings: &[Reading], of: &dyn Fn(&JointReading) -> f64) -> f64 {
 /// What half of the joints leave more than: a constant torque, or whatever else one of them has and the model does not, is not another robot.
 fn usual(readings: &[Reading]) -> f64 {
     let joints = readings.iter().flat_map(|reading| &reading.joints);
-    let mut left: Vec<f64> = joints.map(JointReading::left).collect();
-    left.sort_unstable_by(f64::total_cmp);
-    left.get(left.len() / 2).copied().unwrap_or(0.0)
+    robust::median(joints.map(JointReading::left)).unwrap_or(0.0)
 }
 
 fn no_torque(readings: &[Reading]) -> Option<MismatchKind> {
@@ -196,10 +195,9 @@ fn sign(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
 /// What is left in another unit, the same at all joints.
 fn unit(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let joints = readings.iter().flat_map(|reading| &reading.joints);
-    let mut factors: Vec<f64> = joints.map(JointReading::factor).collect();
-    factors.sort_by(f64::total_cmp);
-    let middle = *factors.get(factors.len() / 2)?;
-    let [low, high] = [factors[factors.len() / 4], factors[factors.len() * 3 / 4]];
+    let factors: Vec<f64> = joints.map(JointReading::factor).collect();
+    let at = |share: f64| robust::quantile(factors.iter().copied(), share);
+    let (low, middle, high) = (at(0.25)?, at(0.5)?, at(0.75)?);
     let agreed = low > 0.0 && high / low < AGREED;
     let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&middle);
     let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));

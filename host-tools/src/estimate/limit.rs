@@ -9,6 +9,7 @@ use proprio_core::effect::EffectKind;
 
 use super::fit::{How, LimbFit};
 use crate::equation::values::Values;
+use crate::robust::{MEDIAN_OF_NORMAL, median};
 
 /// An error is an outlier beyond so many standard deviations, as the median of all tells them.
 const OUTLIER: f64 = 5.0;
@@ -17,8 +18,6 @@ const OUTLIER: f64 = 5.0;
 const UNUSUAL: f64 = 3.0;
 /// Fewer outliers of the first model are no reason to look.
 const LEAST_AT_FIRST: usize = 4;
-/// Median of |x| over its standard deviation where x is normal.
-const MEDIAN: f64 = 0.6745;
 /// Times that outliers are left out, and that the limit is found anew.
 const ROUNDS: usize = 12;
 /// Fewer windows beyond a limit tell none: errors of another cause, which are as often on either side, are all beyond what is predicted once in
@@ -106,7 +105,7 @@ impl<'a> Joint<'a> {
     /// The windows whose error is larger than so many standard deviations.
     fn outliers(&self, predicted: &[f64], most: f64) -> Vec<usize> {
         let error = |w: &usize| (self.reported(*w) - predicted[self.at(*w)]).abs();
-        let usual = median(self.counted.iter().map(error)).unwrap_or(0.0) / MEDIAN;
+        let usual = median(self.counted.iter().map(error)).unwrap_or(0.0) / MEDIAN_OF_NORMAL;
         let all = self.counted.iter().copied();
         all.filter(|w| error(w) > most * usual).collect()
     }
@@ -180,7 +179,7 @@ impl<'a> Joint<'a> {
                 .filter(|w| !out.contains(w))
                 .map(|&w| (self.reported(w) - predicted[self.at(w)]).abs()),
         )?;
-        let partly = (spread * spread - noise * noise).max(0.0).sqrt() / MEDIAN;
+        let partly = (spread * spread - noise * noise).max(0.0).sqrt() / MEDIAN_OF_NORMAL;
         let excess = beyond.iter().map(|&w| self.reported(w).abs() - torque);
         let excess = excess.sum::<f64>() / beyond.len() as f64;
         let place = (EffectKind::Saturation, self.joint);
@@ -190,7 +189,7 @@ impl<'a> Joint<'a> {
         Some(Limit {
             torque,
             // A median's is 1.25 times a mean's; windows in a row say the same.
-            std: (1.25 * spread / MEDIAN / (runs(beyond) as f64).sqrt())
+            std: (1.25 * spread / MEDIAN_OF_NORMAL / (runs(beyond) as f64).sqrt())
                 .hypot(SCALE * torque)
                 .hypot(partly),
             values,
@@ -217,13 +216,6 @@ impl<'a> Joint<'a> {
         let predicted = data.predicted(&values, &|_| true);
         Some((values, predicted))
     }
-}
-
-/// `None` of none.
-fn median(x: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut x: Vec<f64> = x.collect();
-    let middle = x.len() / 2;
-    (middle < x.len()).then(|| *x.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// How many runs of neighbours.

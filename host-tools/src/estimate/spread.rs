@@ -13,6 +13,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::bounded::{inverse, triangle};
 use super::deviation::Deviations;
 use super::fit::LimbFit;
+use crate::robust;
 
 /// How improbable it must be that noise alone makes the folds differ so: of a hundred parameters that do not, one is said to.
 const CHANCE: f64 = 0.01;
@@ -50,13 +51,11 @@ impl Spread {
             moved.push(-(&root * root.tr_mul(&gradient)));
             roots.push(root);
         }
-        let mut ratios: Vec<f64> = (0..n)
+        let ratios = (0..n)
             .map(|k| deviations.of_parameter(k))
             .map(|[independent, blocks]| blocks / independent)
-            .filter(|ratio| ratio.is_finite())
-            .collect();
-        ratios.sort_unstable_by(f64::total_cmp);
-        let memory = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+            .filter(|ratio| ratio.is_finite());
+        let memory = robust::median(ratios).unwrap_or(1.0);
         Self {
             moved,
             roots,

@@ -1,6 +1,7 @@
 //! All walks' windows as factors: one per block of time, all together, and all but each part of the time.
 
 use nalgebra::{DMatrix, DVector};
+use proprio_core::tree::GRAVITY;
 
 use super::outside;
 use super::rows::{
@@ -11,7 +12,7 @@ use super::sensors::{ACC_SCALE, MovedReadings};
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
-use super::walk::{GRAVITY, Walk};
+use super::walk::Walk;
 use super::{FreeBaseError, Walks};
 use crate::estimate::robot::side_by_side;
 

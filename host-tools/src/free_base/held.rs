@@ -6,18 +6,19 @@
 //! the base.
 
 use super::walk::Walk;
+use proprio_core::tree::GRAVITY;
 
 /// Forces are means over this time to both sides, s: half a step of a slow gait, for impacts are short and hard.
 const SPREAD: f64 = 0.2;
 /// Feet that carry a smaller share of the weight are not alone. A Go2's torques read up to a fifth too low at rest, its CAD and what its
 /// friction hides make a tenth: less than all of that together.
-const LEAST_SHARE: f64 = 0.6;
+const LEAST_BY_FEET: f64 = 0.6;
 /// In flight nothing carries the robot: its specific force is then less than this share of its weight.
 const FLIGHT: f64 = 0.4;
 /// Who holds a robot takes up its weight, and sets it down, over this time before and after, s.
 const GUARD: f64 = 0.3;
-/// Standard gravity as all models here take it, m/s², times the CAD's mass, kg: N.
-const WEIGHT: f64 = 9.81 * 15.0;
+/// Standard gravity times the CAD's mass, N.
+const WEIGHT: f64 = GRAVITY * 15.0;
 
 /// Forces along the direction up, N.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +37,7 @@ pub(super) fn samples(walk: &Walk, support: &[Support]) -> Vec<bool> {
             let [first, last] = [-SPREAD, SPREAD].map(|s| walk.index_at(walk.seconds(n) + s));
             let count = (last - first).max(1) as f64;
             let [needed, by_feet] = [0, 1].map(|k| (sums[last][k] - sums[first][k]) / count);
-            needed > FLIGHT * WEIGHT && by_feet < LEAST_SHARE * needed
+            needed > FLIGHT * WEIGHT && by_feet < LEAST_BY_FEET * needed
         })
         .map(|n| walk.seconds(n))
         .collect();

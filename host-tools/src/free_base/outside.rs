@@ -13,6 +13,7 @@ use super::data::Data;
 use super::rows::{COLUMNS, Linearised, each_row};
 use super::stance::Stance;
 use super::walk::Walk;
+use crate::robust;
 
 /// So many times the usual is outside, root mean square.
 pub(super) const LIMIT: f64 = 4.0;
@@ -81,7 +82,5 @@ pub(super) fn squares<'a>(
 
 /// What is usually left of a window's equation, N² m²; none of no window.
 pub(super) fn usual<'a>(windows: impl Iterator<Item = &'a Squares>) -> Option<f64> {
-    let mut all: Vec<f64> = windows.map(Squares::mean).collect();
-    all.sort_unstable_by(f64::total_cmp);
-    all.get(all.len() / 2).copied()
+    robust::median(windows.map(Squares::mean))
 }

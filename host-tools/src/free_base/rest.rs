@@ -9,6 +9,7 @@ use proprio_core::effect::STANDING_NOISE;
 use proprio_core::go2::JOINTS;
 
 use super::speed::LEAST_RATE;
+use crate::robust;
 
 /// A velocity of fewer standard deviations of its noise may have either sign.
 const SURE: f64 = 3.0;
@@ -16,8 +17,6 @@ const SURE: f64 = 3.0;
 const SLOW: f64 = 0.002;
 /// A joint that is slower than so many times that may be held, as there.
 const RESTING: f64 = 2.0;
-/// The median of the absolute value of a normal variable, in standard deviations.
-const MEDIAN: f64 = 0.6745;
 
 /// What is known of joints near standstill.
 #[derive(Debug, Clone)]
@@ -62,16 +61,9 @@ impl Rest {
 /// third differences, of which that of n is 20 n² (their coefficients' squares); the middle one, for touch-downs are rare.
 fn speed_noise(velocity: &[f64]) -> f64 {
     let third = velocity.windows(4);
-    let third = third.map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs());
-    let noise = share(third.collect(), 0.5) / (MEDIAN * 20f64.sqrt());
-    let fast = share(velocity.iter().map(|v| v.abs()).collect(), 0.95);
+    let third = third.map(|x| x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]);
+    let noise = robust::scale(third).unwrap_or(0.0) / 20f64.sqrt();
+    let fast = robust::quantile(velocity.iter().map(|v| v.abs()), 0.95).unwrap_or(0.0);
     let least = (SURE * noise).max(SLOW * fast);
     least.clamp(f64::MIN_POSITIVE, STANDING_NOISE)
-}
-
-/// What this share of the numbers is below; zero of none.
-fn share(mut numbers: Vec<f64>, share: f64) -> f64 {
-    numbers.sort_unstable_by(f64::total_cmp);
-    let at = (share * numbers.len() as f64) as usize;
-    numbers.get(at).copied().unwrap_or(0.0)
 }

@@ -7,6 +7,7 @@ use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::tree::Tree;
+use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
 use proprio_core::window::{
     FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
     Settings,
@@ -14,8 +15,7 @@ use proprio_core::window::{
 use serde::Serialize;
 
 use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
-use super::speed::REACH;
-use super::stance::{SPREAD, Stance};
+use super::stance::Stance;
 use super::walk::Walk;
 use crate::estimate::bounded::body;
 
@@ -35,11 +35,9 @@ type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [Eff
 /// A factor over all columns.
 pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
 
-/// Around a touch-down this much time before and after it belongs to no window, s. What it does to the base is smoothed over 6 ms to both sides
-/// ([`super::speed`]). It is told by torques averaged over 6 ms to both sides ([`super::stance`]), which rise that much before the foot strikes:
-/// never late, so the time after it alone is longer for that.
-const BEFORE_IMPACT: f64 = REACH;
-const AFTER_IMPACT: f64 = REACH + SPREAD;
+/// Stamps of a steady clock are off by no more, s.
+const JITTER: f64 = 1e-4;
+
 /// What became of the time of a log.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Windows {
@@ -257,8 +255,11 @@ pub(super) fn each_window(
     let mut row = vec![0.0; COLUMNS + 1];
     for n in 0..walk.len() {
         let t = walk.seconds(n);
-        let next = impacts.partition_point(|i| *i < t - AFTER_IMPACT);
-        if impacts.get(next).is_some_and(|i| *i <= t + BEFORE_IMPACT) {
+        let next = impacts.partition_point(|i| *i < t - AFTER_IMPACT - JITTER);
+        if impacts
+            .get(next)
+            .is_some_and(|i| *i <= t + BEFORE_IMPACT + JITTER)
+        {
             counts.impact += u64::from(open);
             open = false;
             window.clear();

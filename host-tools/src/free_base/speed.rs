@@ -22,7 +22,7 @@ const SPAN: f64 = 2e-3;
 const UNEVEN: f64 = 0.02;
 
 /// The gyro's parabola reaches this far to both sides, s.
-pub(super) const REACH: f64 = 0.0061;
+const REACH: f64 = 0.0061;
 /// … and this far where no foot strikes or leaves the ground meanwhile, s: motion of up to 20 Hz passes.
 const FAR_REACH: f64 = 0.0201;
 /// A trunk on its legs' controllers rings at 10 to 20 Hz after a foot strikes or leaves the ground: for two periods, s.

@@ -1,4 +1,4 @@
-//! Which feet may carry a force: all but those that are surely in the air.
+//! Which feet may carry a force: all but those that are surely in the air, by the figures of the board ([`proprio_core::walk::stance`]).
 //!
 //! A foot that is projected out without need costs three equations of a window. A force that is not projected out moves the
 //! masses: 10 N for all the time are 10 % of a Go2. So a foot counts as in the air only if everything that was measured says so:
@@ -15,25 +15,14 @@ use nalgebra::{Matrix3, SVector, Vector3};
 use proprio_core::go2::{self, JOINTS_PER_LEG, LEGS};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
+use proprio_core::walk::stance::{FORCE, GUARD, HEIGHT, LEAST_RANGE, LOW, SPREAD, TAIL};
 use proprio_core::window::Settings;
 use serde::Serialize;
 
 use super::held::{self, Support};
 use super::walk::Walk;
+use crate::robust;
 
-/// Force at a foot, N, below which a swinging leg's torques cannot tell it from friction and the CAD's errors.
-const FORCE: f64 = 14.0;
-/// Height above the feet on the ground, m: more than the ground's softness (some millimetres) and an error of the tilt (3 mrad over 0.4 m) make.
-const HEIGHT: f64 = 0.012;
-/// Time before and after, s.
-const GUARD: f64 = 0.016;
-/// Accelerations are differences over this time to both sides, s; torques are means over it.
-pub(super) const SPREAD: f64 = 0.006;
-/// Low is this share of a sensor's range, told by the counts that one in twenty are below and above.
-const LOW: f64 = 0.25;
-const TAIL: f64 = 0.05;
-/// A sensor whose range is less reads nothing.
-const LEAST_RANGE: f64 = 8.0;
 /// Feet that stay as they are for longer than this on average do not step, s: ten windows of the long kind.
 const LONG_STANCE: f64 = 0.8;
 /// Windows have at least this many samples.
@@ -233,13 +222,8 @@ fn low_counts(walk: &Walk) -> [f64; LEGS] {
         return [f64::INFINITY; LEGS];
     };
     std::array::from_fn(|f| {
-        let mut sorted: Vec<f64> = counts
-            .iter()
-            .map(|c| c[f])
-            .filter(|c| c.is_finite())
-            .collect();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| sorted.get((share * sorted.len() as f64) as usize).copied();
+        let own = || counts.iter().map(|c| c[f]).filter(|c| c.is_finite());
+        let at = |share: f64| robust::quantile(own(), share);
         match (at(TAIL), at(1.0 - TAIL)) {
             (Some(least), Some(most)) if most - least >= LEAST_RANGE => {
                 least + LOW * (most - least)

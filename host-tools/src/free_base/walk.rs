@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JOINTS, LEGS, Leg};
+use proprio_core::tree::GRAVITY;
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -18,8 +19,6 @@ const STRETCH: f64 = 2.0;
 const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
 /// What a velocity that changes sideways adds to the length of the mean specific force, m/s²: 0.3 m/s² beside gravity.
 const SIDEWAYS: f64 = 0.005;
-/// Standard gravity as all models here take it, m/s².
-pub(super) const GRAVITY: f64 = 9.81;
 
 /// The samples of a log, without those that repeat the one before.
 #[derive(Clone)]

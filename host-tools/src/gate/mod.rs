@@ -111,7 +111,7 @@ struct Motion {
 const BLOCK: f64 = 2.0;
 
 /// A joint slower than this, rad/s, rests: three times the noise of a Go2's velocity.
-const AT_REST: f64 = 0.1;
+pub(crate) const AT_REST: f64 = 0.1;
 
 impl DataGates {
     /// For these joints, in the order in which samples name them.

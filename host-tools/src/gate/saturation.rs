@@ -1,5 +1,6 @@
 //! Torque at its limit: at the actuator's effort limit, or at a plateau below it.
 
+use super::AT_REST;
 use serde::Serialize;
 
 /// Bins of |τ| from 0 to a fifth above the effort limit.
@@ -8,9 +9,6 @@ const PER_LIMIT: f64 = 1000.0;
 
 /// At the limit: from this share of it on. Below the last per cents a motor's own limit is not exact.
 const AT_LIMIT: f64 = 0.99;
-
-/// Slower than this, rad/s, a joint rests, and the same torque for long is no plateau.
-const AT_REST: f64 = 0.1;
 
 /// Torque at its limit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -56,6 +54,7 @@ impl Torques {
         let share = tau.abs() / self.effort;
         self.samples += 1;
         self.at_limit += u64::from(share >= AT_LIMIT);
+        // Of a joint at rest the same torque for long is no plateau.
         if dq.abs() > AT_REST {
             self.moving += 1;
             let bin = ((share * PER_LIMIT) as usize).min(BINS - 1);

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::velocity::{TOLERATED_GAIN, VelocityGain};
 use super::{GateReport, JointReport, SamplingReport};
+use crate::robust;
 use crate::table::Table;
 
 /// What a finding is about.
@@ -148,11 +149,7 @@ fn of_sampling(s: &SamplingReport) -> Vec<Finding> {
 /// The gain that all velocities share, if it is not 1: then time is wrong, not every sensor alike.
 fn clock(joints: &[JointReport]) -> Option<(f64, Finding)> {
     let checked = || joints.iter().filter_map(|joint| joint.velocity);
-    let median = |value: fn(VelocityGain) -> f64| {
-        let mut values: Vec<f64> = checked().map(value).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
-    };
+    let median = |value: fn(VelocityGain) -> f64| robust::median(checked().map(value));
     let (gain, std) = (median(|v| v.gain)?, median(|v| v.gain_std)?);
     let off = |gain: f64| (gain - 1.0).abs() > TOLERATED_GAIN;
     let alike = |v: &VelocityGain| off(v.gain) && (v.gain > 1.0) == (gain > 1.0);

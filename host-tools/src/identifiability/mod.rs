@@ -22,7 +22,7 @@ use reduction::{Reduction, pivoted};
 /// the data do not tell it.
 const UNSEEN: f64 = 1.0;
 /// Smallest share, in units of the prior's standard deviations, of a parameter that a null direction names.
-const LEAST_SHARE: f64 = 0.2;
+const LEAST_NAMED: f64 = 0.2;
 /// Most parameters that a null direction names.
 const MOST_NAMED: usize = 5;
 
@@ -231,7 +231,7 @@ fn unseen_directions(
                 .iter()
                 .copied()
                 .zip(shares)
-                .filter(|(_, c)| c.abs() >= LEAST_SHARE)
+                .filter(|(_, c)| c.abs() >= LEAST_NAMED)
                 .collect();
             terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
             direction(fit, terms, false)

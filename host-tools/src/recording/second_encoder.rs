@@ -2,6 +2,7 @@
 
 use super::{LimbRecording, Recording};
 use crate::model::Model;
+use crate::robust;
 
 /// A link farther from its motor than this, rad, throughout a recording, is counted from another zero, in another unit or without the
 /// gear's ratio: a gear would have to give way by it under the load of half the time.
@@ -27,22 +28,18 @@ fn told(limb: &LimbRecording, joint: usize, name: &str) -> Option<String> {
             .collect::<Vec<_>>()
     };
     let (link, motor) = (of(&limb.q_link), of(&limb.q));
-    let mut apart: Vec<f64> = (link.iter().zip(&motor))
+    let apart: Vec<f64> = (link.iter().zip(&motor))
         .map(|(link, motor)| link - motor)
         .filter(|apart| apart.is_finite())
         .collect();
     let missing = link.len() - apart.len();
-    if apart.is_empty() {
-        return None;
-    }
+    let median = robust::median(apart.iter().copied())?;
     if missing > 0 {
         let share = 100.0 * missing as f64 / link.len() as f64;
         return Some(format!(
             "q_link/{name} is missing in {share:.2} % of the samples: the second encoder is not used"
         ));
     }
-    let middle = apart.len() / 2;
-    let (_, median, _) = apart.select_nth_unstable_by(middle, f64::total_cmp);
     (median.abs() > FAR).then(|| {
         format!(
             "q_link/{name} is {median:.3} rad from q/{name} most of the time: both must count in rad of the joint, from one zero"

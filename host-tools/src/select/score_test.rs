@@ -28,6 +28,7 @@ use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::{self, Scan};
 use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
+use crate::gate::AT_REST;
 use crate::model::BASE;
 
 /// The factors of a limb's data over the columns of its model and of all that the model might lack.
@@ -68,8 +69,7 @@ pub(crate) struct Screen<'a> {
 const LOAD_ROUNDS: usize = 2;
 /// Of a joint that moves less than this share of the time nothing is claimed: the gate says that it hardly moves.
 const LEAST_MOVING: f64 = 0.1;
-/// It moves where it is faster than three times the noise of a Go2's velocity, rad/s, or than this share of its limit.
-const AT_REST: f64 = 0.1;
+/// It moves where it is faster than a joint at rest, or than this share of its limit.
 const SLOW: f64 = 0.01;
 
 impl<'a> Screen<'a> {

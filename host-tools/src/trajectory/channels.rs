@@ -13,6 +13,7 @@
 
 use super::Stretch;
 use crate::gate::quantum::Differences;
+use crate::robust;
 
 /// Length of a stretch of time, s: its Hann window tells frequencies 2 Hz apart.
 const LENGTH: f64 = 1.0;
@@ -88,7 +89,7 @@ impl Channels {
                 .iter()
                 .zip(&frequencies)
                 .filter(|(_, f)| **f >= UPPER * highest);
-            median(band.map(|(d, f)| of(d, *f)).collect())
+            robust::median(band.map(|(d, f)| of(d, *f))).unwrap_or(0.0)
         };
         let velocity = upper(&|d, _| d.velocity);
         let position = upper(&|d, f| d.slope / omega(f).powi(2));
@@ -150,7 +151,7 @@ fn last_shown(densities: &[Density], of: impl Fn(&Density) -> f64) -> usize {
     let densities: Vec<f64> = densities.iter().map(of).collect();
     let shows = |&n: &usize| {
         let beyond = &densities[(n + BEYOND).min(densities.len().saturating_sub(BEYOND))..];
-        densities[n] > SHOWS * median(beyond.to_vec())
+        densities[n] > SHOWS * robust::median(beyond.iter().copied()).unwrap_or(0.0)
     };
     (0..densities.len()).rev().find(shows).unwrap_or(0)
 }
@@ -162,18 +163,18 @@ fn standing(stretches: &[Stretch], fast: f64) -> f64 {
     let mut differences = Vec::new();
     // Where messages are lost the usual time between samples is less than the mean.
     let steps = stretches.iter().flat_map(|s| s.t.windows(2));
-    let period = median(steps.map(|pair| pair[1] - pair[0]).collect());
+    let period = robust::median(steps.map(|pair| pair[1] - pair[0])).unwrap_or(0.0);
     for s in stretches {
         for k in 3..s.t.len() {
             let even = (k - 2..=k).all(|i| ((s.t[i] - s.t[i - 1]) - period).abs() < 0.1 * period);
             let speed = (s.q[k] - s.q[k - 3]).abs() / (s.t[k] - s.t[k - 3]);
             if even && speed < SLOW * fast {
-                differences.push((s.q[k] - 3.0 * s.q[k - 1] + 3.0 * s.q[k - 2] - s.q[k - 3]).abs());
+                differences.push(s.q[k] - 3.0 * s.q[k - 1] + 3.0 * s.q[k - 2] - s.q[k - 3]);
             }
         }
     }
-    // The median of a normal variable's size.
-    median(differences) / 0.6745 / 20f64.sqrt()
+    // Third differences of noise have 20 times its variance.
+    robust::scale(differences).unwrap_or(0.0) / 20f64.sqrt()
 }
 
 /// What rounding leaves of a position that is reported in steps, rad: a step over √12; zero where there are no steps. The encoder of
@@ -204,12 +205,6 @@ fn scale(stretches: &[Stretch], period: f64) -> f64 {
         }
     }
     if squares > 0.0 { both / squares } else { 1.0 }
-}
-
-/// The middle one; nothing of nothing.
-fn median(mut x: Vec<f64>) -> f64 {
-    x.sort_unstable_by(f64::total_cmp);
-    x.get(x.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Densities at the frequencies over all stretches of [`LENGTH`], and the sum of the squared windows.

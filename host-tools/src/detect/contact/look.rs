@@ -2,6 +2,7 @@
 
 use super::{Contact, LEAST_EPISODES, Phase, Search};
 use crate::estimate::fit::LimbFit;
+use crate::robust::quantile;
 
 /// Share of the windows that a second start leaves out of the fit to swing: a trimmed fit resists so much.
 const LIKELY: f64 = 0.4;
@@ -65,10 +66,7 @@ impl Search<'_> {
         let deviations: Vec<f64> = (0..self.windows.len())
             .map(|w| self.runs.deviation(w))
             .collect();
-        let mut sorted = deviations.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let at = ((1.0 - LIKELY) * sorted.len() as f64) as usize;
-        let least = sorted.get(at).copied().unwrap_or(f64::INFINITY);
+        let least = quantile(deviations.iter().copied(), 1.0 - LIKELY).unwrap_or(f64::INFINITY);
         let phase = |d: f64| match d >= least {
             true => Phase::Contact,
             false => Phase::Swing,

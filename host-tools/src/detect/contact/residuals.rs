@@ -1,5 +1,7 @@
 //! What the model leaves of each window's torques, and how large that is in swing.
 
+use crate::robust;
+
 /// Windows to either side that a run's median is over: half of the shortest stance of a trot. A force that is no larger than a window's
 /// noise shows in it, and unlike a mean it does not reach over an episode's ends.
 const RUN: usize = 2;
@@ -24,11 +26,7 @@ impl Residuals {
         let n = self.own.len();
         let median = |w: usize| {
             let run = &self.own[w.saturating_sub(RUN)..(w + RUN + 1).min(n)];
-            let of = |j: usize| {
-                let mut own: Vec<f64> = run.iter().map(|r| r[j]).collect();
-                own.sort_unstable_by(f64::total_cmp);
-                own[own.len() / 2]
-            };
+            let of = |j: usize| robust::median(run.iter().map(|r| r[j])).unwrap_or(0.0);
             (0..self.own[w].len()).map(of).collect()
         };
         (0..n).map(median).collect()

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::series::Series;
+use crate::robust;
 
 /// A moment at which the error is large.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -13,7 +14,7 @@ pub struct Episode {
     pub t: f64,
     /// Measured − predicted torque there, N m.
     pub residual: f64,
-    /// The same in units of the typical residual: 1.48 times the median of its magnitude, the standard deviation of
+    /// The same in units of the typical residual: by the median of its magnitude, the standard deviation of
     /// normal errors that large ones do not inflate.
     pub size: f64,
     /// Position, rad.
@@ -36,10 +37,7 @@ pub(super) fn worst(series: &Series) -> Vec<Episode> {
     if magnitude.is_empty() {
         return Vec::new();
     }
-    let mut sorted = magnitude.clone();
-    let middle = sorted.len() / 2;
-    let (_, &mut median, _) = sorted.select_nth_unstable_by(middle, f64::total_cmp);
-    let typical = 1.4826 * median;
+    let typical = robust::scale(magnitude.iter().copied()).unwrap_or(0.0);
     let mut order: Vec<usize> = (0..magnitude.len()).collect();
     order.sort_by(|&a, &b| magnitude[b].total_cmp(&magnitude[a]));
     let mut worst: Vec<usize> = Vec::new();

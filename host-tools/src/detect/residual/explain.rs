@@ -40,7 +40,7 @@ struct Term {
 }
 
 /// A pattern that explains less of the residual's mean square may be real but is not worth a sentence.
-const LEAST_SHARE: f64 = 0.01;
+const LEAST_EXPLAINED: f64 = 0.01;
 
 /// Patterns told at most.
 const MOST: usize = 6;
@@ -68,7 +68,7 @@ pub(super) fn explain(
             share: found.share * square(&left) / square(residual),
             ..found
         };
-        if found.share < LEAST_SHARE {
+        if found.share < LEAST_EXPLAINED {
             break;
         }
         terms.push(Term::new(found, variables));

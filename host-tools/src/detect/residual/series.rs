@@ -1,5 +1,6 @@
 //! What is judged: one joint's windows in time.
 
+use crate::robust;
 use std::ops::Range;
 
 /// A joint's windows of 20 ms or so, one entry of each slice per window, in the order of time; SI, joint side.
@@ -118,16 +119,10 @@ pub(super) struct Runs(pub(super) Vec<Range<usize>>);
 impl Runs {
     /// A gap is a step of more than one and a half times the median.
     pub(super) fn of(t: &[f64]) -> Self {
-        let mut steps: Vec<f64> = t
-            .windows(2)
-            .map(|w| w[1] - w[0])
-            .filter(|&d| d > 0.0)
-            .collect();
-        if steps.is_empty() {
+        let steps = t.windows(2).map(|w| w[1] - w[0]);
+        let Some(step) = robust::median(steps.filter(|&d| d > 0.0)) else {
             return Self((0..t.len()).map(|k| k..k + 1).collect());
-        }
-        let middle = steps.len() / 2;
-        let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+        };
         let together = |k: usize| {
             let d = t[k] - t[k - 1];
             d > 0.0 && d < 1.5 * step

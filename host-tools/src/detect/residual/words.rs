@@ -2,6 +2,7 @@
 
 use super::pattern::Where;
 use super::shape::{Shape, Variable, Variables};
+use crate::robust;
 
 /// One sentence for a real pattern.
 pub(super) fn sentence(joint: &str, pattern: &Where, variables: &Variables) -> String {
@@ -176,17 +177,9 @@ fn described_otherwise(shape: Shape, [size, std]: [f64; 2], variables: &Variable
 
 /// What a slope amounts to over the log: from the least to the greatest value, outliers left out.
 fn reach(shape: Shape, size: f64, variables: &Variables) -> String {
-    let mut x: Vec<f64> = variables
-        .pattern(shape)
-        .into_iter()
-        .filter(|x| x.is_finite())
-        .collect();
-    x.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        x.get((share * x.len() as f64) as usize)
-            .copied()
-            .unwrap_or(0.0)
-    };
+    let pattern = variables.pattern(shape);
+    let finite = || pattern.iter().copied().filter(|x| x.is_finite());
+    let at = |share: f64| robust::quantile(finite(), share).unwrap_or(0.0);
     let range = (at(0.95) - at(0.05)) * size.abs();
     format!("{range:.2} N m from end to end")
 }

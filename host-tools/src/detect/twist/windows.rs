@@ -8,6 +8,7 @@ use std::ops::Range;
 use crate::equation::hysteresis::hysteresis;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
+use crate::robust::median;
 
 /// Displacements over which friction builds up that are tried: the shortest as a share of the twist's range, each so many times the one
 /// before, and how many.
@@ -64,7 +65,7 @@ impl Windows {
             (twist[last] - twist[first]) / window.length
         });
         let pull = mean(&torque);
-        let middle = median(pull.iter().map(|x| x.abs()).collect());
+        let middle = median(pull.iter().map(|x| x.abs())).unwrap_or(0.0);
         let windows = Self {
             friction: (0..DISPLACEMENTS).map(friction).collect(),
             rate: rate.collect(),
@@ -100,7 +101,7 @@ impl Windows {
             let there =
                 |w: &usize| chosen(self.fold[*w]) && self.pressed[*w] && self.side[*w] == side;
             let own = (0..self.fold.len()).filter(there);
-            median(own.map(|w| self.twist[w]).collect())
+            median(own.map(|w| self.twist[w])).unwrap_or(0.0)
         };
         let between = |chosen: &dyn Fn(usize) -> bool| middle(0.5, chosen) - middle(-0.5, chosen);
         let all = between(&|_| true);
@@ -118,11 +119,6 @@ impl Windows {
         }
         squares
     }
-}
-
-fn median(mut x: Vec<f64>) -> f64 {
-    x.sort_unstable_by(f64::total_cmp);
-    x.get(x.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// From the least to the greatest, but for the outermost hundredths; `None` if nothing moves.
