@@ -293,9 +293,6 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
     a.iter().zip(b).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
 }
 
-/// What is known of one body's ten inertial parameters.
-pub type BodyFactor<T> = Factor<T, [T; packed_len(crate::inertia::INERTIAL)]>;
-
 mod arrow;
 mod block;
 mod forget;

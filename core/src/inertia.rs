@@ -9,7 +9,7 @@
 pub(crate) mod barrier;
 pub mod log_cholesky;
 
-use crate::factor::BodyFactor;
+use crate::factor::{Factor, packed_len};
 use crate::spatial::{Force, Motion, Transform};
 use crate::{Real, scalar::real};
 use nalgebra::{ArrayStorage, Cholesky, Matrix3, Matrix4, SMatrix, SVector, Vector3};
@@ -26,6 +26,9 @@ pub const NAMES: [&str; INERTIAL] = [
 pub const UNITS: [&str; INERTIAL] = [
     "kg", "kg m", "kg m", "kg m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2",
 ];
+
+/// What is known of one body's ten inertial parameters.
+pub type BodyFactor<T> = Factor<T, [T; packed_len(INERTIAL)]>;
 
 /// The inertial parameters φ of one body about its joint frame's origin; order and units as in [`NAMES`] and [`UNITS`].
 #[derive(Clone, Copy, Debug, PartialEq)]

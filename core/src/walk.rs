@@ -40,11 +40,12 @@ use crate::window::{Plausible, Sample};
 use crate::{Real, scalar::real};
 use leg::INERTIA;
 use nalgebra::{Matrix3, Vector3};
+use pose::Ready;
 use rows::WalkRows;
 use smoother::{GravityLength, Quiet, Smoother};
 use solution::Solution;
 use stance::Judge;
-use window::{Advance, Ready, WalkWindow};
+use window::{Advance, WalkWindow};
 
 /// Length of a window, µs: twice that of a robot that hangs, for half of the equations.
 pub const WINDOW_US: u64 = 40_000;

@@ -18,7 +18,6 @@ pub mod excite;
 pub mod factors;
 pub mod free_base;
 pub mod gate;
-mod hint;
 pub mod identifiability;
 pub mod identify;
 pub mod log;

@@ -8,8 +8,7 @@
 //! limb whose columns are each joint's own; here a column may be felt by every joint (elasticity, tilt, load).
 
 use nalgebra::{DMatrix, DVector};
-use proprio_core::factor::BodyFactor;
-use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::inertia::{BodyFactor, INERTIAL, InertialParameters};
 
 use crate::dot::dot;
 use crate::factor::HeapFactor;

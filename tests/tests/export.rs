@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use nalgebra::SVector;
-use proprio::model::{Model, Robot, sha256};
+use proprio::log::sha256;
+use proprio::model::{Model, Robot};
 use proprio_core::effect::EffectKind;
 use proprio_tests::command::{proprio, stderr, stdout};
 use serde::Deserialize;

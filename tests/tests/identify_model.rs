@@ -99,7 +99,7 @@ fn a_fit_becomes_a_model_that_says_where_it_comes_from() {
     } = model.provenance().unwrap();
     assert_eq!(version, env!("CARGO_PKG_VERSION"));
     assert_eq!(*command, format!("proprio {} --json", fit.join(" ")));
-    let sha256 = proprio::model::sha256(&folder.join("log.csv")).unwrap();
+    let sha256 = proprio::log::sha256(&folder.join("log.csv")).unwrap();
     assert_eq!(logs.len(), 1);
     assert_eq!(
         (logs[0].path.as_str(), &logs[0].sha256),

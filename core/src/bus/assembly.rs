@@ -149,7 +149,7 @@ impl<const M: usize> Assembler<M> {
     /// Whether what a motor says of itself allows to believe the rest.
     fn is_trusted(&mut self, motor: usize, heard: &Heard) -> bool {
         let encoder = self.encoders.get_mut(motor);
-        let stuck = encoder.is_some_and(|encoder| encoder.is_stuck(heard));
+        let stuck = encoder.is_some_and(|encoder| encoder.is_stuck(&heard.reply, heard.time_us));
         let error = heard.reply.error();
         let fault = stuck || error != 0;
         if fault {

@@ -1,6 +1,5 @@
 //! Encoders that no longer follow their motor.
 
-use super::assembly::Heard;
 use super::frame::Reply;
 
 /// Watches one motor's encoder.
@@ -50,10 +49,9 @@ impl Encoder {
         }
     }
 
-    /// Takes note of a reply; whether the encoder is stuck.
+    /// Takes note of a reply that was heard at `time_us`; whether the encoder is stuck.
     #[inline]
-    pub(super) fn is_stuck(&mut self, heard: &Heard) -> bool {
-        let (reply, time_us) = (&heard.reply, heard.time_us);
+    pub(super) fn is_stuck(&mut self, reply: &Reply, time_us: u64) -> bool {
         if reply.position != self.position || time_us < self.last_us || self.last_us == 0 {
             *self = Self {
                 position: reply.position,

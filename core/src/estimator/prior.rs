@@ -2,9 +2,9 @@
 
 use crate::Real;
 use crate::effect::{EffectKind, Prior};
-use crate::factor::{BodyFactor, Factor, packed_len};
+use crate::factor::{Factor, packed_len};
 use crate::inertia::barrier::{Expansion, Root};
-use crate::inertia::{INERTIAL, InertialParameters};
+use crate::inertia::{BodyFactor, INERTIAL, InertialParameters};
 use crate::robot::Actuator;
 use crate::scalar::real;
 

@@ -1,9 +1,22 @@
-//! Where the base is in the frame that falls freely from a window's beginning.
+//! What a window takes of a sample, and where the base is in the frame that falls freely from its beginning.
 
-use super::window::Ready;
+use crate::go2::JOINTS;
 use crate::spatial::Transform;
 use crate::{Real, scalar::real};
 use nalgebra::{Matrix3, Vector3};
+
+/// One measurement of the whole robot, made ready: velocities smoothed, feet judged.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ready<T: Real> {
+    pub(super) time_us: u64,
+    pub(super) q: [T; JOINTS],
+    pub(super) dq: [T; JOINTS],
+    pub(super) tau: [T; JOINTS],
+    /// Angular velocity (rad/s), specific force (m/s²) and the unit vector along gravity, in the IMU's axes.
+    pub(super) gyro: Vector3<T>,
+    pub(super) acc: Vector3<T>,
+    pub(super) down: Vector3<T>,
+}
 
 /// Where the base is in the window's frame.
 #[derive(Clone, Copy, Debug)]

@@ -20,7 +20,7 @@
 
 use super::columns::{ACC, EFFECTS, OWN};
 use super::leg::{INERTIA, KEPT, LegFrame};
-use super::pose::Pose;
+use super::pose::{Pose, Ready};
 use super::rows::{JOINT_ROW, JointRow, WalkRows, noise_root, solve_lower};
 use crate::effect::{EffectKind, JointState, Term};
 use crate::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
@@ -32,19 +32,6 @@ use nalgebra::Vector3;
 
 /// Of them those that are differences between the window's ends in part.
 const BOUNDARY: usize = INERTIA + EFFECTS;
-
-/// One measurement of the whole robot, made ready: velocities smoothed, feet judged.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ready<T: Real> {
-    pub(super) time_us: u64,
-    pub(super) q: [T; JOINTS],
-    pub(super) dq: [T; JOINTS],
-    pub(super) tau: [T; JOINTS],
-    /// Angular velocity (rad/s), specific force (m/s²) and the unit vector along gravity, in the IMU's axes.
-    pub(super) gyro: Vector3<T>,
-    pub(super) acc: Vector3<T>,
-    pub(super) down: Vector3<T>,
-}
 
 /// A joint at one instant.
 #[derive(Clone, Copy, Debug)]

@@ -11,6 +11,7 @@ mod effects;
 mod excite;
 mod export;
 mod flash;
+mod hint;
 mod identify;
 mod import;
 mod man;
@@ -113,7 +114,7 @@ pub fn main() -> ExitCode {
         },
         Err(error) => {
             eprintln!("error: {error}");
-            if let Some(hint) = crate::hint::of(&error) {
+            if let Some(hint) = hint::of(&error) {
                 eprintln!("hint: {hint}");
             }
             ExitCode::FAILURE

@@ -88,7 +88,7 @@ pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
 pub(crate) use possible::significant;
 use possible::{deviation, positive, rounded};
-pub use provenance::{LogRecord, Provenance, sha256};
+pub use provenance::{LogRecord, Provenance};
 pub use robot::{Body, JointKind, Limb, Motor, Robot, Source};
 
 use crate::output::{self, WriteError};

@@ -20,10 +20,10 @@ use crate::recording::RecordingError;
 use crate::validate::ValidateError;
 use proprio_simulator::walk::WalkError;
 
-use crate::command::Error;
+use super::Error;
 
 /// The hint for an error, if there is anything to do.
-pub(crate) fn of(error: &Error) -> Option<String> {
+pub(super) fn of(error: &Error) -> Option<String> {
     match error {
         Error::Log(error) | Error::Recording(RecordingError::Log(error)) => Some(of_log(error)),
         Error::Recording(RecordingError::Impossible { .. }) => Some(

@@ -1,0 +1,112 @@
+//! Which logs a model's values come from: known by what is in them.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use crate::model::{LogRecord, Provenance};
+
+impl Provenance {
+    /// This version, this process' command line, and these logs as they are now.
+    ///
+    /// # Errors
+    /// The path of a log that cannot be read, and why.
+    pub fn of(logs: &[impl AsRef<Path>]) -> Result<Self, (String, io::Error)> {
+        let record = |log: &Path| {
+            let path = log.display().to_string();
+            match sha256(log) {
+                Ok(sha256) => Ok(LogRecord { path, sha256 }),
+                Err(error) => Err((path, error)),
+            }
+        };
+        // The program's path differs between machines and says nothing.
+        let arguments = std::env::args_os().skip(1);
+        let words = arguments.map(|word| word.to_string_lossy().into_owned());
+        Ok(Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            command: std::iter::once("proprio".to_owned())
+                .chain(words)
+                .collect::<Vec<_>>()
+                .join(" "),
+            logs: logs
+                .iter()
+                .map(|log| record(log.as_ref()))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Whether these logs, as they are now, are all those that the values come from, whatever their names and order.
+    ///
+    /// # Errors
+    /// The path of a log that cannot be read, and why.
+    pub fn is_of(&self, logs: &[impl AsRef<Path>]) -> Result<bool, (String, io::Error)> {
+        let hashes = |logs: &[LogRecord]| -> BTreeSet<String> {
+            logs.iter().map(|log| log.sha256.clone()).collect()
+        };
+        let now = Self::of(logs)?.logs;
+        Ok(!now.is_empty() && hashes(&self.logs) == hashes(&now))
+    }
+}
+
+/// SHA-256 of a log's bytes, in hexadecimal: of a file, of standard input (`-`), of a folder's files one after the other.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn sha256(path: &Path) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    for file in super::files(path)? {
+        io::copy(
+            &mut super::open_bytes(&file)?.file,
+            &mut HashWriter(&mut hash),
+        )?;
+    }
+    let digest = hash.finalize();
+    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Feeds what is written to a hash.
+struct HashWriter<'a>(&'a mut Sha256);
+
+impl io::Write for HashWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logs_are_known_by_what_is_in_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let log = |name: &str, bytes: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let [a, b, copy] = [log("a", "1"), log("b", "2"), log("copy", "1")];
+        let of_both = Provenance::of(&[&a, &b]).unwrap();
+        assert!(of_both.is_of(&[&b, &copy]).unwrap());
+        assert!(!of_both.is_of(&[&a]).unwrap());
+        log("b", "3");
+        assert!(!of_both.is_of(&[&a, &b]).unwrap());
+        assert!(of_both.is_of(&[folder.path().join("none")]).is_err());
+    }
+
+    #[test]
+    fn the_hash_is_the_standards() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "abc").unwrap();
+        // FIPS 180-4, example of one block.
+        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256(file.path()).unwrap(), known);
+    }
+}
