@@ -7,6 +7,7 @@
 
 pub mod advise;
 pub mod capture;
+pub mod catalogue;
 pub mod command;
 pub mod compare;
 pub mod detect;

@@ -141,6 +141,19 @@ impl HiddenEffect {
         Ok(self)
     }
 
+    /// Those of `effects` that a joint has, in the order of their kinds; of several of a kind the last.
+    pub(crate) fn at_joint(effects: &[Self], joint: JointId) -> Vec<&Self> {
+        let here = || effects.iter().filter(|e| e.joint() == Some(joint));
+        let mut kinds = HiddenKind::ALL.to_vec();
+        for kind in here().map(Self::kind) {
+            if !kinds.contains(&kind) {
+                kinds.push(kind);
+            }
+        }
+        let last = |kind| here().filter(|e| e.kind() == kind).last();
+        kinds.into_iter().filter_map(last).collect()
+    }
+
     /// Which effect.
     pub fn kind(&self) -> HiddenKind {
         self.kind

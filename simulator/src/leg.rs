@@ -4,14 +4,15 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::{Rotation3, Vector3};
-use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG as JOINTS, Leg};
+use proprio_core::go2::{self, ACTUATORS, JOINTS_PER_LEG as JOINTS, JointId, Leg};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::effect::{Effect, HiddenKind, Site, Transmission};
+use super::effect::{Effect, Site, Transmission};
 use super::follow::Followed;
+use super::hidden::HiddenEffect;
 use super::motion::{Reference, Wanted, centre};
 use super::plant::{Plant, PlantJoint, State};
 use super::{Diverged, Simulation};
@@ -241,17 +242,9 @@ fn joint(simulation: &Simulation, leg: Leg, place: usize) -> PlantJoint {
         centre: centre(leg)[place],
         duration: simulation.duration,
     };
-    let mut effects: Vec<Box<dyn Effect>> = Vec::new();
-    for &kind in HiddenKind::ALL {
-        let here = |e: &&super::HiddenEffect| {
-            e.kind() == kind
-                && e.joint()
-                    .is_some_and(|joint| joint.leg() == leg && joint.place() == place)
-        };
-        if let Some(hidden) = simulation.effects.iter().rfind(here) {
-            effects.push(kind.build(hidden.values(), &site));
-        }
-    }
+    let hidden = HiddenEffect::at_joint(&simulation.effects, JointId::of(leg)[place]);
+    let hidden = hidden.into_iter();
+    let effects: Vec<Box<dyn Effect>> = hidden.map(|e| e.kind().build(e.values(), &site)).collect();
     let transmission = effects.iter().filter_map(|e| e.transmission()).reduce(both);
     let mut armature = effects.iter().map(|e| e.armature()).sum();
     let coupled_inertia = effects.iter().map(|e| e.coupled_inertia()).sum();

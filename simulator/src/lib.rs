@@ -30,7 +30,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
-pub use effect::{Description, HiddenKind, Parameter as EffectParameter, Scope};
+pub use effect::{Description, HiddenKind, OwnHidden, Parameter as EffectParameter, Scope};
 pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide};
 use leg::SimulatedLeg;
@@ -257,9 +257,11 @@ fn truth_of_joint(
 ) -> Vec<TrueValue> {
     let mut truth = Vec::new();
     let default = |kind: HiddenKind| EFFECTS.iter().any(|e| e.name() == kind.name());
-    for &kind in HiddenKind::ALL {
-        let here = |e: &&HiddenEffect| e.kind() == kind && e.joint() == Some(joint);
-        match effects.iter().rfind(here) {
+    let there = HiddenEffect::at_joint(effects, joint);
+    let own = there.iter().map(|e| e.kind());
+    let own = own.filter(|kind| !HiddenKind::ALL.contains(kind));
+    for kind in HiddenKind::ALL.iter().copied().chain(own) {
+        match there.iter().find(|e| e.kind() == kind) {
             Some(effect) => truth.extend(effect.parameters()),
             None if default(kind) => truth.push(TrueValue {
                 name: format!("{}:{joint}", kind.name()),

@@ -50,6 +50,7 @@ mod elastic_hysteresis;
 mod elasticity;
 mod encoder_offset;
 mod load_friction;
+mod own;
 mod payload;
 mod presliding;
 mod quadratic_drag;
@@ -61,6 +62,8 @@ mod thermal_viscous;
 mod torque_gain;
 mod velocity_gain;
 mod viscous;
+
+pub use own::{OwnEffect, Terms};
 
 pub use description::{
     Description, Enters, Form, Grid, Input, Moved, Parameter, Prior, Reach, Transmission, Varies,
@@ -150,7 +153,7 @@ impl<T: Real> Term<T> {
     }
 
     /// A torque that is a derivative by time.
-    fn boundary(boundary: T) -> Self {
+    pub fn boundary(boundary: T) -> Self {
         Self {
             boundary,
             ..Self::zero()
@@ -158,7 +161,7 @@ impl<T: Real> Term<T> {
     }
 
     /// A torque.
-    fn rate(rate: T) -> Self {
+    pub fn rate(rate: T) -> Self {
         Self {
             rate,
             ..Self::zero()
@@ -193,12 +196,14 @@ pub trait Effect {
 
 macro_rules! catalogue {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {
-        /// The effects of the catalogue, by name.
+        /// An effect: of the catalogue, or a program's own.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-        #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
         #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-        pub enum EffectKind { $($(#[$doc])* $name),* }
+        pub enum EffectKind {
+            $($(#[$doc])* $name,)*
+            /// One from outside the catalogue.
+            Own(&'static OwnEffect),
+        }
 
         impl EffectKind {
             /// The whole catalogue.
@@ -206,29 +211,44 @@ macro_rules! catalogue {
 
             /// Name, bounds, words.
             pub const fn description(self) -> &'static Description {
-                match self { $(Self::$name => &<$module::$name as Effect>::DESCRIPTION),* }
+                match self {
+                    $(Self::$name => &<$module::$name as Effect>::DESCRIPTION,)*
+                    Self::Own(own) => &own.description,
+                }
             }
 
             /// Prior of a parameter (by its place in the description) at a joint driven by `actuator`.
             pub fn prior_of(self, actuator: &Actuator, parameter: usize) -> Prior {
-                match self { $(Self::$name => $module::$name::prior(actuator, parameter)),* }
+                match self {
+                    $(Self::$name => $module::$name::prior(actuator, parameter),)*
+                    Self::Own(own) => own.prior(parameter),
+                }
             }
 
             /// The window terms of the effect's columns at one instant; the first [`columns`](Self::columns) of them count.
             /// `shape` is the value of the shape parameter, if the effect has one.
             pub fn terms<T: Real>(self, state: &JointState<T>, shape: T) -> [Term<T>; MAX_COLUMNS] {
-                match self { $(Self::$name => $module::$name::terms(state, shape)),* }
+                match self {
+                    $(Self::$name => $module::$name::terms(state, shape),)*
+                    Self::Own(own) => own.terms(state, shape),
+                }
             }
 
             /// The window terms at one of two joints that the effect couples, at one instant; of [`Form::Coupled`] only.
             pub fn coupled<T: Real>(self, own: &JointState<T>, other: &JointState<T>) -> [Term<T>; MAX_COLUMNS] {
-                match self { $(Self::$name => $module::$name::coupled(own, other)),* }
+                match self {
+                    $(Self::$name => $module::$name::coupled(own, other),)*
+                    Self::Own(_) => [Term::zero(); MAX_COLUMNS],
+                }
             }
 
             /// What has to be added to the reported position (rad) and velocity (rad/s) per unit of the parameter beyond its
             /// neutral value to get those of the link; of [`Form::Motion`] only.
             pub fn motion<T: Real>(self, state: &JointState<T>) -> [T; 2] {
-                match self { $(Self::$name => $module::$name::motion(state)),* }
+                match self {
+                    $(Self::$name => $module::$name::motion(state),)*
+                    Self::Own(_) => [T::zero(); 2],
+                }
             }
         }
     };
@@ -321,7 +341,7 @@ impl EffectKind {
         self.description().name
     }
 
-    /// The effect of that name.
+    /// The effect of the catalogue of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL
             .iter()
@@ -347,6 +367,35 @@ impl EffectKind {
     pub fn term<T: Real>(self, state: &JointState<T>) -> Term<T> {
         let [first, _] = self.terms(state, T::one());
         first
+    }
+}
+
+/// An effect is its name.
+#[cfg(feature = "serde")]
+impl serde::Serialize for EffectKind {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+/// Of the catalogue: who has effects of his own knows their names.
+#[cfg(feature = "serde")]
+impl<'de> serde::Deserialize<'de> for EffectKind {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Name;
+        impl serde::de::Visitor<'_> for Name {
+            type Value = EffectKind;
+
+            fn expecting(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str("the name of an effect of the catalogue")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<EffectKind, E> {
+                let unknown = || E::invalid_value(serde::de::Unexpected::Str(name), &self);
+                EffectKind::from_name(name).ok_or_else(unknown)
+            }
+        }
+        deserializer.deserialize_str(Name)
     }
 }
 
@@ -424,7 +473,8 @@ mod tests {
                 | EffectKind::Contact
                 | EffectKind::Elasticity
                 | EffectKind::ElasticHysteresis
-                | EffectKind::Backlash => unreachable!("no columns of their own"),
+                | EffectKind::Backlash
+                | EffectKind::Own(_) => unreachable!("no columns of the catalogue's own"),
             }
         };
         let (start, end, steps) = (0.2, 2.2, 100_000);

@@ -6,9 +6,9 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
+use crate::catalogue;
 use crate::excite::earlier::{self, EarlierError};
 use crate::excite::{Told, told};
 use crate::model::{Limb, Model};
@@ -304,7 +304,7 @@ fn figure(std: f64) -> String {
 fn unit_of(parameter: &str) -> &'static str {
     let what = parameter.split(':').next().unwrap_or_default();
     let inertial = INERTIAL_NAMES.iter().find(|(name, _)| *name == what);
-    let effect = || EffectKind::from_name(what).map_or("", parameter::unit);
+    let effect = || catalogue::effect_named(what).map_or("", parameter::unit);
     inertial.map_or_else(effect, |(_, unit)| unit)
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::catalogue;
 use crate::model::{Model, Robot, UnknownName};
 use clap::Args;
 use proprio_core::effect::EffectKind;
@@ -54,7 +55,7 @@ const EXAMPLES: &str = "Examples:
 /// Examples, then every effect of the catalogue.
 fn long_help() -> String {
     let mut text = format!("{EXAMPLES}\n\nEffects:\n");
-    for effect in EffectKind::ALL.iter().map(|e| e.description()) {
+    for effect in catalogue::effects().map(EffectKind::description) {
         text += &format!("  {}\n      {}\n", effect.name, effect.words);
     }
     text.trim_end().to_owned()
@@ -130,9 +131,8 @@ pub(super) fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>
         Some((effect, joint)) => (effect, Some(joint)),
         None => (text, None),
     };
-    let effect = EffectKind::from_name(effect).ok_or_else(|| {
-        UnknownName::new("effect", effect, EffectKind::ALL.iter().map(|e| e.name()))
-    })?;
+    let effect = catalogue::effect_named(effect)
+        .ok_or_else(|| UnknownName::new("effect", effect, catalogue::names()))?;
     Ok((effect, robot.place(effect, joint)?))
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use crate::catalogue;
 use crate::compare::ValuesFrom;
 use crate::compare::{Comparison, compare};
 use crate::diagnose::Verdict;
@@ -185,7 +186,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
     let best = diagnosis.candidates.first();
     let best = best.filter(|_| diagnosis.verdict == Verdict::Missing);
     for joint in best.into_iter().flat_map(|best| &best.joints) {
-        if let Some(effect) = best.and_then(|best| EffectKind::from_name(best.effect)) {
+        if let Some(effect) = best.and_then(|best| catalogue::effect_named(best.effect)) {
             let places = model.robot().place(effect, Some(joint))?;
             model.add_last(&places.iter().map(|&p| (effect, p)).collect::<Vec<_>>());
         }

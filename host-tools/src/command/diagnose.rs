@@ -5,6 +5,7 @@ mod written;
 use std::path::PathBuf;
 
 use crate::advise::{at_the_end, closing};
+use crate::catalogue;
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
@@ -16,7 +17,6 @@ use crate::recording::{Recording, gate_words};
 use crate::report::pages;
 use crate::summary::typed;
 use clap::Args;
-use proprio_core::effect::EffectKind;
 use serde::Serialize;
 use written::{Values, Written};
 
@@ -239,7 +239,7 @@ struct Report<'a> {
 pub(super) fn apply(diagnosis: &Diagnosis, model: &mut Model) {
     let (mut added, mut removed) = (Vec::new(), Vec::new());
     for step in &diagnosis.path {
-        let Some(effect) = EffectKind::from_name(step.effect) else {
+        let Some(effect) = catalogue::effect_named(step.effect) else {
             continue;
         };
         for name in &step.joints {

@@ -1,8 +1,9 @@
 //! `proprio effects`: the catalogue.
 
+use crate::catalogue;
 use crate::model::UnknownName;
 use clap::Args;
-use proprio_core::effect::{Description, EffectKind, Parameter};
+use proprio_core::effect::{Description, Parameter};
 use serde::Serialize;
 
 use super::{Error, json};
@@ -59,13 +60,12 @@ impl Effects {
     pub(crate) fn run(self) -> Result<String, Error> {
         let mut chosen = Vec::new();
         for name in &self.effects {
-            let unknown =
-                || UnknownName::new("effect", name, EffectKind::ALL.iter().map(|e| e.name()));
-            chosen.push(EffectKind::from_name(name).ok_or_else(unknown)?);
+            let unknown = || UnknownName::new("effect", name, catalogue::names());
+            chosen.push(catalogue::effect_named(name).ok_or_else(unknown)?);
         }
         let at_length = !chosen.is_empty();
         if chosen.is_empty() {
-            chosen.extend(EffectKind::ALL);
+            chosen.extend(catalogue::effects());
         }
         let report = Report {
             effects: chosen

@@ -3,6 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::{From, predictions, swing};
+use crate::catalogue;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::nested::{Nested, can_be_put_in};
 use crate::estimate::robot;
@@ -102,8 +103,8 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
 /// The effects that the model lacks and that need no search.
 fn candidates(data: &LimbData) -> Vec<(EffectKind, usize)> {
     let there = places_of(data);
-    let all = EffectKind::ALL.iter();
-    let all = all.flat_map(|&effect| (0..data.joints()).map(move |joint| (effect, joint)));
+    let all = catalogue::effects();
+    let all = all.flat_map(|effect| (0..data.joints()).map(move |joint| (effect, joint)));
     all.filter(|place| data.can_tell(*place) && can_be_put_in(place) && !there.contains(place))
         .collect()
 }

@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use proprio_core::effect::EffectKind;
-
 use super::{Diagnosis, Verdict};
+use crate::catalogue;
 use crate::model::Robot;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
 
@@ -38,7 +37,7 @@ impl Diagnosis {
             .filter(|m| m.step[1] < m.step[0])
             .take(POINTS - 1)
         {
-            let words = EffectKind::from_name(one.effect).map_or("", |e| e.description().words);
+            let words = catalogue::effect_named(one.effect).map_or("", |e| e.description().words);
             let [before, after] = one.step.map(torque);
             let joints = joints_in_words(&one.joints, &all);
             points.push(format!(

@@ -2,9 +2,10 @@
 
 use std::fmt;
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::Form;
 
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
+use crate::catalogue;
 use crate::detect::black_box::{Sees, Taken};
 use crate::detect::twist::{Beside, Twist};
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
@@ -255,7 +256,7 @@ impl CandidateReport {
 
     /// What the effect is, in words.
     fn words(&self) -> &'static str {
-        EffectKind::from_name(self.effect).map_or("", |effect| effect.description().words)
+        catalogue::effect_named(self.effect).map_or("", |effect| effect.description().words)
     }
 
     fn cells(&self) -> [String; 6] {

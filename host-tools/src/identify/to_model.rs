@@ -2,9 +2,9 @@
 
 use std::array;
 
-use proprio_core::effect::EffectKind;
 use proprio_core::inertia::InertialParameters;
 
+use crate::catalogue;
 use crate::estimate::{ParameterEstimate, find};
 use crate::model::{Impossible, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at};
@@ -54,7 +54,7 @@ pub(crate) fn set_joint(
         let std = array::from_fn(|k| inertial[k].map_or(0.0, |p| p.std));
         model.set_body(joint, &InertialParameters(phi.into()), Some(&std))?;
     }
-    for &effect in EffectKind::ALL {
+    for effect in catalogue::effects() {
         if let Some(parameter) = found(effect.name()) {
             model.set_effect(effect, joint, parameter.value, Some(parameter.std))?;
         }

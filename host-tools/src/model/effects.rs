@@ -5,6 +5,7 @@ use proprio_core::estimator::EffectPrior;
 
 use super::possible::{Impossible, deviation, in_bounds, possible, rounded};
 use super::{Estimate, Model};
+use crate::catalogue;
 
 /// An effect that the model has at one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +61,7 @@ impl Model {
             prior: None,
             just_added: false,
         });
-        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        let place = |kind| catalogue::effects().position(|k| k == kind);
         self.effects.sort_by_key(|e| (e.joint, place(e.effect)));
         true
     }
@@ -171,7 +172,7 @@ impl Model {
         let prior = possible(effect, prior)?;
         self.effect_priors.retain(|(kind, _)| *kind != effect);
         self.effect_priors.push((effect, prior));
-        let place = |kind| EffectKind::ALL.iter().position(|k| *k == kind);
+        let place = |kind| catalogue::effects().position(|k| k == kind);
         self.effect_priors.sort_by_key(|(kind, _)| place(*kind));
         Ok(())
     }

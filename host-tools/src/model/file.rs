@@ -8,6 +8,7 @@ mod write;
 
 use std::path::Path;
 
+use crate::catalogue;
 use nalgebra::SVector;
 use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::InertialParameters;
@@ -163,11 +164,10 @@ fn joint(model: &Model, name: &str, at: usize) -> Result<usize, Fault> {
 }
 
 fn effect_named(name: &str, at: usize) -> Result<EffectKind, Fault> {
-    EffectKind::from_name(name).ok_or_else(|| {
-        let known = EffectKind::ALL.iter().map(|effect| effect.name());
+    catalogue::effect_named(name).ok_or_else(|| {
         (
             Some(at),
-            ModelProblem::UnknownName(UnknownName::new("effect", name, known)),
+            ModelProblem::UnknownName(UnknownName::new("effect", name, catalogue::names())),
         )
     })
 }

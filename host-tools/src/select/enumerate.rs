@@ -5,6 +5,7 @@ use proprio_core::effect::{EffectKind, Form};
 use super::candidate::{Candidate, Trial};
 use super::criteria::statistics::Squared;
 use super::score_test::Screen;
+use crate::catalogue;
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
 use crate::model::BASE;
@@ -44,7 +45,7 @@ type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
 /// The sets of joints that are alike: all, and those at the same place of limbs of the same length.
 fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
     let mut found = Vec::new();
-    for &effect in EffectKind::ALL {
+    for effect in catalogue::effects() {
         // What happens to one body, one sensor or one worn gear is no property of a kind of drive; a delay that many have is one for
         // all.
         let one = [

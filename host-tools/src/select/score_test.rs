@@ -16,6 +16,7 @@ use super::criteria::statistics::{
     NOISE_MEMORY, Squared, autocorrelation_time, jackknife, noise_memory,
 };
 use super::gain_bound::GainBounds;
+use crate::catalogue;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
 use crate::equation::motion::LOOSE;
@@ -444,7 +445,7 @@ pub(super) fn beside(
 pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
-    let places = EffectKind::ALL.iter().flat_map(|&effect| {
+    let places = catalogue::effects().flat_map(|effect| {
         let shared = (effect.description().form == Form::Gravity || effect == EffectKind::Delay)
             .then_some(BASE);
         let form = effect.description().form;

@@ -9,7 +9,8 @@
 //!
 //! # Adding an effect
 //!
-//! One file here with its `DESCRIPTION` and `new`, one line in `effects!` below, one in [`super::sizes::SIZES`].
+//! One file here with its `DESCRIPTION` and `new`, one line in `effects!` below, one in [`super::sizes::SIZES`]. A program brings its own
+//! as an [`OwnHidden`].
 
 use nalgebra::Vector3;
 use proprio_core::inertia::InertialParameters;
@@ -166,16 +167,17 @@ pub struct Parameter {
 
 impl Parameter {
     /// Any number.
-    const fn new(name: &'static str, unit: &'static str, default: f64) -> Self {
+    pub const fn new(name: &'static str, unit: &'static str, default: f64) -> Self {
         Self::within(name, unit, default, f64::NEG_INFINITY, f64::INFINITY)
     }
 
     /// Zero or more.
-    const fn positive(name: &'static str, unit: &'static str, default: f64) -> Self {
+    pub const fn positive(name: &'static str, unit: &'static str, default: f64) -> Self {
         Self::within(name, unit, default, 0.0, f64::INFINITY)
     }
 
-    const fn within(
+    /// Within bounds.
+    pub const fn within(
         name: &'static str,
         unit: &'static str,
         default: f64,
@@ -220,27 +222,41 @@ pub struct Description {
     pub in_catalogue: bool,
 }
 
+mod own;
+
+pub use own::OwnHidden;
+
 macro_rules! effects {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {
         $(mod $module;)*
 
         /// An effect that a simulation can have.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        pub enum HiddenKind { $($(#[$doc])* $name),* }
+        pub enum HiddenKind {
+            $($(#[$doc])* $name,)*
+            /// One that a program brings.
+            Own(&'static OwnHidden),
+        }
 
         impl HiddenKind {
-            /// All of them; those outside the identification's catalogue last.
+            /// All but those that programs bring; those outside the identification's catalogue last.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
             /// Name, parameters, words.
             pub const fn description(self) -> &'static Description {
-                match self { $(Self::$name => &$module::DESCRIPTION),* }
+                match self {
+                    $(Self::$name => &$module::DESCRIPTION,)*
+                    Self::Own(own) => &own.description,
+                }
             }
 
             /// The effect with these values of all its parameters.
             pub(crate) fn build(self, values: &[f64], site: &Site) -> Box<dyn Effect> {
                 debug_assert_eq!(values.len(), self.description().parameters.len());
-                match self { $(Self::$name => Box::new($module::new(values, site))),* }
+                match self {
+                    $(Self::$name => Box::new($module::new(values, site)),)*
+                    Self::Own(own) => Box::new(own::new(own, values)),
+                }
             }
         }
     };

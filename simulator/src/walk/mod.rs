@@ -203,12 +203,8 @@ impl Walk {
             centre: motion::centre(leg)[place],
             duration: self.duration,
         };
-        let hidden = HiddenKind::ALL.iter().filter_map(|&kind| {
-            let here = |e: &&HiddenEffect| {
-                e.kind() == kind && e.joint().is_some_and(|joint| joint.index() == j)
-            };
-            self.effects.iter().rfind(here)
-        });
+        let hidden = HiddenEffect::at_joint(&self.effects, JointId::of(leg)[place]);
+        let hidden = hidden.into_iter();
         hidden.map(|e| e.kind().build(e.values(), &site)).collect()
     }
 

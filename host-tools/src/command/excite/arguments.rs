@@ -1,5 +1,6 @@
 //! What can be asked of a design.
 
+use crate::catalogue;
 use crate::excite::Margins;
 use crate::excite::trunk::Ground;
 use crate::model::UnknownName;
@@ -102,9 +103,8 @@ pub(super) fn parse_separation(text: &str) -> Result<Separation, String> {
         .split_once(',')
         .ok_or("expected A,B[:JOINT], such as stribeck,viscous:FR_hip")?;
     let effect = |name: &str| {
-        let names = EffectKind::ALL.iter().map(|kind| kind.name());
-        EffectKind::from_name(name).ok_or_else(|| {
-            let unknown = UnknownName::new("effect", name, names);
+        catalogue::effect_named(name).ok_or_else(|| {
+            let unknown = UnknownName::new("effect", name, catalogue::names());
             match unknown.nearest() {
                 Some(nearest) => format!("no effect `{name}`; did you mean `{nearest}`?"),
                 None => unknown.to_string(),

@@ -5,6 +5,7 @@ use std::fmt::{self, Write};
 use proprio_core::effect::EffectKind;
 
 use super::result::{Fitted, FittedParameter, Where};
+use crate::catalogue;
 use crate::estimate::stages::Stage;
 use crate::identify::runs::{Consistency, Run};
 use crate::table::{Table, with_std};
@@ -50,10 +51,10 @@ pub(super) fn unphysical(
     f: &mut fmt::Formatter<'_>,
     parameters: &[FittedParameter],
 ) -> fmt::Result {
-    for effect in EffectKind::ALL {
+    for effect in catalogue::effects() {
         let description = effect.description();
         let beyond = |p: &&FittedParameter| match p.place {
-            Where::Effect(own, _, n) if own == *effect => {
+            Where::Effect(own, _, n) if own == effect => {
                 let (estimate, bound) = (&p.estimate, &description.parameters[n]);
                 let [least, most] = [-2.0, 2.0].map(|by| estimate.value + by * estimate.std);
                 most < bound.lower || least > bound.upper

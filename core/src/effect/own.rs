@@ -1,0 +1,98 @@
+//! An effect from outside the catalogue: its facts and its torque as data, so that a program can bring its own.
+//!
+//! It is a torque at its own joint ([`Form::Columns`](super::Form::Columns)), linear in all its parameters but a shape; a device, whose
+//! columns are fixed, has none.
+
+use core::cmp::Ordering;
+use core::fmt;
+use core::hash::{Hash, Hasher};
+
+use super::{Description, JointState, MAX_COLUMNS, Prior, Term};
+use crate::{Real, scalar::real};
+
+/// The window terms of an effect's columns at one instant, by the joint's state and the value of the shape.
+pub type Terms = dyn Fn(&JointState<f64>, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
+
+/// An effect from outside the catalogue. Its name is its identity.
+#[derive(Clone, Copy)]
+pub struct OwnEffect {
+    /// Its facts.
+    pub description: Description,
+    /// Prior of each parameter, in the order of the description, at a joint of any drive.
+    pub priors: &'static [Prior],
+    /// Its torque.
+    pub terms: &'static Terms,
+}
+
+impl OwnEffect {
+    /// Prior of a parameter; of one that has none, nothing is known.
+    pub(super) fn prior(&self, parameter: usize) -> Prior {
+        let unknown = Prior {
+            mean: 0.0,
+            std: f64::INFINITY,
+        };
+        self.priors.get(parameter).copied().unwrap_or(unknown)
+    }
+
+    /// The terms in the scalar of the caller.
+    pub(super) fn terms<T: Real>(&self, state: &JointState<T>, shape: T) -> [Term<T>; MAX_COLUMNS] {
+        let double = |x: T| -> f64 { nalgebra::try_convert(x).unwrap_or(f64::NAN) };
+        let state = JointState {
+            q: double(state.q),
+            dq: double(state.dq),
+            tau: double(state.tau),
+            speed: double(state.speed),
+            speed_noise: double(state.speed_noise),
+            load: double(state.load),
+            give: state.give.map(double),
+            play: state.play.map(double),
+            presliding: double(state.presliding),
+            temperature: double(state.temperature),
+        };
+        (self.terms)(&state, double(shape)).map(|term| Term {
+            boundary: real(term.boundary),
+            rate: real(term.rate),
+        })
+    }
+}
+
+impl PartialEq for OwnEffect {
+    fn eq(&self, other: &Self) -> bool {
+        self.description.name == other.description.name
+    }
+}
+
+impl Eq for OwnEffect {}
+
+impl PartialOrd for OwnEffect {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for OwnEffect {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.description.name.cmp(other.description.name)
+    }
+}
+
+impl Hash for OwnEffect {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.description.name.hash(state);
+    }
+}
+
+impl fmt::Debug for OwnEffect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("OwnEffect")
+            .field(&self.description.name)
+            .finish()
+    }
+}
+
+#[cfg(feature = "defmt")]
+impl defmt::Format for OwnEffect {
+    fn format(&self, f: defmt::Formatter<'_>) {
+        defmt::write!(f, "{=str}", self.description.name);
+    }
+}

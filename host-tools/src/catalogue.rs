@@ -1,0 +1,175 @@
+//! The effects that the desktop knows: core's catalogue and, beside it, those that a program registers.
+//!
+//! Every room looks effects up here, so that a registered one is in model files, `add`, `identify`, `diagnose`, `compare` and pages.
+//!
+//! ```
+//! use proprio::catalogue::{self, OwnEffect};
+//! use proprio_core::effect::{Description, Parameter, Prior, Term};
+//!
+//! const GRAVITY_BALANCER: OwnEffect = OwnEffect {
+//!     description: Description {
+//!         name: "balancer",
+//!         torque: "c cos(q)",
+//!         parameters: &[Parameter::new("c", "N m", 0.0, f64::INFINITY)],
+//!         words: "a counterweight on the joint",
+//!         ..Description::TORQUE
+//!     },
+//!     priors: &[Prior { mean: 0.0, std: 1.0 }],
+//!     terms: &|joint, _| [Term::rate(joint.q.cos()), Term::zero()],
+//! };
+//! let effect = catalogue::register(GRAVITY_BALANCER)?;
+//! assert_eq!(catalogue::effect_named("balancer"), Some(effect));
+//! # Ok::<(), catalogue::RegisterError>(())
+//! ```
+
+use std::sync::{PoisonError, RwLock};
+
+use proprio_core::effect::{Description, EffectKind, Enters, Form, MAX_COLUMNS, MAX_PARAMETERS};
+
+pub use proprio_core::effect::OwnEffect;
+
+/// Those that were registered. They are never forgotten: models name them.
+static OWN: RwLock<Vec<EffectKind>> = RwLock::new(Vec::new());
+
+/// Why an effect cannot be registered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegisterError {
+    /// Not a name of lowercase letters, digits and `_`.
+    #[error("`{0}` is no name: lowercase letters, digits and _, a letter first")]
+    Name(&'static str),
+    /// Another effect has this name.
+    #[error("another effect is called `{0}`")]
+    Taken(&'static str),
+    /// Something else than a torque at its own joint with columns of its own.
+    #[error("`{0}` is no torque at its own joint (Form::Columns, Enters::Column)")]
+    Form(&'static str),
+    /// One column at least, [`MAX_COLUMNS`] at most, one shape at most, which has a grid, and a prior for each parameter.
+    #[error(
+        "`{0}` wants 1 to {MAX_COLUMNS} parameters with a column, one shape with a grid at most, and a prior of each"
+    )]
+    Parameters(&'static str),
+}
+
+/// Makes an effect known to the whole program; again with the same facts, it is the same effect.
+///
+/// # Errors
+/// [`RegisterError`].
+pub fn register(effect: OwnEffect) -> Result<EffectKind, RegisterError> {
+    let description = &effect.description;
+    let name = description.name;
+    check(&effect)?;
+    if EffectKind::from_name(name).is_some() {
+        return Err(RegisterError::Taken(name));
+    }
+    let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = own.iter().find(|known| known.name() == name) {
+        let is_same = known.description() == description;
+        return is_same.then_some(*known).ok_or(RegisterError::Taken(name));
+    }
+    let kind = EffectKind::Own(Box::leak(Box::new(effect)));
+    own.push(kind);
+    Ok(kind)
+}
+
+fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
+    let Description {
+        name,
+        form,
+        enters,
+        parameters,
+        ..
+    } = effect.description;
+    let is_word = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(is_word) {
+        return Err(RegisterError::Name(name));
+    }
+    if (form, enters) != (Form::Columns, Enters::Column) {
+        return Err(RegisterError::Form(name));
+    }
+    let columns = effect.description.linear().count();
+    let is_usable = (1..=MAX_COLUMNS).contains(&columns)
+        && parameters.len() <= MAX_PARAMETERS
+        && parameters.len() - columns <= 1
+        && parameters.iter().all(|p| p.shape == p.grid.is_some())
+        && effect.priors.len() == parameters.len()
+        && effect.priors.iter().all(|prior| prior.std > 0.0);
+    is_usable
+        .then_some(())
+        .ok_or(RegisterError::Parameters(name))
+}
+
+/// All effects, the catalogue's first, then those that were registered, in the order of that.
+pub fn effects() -> impl Iterator<Item = EffectKind> {
+    let own = OWN.read().unwrap_or_else(PoisonError::into_inner).clone();
+    EffectKind::ALL.iter().copied().chain(own)
+}
+
+/// Their names.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    effects().map(EffectKind::name)
+}
+
+/// The effect of that name.
+pub fn effect_named(name: &str) -> Option<EffectKind> {
+    effects().find(|effect| effect.name() == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proprio_core::effect::{Parameter, Prior, Term};
+
+    const FINE: OwnEffect = OwnEffect {
+        description: Description {
+            name: "own_of_catalogue_tests",
+            parameters: &[Parameter::new("c", "N m", 0.0, 1.0)],
+            ..Description::TORQUE
+        },
+        priors: &[Prior {
+            mean: 0.0,
+            std: 1.0,
+        }],
+        terms: &|_, _| [Term::rate(1.0), Term::zero()],
+    };
+
+    fn with(description: Description) -> Result<EffectKind, RegisterError> {
+        register(OwnEffect {
+            description,
+            ..FINE
+        })
+    }
+
+    #[test]
+    fn a_registered_effect_is_known_once() {
+        let effect = register(FINE).unwrap();
+        assert_eq!(register(FINE), Ok(effect));
+        assert_eq!(effect_named(FINE.description.name), Some(effect));
+        assert_eq!(effects().filter(|known| *known == effect).count(), 1);
+        let other = Description {
+            words: "another one",
+            ..FINE.description
+        };
+        assert_eq!(with(other), Err(RegisterError::Taken(other.name)));
+    }
+
+    #[test]
+    fn what_is_no_torque_with_columns_is_refused() {
+        let of = |name| Description {
+            name,
+            ..FINE.description
+        };
+        assert_eq!(with(of("coulomb")), Err(RegisterError::Taken("coulomb")));
+        assert_eq!(with(of("Own")), Err(RegisterError::Name("Own")));
+        let gravity = Description {
+            form: Form::Gravity,
+            ..of("a")
+        };
+        assert_eq!(with(gravity), Err(RegisterError::Form("a")));
+        let nothing = Description {
+            parameters: &[],
+            ..of("b")
+        };
+        assert_eq!(with(nothing), Err(RegisterError::Parameters("b")));
+    }
+}

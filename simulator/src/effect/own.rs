@@ -1,0 +1,58 @@
+//! A torque of the motor's motion that a program brings: what an effect from outside the identification's catalogue is tested with.
+
+use std::fmt;
+use std::hash::{Hash, Hasher};
+
+use super::{Description, Effect, JointState};
+
+/// Torque on the motor's side of the gear, N m, by the parameters' values and the motor's position (rad) and velocity (rad/s).
+type Torque = dyn Fn(&[f64], [f64; 2]) -> f64 + Sync;
+
+/// An effect from outside this crate. Its name is its identity.
+pub struct OwnHidden {
+    /// Name, parameters, words.
+    pub description: Description,
+    /// Its torque.
+    pub torque: &'static Torque,
+}
+
+impl PartialEq for OwnHidden {
+    fn eq(&self, other: &Self) -> bool {
+        self.description.name == other.description.name
+    }
+}
+
+impl Eq for OwnHidden {}
+
+impl Hash for OwnHidden {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.description.name.hash(state);
+    }
+}
+
+impl fmt::Debug for OwnHidden {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("OwnHidden")
+            .field(&self.description.name)
+            .finish()
+    }
+}
+
+/// It at a joint.
+pub(super) struct Own {
+    torque: &'static Torque,
+    values: Vec<f64>,
+}
+
+pub(super) fn new(own: &OwnHidden, values: &[f64]) -> Own {
+    Own {
+        torque: own.torque,
+        values: values.to_vec(),
+    }
+}
+
+impl Effect for Own {
+    fn motor_torque(&self, state: &JointState) -> f64 {
+        (self.torque)(&self.values, [state.q, state.dq])
+    }
+}
