@@ -15,7 +15,8 @@
 //! # Adding an effect
 //!
 //! One file beside this one implements [`Effect`] on a unit type; one line of `catalogue!` below lists it. Names are
-//! snake_case and are the same in code, command line, JSON and reports.
+//! snake_case and are the same in code, command line, JSON and reports. What an effect is stands in its [`Description`] (`description`):
+//! whoever decides anything by an effect asks that. A program's own effect is an [`OwnEffect`] (`own`): the same facts, as data.
 //!
 //! # Example
 //!

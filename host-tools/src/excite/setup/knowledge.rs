@@ -20,12 +20,6 @@ use crate::model::{self, Model, UnknownName};
 const NOISE: f64 = 0.005;
 /// That window, s.
 const WINDOW: f64 = 0.02;
-/// What every geared motor has.
-const EXPECTED: [EffectKind; 3] = [
-    EffectKind::Viscous,
-    EffectKind::Coulomb,
-    EffectKind::Armature,
-];
 
 impl Design<'_> {
     /// The effects that a design is to tell: those that are identified by default, joint by joint.
@@ -67,7 +61,7 @@ impl Design<'_> {
             if self.model.robot().bodies()[joint].motor.is_none() {
                 continue;
             }
-            for effect in EXPECTED
+            for effect in EffectKind::PLAIN
                 .into_iter()
                 .filter(|effect| self.model.effect(*effect, joint).is_none())
             {

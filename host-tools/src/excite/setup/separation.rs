@@ -1,7 +1,7 @@
 //! Two effects as columns that a motion is to tell apart.
 
 use nalgebra::DMatrix;
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 
 use super::Design;
@@ -31,7 +31,7 @@ impl Design<'_> {
         theta: &[f64],
     ) -> Result<(Vec<Column>, DMatrix<f64>, Cost), ExciteError> {
         for effect in pair {
-            if !is_known(effect) && effect != EffectKind::Payload {
+            if !is_known(effect) && effect.description().form != Form::Inertia {
                 return Err(ExciteError::NotDesignable(effect.name()));
             }
         }
@@ -86,7 +86,7 @@ impl Design<'_> {
         let joint = self.limb.bodies.start + j;
         let p = INERTIAL * self.limb.bodies.len();
         let prior = self.model.effect_prior(effect, joint).prior;
-        if effect == EffectKind::Payload {
+        if effect.description().form == Form::Inertia {
             return payload(j, theta, prior.std);
         }
         let shape = effect.description().shape();

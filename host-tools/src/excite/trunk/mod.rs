@@ -193,10 +193,7 @@ fn drives(model: &Model) -> [Drive; JOINTS] {
     std::array::from_fn(|joint| {
         let of = |effect: EffectKind| {
             let stated = model.effect(effect, joint).and_then(|own| own.estimates[0]);
-            let expected = || match effect {
-                EffectKind::Bias => 0.0,
-                _ => model.effect_prior(effect, joint).prior.mean,
-            };
+            let expected = || model.effect_prior(effect, joint).prior.mean;
             stated.map_or_else(expected, |estimate| estimate.value)
         };
         Drive {
