@@ -21,6 +21,7 @@ const PHYSICAL: FitOptions = FitOptions {
     constraint: Constraint::Physical,
     method: proprio::estimate::Method::Momentum,
     stages: false,
+    bus: false,
 };
 
 /// Simulated robots: identified on one motion, judged on another.
