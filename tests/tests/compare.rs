@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use proprio_core::effect::EffectKind;
 use proprio_tests::command::{done, json, proprio, recorded_logs, simulated};
 use serde_json::Value;
 
@@ -288,4 +289,45 @@ fn time_under_a_force_at_a_foot_is_left_out() {
 
 fn joints(report: &Value) -> &[Value] {
     report["joints"].as_array().unwrap()
+}
+
+/// `--with X` is `add X; compare` and `--without X` is `remove X; compare`, for the whole catalogue: at a joint that has the effect and at
+/// one that has not.
+#[test]
+fn with_an_effect_is_the_model_that_add_makes() {
+    let folder = simulated("--legs FR --typical --duration 5 --hide cogging:FR_calf=0.3");
+    let folder = folder.path();
+    let plain = ["viscous", "coulomb", "armature", "bias"];
+    done(folder, &[&["add", "-m", "plain.toml"][..], &plain].concat());
+    let compared = |model: &str, more: &[&str]| {
+        let command = ["compare", "log.csv", "--json", "-m", model];
+        number(&json(&done(folder, &[&command, more].concat())), "rms")
+    };
+    let changed = |change: &str, place: &str| {
+        std::fs::copy(folder.join("plain.toml"), folder.join("changed.toml")).unwrap();
+        done(folder, &[change, place, "-m", "changed.toml"]);
+        compared("changed.toml", &[])
+    };
+    let joints = ["FR_calf", "FR_hip"];
+    for effect in EffectKind::ALL.iter().map(|effect| effect.name()) {
+        let places: Vec<String> = match effect {
+            "base_tilt" => vec![effect.to_owned()],
+            _ => joints
+                .iter()
+                .map(|joint| format!("{effect}:{joint}"))
+                .collect(),
+        };
+        for place in places {
+            let (with, added) = (
+                compared("plain.toml", &["--with", &place]),
+                changed("add", &place),
+            );
+            assert!((with - added).abs() <= 1e-9, "{place}: {with} {added}");
+        }
+    }
+    let (without, removed) = (
+        compared("plain.toml", &["--without", "bias:FR_hip"]),
+        changed("remove", "bias:FR_hip"),
+    );
+    assert!((without - removed).abs() <= 1e-9, "{without} {removed}");
 }

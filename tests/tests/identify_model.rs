@@ -338,3 +338,46 @@ fn a_bad_urdf_under_a_model_is_named() {
         assert!(message.contains(expected), "{to}: {message}");
     }
 }
+
+/// One estimator: `identify` without a model is the model of what every drive has, to the last digit.
+#[test]
+fn without_a_model_the_plain_drive_is_fitted() {
+    let folder = simulated("--legs FR,RL --typical --duration 8 --inertia-error 0.06");
+    let folder = folder.path();
+    add_typical(folder, "four.toml");
+    let of = |more: &[&str]| done(folder, &[&["identify", "log.csv", "--json"], more].concat());
+    let plain = of(&[]);
+    assert_eq!(plain, of(&["-m", "four.toml"]));
+    assert_eq!(plain, of(&["--physical"]));
+    assert_eq!(json(&plain)["schema"], "proprio.identify/1");
+    let truth = json(&fs::read_to_string(folder.join("log.truth.json")).unwrap());
+    let plain = json(&plain);
+    // What the least drive of the field needs: a few thousandths of its friction.
+    for (effect, most) in [("coulomb", 0.001), ("viscous", 0.0006)] {
+        let joints = plain["joints"].as_array().unwrap();
+        let squares = joints.iter().map(|joint| {
+            let name = format!("{effect}:{}", joint["joint"].as_str().unwrap());
+            let [found, true_one] =
+                [&plain, &truth].map(|of| number(parameter(of, &name), "value"));
+            (found - true_one).powi(2)
+        });
+        let rms = (squares.sum::<f64>() / joints.len() as f64).sqrt();
+        assert!(rms < most, "{effect}: {rms}");
+    }
+}
+
+/// At its bound, or within two standard deviations of an effect that is absent, a value is not called identified.
+#[test]
+fn what_may_be_absent_is_not_identified() {
+    let folder = simulated("--legs FR --duration 6 --hide viscous:FR_calf=0.05");
+    let found = json(&done(folder.path(), &["identify", "log.csv", "--json"]));
+    for estimate in found["parameters"].as_array().unwrap() {
+        let name = estimate["name"].as_str().unwrap();
+        let is_effect = TYPICAL.iter().any(|effect| name.starts_with(effect));
+        let near = number(estimate, "value").abs() < 2.0 * number(estimate, "std");
+        if is_effect && (near || estimate["at_bound"] == true) {
+            assert_ne!(estimate["status"], "identified", "{estimate}");
+        }
+    }
+    assert_eq!(parameter(&found, "viscous:FR_calf")["status"], "identified");
+}

@@ -40,6 +40,8 @@ pub struct ChoiceLimb {
     pub effects: Vec<Choice>,
     /// Those that are in the model whatever is ticked: the torque is not linear in them.
     pub fixed: Vec<Choice>,
+    /// Those that the model lacks and that no factor can put in: a nonlinear parameter is searched, which takes the data.
+    pub searched: Vec<&'static str>,
 }
 
 /// An effect at a joint.
@@ -83,6 +85,7 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
             folds: nested.limb.folds(),
             effects: nested.effects.iter().map(choice).collect(),
             fixed: fixed.map(|place| choice(&place)).collect(),
+            searched: searched(data),
         });
         nested.limb.write(&mut choices.numbers);
         for drawn in nested.drawn.iter().flatten() {
@@ -98,6 +101,18 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
         }
     }
     Some(choices)
+}
+
+/// The effects that a joint of the model lacks and whose parameters the torque has to be searched for.
+fn searched(data: &LimbData) -> Vec<&'static str> {
+    let there = places_of(data);
+    let lacks = |&&effect: &&EffectKind| {
+        (0..data.joints())
+            .map(|joint| (effect, joint))
+            .any(|place| data.can_tell(place) && !can_be_put_in(&place) && !there.contains(&place))
+    };
+    let searched = EffectKind::ALL.iter().filter(lacks);
+    searched.map(|effect| effect.name()).collect()
 }
 
 /// The effects that the model lacks and that need no search.

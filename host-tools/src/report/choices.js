@@ -135,7 +135,6 @@ async function startChoices(specs, draw) {
   const words = [];
   if (fixed.length) words.push(`Always in the model, since the torque is not linear in them: ${[...new Set(fixed)].join(', ')}.`);
   if (off > 1e-6) words.push(`The model is taken to be linear about its fit; proprio compare, which does not, prints ${told.toFixed(4)} N m for it.`);
-  words.push('An effect with a shape to be found, such as stribeck, can be ticked only if the model has it.');
   get('fixed').textContent = words.join(' ');
 
   const names = [...new Set(limbs.flatMap((limb) => limb.effects.map(({ effect }) => effect)))];
@@ -166,6 +165,14 @@ async function startChoices(specs, draw) {
   if (others.length) {
     const open = others.length === groups.length;
     get('ticks').append(make('details', { className: 'others', open }, make('summary', { textContent: 'Other effects' }), ...others.map(row)));
+  }
+
+  const searched = [...new Set(limbs.flatMap((limb) => limb.searched))];
+  if (searched.length) {
+    const row = (name) => make('div', { className: 'row' },
+      make('label', {}, make('input', { type: 'checkbox', disabled: true }), ` ${name}`),
+      make('span', { textContent: `searched: run proprio compare --with ${name}` }));
+    get('ticks').append(make('details', { className: 'others' }, make('summary', { textContent: 'Searched effects' }), ...searched.map(row)));
   }
 
   const body = get('errors').tBodies[0];

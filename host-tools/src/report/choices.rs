@@ -59,8 +59,8 @@ pub(super) fn section(choices: &Choices, told: &Told) -> std::io::Result<Section
         id: "try",
         title: "Tick what the model has",
         text: "Each tick fits the bodies and all ticked effects anew, here in the page, to all stretches of time but one, and \
-               predicts that one; so for each. The error is what <code>proprio compare</code> prints for that model with the \
-               command below."
+               predicts that one; so for each. The command below finds the weights of the data anew as well: what it prints differs \
+               by a few thousandths at most."
             .to_owned(),
         legend: vec![
             key("before", colour::POINT, Mark::Point, 0),
@@ -137,6 +137,7 @@ fn meta(choices: &Choices, told: &Told) -> Value {
             "floor": limb.joints.iter().map(floor).collect::<Vec<_>>(),
             "effects": limb.effects.iter().map(effect).collect::<Vec<_>>(),
             "fixed": limb.fixed.iter().map(name).collect::<Vec<_>>(),
+            "searched": limb.searched,
         })
     });
     json!({
