@@ -4,6 +4,10 @@
 //! byte came, µs since the capture began, as a u64; how many bytes it has, as a u16 that is not 0; the bytes. Numbers are
 //! little-endian. A record is what the bus brought without a pause, as far as the adapter tells; within it the bytes followed
 //! each other at the rate of the line, 8N1. A file that was cut short keeps its whole records.
+//!
+//! Files beside:
+//!
+//! - `explain`: what a capture says of the bus: by the device's own listener, and what only a desktop has room for
 
 mod explain;
 #[cfg(test)]

@@ -1,4 +1,6 @@
-//! The subcommands, one file each.
+//! The subcommands, one file each: `add`, `advise`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
+//! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`. `hint`: what the user can do about an error;
+//! `overwrite`: what a command would replace.
 
 mod add;
 mod advise;

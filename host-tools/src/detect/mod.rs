@@ -1,4 +1,15 @@
 //! What no model predicts, and what a model leaves: contact, bursts, and the statistics of residuals.
+//!
+//! Files beside:
+//!
+//! - `black_box`: what a black box could still take away: how far a model's error falls if something that knows no physics is shown more
+//!   and more of the motion
+//! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
+//! - `residual`: what a residual says of the model: where it fails, when, whether anything but noise is left, and how far it is from the
+//!   noise
+//! - `series`: a joint's windows as series: what was measured, what a model says, and what the joint did meanwhile
+//! - `twist`: what a second encoder, at the link, shows of a gear: how far link and motor turn against each other under the torque between
+//!   them
 
 pub mod black_box;
 pub(crate) mod bursts;

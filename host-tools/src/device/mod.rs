@@ -3,6 +3,19 @@
 //! All three take [`BusStep`]s, the bytes of the motor buses between two moments, and tell [`DeviceMessage`]s. The emulated
 //! and the in-process device live in the time of the steps; a board lives in its own, so that steps are sent when they are
 //! due ([`serial`]).
+//!
+//! Files beside:
+//!
+//! - `desktop`: the application in this process, for comparison with a device's
+//! - `image`: the firmware image, built by `firmware/build` of the clone that this program is from
+//! - `link`: messages over a byte stream
+//! - `names`: what a device's numbers mean: which joint, which effect, which parameter
+//! - `ports`: serial ports, and what is likely behind them
+//! - `programmer`: programs that flash a NUCLEO-H743ZI2
+//! - `pull`: whole factors read from a device, part by part
+//! - `qemu`: the firmware on an emulated Cortex-M7
+//! - `replay`: a log's samples as motor-bus bytes, played into a device
+//! - `requests`: a host's requests, asked again until they are answered
 
 mod desktop;
 pub mod image;

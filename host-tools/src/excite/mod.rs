@@ -13,6 +13,21 @@
 //!
 //! Literature: Swevers et al. 1997 (Fourier series), Gautier & Khalil 1992 (condition number), Park 2006 (slopes),
 //! Atkinson & Fedorov 1975 (T-optimality).
+//!
+//! Files beside:
+//!
+//! - `columns`: torques of physical effects per unit of their parameter, with slopes by the motion
+//! - `earlier`: what logs know already: their rows of the momentum equation, folded into one triangle per limb
+//! - `error`: why there is no design
+//! - `foresight`: the torque that a model foresees for a motion: what it states, and nothing that is only expected
+//! - `go2`: the Go2's shapes, as capsules: what a leg must stay clear of
+//! - `interval`: numbers known to lie between two others (Moore 1966), and vectors of them: what a proof over a stretch of time needs
+//! - `output`: a design as files: samples to play, coefficients to compute with
+//! - `random`: random motions within the limits: what a design is compared with
+//! - `settings`: what is asked of a design
+//! - `setup`: from a model and settings to the function that a search makes small
+//! - `shapes`: a file of shapes that a robot must stay clear of: its own, and what stands around it
+//! - `spectrum`: singular values and right singular vectors of a triangle
 
 pub mod clearance;
 mod columns;

@@ -3,6 +3,14 @@
 //! [`DataGates`] takes raw samples one by one, as they were recorded, repeats included, and says in the end how they were
 //! sampled ([`SamplingReport`]), what each joint's readings are worth ([`JointReport`]) and, in words, what is wrong and
 //! what to do about it ([`Finding`]). Memory does not grow with the log.
+//!
+//! Files beside:
+//!
+//! - `blocks`: sums over blocks of time, in memory that does not grow with the log
+//! - `quantum`: the step in which a signal is reported, found from the data
+//! - `sampling`: when samples came: period, jitter, repeats, gaps
+//! - `saturation`: torque at its limit: at the actuator's effort limit, or at a plateau below it
+//! - `velocity`: does the reported velocity belong to the reported position?
 
 mod blocks;
 pub(super) mod quantum;

@@ -6,6 +6,10 @@
 //!   Beyond them, what these data do not tell: with every base parameter measured in units of its prior's standard
 //!   deviation, a rank-revealing factorisation of the data's triangle (QR with column pivoting: Golub & Van Loan §5.4)
 //!   leaves columns that are, within the noise, combinations of others.
+//!
+//! Files beside:
+//!
+//! - `reduction`: which columns are combinations of which
 
 mod reduction;
 mod structural;

@@ -15,6 +15,16 @@
 //!
 //! [`LogReader`] streams the log of any robot, of any length, in constant memory and checks it on the way; [`Log`] holds
 //! a short one of a Go2 whole; [`LogWriter`] makes one, [`WalkWriter`] that of a robot on its feet.
+//!
+//! Files beside:
+//!
+//! - `error`: what can be wrong with a log, and where
+//! - `provenance`: which logs a model's values come from: known by what is in them
+//! - `reader`: a log as a stream of rows, in memory that does not grow with its length
+//! - `samples`: what became of a log's samples
+//! - `slots`: where a row in memory keeps what
+//! - `source`: files of many formats as one thing: named cells, row after row
+//! - `writer`: writing a log
 
 mod checks;
 mod columns;

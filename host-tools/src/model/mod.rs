@@ -57,6 +57,16 @@
 //! path = "leg.csv"
 //! sha256 = "…"
 //! ```
+//!
+//! Files beside:
+//!
+//! - `conventions`: how a robot's logs speak of its joints, where their columns do not say so themselves
+//! - `error`: why a model file, or a robot's description, is refused
+//! - `limb`: a limb of a model as the core takes it: tree, columns, prior, parameters
+//! - `physical`: which inertial parameters a body can have, and what is wrong with those it cannot
+//! - `possible`: values that a model may hold, and their rounding
+//! - `priors`: what an effect's parameters are taken to be before any data, at a joint of any robot: zero, within what the joint's limits
+//!   and the robot's own size leave room for
 
 mod conventions;
 mod effects;

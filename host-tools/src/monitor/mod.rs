@@ -1,4 +1,12 @@
 //! What a device says, as it says it: a view that messages build up, where they come from, a file that keeps them, a screen, and a page.
+//!
+//! Files beside:
+//!
+//! - `feed`: where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked
+//! - `journal`: all that came from a device, in a file
+//! - `residual`: a joint's residual of the last second against what it was before
+//! - `robot`: a simulated robot on four motor buses, for devices that have none
+//! - `web`: the view as a page: a server for browsers on this machine, which streams what is known
 
 mod feed;
 mod journal;

@@ -1,4 +1,10 @@
 //! Logs in memory, limb by limb: what the criticism goes over more than once.
+//!
+//! Files beside:
+//!
+//! - `error`: what can be wrong with a recording
+//! - `pieces`: long recordings, thinned to pieces that are spread evenly over time, so that memory does not grow with their length
+//! - `second_encoder`: what a user should know of second encoders: where they are not used, and where they do not count as the motors' do
 
 mod error;
 mod limb;

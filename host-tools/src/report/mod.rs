@@ -29,6 +29,16 @@
 //! page.write("report.html".as_ref())?;
 //! # Ok::<(), proprio::output::WriteError>(())
 //! ```
+//!
+//! Files beside:
+//!
+//! - `choices`: tick boxes: every model that leaves effects out, or has more of the simple ones, fitted anew in the page
+//! - `data_table`: a table that can be sorted, and filtered where it is long
+//! - `motion`: a designed motion: what each joint does and how the search went; and the feedback that models leave
+//! - `robot`: the robot as lines, from its URDF: each link in the colour of its joint's error
+//! - `stance`: which feet carry a force, or may, and why that is believed
+//! - `stick`: a moving figure of limbs
+//! - `thin`: fewer points without losing what a reader looks for
 
 pub mod candidates;
 mod choices;

@@ -12,6 +12,11 @@
 //!
 //! Dry friction kinks the velocity where a joint turns round, and where it lets one go that it has held: there the acceleration may
 //! jump.
+//!
+//! Files beside:
+//!
+//! - `before`: a trajectory as it was some time before: where torque is reported late, it belongs to an earlier motion
+//! - `speed`: when a joint changes its direction, to a fraction of a sample: there dry friction jumps
 
 mod before;
 mod channels;

@@ -4,6 +4,20 @@
 //! All of it works on one joint's mean torque over windows ([`Series`]), and none of it takes neighbouring windows for
 //! independent: on real logs they are not, and tests that believe so find patterns everywhere. [`criticise`] judges all
 //! joints of a model at once, since the number of patterns looked for counts.
+//!
+//! Files beside:
+//!
+//! - `bins`: the residual binned by a variable
+//! - `cluster`: regression whose errors survive autocorrelation
+//! - `correlation`: is what is left noise? Autocorrelation of the residual, and its correlation with what drives the robot
+//! - `episode`: when a model fails worst
+//! - `explain`: real patterns, told apart and put into words
+//! - `pattern`: which patterns of the residual are real
+//! - `persistence`: what of a residual lasts: correlated over longer than noise remembers
+//! - `scores`: how good a prediction is, in the numbers users know
+//! - `series`: what is judged: one joint's windows in time
+//! - `shape`: the patterns that have a name: what a residual looks like against one variable
+//! - `words`: patterns in words: what they look like, never more
 
 mod bins;
 mod cluster;

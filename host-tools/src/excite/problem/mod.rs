@@ -1,4 +1,8 @@
 //! A design as a function of its unknowns: cost, constraints, and the slopes of both in one pass.
+//!
+//! Files beside:
+//!
+//! - `limits`: what a motion must keep to, as constraints that are satisfied where they are not positive
 
 mod limits;
 mod slopes;

@@ -1,4 +1,10 @@
 //! From a model and settings to the function that a search makes small.
+//!
+//! Files beside:
+//!
+//! - `knowledge`: what a model knows of a limb before any data: priors, names, and the effects that it states
+//! - `limits`: where a motion begins and ends, and what it must keep to
+//! - `separation`: two effects as columns that a motion is to tell apart
 
 mod knowledge;
 mod limits;

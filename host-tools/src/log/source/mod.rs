@@ -2,6 +2,19 @@
 //!
 //! Each format is a [`Source`]. It names its cells as the recorder did, in a spelling of [`super::names`]; which of them mean
 //! what for a robot is decided in [`super::columns`], in one place for all formats.
+//!
+//! Files beside:
+//!
+//! - `bag`: recordings of messages: which topic holds the joints' states, what its messages say, and when
+//! - `chain`: files of one recording, one after the other
+//! - `decimal`: plain decimals, as nearly all numbers of a log are written
+//! - `input`: bytes: of a file, of a folder's files, or of standard input
+//! - `kind`: what a file is, told by its first bytes
+//! - `lerobot`: what a LeRobot data set says of its tables: `meta/info.json`, two folders above them
+//! - `npz`: NumPy archives: `numpy.savez('log.npz', t=t, q=q, dq=dq, tau=tau, joint_names=[...])`, or an array per column
+//! - `parquet`: Parquet tables: columns as of CSV, or lists of numbers whose elements a LeRobot data set names
+//! - `table`: arrays held in memory: formats that store a column in one piece
+//! - `text`: columns of text: CSV of proprio's own, of PlotJuggler, of ROS 1's `rostopic echo -p`, of a spreadsheet
 
 #[cfg(any(feature = "mcap", feature = "db3"))]
 mod bag;

@@ -4,6 +4,11 @@
 //! a byte, or write a whole file. φ is about the joint frame's origin and counts the links fixed to a body; both formats
 //! state a link alone, about its centre of mass. So the fixed links keep what the file gives them and the moving link gets
 //! the rest, which must itself be physical.
+//!
+//! Files beside:
+//!
+//! - `edit`: changes to an XML text at the places of its elements; all else stays as it is, byte for byte
+//! - `mjcf_input`: what has to be known of a user's MJCF before inertias are written into it
 
 mod edit;
 mod mjcf;

@@ -2,6 +2,11 @@
 //!
 //! One thread takes connections, one more serves each. A browser that does not take what is sent is let go; the monitor never waits
 //! for one. The page asks for nothing but this address, and its policy forbids it to.
+//!
+//! Files beside:
+//!
+//! - `request`: what a browser asks
+//! - `state`: all that a page shows
 
 mod request;
 mod state;

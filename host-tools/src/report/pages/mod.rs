@@ -1,4 +1,13 @@
 //! The page of each command: what it found, turned into sections.
+//!
+//! Files beside:
+//!
+//! - `compare`: the page of `compare`
+//! - `diagnose`: the page of `diagnose`
+//! - `excite`: the page of `excite`
+//! - `identify`: the page of `identify`
+//! - `validate`: the page of `validate`
+//! - `walk`: the pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`
 
 mod compare;
 mod diagnose;

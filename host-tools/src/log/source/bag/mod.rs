@@ -1,4 +1,11 @@
 //! Recordings of messages: which topic holds the joints' states, what its messages say, and when.
+//!
+//! Files beside:
+//!
+//! - `joint_state`: `sensor_msgs/msg/JointState`: names, and beside them positions, velocities and efforts, each of any length
+//! - `low_state`: Unitree's `LowState`: arrays of fixed length only, so that every number has its place
+//! - `mcap`: messages of an MCAP file, read from front to back in constant memory; a file that was cut short gives all its whole messages
+//! - `sqlite`: messages of a rosbag2's SQLite database, in the order in which they were written
 
 mod joint_state;
 mod low_state;
