@@ -70,8 +70,8 @@ pub enum FreeBaseError {
     NotAGo2,
     /// An effect that walks are not judged with.
     #[error(
-        "--free-base knows viscous, coulomb, armature and bias, and the model has {effect} at {place}; `proprio remove {effect}:{place}` \
-         takes it out"
+        "a walk does not tell {effect} at {place}: it would need the transmitted torque, which contact forces leave open, or another sensor; \
+         `proprio remove {effect}:{place}` takes it out"
     )]
     Effect {
         /// Which.

@@ -196,19 +196,7 @@ impl RowSetup {
     }
 
     fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
-        Window::new(
-            self.tree,
-            [],
-            FreeBaseSetup {
-                imu: super::imu(),
-                feet: sensors.feet(),
-                scale: SCALE,
-                plausible: all_plausible(),
-                settings: settings(walk, stance),
-                acc_bias: sensors.acc_bias(),
-                speed_noise: walk.rest.speed_noise,
-            },
-        )
+        Window::new(self.tree, [], core_setup(walk, stance, sensors))
     }
 }
 
@@ -449,6 +437,23 @@ pub(super) fn fold(
     (blocks, counts)
 }
 
+/// What the core's rows of a walk need beside the tree.
+pub(super) fn core_setup(
+    walk: &Walk,
+    stance: &Stance,
+    sensors: &Sensors,
+) -> FreeBaseSetup<f64, COORDINATES, JOINTS, LEGS> {
+    FreeBaseSetup {
+        imu: super::imu(),
+        feet: sensors.feet(),
+        scale: SCALE,
+        plausible: all_plausible(),
+        settings: settings(walk, stance),
+        acc_bias: sensors.acc_bias(),
+        speed_noise: walk.rest.speed_noise,
+    }
+}
+
 fn settings(walk: &Walk, stance: &Stance) -> Settings {
     let usual = Settings::default();
     Settings {
@@ -462,7 +467,7 @@ fn microseconds(seconds: f64) -> u64 {
     (seconds * 1e6) as u64
 }
 
-fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {
+pub(super) fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {
     FreeBaseSample {
         joints: Sample {
             time_us: walk.time_us[n],
