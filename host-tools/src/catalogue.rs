@@ -123,6 +123,7 @@ mod tests {
     /// Nothing is registered here: it would be a candidate of every other test of this process.
     #[test]
     fn what_is_no_torque_with_columns_is_refused() {
+        const ONE: &[Parameter] = &[Parameter::new("c", "N m", 0.0, 1.0)];
         let refused = |description| {
             register(OwnEffect {
                 description,
@@ -135,7 +136,7 @@ mod tests {
         };
         let of = |name| Description {
             name,
-            parameters: &[Parameter::new("c", "N m", 0.0, 1.0)],
+            parameters: ONE,
             ..Description::TORQUE
         };
         assert_eq!(refused(of("coulomb")), Err(RegisterError::Taken("coulomb")));

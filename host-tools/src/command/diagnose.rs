@@ -50,7 +50,7 @@ pub(crate) struct Diagnose {
     /// logs these stay, and effects that are new have none.
     #[arg(long)]
     apply: bool,
-    /// The robot walks, sways or is swung: what the model lacks of friction, rotors, torque offsets and loads on bodies, the trunk's too
+    /// The robot walks, sways or is swung: effects at its joints and loads on its bodies, the trunk's too
     ///
     /// Logs have gyro/ and acc/ columns, as for `identify --free-base`. With --apply the values found are written to the model.
     #[arg(long)]

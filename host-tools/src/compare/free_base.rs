@@ -11,11 +11,11 @@ use serde::Serialize;
 use super::ValuesFrom;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::fit::bare;
-use crate::free_base::rows::{BODIES, COLUMNS, COORDINATES, EFFECTS};
-use crate::free_base::structure::{ModelStructure, effect_column};
+use crate::free_base::rows::{BODIES, COORDINATES};
+use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
-use crate::model::Model;
+use crate::model::{BASE, Model};
 use crate::table::Table;
 
 /// What `proprio compare --free-base` says.
@@ -91,26 +91,25 @@ pub fn compare_free_base(
 ) -> Result<FreeBaseComparison, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, progress)?;
-    let data = Data::of(&walks, &structure.with_everything())?;
+    let data = Data::of(&walks, &structure, &structure.candidates(model), &[])?;
     let lacks_values = model.effects().iter().any(|e| e.estimate().is_none());
     let fitted = match values {
         ValuesFrom::Auto => lacks_values,
         ValuesFrom::Fitted => true,
         ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
     };
-    let cad = data.with_sensors(&bare(
-        &data.problem(&ModelStructure::of(&Model::default())?, 1.0),
-    ));
+    let cad = ModelStructure::of(&Model::default())?;
+    let cad = data.with_sensors(&bare(&data, &cad));
     let (model, rms) = if fitted {
         let parts = data.held_out(&structure).ok_or(FreeBaseError::TooShort)?;
         let rms = crate::free_base::fit::rms(&parts);
         (parts.into_iter().map(|part| part.theta).collect(), rms)
     } else {
-        let theta = data.with_sensors(&given(model));
+        let theta = data.with_sensors(&given(&data, model));
         let rms = data.rms(&theta);
         (vec![theta], rms)
     };
-    let zero = DVector::zeros(COLUMNS);
+    let zero = DVector::zeros(data.columns().len());
     let thetas = [model.iter().collect(), vec![&cad], vec![&zero]];
     let mut series = empty_series();
     let by_coordinate = data.by_coordinate_and(&walks, &thetas, |equation| {
@@ -150,18 +149,18 @@ fn empty_series() -> Vec<WalkSeries> {
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
-fn given(model: &Model) -> DVector<f64> {
-    let mut theta = DVector::zeros(COLUMNS);
-    let bodies = std::iter::once(crate::model::BASE).chain(0..JOINTS);
+fn given(data: &Data, model: &Model) -> DVector<f64> {
+    let mut theta = DVector::zeros(data.columns().len());
+    let bodies = std::iter::once(BASE).chain(0..JOINTS);
     for (b, body) in bodies.enumerate().take(BODIES) {
         let inertia = model.inertia(body).0;
         theta.rows_mut(INERTIAL * b, INERTIAL).copy_from(&inertia);
     }
-    for joint in 0..JOINTS {
-        for (e, effect) in EFFECTS.into_iter().enumerate() {
-            let value = model.effect(effect, joint).and_then(|own| own.estimate());
-            theta[effect_column(joint, e)] = value.map_or(0.0, |own| own.value);
-        }
+    for (k, n, linear) in data.columns().effects() {
+        let (effect, joint) = data.columns().sites[n].place;
+        let own = model.effect(effect, joint);
+        let value = own.and_then(|own| own.estimates[linear.parameter]);
+        theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
     }
     theta
 }

@@ -55,6 +55,8 @@ pub(crate) enum Column {
     Gravity(usize),
     /// One delay of all joints.
     Delay,
+    /// What a sensor of a moving base gets wrong, by its number among them.
+    Sensor(usize),
 }
 
 /// The columns of a limb.
@@ -94,7 +96,7 @@ impl Columns {
             Column::Coupled { joint: own, .. } => {
                 own == joint || parent(&subtree_end, own) == Some(joint)
             }
-            Column::Motion { .. } | Column::Gravity(_) | Column::Delay => true,
+            Column::Motion { .. } | Column::Gravity(_) | Column::Delay | Column::Sensor(_) => true,
         };
         let (mut of_joint, mut places) = (Vec::new(), Vec::new());
         for joint in 0..joints {
@@ -113,6 +115,20 @@ impl Columns {
             entries,
             of_joint,
             places,
+        }
+    }
+
+    /// The columns of rows of one kind, which have them all; `places` tell where each entry stands in a row.
+    pub(crate) fn of_all(entries: Vec<Entry>, places: &[usize]) -> Self {
+        let mut of_row: Vec<Column> = entries.iter().map(|entry| entry.column).collect();
+        for (entry, place) in entries.iter().zip(places) {
+            of_row[*place] = entry.column;
+        }
+        Self {
+            subtree_end: vec![1],
+            entries,
+            of_joint: vec![of_row],
+            places: vec![places.iter().copied().map(Some).collect()],
         }
     }
 

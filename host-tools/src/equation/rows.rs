@@ -429,7 +429,8 @@ impl<'a> Pass<'a> {
                 Column::Inertial(..)
                 | Column::Own { .. }
                 | Column::Load { .. }
-                | Column::Scale(_) => (0.0, 0.0),
+                | Column::Scale(_)
+                | Column::Sensor(_) => (0.0, 0.0),
             };
         }
     }

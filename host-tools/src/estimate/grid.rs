@@ -63,9 +63,6 @@ impl Scan<'_> {
             return Vec::new();
         };
         match grid {
-            Grid::Harmonics => (1..=MULTIPLES)
-                .map(|k| k as f64 * self.gear(joint))
-                .collect(),
             Grid::Torques => {
                 let samples = 0..self.data.motion.time.len();
                 let torques = samples.map(|k| self.states().joint(k, joint).tau);
@@ -74,36 +71,29 @@ impl Scan<'_> {
                     .map(|k| most * k as f64 / LIMITS as f64)
                     .collect()
             }
-            Grid::Displacements => {
-                let q = || trajectory.state.iter().map(|state| state[0]);
-                let travel = q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min);
-                let least = self.least_displacement(place);
-                let most = (FARTHEST * travel).max(least);
-                geometric(least, most, DISPLACEMENTS)
-            }
-            Grid::SpeedsOfMotion => {
-                let speeds = trajectory.speed.iter();
-                let most = speeds.fold(0.0f64, |most, speed| most.max(speed.abs()));
-                (0..SPEEDS as i32)
-                    .map(|k| most * SLOWEST * FASTER.powi(k))
-                    .collect()
-            }
-            Grid::SpeedsAboveNoise => (0..SPEEDS as i32)
-                .map(|k| trajectory.speed_noise * FASTER.powi(k))
-                .collect(),
-            Grid::Values { least, most, count } => geometric(least, most, count),
             Grid::Gaps | Grid::Resonances => values_to_try(self.data, self.values, place),
+            _ => {
+                let q = || trajectory.state.iter().map(|state| state[0]);
+                let speeds = trajectory.speed.iter();
+                let reach = Reach {
+                    gear: self.gear(joint),
+                    travel: q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min),
+                    least_displacement: self.least_displacement(place),
+                    fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
+                    speed_noise: trajectory.speed_noise,
+                };
+                values(grid, &reach).unwrap_or_default()
+            }
         }
     }
 
-    /// The least displacement that a joint's samples resolve, rad: from where it turns round it goes ½ a T² in a sampling period T, with
-    /// a the root mean square of its acceleration.
+    /// The least displacement that an effect may have and a joint's samples resolve, rad.
     fn least_displacement(&self, (effect, joint): Place) -> f64 {
         let state = &self.data.motion.joint[joint].state;
         let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
         let acceleration = (square / state.len().max(1) as f64).sqrt();
-        let turning = 0.5 * acceleration * self.data.recording.period().powi(2);
-        turning.max(effect.description().parameters[shape_parameter(effect)].lower)
+        least_displacement(acceleration, self.data.recording.period())
+            .max(effect.description().parameters[shape_parameter(effect)].lower)
     }
 
     /// A joint's gear ratio; one where the motor is not known.
@@ -111,6 +101,41 @@ impl Scan<'_> {
         let body = &self.data.model.robot().bodies()[self.data.limb.bodies.start + joint];
         body.motor.map_or(1.0, |motor| motor.gear)
     }
+}
+
+/// What of a joint's motion a grid is made of.
+pub(crate) struct Reach {
+    /// Gear ratio.
+    pub(crate) gear: f64,
+    /// From the least to the greatest position, rad.
+    pub(crate) travel: f64,
+    /// The least displacement to look for, rad ([`least_displacement`]).
+    pub(crate) least_displacement: f64,
+    /// Greatest speed, rad/s, and that below which it may be noise.
+    pub(crate) fastest: f64,
+    pub(crate) speed_noise: f64,
+}
+
+/// The values of a grid where a joint moves so; `None` of one that depends on its torque.
+pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
+    let speeds = |first: f64| (0..SPEEDS as i32).map(move |k| first * FASTER.powi(k));
+    Some(match grid {
+        Grid::Harmonics => (1..=MULTIPLES).map(|k| k as f64 * reach.gear).collect(),
+        Grid::Displacements => {
+            let least = reach.least_displacement;
+            geometric(least, (FARTHEST * reach.travel).max(least), DISPLACEMENTS)
+        }
+        Grid::SpeedsOfMotion => speeds(reach.fastest * SLOWEST).collect(),
+        Grid::SpeedsAboveNoise => speeds(reach.speed_noise).collect(),
+        Grid::Values { least, most, count } => geometric(least, most, count),
+        Grid::Torques | Grid::Gaps | Grid::Resonances => return None,
+    })
+}
+
+/// The least displacement that samples resolve, rad: from where a joint turns round it goes ½ a T² in a sampling period T, s, with
+/// a the root mean square of its acceleration, rad/s².
+pub(crate) fn least_displacement(acceleration: f64, period: f64) -> f64 {
+    0.5 * acceleration * period.powi(2)
 }
 
 /// How far the neighbours of a gap or a compliance that is known are, a factor.

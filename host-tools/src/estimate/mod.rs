@@ -15,7 +15,7 @@ pub(crate) mod deviation;
 pub(crate) mod directions;
 pub(crate) mod fit;
 pub(crate) mod folding;
-mod grid;
+pub(crate) mod grid;
 mod groups;
 pub(crate) mod known;
 mod leaves;

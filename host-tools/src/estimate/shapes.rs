@@ -93,7 +93,7 @@ pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
 }
 
 /// The shape next to this one that an effect may have.
-pub(super) fn possible(effect: EffectKind, shape: f64) -> f64 {
+pub(crate) fn possible(effect: EffectKind, shape: f64) -> f64 {
     let parameter = &effect.description().parameters[shape_parameter(effect)];
     shape.clamp(parameter.lower, parameter.upper)
 }

@@ -1,12 +1,15 @@
 //! All walks' windows as factors: one per block of time, all together, and all but each part of the time.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 use proprio_core::tree::GRAVITY;
 
+use super::columns::{ACC, EffectSite, WalkColumns};
 use super::outside;
+use super::projection::{Equations, Projection};
 use super::rows::{
-    ACC, Block, COLUMNS, COORDINATES, Linearised, RowSetup, SCALE, WholeFactor, Windows, each_row,
-    empty, fold,
+    Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
 };
 use super::sensors::{ACC_SCALE, MovedReadings};
 use super::stance::Stance;
@@ -14,6 +17,7 @@ use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
 use super::walk::Walk;
 use super::{FreeBaseError, Walks};
+use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
 
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
@@ -29,24 +33,22 @@ const LOCAL_GRAVITY: f64 = 0.015;
 pub(crate) const PARTS: usize = 5;
 
 /// Blocks taken together.
-pub(super) struct Sum {
-    pub(super) factor: WholeFactor,
+pub(crate) struct Sum {
+    pub(crate) factor: HeapFactor,
     /// The factor's triangle, the right-hand side last.
     pub(super) rows: DMatrix<f64>,
-    pub(super) equations: f64,
+    pub(crate) equations: f64,
 }
 
 impl Sum {
-    fn of<'a>(blocks: impl Iterator<Item = &'a Block>) -> Self {
-        let (mut factor, mut equations) = (empty(), 0.0);
-        let mut scratch = vec![0.0; COLUMNS + 1];
+    fn of<'a>(columns: usize, blocks: impl Iterator<Item = &'a Block>) -> Self {
+        let (mut factor, mut equations) = (HeapFactor::new(columns), 0.0);
         for block in blocks {
-            // Same columns and finite numbers: cannot fail.
-            let _ = factor.merge(&block.factor, |c| c, 1.0, &mut scratch);
+            factor.merge(&block.factor);
             equations += block.equations;
         }
         Self {
-            rows: dense(&factor),
+            rows: factor.dense(),
             factor,
             equations,
         }
@@ -59,19 +61,19 @@ impl Sum {
 }
 
 /// A part of the time, and all blocks that share no noise with it.
-pub(super) struct Part {
-    pub(super) own: Sum,
-    pub(super) others: Sum,
+pub(crate) struct Part {
+    pub(crate) own: Sum,
+    pub(crate) others: Sum,
 }
 
 /// What the walks say of all columns.
 pub(crate) struct Data {
     /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity_rows`]).
-    pub(super) gravity: DMatrix<f64>,
+    pub(crate) gravity: DMatrix<f64>,
     pub(super) blocks: Vec<Block>,
-    pub(super) all: Sum,
+    pub(crate) all: Sum,
     /// None of logs that are too short.
-    pub(super) parts: Vec<Part>,
+    pub(crate) parts: Vec<Part>,
     pub(crate) windows: Windows,
     setup: RowSetup,
     /// What moved readings leave, log after log.
@@ -84,28 +86,50 @@ pub(crate) struct Data {
 
 impl Data {
     /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
-    /// `structure`. Again where that fit leaves far more of some windows than of others: these spoilt it, and are left out.
-    pub(crate) fn of(walks: &Walks, structure: &ModelStructure) -> Result<Self, FreeBaseError> {
-        let mut setup = RowSetup::cad();
+    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
+    /// others: these spoilt it, and are left out. The rows have columns of what is `tried`.
+    pub(crate) fn of(
+        walks: &Walks,
+        structure: &ModelStructure,
+        candidates: &[EffectSite],
+        tried: &[EffectSite],
+    ) -> Result<Self, FreeBaseError> {
+        let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
+        let judged = Arc::new(WalkColumns {
+            sites: structure.effects.iter().cloned().chain(torques).collect(),
+        });
+        let mut setup = RowSetup::cad(judged.clone());
         let mut outside = vec![Vec::new(); walks.walks.len()];
-        let gravity = gravity_rows(&walks.walks);
         let mut parts = None;
         for _ in 0..ROUNDS {
-            let data = Self::made(walks, setup, gravity.clone(), outside.clone(), true)?;
-            let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-            // Rows that were made at another fit are much the same.
-            parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
-            let thetas = match &parts {
-                Some(parts) => parts.iter().map(|part| &part.theta).collect(),
-                None => vec![fit.theta()],
+            let data = Self::made(walks, setup, outside.clone(), true, None)?;
+            let (theta, thetas) = match candidates {
+                [] => {
+                    let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+                    // Rows that were made at another fit are much the same.
+                    parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
+                    let thetas = parts.iter().flatten().map(|part| part.theta.clone());
+                    (fit.theta().clone(), thetas.collect())
+                }
+                _ => data.with_all(structure).ok_or(FreeBaseError::Unsolvable)?,
+            };
+            let thetas: Vec<&DVector<f64>> = match &thetas[..] {
+                [] => vec![&theta],
+                parts => parts.iter().collect(),
             };
             let before = std::mem::replace(&mut outside, outside::windows(walks, &data, &thetas));
-            setup = RowSetup::at(fit.theta());
+            setup = RowSetup::at(judged.clone(), theta);
             if outside == before {
                 break;
             }
         }
-        let mut data = Self::made(walks, setup, gravity, outside, true)?;
+        if !candidates.is_empty() {
+            let sites = structure.effects.iter().chain(tried).cloned();
+            setup = setup.with_columns(WalkColumns {
+                sites: sites.collect(),
+            });
+        }
+        let mut data = Self::made(walks, setup, outside, true, None)?;
         if data.windows.outside > 0 {
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
             data.unseen = unseen::feet(walks, &data, fit.theta());
@@ -114,24 +138,105 @@ impl Data {
     }
 
     /// The rows of all windows at the CAD's bodies, none left out for what a fit leaves of it: for a motion of which there is no fit.
-    pub(super) fn unjudged(walks: &Walks) -> Result<Self, FreeBaseError> {
+    pub(super) fn unjudged(
+        walks: &Walks,
+        structure: &ModelStructure,
+    ) -> Result<Self, FreeBaseError> {
         let outside = vec![Vec::new(); walks.walks.len()];
-        let gravity = gravity_rows(&walks.walks);
-        Self::made(walks, RowSetup::cad(), gravity, outside, false)
+        let setup = RowSetup::cad(Arc::new(structure.columns()));
+        Self::made(walks, setup, outside, false, None)
+    }
+
+    /// The same with other nonlinear parameters of the same effects.
+    pub(crate) fn with_sites(
+        self,
+        walks: &Walks,
+        sites: Vec<EffectSite>,
+    ) -> Result<Self, FreeBaseError> {
+        let setup = self.setup.with_columns(WalkColumns { sites });
+        let data = Self::made(walks, setup, self.outside, true, Some(self.moved))?;
+        Ok(Self {
+            unseen: self.unseen,
+            ..data
+        })
+    }
+
+    /// Root mean square of what is left of each part of the time by parameters of its own, N m.
+    pub(crate) fn rms_of_parts(&self, thetas: &[DVector<f64>]) -> f64 {
+        let parts = || self.parts.iter().map(|part| &part.own).zip(thetas);
+        let squares: f64 = parts().map(|(own, theta)| own.squares(theta)).sum();
+        let equations: f64 = parts().map(|(own, _)| own.equations).sum();
+        (squares / equations.max(1.0)).sqrt()
+    }
+
+    /// What parameters leave of each equation, log after log and window by window.
+    pub(crate) fn left(&self, walks: &Walks, theta: &DVector<f64>) -> Vec<Vec<LeftOfWindow>> {
+        let logs = walks.walks.iter().enumerate();
+        let of = |(n, (walk, stance)): (usize, &(Walk, Stance))| {
+            let mut windows: Vec<LeftOfWindow> = Vec::new();
+            each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
+                let start_us = (row.start * 1e6).round() as u64;
+                if row.rank > 0 {
+                    windows.push(LeftOfWindow {
+                        start_us,
+                        measured: [f64::NAN; COORDINATES],
+                        left: [f64::NAN; COORDINATES],
+                    });
+                }
+                if let Some(own) = windows.last_mut() {
+                    let measured = row.numbers[theta.len()];
+                    let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
+                    own.measured[row.coordinate] = measured;
+                    own.left[row.coordinate] = measured - terms.sum::<f64>();
+                }
+            });
+            windows
+        };
+        logs.map(of).collect()
+    }
+
+    /// Tells of log `n` the windows that begin at a wanted time, µs, and what they make of joints' torques.
+    pub(crate) fn each_projection(
+        &self,
+        walks: &Walks,
+        n: usize,
+        wanted: impl Fn(u64) -> bool,
+        mut tell: impl FnMut(u64, &Projection<'_>),
+    ) {
+        let (walk, stance) = &walks.walks[n];
+        let setup = &self.setup;
+        each_window(walk, stance, setup, &setup.sensors, |seen| {
+            let start_us = seen.rows.span_us[0];
+            if wanted(start_us) {
+                tell(start_us, &seen.projection(setup));
+            }
+        });
+    }
+
+    /// A walk as the sensors that rows are made at read it.
+    pub(crate) fn corrected(&self, walk: &Walk) -> Walk {
+        self.setup.sensors.corrected(walk)
+    }
+
+    /// The columns of its rows.
+    pub(crate) fn columns(&self) -> &WalkColumns {
+        &self.setup.columns
     }
 
     fn made(
         walks: &Walks,
         setup: RowSetup,
-        gravity: DMatrix<f64>,
         outside: Vec<Vec<u64>>,
         parts: bool,
+        moved: Option<Vec<MovedReadings>>,
     ) -> Result<Self, FreeBaseError> {
+        let columns = setup.columns.len();
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
-        let logs = walks.walks.iter();
-        let moved: Vec<MovedReadings> = logs
-            .map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
-            .collect();
+        let moved = moved.unwrap_or_else(|| {
+            let logs = walks.walks.iter();
+            logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
+                .collect()
+        });
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let at = Linearised {
                 setup: &setup,
@@ -149,9 +254,13 @@ impl Data {
             return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
         Ok(Self {
-            gravity,
-            all: Sum::of(blocks.iter()),
-            parts: if parts { parts_of(&blocks) } else { Vec::new() },
+            gravity: gravity_rows(&walks.walks, columns),
+            all: Sum::of(columns, blocks.iter()),
+            parts: if parts {
+                parts_of(columns, &blocks)
+            } else {
+                Vec::new()
+            },
             blocks,
             windows,
             setup,
@@ -159,6 +268,11 @@ impl Data {
             outside,
             unseen: Vec::new(),
         })
+    }
+
+    /// The same rows made at other parameters.
+    pub(super) fn setup_at(&self, theta: DVector<f64>) -> RowSetup {
+        RowSetup::at(self.setup.columns.clone(), theta)
     }
 
     /// What the rows of log `n` are made at.
@@ -251,12 +365,20 @@ impl Data {
                     t: start + row.start,
                     window: stance.window_us as f64 * 1e-6,
                     coordinate: row.coordinate,
-                    measured: row.numbers[COLUMNS] / scale,
+                    measured: row.numbers[row.numbers.len() - 1] / scale,
                     predicted: &predicted,
                 });
             });
         }
     }
+}
+
+/// What parameters leave of a window's equations, as rows are scaled; not a number of an equation that is left out.
+pub(crate) struct LeftOfWindow {
+    /// When the window began.
+    pub(crate) start_us: u64,
+    pub(crate) measured: Equations,
+    pub(crate) left: Equations,
 }
 
 /// An equation of a window, in N m (N of forces): what is measured, and what models say.
@@ -325,7 +447,7 @@ fn seconds(walk: &Walk) -> f64 {
 }
 
 /// The parts of the time, each with the blocks that are not its neighbours: those share its noise.
-fn parts_of(blocks: &[Block]) -> Vec<Part> {
+fn parts_of(columns: usize, blocks: &[Block]) -> Vec<Part> {
     let count = blocks.len();
     if count < 2 * PARTS {
         return Vec::new();
@@ -336,7 +458,10 @@ fn parts_of(blocks: &[Block]) -> Vec<Part> {
         let near = |k: usize| own(k) || own(k + 1) || (k > 0 && own(k - 1));
         let chosen = |which: &dyn Fn(usize) -> bool| {
             let blocks = blocks.iter().enumerate();
-            Sum::of(blocks.filter(|(k, _)| which(*k)).map(|(_, block)| block))
+            Sum::of(
+                columns,
+                blocks.filter(|(k, _)| which(*k)).map(|(_, block)| block),
+            )
         };
         Part {
             own: chosen(&own),
@@ -347,17 +472,17 @@ fn parts_of(blocks: &[Block]) -> Vec<Part> {
 
 /// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
 /// are taken to be of one place, whose gravity nobody has measured.
-fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
+fn gravity_rows(walks: &[(Walk, Stance)], columns: usize) -> DMatrix<f64> {
     let told = walks.iter();
     let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
     let told: Vec<_> = told.collect();
-    let mut rows = DMatrix::zeros(told.len(), COLUMNS + 1);
+    let mut rows = DMatrix::zeros(told.len(), columns + 1);
     for (r, gravity) in told.iter().enumerate() {
         for n in 0..3 {
             rows[(r, ACC + n)] = gravity.up[n];
         }
         rows[(r, ACC + ACC_SCALE)] = GRAVITY;
-        rows[(r, COLUMNS)] = gravity.excess;
+        rows[(r, columns)] = gravity.excess;
     }
     let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {
         let own = if r == c { told[r].std.powi(2) } else { 0.0 };
@@ -366,17 +491,5 @@ fn gravity_rows(walks: &[(Walk, Stance)]) -> DMatrix<f64> {
     // Each has a deviation of its own, so there is a root.
     let root = covariance.cholesky();
     root.and_then(|root| root.l().solve_lower_triangular(&rows))
-        .unwrap_or_else(|| DMatrix::zeros(0, COLUMNS + 1))
-}
-
-/// A factor's triangle as a matrix, the right-hand side last.
-pub(super) fn dense(factor: &WholeFactor) -> DMatrix<f64> {
-    let n = factor.columns();
-    let mut rows = DMatrix::zeros(n, n + 1);
-    for k in 0..n {
-        for (c, x) in factor.row(k).iter().enumerate() {
-            rows[(k, k + c)] = *x;
-        }
-    }
-    rows
+        .unwrap_or_else(|| DMatrix::zeros(0, columns + 1))
 }

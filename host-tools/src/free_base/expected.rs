@@ -70,7 +70,7 @@ pub(crate) fn expected_of_log(
 }
 
 fn of_walks(structure: &ModelStructure, walks: &Walks) -> Result<Expected, FreeBaseError> {
-    let data = Data::unjudged(walks)?;
+    let data = Data::unjudged(walks, structure)?;
     let problem = data.problem(structure, FIRST_NOISE);
     let start = problem.start();
     let prior = problem.prior_root(&start);

@@ -4,8 +4,8 @@
 use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
-use super::data::{Data, Sum, dense};
-use super::rows::{ACC, BODIES, COLUMNS};
+use super::columns::ACC;
+use super::data::{Data, Sum};
 use super::sensors::{self, SENSORS};
 use super::structure::ModelStructure;
 use crate::estimate::Constraint;
@@ -17,6 +17,8 @@ use crate::estimate::robot::side_by_side;
 /// The noise of an equation before a fit tells it, and the least that is believed, N m.
 pub(crate) const FIRST_NOISE: f64 = 0.1;
 const LEAST_NOISE: f64 = 1e-4;
+/// Times that the noise of a fit without bounds is taken from what the one before leaves.
+const NOISE_ROUNDS: usize = 2;
 /// Noises that differ by a smaller share weigh the prior alike.
 const SAME_NOISE: f64 = 0.01;
 
@@ -29,21 +31,32 @@ struct Near<'a> {
 
 /// A model fitted to walks, or to a part of them.
 pub(crate) struct Fit {
+    /// Over the columns that the model has.
     pub(crate) problem: Problem,
     pub(crate) solution: Solution,
+    /// Which columns these are.
+    pub(crate) active: Vec<usize>,
+    /// All parameters; zero where the model does not have a column.
+    theta: DVector<f64>,
     /// Root mean square of what is left in an equation, N m.
     pub(crate) noise: f64,
 }
 
 impl Fit {
-    /// The bodies, the base first, then the joints' effects and what sensors get wrong.
+    /// The bodies, the base first, what sensors get wrong, and effects.
     pub(crate) fn theta(&self) -> &DVector<f64> {
-        &self.solution.theta
+        &self.theta
+    }
+
+    /// Whether column k's parameter is at a bound.
+    pub(crate) fn is_held(&self, k: usize) -> bool {
+        let at = self.active.binary_search(&k);
+        at.is_ok_and(|at| self.solution.held[at])
     }
 
     fn of(
+        data: &Data,
         sum: &Sum,
-        gravity: &DMatrix<f64>,
         structure: &ModelStructure,
         near: Option<Near<'_>>,
     ) -> Option<Self> {
@@ -52,9 +65,17 @@ impl Fit {
         let bodies = structure.bodies.iter();
         let mut tightness: Vec<f64> = bodies.map(|body| tightness(body.loaded)).collect();
         let mut noise = near.map_or(FIRST_NOISE, |near| near.noise);
-        let mut problem = problem(weighed(&sum.rows, gravity, noise), structure);
+        let active = structure.active(data.columns());
+        let rows = some_columns(&sum.rows, &active);
+        let rows = if rows.nrows() > rows.ncols() {
+            triangle(rows)
+        } else {
+            rows
+        };
+        let gravity = some_columns(&data.gravity, &active);
+        let mut problem = problem(data, weighed(&rows, &gravity, noise), structure);
         let mut solution = match near {
-            Some(near) => problem.solve_from(near.theta)?,
+            Some(near) => problem.solve_from(&some_entries(near.theta, &active))?,
             None => problem.solve()?,
         };
         let rounds = if structure.hold_bodies {
@@ -62,12 +83,13 @@ impl Fit {
         } else {
             0
         };
+        let all = |theta: &DVector<f64>| spread_out(theta, &active, data.columns().len());
         // The noise is what the fit leaves, and the fit weighs the prior by it.
         for round in 0..=rounds {
-            let now = noise_of(sum, &solution.theta);
+            let now = noise_of(sum, &all(&solution.theta));
             if (now / noise - 1.0).abs() > SAME_NOISE {
                 noise = now;
-                problem.data = weighed(&sum.rows, gravity, noise);
+                problem.data = weighed(&rows, &gravity, noise);
                 solution = problem.solve_from(&solution.theta)?;
             }
             if round == rounds || !hold(&mut problem, &solution, &mut tightness) {
@@ -75,8 +97,11 @@ impl Fit {
             }
             solution = problem.solve_from(&solution.theta)?;
         }
+        let theta = all(&solution.theta);
         Some(Self {
-            noise: noise.max(noise_of(sum, &solution.theta)),
+            noise: noise.max(noise_of(sum, &theta)),
+            theta,
+            active,
             problem,
             solution,
         })
@@ -84,18 +109,36 @@ impl Fit {
 
     /// The cost, in units of the noise, of the solution on all data of `data`.
     pub(crate) fn cost(&self, data: &Data, noise: f64) -> f64 {
-        let prior = self.problem.without_data().cost(self.theta());
+        let prior = self.problem.without_data().cost(&self.solution.theta);
         data.all.squares(self.theta()) / (noise * noise) + prior.unwrap_or(f64::INFINITY)
     }
 }
 
-fn problem(data: DMatrix<f64>, structure: &ModelStructure) -> Problem {
+fn problem(data: &Data, rows: DMatrix<f64>, structure: &ModelStructure) -> Problem {
     Problem {
         bodies: structure.body_priors(),
-        others: structure.others(),
-        data,
+        others: structure.others(data.columns()),
+        data: rows,
         free: structure.constraint == Constraint::Free,
     }
+}
+
+/// Some columns of rows, and their right-hand side.
+fn some_columns(rows: &DMatrix<f64>, columns: &[usize]) -> DMatrix<f64> {
+    let right = rows.ncols() - 1;
+    let all: Vec<usize> = columns.iter().copied().chain([right]).collect();
+    rows.select_columns(&all)
+}
+
+fn some_entries(theta: &DVector<f64>, entries: &[usize]) -> DVector<f64> {
+    DVector::from_iterator(entries.len(), entries.iter().map(|k| theta[*k]))
+}
+
+/// The entries of a whole vector, all others zero.
+fn spread_out(theta: &DVector<f64>, entries: &[usize], len: usize) -> DVector<f64> {
+    let mut all = DVector::zeros(len);
+    entries.iter().zip(theta).for_each(|(k, x)| all[*k] = *x);
+    all
 }
 
 fn noise_of(sum: &Sum, theta: &DVector<f64>) -> f64 {
@@ -131,27 +174,31 @@ pub(crate) fn rms(parts: &[HeldOut]) -> f64 {
 pub(crate) struct Deviations {
     /// Roots of the covariance: if residuals are independent, and by the spread over blocks.
     roots: [DMatrix<f64>; 2],
+    /// The columns that these are of.
+    active: Vec<usize>,
 }
 
 impl Deviations {
-    /// Standard deviation of a combination of parameters: the larger of the two.
+    /// Standard deviation of a combination of all parameters: the larger of the two.
     pub(crate) fn of_combination(&self, combination: &DVector<f64>) -> f64 {
+        let own = some_entries(combination, &self.active);
         let roots = self.roots.iter();
         roots
-            .map(|root| root.tr_mul(combination).norm())
+            .map(|root| root.tr_mul(&own).norm())
             .fold(0.0, f64::max)
     }
 
-    /// Standard deviations of parameter k if residuals are independent, and by the spread over blocks.
+    /// Standard deviations of parameter k if residuals are independent, and by the spread over blocks; zero of one that the model does not have.
     pub(crate) fn of_parameter(&self, k: usize) -> [f64; 2] {
-        [0, 1].map(|n: usize| self.roots[n].row(k).norm())
+        let at = self.active.binary_search(&k);
+        [0, 1].map(|n: usize| at.map_or(0.0, |at| self.roots[n].row(at).norm()))
     }
 }
 
 impl Data {
     /// The fit of a model to all walks; none if numbers overflow.
     pub(crate) fn fit(&self, structure: &ModelStructure) -> Option<Fit> {
-        Fit::of(&self.all, &self.gravity, structure, None)
+        Fit::of(self, &self.all, structure, None)
     }
 
     /// The same, looked for from the fit of another model.
@@ -160,12 +207,48 @@ impl Data {
             theta: near.theta(),
             noise: near.noise,
         };
-        Fit::of(&self.all, &self.gravity, structure, Some(near))
+        Fit::of(self, &self.all, structure, Some(near))
+    }
+
+    /// With all torques at joints that the data have columns of and a load on every body, to first order and without bounds: the parameters by all
+    /// data, and by those of all parts of the time but each. What these leave no candidate explains.
+    pub(crate) fn with_all(
+        &self,
+        structure: &ModelStructure,
+    ) -> Option<(DVector<f64>, Vec<DVector<f64>>)> {
+        let columns = self.columns();
+        let own = columns.sites.iter();
+        let own = own.filter(|site| site.is_torque() || structure.has(site.place));
+        let whole = ModelStructure {
+            effects: own.cloned().collect(),
+            ..structure.with_loads()
+        };
+        let active = whole.active(columns);
+        let gravity = some_columns(&self.gravity, &active);
+        let solved = |sum: &&Sum| {
+            let (mut noise, mut theta) = (FIRST_NOISE, DVector::zeros(0));
+            let own = some_columns(&sum.rows, &active);
+            for _ in 0..NOISE_ROUNDS {
+                let problem = problem(self, weighed(&own, &gravity, noise), &whole);
+                let (r, z) = problem.expanded(&problem.start())?;
+                let found = r.solve_upper_triangular(&z)?;
+                theta = spread_out(&found, &active, columns.len());
+                noise = noise_of(sum, &theta);
+            }
+            Some(theta)
+        };
+        let others = self.parts.iter().map(|part| &part.others);
+        let sums: Vec<&Sum> = std::iter::once(&self.all).chain(others).collect();
+        let solved: Option<Vec<_>> = side_by_side(&sums, solved).into_iter().collect();
+        let mut solved = solved?.into_iter();
+        Some((solved.next()?, solved.collect()))
     }
 
     /// What a model's fit minimises at this noise of an equation, N m; no body is held.
     pub(crate) fn problem(&self, structure: &ModelStructure, noise: f64) -> Problem {
-        problem(weighed(&self.all.rows, &self.gravity, noise), structure)
+        let active = structure.active(self.columns());
+        let [rows, gravity] = [&self.all.rows, &self.gravity].map(|r| some_columns(r, &active));
+        problem(self, weighed(&rows, &gravity, noise), structure)
     }
 
     /// The same parameters with what sensors get wrong as it fits them best.
@@ -180,7 +263,8 @@ impl Data {
         let mut own = DMatrix::zeros(rows.nrows() + SENSORS, SENSORS + 1);
         own.view_mut((0, 0), (rows.nrows(), SENSORS))
             .copy_from(&rows.columns(ACC, SENSORS));
-        let left = rows.column(COLUMNS) - rows.columns(0, COLUMNS) * &theta;
+        let columns = theta.len();
+        let left = rows.column(columns) - rows.columns(0, columns) * &theta;
         own.view_mut((0, SENSORS), (rows.nrows(), 1))
             .copy_from(&left);
         (0..SENSORS).for_each(|n| own[(rows.nrows() + n, n)] = 1.0 / sensors::STD[n]);
@@ -213,12 +297,12 @@ impl Data {
                 theta: &near.theta,
                 noise: near.noise,
             });
-            let fit = Fit::of(&part.others, &self.gravity, structure, near)?;
+            let fit = Fit::of(self, &part.others, structure, near)?;
             Some(HeldOut {
                 squares: part.own.squares(fit.theta()),
                 equations: part.own.equations,
                 noise: fit.noise,
-                theta: fit.solution.theta,
+                theta: fit.theta,
             })
         };
         let parts: Option<Vec<HeldOut>> = side_by_side(&numbers, of).into_iter().collect();
@@ -227,17 +311,20 @@ impl Data {
 
     /// What is known of the errors of a fit to all walks.
     pub(crate) fn deviations(&self, fit: &Fit) -> Deviations {
-        let blocks = self.blocks.iter();
-        let blocks: Vec<BlockScore> = blocks
-            .map(|block| BlockScore::of(dense(&block.factor) / fit.noise, fit.theta()))
-            .collect();
+        let of = |block: &super::rows::Block| {
+            let rows = some_columns(&block.factor.dense(), &fit.active);
+            BlockScore::of(rows / fit.noise, &fit.solution.theta)
+        };
+        let blocks: Vec<BlockScore> = side_by_side(&self.blocks, of);
         let independent = inverse(&fit.solution.factor);
         // What gravity's length tells is no sample of the blocks: known as a prior is.
-        let prior = fit.problem.prior_information(fit.theta());
-        let prior = stack(&prior, &self.gravity.columns(0, COLUMNS).into_owned());
+        let prior = fit.problem.prior_information(&fit.solution.theta);
+        let gravity = some_columns(&self.gravity, &fit.active);
+        let prior = stack(&prior, &gravity.columns(0, fit.active.len()).into_owned());
         let blocks = sandwich(&independent, &blocks, &prior);
         Deviations {
             roots: [independent, blocks],
+            active: fit.active.clone(),
         }
     }
 
@@ -252,11 +339,12 @@ impl Data {
     }
 }
 
-/// The bodies as a problem has them before any data, and no effect.
-pub(crate) fn bare(problem: &Problem) -> DVector<f64> {
-    let mut bare = problem.start();
-    bare.rows_mut(INERTIAL * BODIES, COLUMNS - INERTIAL * BODIES)
-        .fill(0.0);
+/// The bodies as a structure has them before any data, and no effect.
+pub(crate) fn bare(data: &Data, structure: &ModelStructure) -> DVector<f64> {
+    let mut bare = DVector::zeros(data.columns().len());
+    for (b, (body, _)) in structure.body_priors().iter().enumerate() {
+        bare.rows_mut(INERTIAL * b, INERTIAL).copy_from(&body.0);
+    }
     bare
 }
 

@@ -5,19 +5,22 @@
 //!    two channels, a quieter gyro. `rest`: joints that friction may hold.
 //! 2. `stance`: which feet may carry a force; those are projected out.
 //!    `held`: whether something beyond them carries the robot.
-//! 3. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
+//! 3. `columns`: which column is what. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
+//!    `projection`: columns of any effect's torque in them.
 //!    `sensors`: what these get wrong, in columns of their own.
 //! 4. `data`: the rows as one factor per block of time.
 //!    `outside`: windows that no model of the catalogue explains. `unseen`: those of a foot that is taken to be in the air and is not.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
 //!    sensors get wrong. `expected`: what a motion would tell before it is played.
 
+pub(crate) mod columns;
 pub(crate) mod data;
 pub(crate) mod expected;
 pub(crate) mod fit;
 mod gravity;
 mod held;
 mod outside;
+pub(crate) mod projection;
 mod rest;
 pub(crate) mod rows;
 pub(crate) mod sensors;
@@ -25,7 +28,7 @@ mod speed;
 mod stance;
 pub(crate) mod structure;
 mod unseen;
-mod walk;
+pub(crate) mod walk;
 
 use std::path::{Path, PathBuf};
 
@@ -67,8 +70,8 @@ pub enum FreeBaseError {
     NotAGo2,
     /// An effect that walks are not judged with.
     #[error(
-        "--free-base knows viscous, coulomb, armature and bias, and the model has {effect} at {place}; `proprio remove {effect}:{place}` \
-         takes it out"
+        "a walk does not tell {effect} at {place}: it would need the transmitted torque, which contact forces leave open, or another sensor; \
+         `proprio remove {effect}:{place}` takes it out"
     )]
     Effect {
         /// Which.

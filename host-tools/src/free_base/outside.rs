@@ -10,7 +10,7 @@ use nalgebra::DVector;
 
 use super::Walks;
 use super::data::Data;
-use super::rows::{COLUMNS, Linearised, each_row};
+use super::rows::{Linearised, each_row};
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::robust;
@@ -65,7 +65,7 @@ pub(super) fn squares<'a>(
             .iter()
             .zip(&*row.numbers)
             .map(|(x, a)| x * a);
-        let left = row.numbers[COLUMNS] - terms.sum::<f64>();
+        let left = row.numbers[row.numbers.len() - 1] - terms.sum::<f64>();
         if row.rank > 0 {
             windows.push(Squares {
                 start_us: (row.start * 1e6).round() as u64,

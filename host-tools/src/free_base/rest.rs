@@ -20,9 +20,9 @@ const RESTING: f64 = 2.0;
 
 /// What is known of joints near standstill.
 #[derive(Debug, Clone)]
-pub(super) struct Rest {
+pub(crate) struct Rest {
     /// Speeds below which the sign of a joint's may be noise, rad/s.
-    pub(super) speed_noise: [f64; JOINTS],
+    pub(crate) speed_noise: [f64; JOINTS],
     /// How many samples before each, and in all, found a joint so slow that friction may hold it.
     slow: Vec<[u32; JOINTS]>,
 }

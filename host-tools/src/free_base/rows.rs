@@ -1,9 +1,10 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
-use proprio_core::factor::{Factor, packed_len};
 use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::tree::Tree;
@@ -14,26 +15,22 @@ use proprio_core::window::{
 };
 use serde::Serialize;
 
-use super::sensors::{MOVED, MovedReadings, SENSORS, Sensors};
+use super::columns::{ACC, FIXED, WalkColumns};
+use super::projection::{Equations, JointStates, Projection};
+use super::sensors::{MOVED, MovedReadings, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::estimate::bounded::body;
+use crate::estimate::factor::{BATCH, HeapFactor};
 
 /// Bodies, the base first.
 pub(crate) const BODIES: usize = JOINTS + 1;
 /// Velocity coordinates.
 pub(crate) const COORDINATES: usize = JOINTS + 6;
-/// The effects of every joint, in the order of their columns.
-pub(crate) const EFFECTS: [EffectKind; 4] = EffectKind::PLAIN;
-/// Inertial columns, the effects' and the sensors'.
-pub(crate) const COLUMNS: usize = INERTIAL * BODIES + EFFECTS.len() * JOINTS + SENSORS;
-/// Where the sensors' columns begin, the accelerometer's first.
-pub(crate) const ACC: usize = COLUMNS - SENSORS;
 
-type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 4>;
-type Window = FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, 12, 4, [EffectKind; 4]>;
-/// A factor over all columns.
-pub(super) type WholeFactor = Factor<f64, Vec<f64>>;
+type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 0>;
+type Window =
+    FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, { 3 * LEGS }, 0, [EffectKind; 0]>;
 
 /// Stamps of a steady clock are off by no more, s.
 const JITTER: f64 = 1e-4;
@@ -85,20 +82,35 @@ impl Windows {
 
 /// One block of time.
 pub(super) struct Block {
-    pub(super) factor: WholeFactor,
+    pub(super) factor: HeapFactor,
     /// Equations in it.
     pub(super) equations: f64,
     /// Of which walk, and which of its blocks.
     pub(super) of: (usize, usize),
+    /// Rows that are not in the factor yet.
+    batch: Vec<f64>,
 }
 
 impl Block {
-    pub(super) fn empty() -> Self {
+    fn empty(columns: usize) -> Self {
         Self {
-            factor: empty(),
+            factor: HeapFactor::new(columns),
             equations: 0.0,
             of: (0, 0),
+            batch: Vec::new(),
         }
+    }
+
+    fn push(&mut self, row: &[f64]) {
+        self.batch.extend_from_slice(row);
+        if self.batch.len() >= BATCH * row.len() {
+            self.fold();
+        }
+    }
+
+    fn fold(&mut self) {
+        self.factor.fold(&mut self.batch);
+        self.batch = Vec::new();
     }
 }
 
@@ -113,62 +125,93 @@ pub(crate) const SCALE: [f64; COORDINATES] = {
     scale
 };
 
-/// What the rows are made at: the sensors' columns are derivatives at these parameters.
+/// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
+#[derive(Clone)]
 pub(super) struct RowSetup {
-    tree: Tree<f64, BODIES, COORDINATES>,
+    pub(super) columns: Arc<WalkColumns>,
+    pub(super) tree: Tree<f64, BODIES, COORDINATES>,
     pub(super) sensors: Sensors,
-    /// All that is not the sensors'.
-    others: DVector<f64>,
+    /// All parameters.
+    theta: DVector<f64>,
 }
 
 impl RowSetup {
     /// At the CAD's bodies, without any effect, with sensors that are right.
-    pub(super) fn cad() -> Self {
-        let mut theta = DVector::zeros(COLUMNS);
+    pub(super) fn cad(columns: Arc<WalkColumns>) -> Self {
+        let mut theta = DVector::zeros(columns.len());
         for (b, body) in go2::free::<f64>().bodies().iter().enumerate() {
             theta
                 .rows_mut(INERTIAL * b, INERTIAL)
                 .copy_from(&body.inertia.0);
         }
-        Self::at(&theta)
+        Self::at(columns, theta)
     }
 
     /// At these parameters.
-    pub(super) fn at(theta: &DVector<f64>) -> Self {
-        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(theta, b));
+    pub(super) fn at(columns: Arc<WalkColumns>, theta: DVector<f64>) -> Self {
+        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(&theta, b));
         Self {
             tree: go2::free().with_inertia(&bodies),
-            sensors: Sensors::of(theta),
-            others: theta.rows(0, ACC).into_owned(),
+            sensors: Sensors::of(&theta, &columns),
+            columns,
+            theta,
         }
     }
 
-    /// What an equation leaves as the window tells it, with the sensors as they are here.
-    pub(super) fn left(&self, row: &[f64]) -> f64 {
-        let terms = self.others.iter().zip(row).map(|(x, a)| x * a);
-        terms.sum::<f64>() - row[ACC + MOVED]
+    /// The same with other columns of effects, none of which has a value beyond those that are known.
+    pub(super) fn with_columns(&self, columns: WalkColumns) -> Self {
+        let mut theta = DVector::zeros(columns.len());
+        theta
+            .rows_mut(0, FIXED)
+            .copy_from(&self.theta.rows(0, FIXED));
+        for (k, n, linear) in columns.effects() {
+            let known = self.columns.effects().find(|(_, own, known)| {
+                self.columns.sites[*own].place == columns.sites[n].place
+                    && known.parameter == linear.parameter
+            });
+            theta[k] = known.map_or(0.0, |(k, ..)| self.theta[k]);
+        }
+        Self::at(Arc::new(columns), theta)
+    }
+
+    /// What the equations of a window leave, with the sensors as they are here.
+    pub(super) fn left(&self, seen: &SeenWindow<'_>) -> Equations {
+        let mut left = seen.rows.torque.map(|measured| -measured);
+        for (left, row) in left.iter_mut().zip(&seen.rows.inertial) {
+            let terms = row.as_flattened().iter().zip(&self.theta);
+            *left += terms.map(|(a, x)| a * x).sum::<f64>();
+        }
+        let projection = seen.projection(self);
+        for (k, site, linear) in self.columns.effects() {
+            let value = self.theta[k];
+            if value != 0.0 {
+                let column = projection.column(site, &linear.column);
+                let terms = left.iter_mut().zip(column);
+                terms.for_each(|(left, x)| *left += value * x);
+            }
+        }
+        left
     }
 
     fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
-        Window::new(
-            self.tree,
-            EFFECTS,
-            FreeBaseSetup {
-                imu: super::imu(),
-                feet: sensors.feet(),
-                scale: SCALE,
-                plausible: all_plausible(),
-                settings: settings(walk, stance),
-                acc_bias: sensors.acc_bias(),
-                speed_noise: walk.rest.speed_noise,
-            },
-        )
+        Window::new(self.tree, [], core_setup(walk, stance, sensors))
     }
 }
 
-pub(super) fn empty() -> WholeFactor {
-    Factor::in_storage(COLUMNS, vec![0.0; packed_len(COLUMNS)])
-        .expect("the storage has the length asked for")
+/// A window that was closed.
+pub(super) struct SeenWindow<'a> {
+    pub(super) rows: &'a Rows,
+    states: &'a JointStates<'a>,
+    stance: &'a Stance,
+    sensors: &'a Sensors,
+    samples: &'a [usize],
+}
+
+impl SeenWindow<'_> {
+    pub(super) fn projection(&self, setup: &RowSetup) -> Projection<'_> {
+        let contact = (&setup.tree, self.sensors.feet(), self.stance);
+        Projection::of(self.states, &contact, self.samples, &self.rows.resting)
+    }
 }
 
 /// One row of a closed window.
@@ -192,8 +235,12 @@ pub(super) fn each_row(
     mut tell: impl FnMut(Row<'_>),
 ) -> Windows {
     let Linearised { setup, moved } = at;
+    let columns = &*setup.columns;
+    let loads = columns.loads();
     let mut kept = Windows::default();
-    let counts = each_window(walk, stance, setup, &setup.sensors, |rows, row| {
+    let mut row = vec![0.0; columns.len() + 1];
+    let counts = each_window(walk, stance, setup, &setup.sensors, |seen| {
+        let rows = seen.rows;
         let start_us = rows.span_us[0];
         if outside.binary_search(&start_us).is_ok() {
             kept.outside += 1;
@@ -204,20 +251,34 @@ pub(super) fn each_row(
             kept.still += 1;
             return;
         }
+        let projection = seen.projection(setup);
+        let effects = columns.effects();
+        let effects: Vec<Equations> = effects
+            .map(|(_, site, linear)| projection.column(site, &linear.column))
+            .collect();
+        let moved = moved.columns(start_us, || setup.left(seen));
         let mut rank = told.equations;
-        for coordinate in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
-            rows.write_row(coordinate, row);
-            let measured = row[ACC + MOVED];
-            let columns = moved.columns(start_us, coordinate, setup.left(row));
-            row[ACC + MOVED..COLUMNS].copy_from_slice(&columns);
+        for c in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
+            row[..ACC].copy_from_slice(rows.inertial[c].as_flattened());
+            row[ACC..ACC + MOVED].copy_from_slice(&rows.acceleration[c]);
+            row[ACC + MOVED..FIXED].fill(0.0);
+            for (to, column) in row[FIXED..].iter_mut().zip(&effects) {
+                *to = column[c];
+            }
+            for (k, body, load) in &loads {
+                let own = &rows.inertial[c][*body];
+                row[*k] = own.iter().zip(load).map(|(a, x)| a * x).sum();
+            }
+            moved.iter().for_each(|(k, column)| row[*k] = column[c]);
             // The columns are of what sensors get wrong beyond what is taken off: of all of it with this on the right.
-            let taken = setup.sensors.0.iter().zip(&row[ACC..]).map(|(x, a)| x * a);
-            row[COLUMNS] = measured + taken.sum::<f64>();
+            let taken = setup.sensors.taken(columns);
+            let taken = taken.map(|(k, value)| value * row[k]).sum::<f64>();
+            row[columns.len()] = rows.torque[c] + taken;
             tell(Row {
                 start: start_us as f64 * 1e-6,
                 rank: std::mem::take(&mut rank),
-                coordinate,
-                numbers: row,
+                coordinate: c,
+                numbers: &mut row,
             });
         }
         kept.used += 1;
@@ -236,23 +297,24 @@ pub(super) struct Linearised<'a> {
     pub(super) moved: &'a MovedReadings,
 }
 
-/// Tells the windows of a walk as these sensors read it, with room for one row and its right-hand side, and counts those that are lost.
+/// Tells the windows of a walk as these sensors read it, and counts those that are lost.
 pub(super) fn each_window(
     walk: &Walk,
     stance: &Stance,
     setup: &RowSetup,
     sensors: &Sensors,
-    mut tell: impl FnMut(&Rows, &mut [f64]),
+    mut tell: impl FnMut(&SeenWindow<'_>),
 ) -> Windows {
     let walk = &sensors.corrected(walk);
+    let states = &JointStates::of(walk, &setup.columns);
     let mut window = Box::new(setup.window(walk, stance, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
         .collect();
     let mut counts = Windows::default();
-    let mut open = false;
-    let mut row = vec![0.0; COLUMNS + 1];
+    // The samples of the open window.
+    let mut samples: Vec<usize> = Vec::new();
     for n in 0..walk.len() {
         let t = walk.seconds(n);
         let next = impacts.partition_point(|i| *i < t - AFTER_IMPACT - JITTER);
@@ -260,23 +322,40 @@ pub(super) fn each_window(
             .get(next)
             .is_some_and(|i| *i <= t + BEFORE_IMPACT + JITTER)
         {
-            counts.impact += u64::from(open);
-            open = false;
+            counts.impact += u64::from(!samples.is_empty());
+            samples.clear();
             window.clear();
             continue;
         }
         if n > 0 && stance.held[n] != stance.held[n - 1] {
-            counts.cut += u64::from(open);
+            counts.cut += u64::from(!samples.is_empty());
+            samples.clear();
             window.clear();
         }
-        let push = window.push(&sample(walk, stance, n));
-        open = true;
-        match push {
-            FreeBasePush::Closed => tell(window.rows(), &mut row),
-            FreeBasePush::Cut => counts.cut += 1,
-            FreeBasePush::Gap => counts.gap += 1,
+        match window.push(&sample(walk, stance, n)) {
+            FreeBasePush::Closed => {
+                let rows = window.rows();
+                samples.extend((rows.span_us[1] == walk.time_us[n]).then_some(n));
+                tell(&SeenWindow {
+                    rows,
+                    states,
+                    stance,
+                    sensors,
+                    samples: &samples,
+                });
+                samples = vec![n];
+            }
+            FreeBasePush::Cut => {
+                counts.cut += 1;
+                samples = vec![n];
+            }
+            FreeBasePush::Gap => {
+                counts.gap += 1;
+                samples = vec![n];
+            }
             FreeBasePush::Rejected(_) => counts.rejected += 1,
-            FreeBasePush::Used | FreeBasePush::Repeated | FreeBasePush::Late => {}
+            FreeBasePush::Used => samples.push(n),
+            FreeBasePush::Repeated | FreeBasePush::Late => {}
         }
     }
     counts
@@ -346,15 +425,34 @@ pub(super) fn fold(
     outside: &[u64],
     seconds: f64,
 ) -> (Vec<Block>, Windows) {
+    let columns = at.setup.columns.len();
     let mut blocks: Vec<Block> = Vec::new();
     let counts = each_row(walk, stance, at, outside, |row| {
         let block = (row.start / seconds) as usize;
-        blocks.resize_with(blocks.len().max(block + 1), Block::empty);
-        // Samples are checked to be finite, so the rows are, and no fold refuses them.
-        let _ = blocks[block].factor.update(row.numbers);
+        let known = blocks.len().max(block + 1);
+        blocks.resize_with(known, || Block::empty(columns));
+        blocks[block].push(row.numbers);
         blocks[block].equations += row.rank as f64;
     });
+    blocks.iter_mut().for_each(Block::fold);
     (blocks, counts)
+}
+
+/// What the core's rows of a walk need beside the tree.
+pub(super) fn core_setup(
+    walk: &Walk,
+    stance: &Stance,
+    sensors: &Sensors,
+) -> FreeBaseSetup<f64, COORDINATES, JOINTS, LEGS> {
+    FreeBaseSetup {
+        imu: super::imu(),
+        feet: sensors.feet(),
+        scale: SCALE,
+        plausible: all_plausible(),
+        settings: settings(walk, stance),
+        acc_bias: sensors.acc_bias(),
+        speed_noise: walk.rest.speed_noise,
+    }
 }
 
 fn settings(walk: &Walk, stance: &Stance) -> Settings {
@@ -370,7 +468,7 @@ fn microseconds(seconds: f64) -> u64 {
     (seconds * 1e6) as u64
 }
 
-fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {
+pub(super) fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {
     FreeBaseSample {
         joints: Sample {
             time_us: walk.time_us[n],

@@ -18,9 +18,12 @@ use nalgebra::{DVector, Rotation3, Vector3};
 use proprio_core::contact::Foot;
 use proprio_core::go2::{self, JOINTS, LEGS};
 
-use super::rows::{ACC, COORDINATES, RowSetup, each_window};
+use super::columns::{ACC, WalkColumns};
+use super::projection::Equations;
+use super::rows::{RowSetup, each_window};
 use super::stance::Stance;
 use super::walk::Walk;
+use crate::equation::column::Column;
 use crate::estimate::robot::side_by_side;
 
 /// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
@@ -68,14 +71,36 @@ const STEP: [f64; SENSORS - MOVED] = [
     1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4,
 ];
 
-/// What the sensors get wrong, in the order of [`NAMES`].
+/// The same of an encoder, rad.
+const OFFSET_STEP: f64 = 1e-4;
+
+/// What the sensors get wrong.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sensors(pub(super) [f64; SENSORS]);
+pub(super) struct Sensors {
+    /// In the order of [`NAMES`].
+    values: [f64; SENSORS],
+    /// What each joint's encoder reads too much, rad, of a model that has such an effect.
+    offsets: [f64; JOINTS],
+}
 
 impl Sensors {
     /// Of all parameters of a walk.
-    pub(super) fn of(theta: &DVector<f64>) -> Self {
-        Self(std::array::from_fn(|k| theta[ACC + k]))
+    pub(super) fn of(theta: &DVector<f64>, columns: &WalkColumns) -> Self {
+        let mut sensors = Self {
+            values: std::array::from_fn(|k| theta[ACC + k]),
+            ..Self::default()
+        };
+        for (k, joint) in offsets(columns) {
+            sensors.offsets[joint] = theta[k];
+        }
+        sensors
+    }
+
+    /// All of it that is taken off the readings, each with its column.
+    pub(super) fn taken(&self, columns: &WalkColumns) -> impl Iterator<Item = (usize, f64)> {
+        let values = self.values.into_iter().enumerate();
+        let offsets = offsets(columns).map(|(k, joint)| (k, self.offsets[joint]));
+        values.map(|(n, value)| (ACC + n, value)).chain(offsets)
     }
 
     /// The accelerometer's bias, m/s².
@@ -85,13 +110,13 @@ impl Sensors {
 
     /// Three that belong together.
     fn vector(&self, first: usize) -> Vector3<f64> {
-        Vector3::from_fn(|n, _| self.0[first + n])
+        Vector3::from_fn(|n, _| self.values[first + n])
     }
 
     /// The feet, as they touch the ground.
     pub(super) fn feet(&self) -> [Foot<f64>; LEGS] {
         go2::feet().map(|foot: Foot<f64>| Foot {
-            radius: foot.radius + self.0[RADIUS],
+            radius: foot.radius + self.values[RADIUS],
             ..foot
         })
     }
@@ -99,10 +124,12 @@ impl Sensors {
     /// The walk as better sensors would have read it, but for the accelerometer's bias.
     pub(super) fn corrected(&self, walk: &Walk) -> Walk {
         let mounting = Rotation3::from_scaled_axis(self.vector(MOUNTING));
-        let [encoders, imu, acc] = [0, 1, 2].map(|n| self.0[DELAYS + n]);
-        let [gyro_scale, acc_scale] = [GYRO_SCALE, ACC_SCALE].map(|n| 1.0 + self.0[n]);
+        let [encoders, imu, acc] = [0, 1, 2].map(|n| self.values[DELAYS + n]);
+        let [gyro_scale, acc_scale] = [GYRO_SCALE, ACC_SCALE].map(|n| 1.0 + self.values[n]);
         let gyro_bias = mounting * self.vector(GYRO_BIAS);
         let all = 0..walk.len();
+        let position =
+            |n: usize, j: usize| walk.q[n][j] + encoders * walk.dq[n][j] - self.offsets[j];
         let joint = |n: usize, j: usize| walk.dq[n][j] + encoders * walk.rate(n, |m| walk.dq[m][j]);
         let turned = |n: usize, of: &[Vector3<f64>], late: f64| {
             mounting * (of[n] + Vector3::from_fn(|k, _| late * walk.rate(n, |m| of[m][k])))
@@ -110,7 +137,7 @@ impl Sensors {
         Walk {
             q: all
                 .clone()
-                .map(|n| std::array::from_fn(|j| walk.q[n][j] + encoders * walk.dq[n][j]))
+                .map(|n| std::array::from_fn(|j| position(n, j)))
                 .collect(),
             dq: all
                 .clone()
@@ -132,42 +159,72 @@ impl Sensors {
     }
 }
 
-/// What each equation leaves if the readings are moved: by window and coordinate, for each of the columns behind [`MOVED`].
+/// The columns of encoders that are off, and whose.
+fn offsets(columns: &WalkColumns) -> impl Iterator<Item = (usize, usize)> {
+    columns
+        .effects()
+        .filter_map(|(k, _, linear)| match linear.column {
+            Column::Motion { joint, .. } => Some((k, joint)),
+            _ => None,
+        })
+}
+
+/// What each equation leaves if the readings are moved: of each column that is a difference, window by window.
 #[derive(Default)]
-pub(super) struct MovedReadings(Vec<Vec<(u64, [f64; COORDINATES])>>);
+pub(super) struct MovedReadings(Vec<MovedColumn>);
+
+/// Its number, how far readings were moved, and what is left of the windows that begin then, µs.
+struct MovedColumn {
+    column: usize,
+    step: f64,
+    windows: Vec<(u64, Equations)>,
+}
 
 impl MovedReadings {
     /// At the parameters that rows are made at.
     pub(super) fn of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Self {
-        let columns: Vec<usize> = (MOVED..SENSORS).collect();
-        Self(side_by_side(&columns, |&k| {
-            let mut sensors = setup.sensors;
-            sensors.0[k] += STEP[k - MOVED];
-            let mut all = Vec::new();
-            each_window(walk, stance, setup, &sensors, |rows, row| {
-                let left = std::array::from_fn(|coordinate| {
-                    rows.write_row(coordinate, row);
-                    setup.left(row)
-                });
-                all.push((rows.span_us[0], left));
+        let at = setup.sensors;
+        let sensors = (MOVED..SENSORS).map(|k| {
+            let mut moved = at;
+            moved.values[k] += STEP[k - MOVED];
+            (ACC + k, STEP[k - MOVED], moved)
+        });
+        let encoders = offsets(&setup.columns).map(|(k, joint)| {
+            let mut moved = at;
+            moved.offsets[joint] += OFFSET_STEP;
+            (k, OFFSET_STEP, moved)
+        });
+        let all: Vec<(usize, f64, Sensors)> = sensors.chain(encoders).collect();
+        Self(side_by_side(&all, |(column, step, sensors)| {
+            let mut windows = Vec::new();
+            each_window(walk, stance, setup, sensors, |seen| {
+                windows.push((seen.rows.span_us[0], setup.left(seen)));
             });
-            all
+            MovedColumn {
+                column: *column,
+                step: *step,
+                windows,
+            }
         }))
     }
 
-    /// The columns of the equation of a window that began then; zeros without any readings moved. `left` is what it leaves as they are.
+    /// The columns of the equations of a window that began then, each with its number; nothing without any readings moved. `left` tells what the
+    /// window leaves as the readings are.
     pub(super) fn columns(
         &self,
         start_us: u64,
-        coordinate: usize,
-        left: f64,
-    ) -> [f64; SENSORS - MOVED] {
-        std::array::from_fn(|k| {
-            let moved = self.0.get(k).and_then(|windows| {
-                let at = windows.binary_search_by_key(&start_us, |(start, _)| *start);
-                Some(windows[at.ok()?].1[coordinate])
-            });
-            moved.map_or(0.0, |moved| (moved - left) / STEP[k])
-        })
+        left: impl FnOnce() -> Equations,
+    ) -> Vec<(usize, Equations)> {
+        if self.0.is_empty() {
+            return Vec::new();
+        }
+        let left = left();
+        let of = |moved: &MovedColumn| {
+            let at = (moved.windows).binary_search_by_key(&start_us, |(start, _)| *start);
+            let there = &moved.windows[at.ok()?].1;
+            let column = std::array::from_fn(|c| (there[c] - left[c]) / moved.step);
+            Some((moved.column, column))
+        };
+        self.0.iter().filter_map(of).collect()
     }
 }

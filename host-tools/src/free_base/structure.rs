@@ -1,17 +1,17 @@
 //! What a model of a walking Go2 has: its effects, and its bodies with how well they are known.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 use proprio_core::estimator::CAD_UNCERTAINTY;
-use proprio_core::go2::{self, ACTUATORS, JOINT_NAMES, JOINTS, JOINTS_PER_LEG};
-use proprio_core::inertia::{INERTIAL, InertialParameters};
+use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
+use proprio_core::inertia::InertialParameters;
 
 use super::FreeBaseError;
-use super::rows::{BODIES, EFFECTS};
+use super::columns::{EffectSite, FIXED, WalkColumns, all_places, is_judged};
 use super::sensors;
+use crate::equation::values::Place;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
 use crate::model::{BASE, Model};
-use crate::parameter::name_at;
 
 /// Relative standard deviation of the CAD's trunk where it is to be identified: a trunk carries what its owner put on it.
 const LOADED_TRUNK: f64 = 0.3;
@@ -38,8 +38,8 @@ pub(crate) struct BodyPrior {
 pub(crate) struct ModelStructure {
     /// The base first, then each joint's body.
     pub(crate) bodies: Vec<BodyPrior>,
-    /// Which of [`EFFECTS`] each joint has.
-    pub(crate) effects: [[bool; EFFECTS.len()]; JOINTS],
+    /// Its effects.
+    pub(crate) effects: Vec<EffectSite>,
     pub(crate) constraint: Constraint,
     /// Whether bodies that the data would carry farther than bodies are from the model's are held: a load that the model lacks must
     /// show in the residual.
@@ -62,7 +62,10 @@ impl ModelStructure {
         let bodies = cad.bodies().iter().map(|body| body.inertia);
         Self {
             bodies: bodies.enumerate().map(body).collect(),
-            effects: [[true; EFFECTS.len()]; JOINTS],
+            effects: (0..JOINTS)
+                .flat_map(|j| EffectKind::PLAIN.map(|effect| (effect, j)))
+                .map(|place| EffectSite::of(&Model::default(), place, constraint))
+                .collect(),
             constraint,
             hold_bodies: false,
         }
@@ -77,18 +80,18 @@ impl ModelStructure {
         if !names.eq(JOINT_NAMES) {
             return Err(FreeBaseError::NotAGo2);
         }
-        let mut effects = [[false; EFFECTS.len()]; JOINTS];
+        let mut effects = Vec::new();
         for own in model.effects() {
-            let known = EFFECTS.iter().position(|e| *e == own.effect);
-            match known {
-                Some(e) if own.joint != BASE => effects[own.joint][e] = true,
-                _ => {
-                    return Err(FreeBaseError::Effect {
-                        effect: own.effect.name(),
-                        place: model.joint_name(own.joint).to_owned(),
-                    });
-                }
+            let place = (own.effect, own.joint);
+            // A load is in what its body is found to be.
+            let is_load = own.effect.description().form == Form::Inertia;
+            if !is_judged(own.effect) || is_load || own.joint == BASE {
+                return Err(FreeBaseError::Effect {
+                    effect: own.effect.name(),
+                    place: model.joint_name(own.joint).to_owned(),
+                });
             }
+            effects.push(EffectSite::of(model, place, Constraint::Physical));
         }
         let bodies = std::iter::once(BASE).chain(0..JOINTS);
         Ok(Self {
@@ -105,26 +108,53 @@ impl ModelStructure {
         self
     }
 
-    /// All effects at every joint, and a load on every body: what is left then no candidate explains.
-    pub(crate) fn with_everything(&self) -> Self {
+    /// The same with a load on every body.
+    pub(crate) fn with_loads(&self) -> Self {
         let mut all = self.clone();
-        all.effects = [[true; EFFECTS.len()]; JOINTS];
         all.bodies.iter_mut().for_each(|body| body.loaded = true);
         all
     }
 
-    /// Whether it has the effect of that name, such as `coulomb:FR_calf`.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        let own = |(j, e): (usize, usize)| {
-            self.effects[j][e] && name_at(EFFECTS[e].name(), JOINT_NAMES[j]) == name
-        };
-        (0..JOINTS).any(|j| (0..EFFECTS.len()).any(|e| own((j, e))))
+    /// All that it might lack.
+    pub(crate) fn candidates(&self, model: &Model) -> Vec<EffectSite> {
+        let lacking = all_places().into_iter().filter(|place| !self.has(*place));
+        lacking
+            .map(|place| EffectSite::of(model, place, self.constraint).as_candidate())
+            .collect()
     }
 
-    /// The same with effect `e` at these joints, or without it.
-    pub(crate) fn with_effect(mut self, e: usize, joints: &[usize], there: bool) -> Self {
-        joints.iter().for_each(|j| self.effects[*j][e] = there);
+    /// Whether it has an effect at a joint.
+    pub(crate) fn has(&self, place: Place) -> bool {
+        self.effects.iter().any(|site| site.place == place)
+    }
+
+    /// The same with an effect that it does not have.
+    pub(crate) fn with_effect(mut self, site: EffectSite) -> Self {
+        self.effects.push(site);
         self
+    }
+
+    /// The same without an effect.
+    pub(crate) fn without_effect(mut self, place: Place) -> Self {
+        self.effects.retain(|site| site.place != place);
+        self
+    }
+
+    /// The same with the nonlinear parameters of `sites`.
+    pub(crate) fn with_shapes(mut self, sites: &[EffectSite]) -> Self {
+        for own in &mut self.effects {
+            if let Some(site) = sites.iter().find(|site| site.place == own.place) {
+                *own = own.clone().with_shape(site.shape);
+            }
+        }
+        self
+    }
+
+    /// The columns of its parameters: bodies', sensors', effects'.
+    pub(super) fn active(&self, columns: &WalkColumns) -> Vec<usize> {
+        let effects = columns.effects();
+        let own = effects.filter(|(_, n, _)| self.has(columns.sites[*n].place));
+        (0..FIXED).chain(own.map(|(k, ..)| k)).collect()
     }
 
     /// Each body and how far the data may carry it.
@@ -134,47 +164,31 @@ impl ModelStructure {
         bodies.map(|body| (body.inertia, relative(body))).collect()
     }
 
-    /// Priors and bounds of the effects, joint after joint, and of what sensors get wrong. An effect that a joint does not have is
-    /// zero.
-    pub(crate) fn others(&self) -> Vec<Bounded> {
-        let effects = (0..JOINTS).flat_map(|j| (0..EFFECTS.len()).map(move |e| (j, e)));
-        let effects = effects.map(|(j, e)| match self.effects[j][e] {
-            true => self.effect(j, EFFECTS[e]),
-            false => Bounded {
-                mean: 0.0,
-                std: 1.0,
-                lower: 0.0,
-                upper: 0.0,
-            },
-        });
+    /// Priors and bounds of its effects, in the order in which `columns` have them.
+    pub(crate) fn effects(&self, columns: &WalkColumns) -> Vec<Bounded> {
+        let sites = columns.sites.iter();
+        let own = sites.filter_map(|site| self.effects.iter().find(|own| own.place == site.place));
+        own.flat_map(|site| site.linear.iter().map(|linear| linear.prior))
+            .collect()
+    }
+
+    /// The same of what sensors get wrong, and then of its effects.
+    pub(super) fn others(&self, columns: &WalkColumns) -> Vec<Bounded> {
         let sensors = sensors::STD.map(|std| Bounded {
             mean: 0.0,
             std,
             lower: f64::NEG_INFINITY,
             upper: f64::INFINITY,
         });
-        effects.chain(sensors).collect()
+        sensors.into_iter().chain(self.effects(columns)).collect()
     }
 
-    fn effect(&self, joint: usize, effect: EffectKind) -> Bounded {
-        let prior = effect.prior_of(&ACTUATORS[joint % JOINTS_PER_LEG], 0);
-        let described = &effect.description().parameters[0];
-        let [lower, upper] = match self.constraint {
-            Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],
-            Constraint::Physical => [described.lower, described.upper],
-        };
-        Bounded {
-            mean: prior.mean,
-            std: prior.std,
-            lower,
-            upper,
+    /// The columns of its own effects.
+    pub(crate) fn columns(&self) -> WalkColumns {
+        WalkColumns {
+            sites: self.effects.clone(),
         }
     }
-}
-
-/// The column of effect `e` at a joint.
-pub(crate) fn effect_column(joint: usize, e: usize) -> usize {
-    INERTIAL * BODIES + EFFECTS.len() * joint + e
 }
 
 /// What a model knows of a body.

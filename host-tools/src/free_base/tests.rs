@@ -1,16 +1,21 @@
 //! Stance, velocities and gravity's length on made-up walks of which all is known.
 
+use std::collections::HashMap;
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use nalgebra::{SVector, Vector3};
+use proprio_core::effect::EffectKind;
 use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
+use proprio_core::window::{FreeBasePush, FreeBaseWindow};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::gravity;
 use super::rest::Rest;
+use super::rows::{BODIES, COORDINATES, RowSetup, core_setup, each_window, sample};
 use super::speed::quieten;
 use super::stance::Stance;
 use super::walk::Walk;
@@ -263,7 +268,7 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     let mut walks = super::Walks::read(&[path], |_, _| ()).unwrap();
     let structure = super::structure::ModelStructure::whole(crate::estimate::Constraint::Physical);
     let unseen = |walks: &super::Walks| {
-        let data = super::data::Data::of(walks, &structure).unwrap();
+        let data = super::data::Data::of(walks, &structure, &[], &[]).unwrap();
         (data.unseen.clone(), data.warnings())
     };
     assert_eq!(unseen(&walks).0, []);
@@ -286,4 +291,57 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
         "{foot:?}"
     );
     assert!(warnings.iter().any(|words| words.contains("foot of FL")));
+}
+
+/// Torques of effects that the core knows have its own columns, whatever feet may carry a force and whichever joints rest.
+#[test]
+fn projected_torques_are_the_cores() {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle/walk/trot.csv.gz");
+    let walks = super::Walks::read(&[path], |_, _| ()).unwrap();
+    let (walk, stance) = &walks.walks[0];
+    let structure = super::structure::ModelStructure::whole(crate::estimate::Constraint::Physical);
+    let setup = RowSetup::cad(Arc::new(structure.columns()));
+    let mut ours = HashMap::new();
+    each_window(walk, stance, &setup, &setup.sensors, |seen| {
+        let projection = seen.projection(&setup);
+        let effects = setup.columns.effects();
+        let columns = effects.map(|(_, n, linear)| projection.column(n, &linear.column));
+        ours.insert(seen.rows.span_us, columns.collect::<Vec<_>>());
+    });
+    let mut window = Box::new(FreeBaseWindow::<
+        f64,
+        BODIES,
+        COORDINATES,
+        JOINTS,
+        4,
+        12,
+        4,
+        _,
+    >::new(
+        go2::free(),
+        EffectKind::PLAIN,
+        core_setup(walk, stance, &setup.sensors),
+    ));
+    let (mut windows, mut loaded, mut resting) = (0, 0, 0);
+    for n in 0..walk.len() {
+        if window.push(&sample(walk, stance, n)) != FreeBasePush::Closed {
+            continue;
+        }
+        // Touch-downs are no matter of the core's.
+        let Some(ours) = ours.get(&window.rows().span_us) else {
+            continue;
+        };
+        windows += 1;
+        loaded += usize::from(window.rows().rank < COORDINATES - JOINTS);
+        resting += usize::from(window.rows().resting.contains(&true));
+        for (c, own) in window.rows().effects.iter().enumerate() {
+            for (k, theirs) in own.as_flattened().iter().enumerate() {
+                let size = ours[k].iter().fold(1e-3f64, |most, x| most.max(x.abs()));
+                assert!((ours[k][c] - theirs).abs() < 1e-11 * size, "{c} {k}");
+            }
+        }
+    }
+    println!("{windows} windows, {loaded} with few equations, {resting} with joints at rest");
+    assert!(windows > 50 && resting > 10);
 }

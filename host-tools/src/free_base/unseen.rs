@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::Walks;
 use super::data::{Data, MANY};
 use super::outside::{self, Squares};
-use super::rows::{Linearised, RowSetup};
+use super::rows::Linearised;
 use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::walk::Walk;
@@ -53,7 +53,7 @@ impl UnseenFoot {
 
 /// The feet that carry a force unseen, by a fit of the data.
 pub(super) fn feet(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<UnseenFoot> {
-    let setup = RowSetup::at(theta);
+    let setup = data.setup_at(theta.clone());
     // At the fit's own sensors nothing is moved.
     let at = Linearised {
         setup: &setup,

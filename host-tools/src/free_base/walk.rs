@@ -27,9 +27,9 @@ pub(crate) struct Walk {
     /// Whether an IMU was recorded. Without, the trunk is taken to be level and not to be accelerated.
     pub(super) imu: bool,
     pub(super) time_us: Vec<u64>,
-    pub(super) q: Vec<[f64; JOINTS]>,
-    pub(super) dq: Vec<[f64; JOINTS]>,
-    pub(super) tau: Vec<[f64; JOINTS]>,
+    pub(crate) q: Vec<[f64; JOINTS]>,
+    pub(crate) dq: Vec<[f64; JOINTS]>,
+    pub(crate) tau: Vec<[f64; JOINTS]>,
     pub(super) gyro: Vec<Vector3<f64>>,
     /// As the gyro was read; none where it was not smoothed.
     pub(super) gyro_read: Vec<Vector3<f64>>,
@@ -40,9 +40,9 @@ pub(crate) struct Walk {
     pub(super) count: Option<Vec<[f64; LEGS]>>,
     pub(super) samples: Samples,
     /// The time between samples, the middle one, s.
-    pub(super) period: f64,
+    pub(crate) period: f64,
     /// Joints near standstill, by their velocities as they were smoothed.
-    pub(super) rest: Rest,
+    pub(crate) rest: Rest,
 }
 
 /// What a log tells of the accelerometer's bias along gravity: a robot that does not leave the ground for good is accelerated by
@@ -152,7 +152,7 @@ impl Walk {
         }
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.time_us.len()
     }
 
@@ -160,7 +160,7 @@ impl Walk {
         self.time_us.last().map_or(0.0, |us| *us as f64 * 1e-6)
     }
 
-    pub(super) fn seconds(&self, n: usize) -> f64 {
+    pub(crate) fn seconds(&self, n: usize) -> f64 {
         self.time_us[n] as f64 * 1e-6
     }
 

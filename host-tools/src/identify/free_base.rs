@@ -12,9 +12,10 @@ use serde::Serialize;
 use super::NotAModel;
 use super::to_model::set_joint;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
+use crate::free_base::columns::{ACC, FIXED};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Deviations, Fit, bare, rms};
-use crate::free_base::rows::{ACC, BODIES, COLUMNS, COORDINATES, EFFECTS};
+use crate::free_base::rows::{BODIES, COORDINATES};
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -34,7 +35,7 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let walks = Walks::read(logs, progress)?;
     let structure = ModelStructure::whole(constraint);
-    let data = Data::of(&walks, &structure)?;
+    let data = Data::of(&walks, &structure, &[], &[])?;
     FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
 }
 
@@ -93,10 +94,10 @@ impl FreeBaseIdentification {
         let deviations = data.deviations(&fit);
         Some(Self {
             quantities: quantities(&fit, &deviations),
-            parameters: walk_parameters(&fit, &deviations),
+            parameters: walk_parameters(data, &fit, &deviations),
             rms: data.rms(fit.theta()),
             held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
-            cad_rms: data.rms(&bare(&fit.problem)),
+            cad_rms: data.rms(&bare(data, structure)),
             windows: data.windows,
             stance: walks.stance(),
             unseen_feet: data.unseen.clone(),
@@ -138,9 +139,11 @@ impl FreeBaseIdentification {
 }
 
 fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
-    let (theta, prior) = (fit.theta(), fit.problem.start());
+    let theta = fit.theta();
+    // Of bodies alone, which come first.
+    let prior = fit.problem.start().resize_vertically(theta.len(), 0.0);
     let at = |entries: &[(usize, f64)]| {
-        let mut combination = DVector::zeros(COLUMNS);
+        let mut combination = DVector::zeros(theta.len());
         entries.iter().for_each(|(k, x)| combination[*k] = *x);
         combination
     };
@@ -214,47 +217,54 @@ fn standing() -> [Transform<f64>; BODIES] {
     all
 }
 
-/// Names and units in the order of the columns.
-fn names() -> impl Iterator<Item = (String, &'static str)> {
-    let bodies = std::iter::once("base").chain(JOINT_NAMES);
-    let inertial = bodies.flat_map(|body| {
-        INERTIAL_NAMES
-            .iter()
-            .map(move |&(what, unit)| (parameter::name_at(what, body), unit))
-    });
-    let effects = JOINT_NAMES.into_iter().flat_map(|joint| {
-        EFFECTS.iter().map(move |&effect| {
-            (
-                parameter::name_at(effect.name(), joint),
-                parameter::unit(effect),
-            )
-        })
-    });
-    let sensors = NAMES.map(|(name, unit)| (name.to_owned(), unit));
-    inertial.chain(effects).chain(sensors)
+/// Whether a parameter is of what sensors get wrong.
+fn is_sensors(parameter: &ParameterEstimate) -> bool {
+    NAMES.iter().any(|(name, _)| *name == parameter.name)
 }
 
-pub(crate) fn walk_parameters(fit: &Fit, deviations: &Deviations) -> Vec<ParameterEstimate> {
+/// What is told of all parameters of a walk's fit: bodies, effects, what sensors get wrong.
+pub(crate) fn walk_parameters(
+    data: &Data,
+    fit: &Fit,
+    deviations: &Deviations,
+) -> Vec<ParameterEstimate> {
     let norms = |root: DMatrix<f64>| DVector::from_fn(root.nrows(), |k, _| root.row(k).norm());
     let prior = fit.problem.start();
     // The prior as it looks from the CAD, and from the estimate: for what the motion shows.
     let prior_std = norms(fit.problem.prior_root(&prior));
-    let prior_there = norms(fit.problem.prior_root(fit.theta()));
-    let of = |(k, (name, unit)): (usize, (String, &'static str))| {
+    let prior_there = norms(fit.problem.prior_root(&fit.solution.theta));
+    let of = |name: String, unit: &'static str, k: usize, neutral: f64| {
+        let at = fit.active.binary_search(&k).ok()?;
         let [independent, blocks] = deviations.of_parameter(k);
         let std = independent.max(blocks);
-        ParameterEstimate {
+        Some(ParameterEstimate {
             name,
             unit,
-            value: fit.theta()[k],
+            value: fit.theta()[k] + neutral,
             std,
-            prior: prior[k],
-            prior_std: prior_std[k],
-            status: Status::there(std, prior_std[k], independent, prior_there[k]),
-            at_bound: fit.solution.held[k],
-        }
+            prior: prior[at] + neutral,
+            prior_std: prior_std[at],
+            status: Status::there(std, prior_std[at], independent, prior_there[at]),
+            at_bound: fit.is_held(k),
+        })
     };
-    names().enumerate().map(of).collect()
+    let bodies = std::iter::once("base").chain(JOINT_NAMES);
+    let inertial = bodies.flat_map(|body| {
+        let name = move |&(what, unit): &(&str, _)| (parameter::name_at(what, body), unit);
+        INERTIAL_NAMES.iter().map(name)
+    });
+    let inertial = (0..ACC).zip(inertial);
+    let inertial = inertial.filter_map(|(k, (name, unit))| of(name, unit, k, 0.0));
+    let columns = data.columns();
+    let effects = columns.effects().filter_map(|(k, n, linear)| {
+        let (effect, joint) = columns.sites[n].place;
+        let name = parameter::of_effect(effect, linear.parameter, JOINT_NAMES.get(joint)?);
+        let unit = effect.description().parameters[linear.parameter].unit;
+        of(name, unit, k, linear.neutral)
+    });
+    let sensors = (ACC..FIXED).zip(NAMES);
+    let sensors = sensors.filter_map(|(k, (name, unit))| of(name.to_owned(), unit, k, 0.0));
+    inertial.chain(effects).chain(sensors).collect()
 }
 
 impl fmt::Display for FreeBaseIdentification {
@@ -277,7 +287,8 @@ impl fmt::Display for FreeBaseIdentification {
             ];
             table.row(cells);
         }
-        for estimate in &self.parameters[ACC..] {
+        let sensors = self.parameters.iter().filter(|p| is_sensors(p));
+        for estimate in sensors {
             let cells = [
                 estimate.name.clone(),
                 estimate.unit.to_owned(),

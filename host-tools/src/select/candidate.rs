@@ -2,9 +2,11 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::criteria::statistics::{Squared, sum_and_error};
+use super::criteria::statistics::{Squared, jackknife, sum_and_error};
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
+use crate::estimate::shapes;
+use crate::estimate::triangle::Trial as TriangleTrial;
 
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);
@@ -74,7 +76,109 @@ pub(crate) struct Candidate {
     pub(crate) trials: Vec<(usize, Trial)>,
 }
 
+/// How a trial predicts each fold, and the rows that feel it.
+pub(crate) struct Scores {
+    /// As [`Trial`] has them.
+    pub(crate) gains: Vec<f64>,
+    pub(crate) falls: Vec<f64>,
+    pub(crate) felt: f64,
+    pub(crate) torque: f64,
+    /// How many neighbouring windows of those rows say the same thing.
+    pub(crate) memory: f64,
+}
+
+impl Trial {
+    /// By what all data say, the `values` that each fold is told by the others, and how surely the others know them by their `own` trials; without
+    /// findings.
+    pub(crate) fn of(
+        (places, entries): (&[Place], Vec<usize>),
+        all: TriangleTrial,
+        values: &[Vec<f64>],
+        own: &[TriangleTrial],
+        scores: Scores,
+    ) -> Self {
+        let memory = scores.memory;
+        let (mut std, mut inflation) = (Vec::new(), 1.0f64);
+        for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
+            let looser = own.iter().map(|trial| trial.std[n] / independent);
+            let by_fold = values.iter().map(|v| v[n]).zip(looser);
+            let spread = jackknife(by_fold, *value);
+            let independent = independent * memory.sqrt();
+            inflation = inflation.max(spread / independent);
+            std.push(independent.max(spread));
+        }
+        let tried: f64 = places.iter().map(|place| shapes::tried(place.0)).product();
+        Self {
+            places: places.to_vec(),
+            findings: Vec::new(),
+            gains: scores.gains,
+            falls: scores.falls,
+            felt: scores.felt,
+            torque: scores.torque,
+            value: all.value,
+            std,
+            by_fold: values.to_vec(),
+            fall: all.fall / memory,
+            sure: Squared {
+                size: all.fall / memory / (inflation * inflation),
+                freedom: entries.len() as f64,
+                tried,
+            },
+            entries,
+        }
+    }
+
+    /// What it adds to a model with another one in it, whose places are the first of its own.
+    pub(crate) fn beside(mut self, before: &Self) -> Self {
+        let (known, others) = (before.entries.len(), before.places.len());
+        self.places.drain(..others);
+        self.findings.drain(..others);
+        self.entries.drain(..known);
+        self.value.drain(..known);
+        self.std.drain(..known);
+        self.by_fold
+            .iter_mut()
+            .for_each(|values| drop(values.drain(..known)));
+        let fall = (self.fall - before.fall).max(0.0);
+        let tried = self.places.iter().map(|place| shapes::tried(place.0));
+        self.sure = Squared {
+            size: self.sure.size * fall / self.fall.max(f64::MIN_POSITIVE),
+            freedom: self.entries.len() as f64,
+            tried: tried.product(),
+        };
+        self.fall = fall;
+        for (after, before) in [
+            (&mut self.gains, &before.gains),
+            (&mut self.falls, &before.falls),
+        ] {
+            after
+                .iter_mut()
+                .zip(before)
+                .for_each(|(after, before)| *after -= before);
+        }
+        self
+    }
+}
+
 impl Candidate {
+    /// What it adds to the limbs' models with another one in them; `trial` tells of a limb what places add with others in its model.
+    pub(crate) fn beside(
+        &self,
+        other: &Self,
+        trial: &dyn Fn(usize, &[Place], &[Place]) -> Option<Trial>,
+    ) -> Option<Self> {
+        let of = |(limb, own): &(usize, Trial)| {
+            let there = other.trials.iter().find(|(l, _)| l == limb);
+            let trial = match there {
+                None => own.clone(),
+                Some((_, with)) => trial(*limb, &own.places, &with.places)?,
+            };
+            Some((*limb, trial))
+        };
+        let trials: Option<Vec<_>> = self.trials.iter().map(of).collect();
+        Self::of(self.effect, trials?, self.tried)
+    }
+
     /// The sum of an effect's trials at the limbs, one of `tried` candidates; none of no trial.
     pub(crate) fn of(
         effect: EffectKind,

@@ -12,20 +12,40 @@ use crate::model::BASE;
 
 /// All that the limbs' models may lack: every effect at every joint, families, and shared causes.
 pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Candidate> {
+    let own: Vec<Vec<Place>> = (possible.iter())
+        .map(|places| {
+            let own = places.iter().filter(|place| !is_shared(place.1));
+            own.copied().collect()
+        })
+        .collect();
+    let trial = |limb: usize, places: &[Place]| screens[limb].trial(places);
+    let (mut all, tried) = of_joints(&trial, &own, &|joint| joint);
+    for &effect in EffectKind::ALL {
+        all.extend(shared(screens, possible, effect, tried));
+    }
+    all
+}
+
+/// Every effect at every joint, and families of joints whose `kind` is the same; and how many sets of joints were tried. `trial` tells of a limb what
+/// effects would add.
+pub(crate) fn of_joints(
+    trial: &(dyn Fn(usize, &[Place]) -> Option<Trial> + Sync),
+    possible: &[Vec<Place>],
+    kind: &dyn Fn(usize) -> usize,
+) -> (Vec<Candidate>, usize) {
     use rayon::prelude::*;
     let mut sets: Vec<Joints> = Vec::new();
     for (limb, places) in possible.iter().enumerate() {
-        for &place in places.iter().filter(|place| !is_shared(place.1)) {
+        for &place in places {
             sets.push((place.0, vec![(limb, vec![place])]));
         }
     }
-    sets.extend(families(possible));
+    sets.extend(families(possible, kind));
     let tried = sets.len();
-    let mut all: Vec<Candidate> = sets
+    let all = sets
         .into_par_iter()
         .filter_map(|(effect, set)| {
-            let trial =
-                |(limb, places): (usize, Vec<Place>)| Some((limb, screens[limb].trial(&places)?));
+            let trial = |(limb, places): (usize, Vec<Place>)| Some((limb, trial(limb, &places)?));
             Candidate::of(
                 effect,
                 set.into_iter().map(trial).collect::<Option<_>>()?,
@@ -33,17 +53,14 @@ pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Can
             )
         })
         .collect();
-    for effect in [EffectKind::Delay, EffectKind::BaseTilt] {
-        all.extend(shared(screens, possible, effect, tried));
-    }
-    all
+    (all, tried)
 }
 
 /// An effect at a set of joints, limb by limb.
 type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
 
 /// The sets of joints that are alike: all, and those at the same place of limbs of the same length.
-fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
+fn families(possible: &[Vec<Place>], kind: &dyn Fn(usize) -> usize) -> Vec<Joints> {
     let mut found = Vec::new();
     for effect in catalogue::effects() {
         // What happens to one body, one sensor or one worn gear is no property of a kind of drive; a delay that many have is one for
@@ -69,20 +86,24 @@ fn families(possible: &[Vec<Place>]) -> Vec<Joints> {
             .filter(|(_, places)| !places.is_empty())
             .collect();
         let members: usize = all.iter().map(|(_, places)| places.len()).sum();
-        let joints = all
+        let kinds = all
             .iter()
-            .flat_map(|(_, p)| p.iter().map(|p| p.1 + 1))
+            .flat_map(|(_, p)| p.iter().map(|p| kind(p.1) + 1))
             .max()
             .unwrap_or(0);
-        if joints > 1 && members > 1 {
+        if kinds > 1 && members > 1 {
             found.push((effect, all.clone()));
         }
-        for joint in 0..joints {
+        for own_kind in 0..kinds {
+            let alike = |places: &Vec<Place>| -> Vec<Place> {
+                let own = places.iter().filter(|place| kind(place.1) == own_kind);
+                own.copied().collect()
+            };
             let like: Vec<(usize, Vec<Place>)> = (all.iter())
-                .filter(|(_, places)| places.contains(&(effect, joint)))
-                .map(|(limb, _)| (*limb, vec![(effect, joint)]))
+                .map(|(limb, places)| (*limb, alike(places)))
+                .filter(|(_, places)| !places.is_empty())
                 .collect();
-            if like.len() > 1 {
+            if like.iter().map(|(_, places)| places.len()).sum::<usize>() > 1 {
                 found.push((effect, like));
             }
         }

@@ -5,7 +5,7 @@ pub(crate) mod candidate;
 mod compliance_scan;
 pub(crate) mod criteria;
 pub(crate) mod drift;
-mod enumerate;
+pub(crate) mod enumerate;
 mod gain_bound;
 mod headline;
 mod limits;

@@ -48,7 +48,7 @@ fn parameters(told: &Finding) -> Vec<(f64, f64)> {
 }
 
 /// Judges all candidates: the `best` first, then by how much torque error they take away.
-pub(super) fn judge(look: &Look, best: Option<&Candidate>) -> Vec<Judged> {
+pub(crate) fn judge(look: &Look, best: Option<&Candidate>) -> Vec<Judged> {
     let mut all: Vec<Judged> = look.all.iter().map(judged).collect();
     all.sort_by(|a, b| {
         b.candidate

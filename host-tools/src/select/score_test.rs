@@ -11,10 +11,8 @@ use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, Finding, Trial};
-use super::criteria::statistics::{
-    NOISE_MEMORY, Squared, autocorrelation_time, jackknife, noise_memory,
-};
+use super::candidate::{Finding, Scores, Trial};
+use super::criteria::statistics::{NOISE_MEMORY, autocorrelation_time, noise_memory};
 use super::gain_bound::GainBounds;
 use crate::catalogue;
 use crate::equation::column::{Columns, Entry, parent};
@@ -26,7 +24,7 @@ use crate::estimate::factor::HeapFactor;
 use crate::estimate::fit::{LimbFit, SAME_CORRELATION};
 use crate::estimate::folding::Folding;
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::shapes::{self, Scan};
+use crate::estimate::shapes::Scan;
 use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
 use crate::gate::AT_REST;
@@ -274,40 +272,20 @@ impl<'a> Screen<'a> {
             .filter(|&j| entries.iter().any(|&e| self.columns.place(j, e).is_some()))
             .collect();
         let memory = felt.iter().map(|&j| self.memory[j]).fold(1.0, f64::max);
-        let (mut std, mut inflation) = (Vec::new(), 1.0f64);
-        for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
-            let looser = own.iter().map(|trial| trial.std[n] / independent);
-            let by_fold = values.iter().map(|v| v[n]).zip(looser);
-            let spread = jackknife(by_fold, *value);
-            let independent = independent * memory.sqrt();
-            inflation = inflation.max(spread / independent);
-            std.push(independent.max(spread));
-        }
         let noise = &self.fit.noise;
         let torque = felt.iter().map(|&j| self.torque[j]).sum();
         let felt = self
             .base
             .iter()
             .flat_map(|fold| felt.iter().map(|&j| fold[j] / (noise[j] * noise[j])));
-        let tried: f64 = places.iter().map(|place| shapes::tried(place.0)).product();
-        let mut trial = Trial {
-            places: places.to_vec(),
-            findings: Vec::new(),
+        let scores = Scores {
             gains,
             falls,
             felt: felt.sum(),
             torque,
-            value: all.value,
-            std,
-            by_fold: values.to_vec(),
-            fall: all.fall / memory,
-            sure: Squared {
-                size: all.fall / memory / (inflation * inflation),
-                freedom: entries.len() as f64,
-                tried,
-            },
-            entries,
+            memory,
         };
+        let mut trial = Trial::of((places, entries), all, values, own, scores);
         trial.findings = self.findings(&trial);
         Some(trial)
     }
@@ -315,34 +293,7 @@ impl<'a> Screen<'a> {
     /// What the effects at `places` would add to the model with the candidates `others` in it.
     pub(crate) fn trial_beside(&self, places: &[Place], others: &[Place]) -> Option<Trial> {
         let before = self.trial(others)?;
-        let mut trial = self.trial(&[others, places].concat())?;
-        let known = before.entries.len();
-        trial.places.drain(..others.len());
-        trial.findings.drain(..others.len());
-        trial.entries.drain(..known);
-        trial.value.drain(..known);
-        trial.std.drain(..known);
-        trial
-            .by_fold
-            .iter_mut()
-            .for_each(|values| drop(values.drain(..known)));
-        let fall = (trial.fall - before.fall).max(0.0);
-        trial.sure = Squared {
-            size: trial.sure.size * fall / trial.fall.max(f64::MIN_POSITIVE),
-            freedom: trial.entries.len() as f64,
-            tried: places.iter().map(|place| shapes::tried(place.0)).product(),
-        };
-        trial.fall = fall;
-        for (after, before) in [
-            (&mut trial.gains, &before.gains),
-            (&mut trial.falls, &before.falls),
-        ] {
-            after
-                .iter_mut()
-                .zip(before)
-                .for_each(|(after, before)| *after -= before);
-        }
-        Some(trial)
+        Some(self.trial(&[others, places].concat())?.beside(&before))
     }
 
     /// What a trial says of the parameters at each of its places, as the catalogue means them.
@@ -422,25 +373,6 @@ impl<'a> Screen<'a> {
     }
 }
 
-/// What a candidate adds to the limbs' models with another one in them.
-pub(super) fn beside(
-    screens: &[Screen],
-    candidate: &Candidate,
-    other: &Candidate,
-) -> Option<Candidate> {
-    let trials: Option<Vec<_>> = (candidate.trials.iter())
-        .map(|(limb, trial)| {
-            let there = other.trials.iter().find(|(l, _)| l == limb);
-            let trial = match there {
-                None => trial.clone(),
-                Some((_, with)) => screens[*limb].trial_beside(&trial.places, &with.places)?,
-            };
-            Some((*limb, trial))
-        })
-        .collect();
-    Candidate::of(candidate.effect, trials?, candidate.tried)
-}
-
 /// Every effect that a limb's model does not have, where it could be.
 pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
@@ -461,38 +393,32 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let moves = |joint: usize| joint == BASE || moves(fit.data, joint);
     places
         .filter(|place| fit.data.can_tell(*place) && !has(place) && moves(place.1))
-        // Beside Coulomb friction it is a bias, beside a bias Coulomb friction, with one parameter more.
-        .filter(|&(effect, joint)| {
-            let parts = [EffectKind::Coulomb, EffectKind::Bias];
-            effect != EffectKind::AsymmetricCoulomb
-                || !parts.iter().any(|part| has(&(*part, joint)))
+        .filter(|&place| {
+            let parent = (place.1 != BASE).then(|| parent(&fit.columns.subtree_end, place.1));
+            is_beyond_its_parts(place, parent.flatten(), &has)
         })
-        .filter(|&place| is_beyond_its_parts(fit, place, &has))
         .collect()
 }
 
 /// Whether a model has the plain effects, at all joints concerned, of which a rich one is what they lack: friction that levels off looks like
 /// Coulomb friction to fast motion and like viscous friction to slow motion, a rotor that turns with two joints like one of each. And
 /// what a soft spring or a play is not right in looks like such a rotor: no coupling is sought where a link moves against its motor.
-fn is_beyond_its_parts(
-    fit: &LimbFit,
+/// `parent` is the joint that carries the one at which the effect is.
+pub(crate) fn is_beyond_its_parts(
     (effect, joint): Place,
+    parent: Option<usize>,
     has: &dyn Fn(&Place) -> bool,
 ) -> bool {
-    let parts: &[EffectKind] = match effect {
-        EffectKind::SaturatingViscous => &[EffectKind::Viscous, EffectKind::Coulomb],
-        EffectKind::CoupledArmature => &[EffectKind::Armature],
-        EffectKind::CoupledViscous => &[EffectKind::Viscous],
-        EffectKind::CoupledCoulomb => &[EffectKind::Coulomb],
-        _ => return true,
-    };
-    let couples = effect.description().form == Form::Coupled;
-    let parent = parent(&fit.columns.subtree_end, joint).filter(|_| couples);
+    let facts = effect.description();
+    // Beside one of the effects that it is the sum of it is the others, with one parameter more.
+    if facts.sum_of.iter().any(|part| has(&(*part, joint))) {
+        return false;
+    }
+    let couples = facts.form == Form::Coupled;
+    let parent = parent.filter(|_| couples);
     [Some(joint), parent].into_iter().flatten().all(|joint| {
-        let gives_way = LOOSE
-            .iter()
-            .any(|loose| fit.places.contains(&(*loose, joint)));
-        parts.iter().all(|part| has(&(*part, joint))) && !(couples && gives_way)
+        let gives_way = LOOSE.iter().any(|loose| has(&(*loose, joint)));
+        facts.beside.iter().all(|part| has(&(*part, joint))) && !(couples && gives_way)
     })
 }
 

@@ -20,7 +20,7 @@ use super::limits::{Sought, with_limit};
 use super::look::Screens;
 use super::ranking::{Judged, judge, judged};
 use super::refused::Refused;
-use super::score_test::{Screen, beside};
+use super::score_test::Screen;
 use super::state::{State, Step};
 use super::{backward, compliance_scan, headline, restart};
 use crate::equation::values::Place;
@@ -174,7 +174,11 @@ impl<'a> Search<'a> {
         rule(&Look {
             all,
             windows: self.screens.windows(),
-            beside: &|candidate, other| beside(&self.screens.of_limbs, candidate, other),
+            beside: &|candidate, other| {
+                candidate.beside(other, &|limb, places, others| {
+                    self.screens.of_limbs[limb].trial_beside(places, others)
+                })
+            },
         })
     }
 

@@ -1,50 +1,41 @@
-//! Forward selection with a backward pass at its end: what takes most of the error away first, as long as anything is there beyond
-//! chance.
+//! Forward selection with a backward pass at its end over walks: the candidate that is the best by the rules of every diagnosis
+//! ([`crate::select::criteria`]) is fitted, judged on time that the fit has not seen, and added; as long as anything is there beyond chance.
 
+use nalgebra::DVector;
+use proprio_core::effect::Form;
+use proprio_core::go2::JOINTS_PER_LEG;
 use proprio_core::inertia::INERTIAL;
 
-use super::candidate::{Candidate, Screen, combination};
+use super::screen::{WalkScreen, possible};
+use super::shapes;
+use crate::equation::motion::is_shared;
+use crate::equation::values::Place;
+use crate::estimate::Constraint;
+use crate::free_base::Walks;
+use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::fit::{Fit, HeldOut, rms};
-use crate::free_base::structure::{ModelStructure, effect_column};
-use crate::select::criteria::{
-    LEAST_SHARE, LEAST_VALUE, PART, SAME, Squared, least_z, sum_and_error,
-};
+use crate::free_base::structure::ModelStructure;
+use crate::model::Model;
+use crate::select::candidate::Candidate;
+use crate::select::criteria::choice::Look;
+use crate::select::criteria::{LEAST_SHARE, LEAST_VALUE, SAME, Squared, least_z, sum_and_error};
+use crate::select::enumerate::of_joints;
+use crate::select::ranking::{Judged, judge};
 
-/// Candidates of each kind (a joint, like joints, a load) that are fitted, the most promising ones.
-const TRIED: usize = 3;
 /// Most steps of a search.
 const MOST_STEPS: usize = 24;
+/// Most candidates that are refused one after the other before a search ends.
+const MOST_REFUSED: usize = 12;
+/// What a load has: a mass, its place, and one more for its size.
+const LOAD_FREEDOM: f64 = 5.0;
 
 /// A value and its standard deviation.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Value {
-    pub(super) value: f64,
-    pub(super) std: f64,
-}
-
-/// A model with a candidate, fitted.
-pub(super) struct Tried {
-    pub(super) candidate: Candidate,
-    /// Of an effect its value at each joint; of a load its mass (kg) and its place from the body's origin (x, y, z, m).
-    pub(super) values: Vec<Value>,
-    /// Size in units of its standard deviation: as unlikely as a normal variable so far from zero.
-    pub(super) z: f64,
-    /// Whether its values can be.
-    pub(super) in_bounds: bool,
-    /// How much smaller the squares become on time that the fit has not seen, and the error of that, as shares of all squares.
-    pub(super) gain: f64,
-    pub(super) gain_error: f64,
-    /// Held-out error with it, N m.
-    pub(super) rms: f64,
-    pub(super) significant: bool,
-    structure: ModelStructure,
-    held_out: Vec<HeldOut>,
-}
+pub(super) type Value = (f64, f64);
 
 /// One step of the search.
 pub(super) struct Step {
-    pub(super) candidate: Candidate,
+    pub(super) places: Vec<Place>,
     pub(super) removed: bool,
     /// Held-out error after it, N m.
     pub(super) rms: f64,
@@ -54,64 +45,132 @@ pub(super) struct Step {
 pub(super) struct Found {
     /// Held-out error of the model as it was given, N m.
     pub(super) start_rms: f64,
-    /// What was tried on the model as it was given, best first.
-    pub(super) first: Vec<Tried>,
+    /// Held-out sum of squares of the model as it was given, N² m².
+    pub(super) start: f64,
+    /// What was tried on the model as it was given, best first; of a load that was fitted its mass (kg) and its place from the body's origin (x, y, z,
+    /// m).
+    pub(super) first: Vec<(Judged, Option<Vec<Value>>)>,
     pub(super) path: Vec<Step>,
-    /// The model at the end.
+    /// The model at the end, and the data with its nonlinear parameters.
     pub(super) structure: ModelStructure,
     pub(super) fit: Fit,
+    pub(super) data: Data,
+}
+
+/// A model with a candidate, fitted.
+struct Tried {
+    structure: ModelStructure,
+    held_out: Vec<HeldOut>,
+    /// Of an effect's first member its parameters, of a load as [`Found::first`].
+    values: Vec<Value>,
+    /// Whether it keeps what it promised.
+    holds: bool,
 }
 
 /// Searches from `structure`; none if the walks are too short, or numbers overflow.
-pub(super) fn search(data: &Data, structure: &ModelStructure) -> Option<Found> {
+pub(super) fn search(
+    walks: &Walks,
+    mut data: Data,
+    model: &Model,
+    structure: &ModelStructure,
+) -> Option<Found> {
     let mut structure = structure.clone();
     let mut held_out = data.held_out(&structure)?;
-    let start_rms = rms(&held_out);
-    let (mut first, mut path): (Option<Vec<Tried>>, Vec<Step>) = (None, Vec::new());
+    let (start_rms, start) = (rms(&held_out), squares(&held_out));
+    let (mut first, mut path): (Vec<(Judged, Option<Vec<Value>>)>, Vec<Step>) = Default::default();
+    let mut looked = false;
     while path.len() < MOST_STEPS {
-        let mut tried = tried(data, &structure, &held_out)?;
-        tried.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let best = chosen(&tried);
-        if let Some(n) = best {
-            path.push(Step {
-                candidate: tried[n].candidate.clone(),
-                removed: false,
-                rms: tried[n].rms,
-            });
+        let mut fit = data.fit(&structure)?;
+        if let Some(sites) = shapes::better(walks, &data, &fit) {
+            structure = structure.with_shapes(&sites);
+            data = data.with_sites(walks, sites).ok()?;
+            fit = data.fit_from(&structure, &fit)?;
+            held_out = data.held_out_from(&structure, &held_out)?;
         }
-        let next = best.map(|n| {
-            (
-                tried[n].structure.clone(),
-                std::mem::take(&mut tried[n].held_out),
-            )
+        let screen = WalkScreen::of(walks, (&data, model), &structure, &fit)?;
+        // Trunk and legs are one limb; the trunk is like no joint.
+        let kind = |joint: usize| match is_shared(joint) {
+            true => JOINTS_PER_LEG,
+            false => joint % JOINTS_PER_LEG,
+        };
+        let trial = |_: usize, places: &[Place]| screen.trial(places);
+        let (mut candidates, _) = of_joints(&trial, &[possible(walks, &structure)], &kind);
+        // Gains at many joints are another mass of the robot: all torques times one factor are those of bodies so many times as heavy.
+        candidates.retain(|c| c.effect.description().form != Form::Scale || c.members.len() == 1);
+        let look = Look {
+            all: &candidates,
+            windows: screen.equations(),
+            beside: &|candidate, other| screen.beside(candidate, other),
+        };
+        let least = 0.5 * LEAST_SHARE * screen.error();
+        let mut open: Vec<&Candidate> = candidates.iter().filter(|c| c.gain().0 > least).collect();
+        let trial = Trial {
+            data: &data,
+            model,
+            structure: &structure,
+            now: &fit,
+            held_out: &held_out,
+        };
+        let mut taken = None;
+        let mut told = None;
+        for _ in 0..MOST_REFUSED {
+            let Some(next) = look.best(&open) else {
+                break;
+            };
+            let tried = trial.of(next)?;
+            let values = tried.values.clone();
+            told = told.or(Some((next, values)));
+            if tried.holds {
+                taken = Some((next, tried));
+                break;
+            }
+            open.retain(|c| !c.is_same(next));
+        }
+        if !looked {
+            looked = true;
+            let best = taken
+                .as_ref()
+                .map(|(best, _)| *best)
+                .or(told.as_ref().map(|t| t.0));
+            first = judge(&look, best)
+                .into_iter()
+                .map(|judged| (judged, None))
+                .collect();
+            let told = match &taken {
+                Some((_, tried)) => Some(tried.values.clone()),
+                None => told.map(|(_, values)| values),
+            };
+            if let (Some((judged, own)), Some(values)) = (first.first_mut(), told) {
+                match judged.candidate.effect.description().form {
+                    Form::Inertia => *own = Some(values),
+                    _ => judged.parameters[0] = values,
+                }
+                judged.significant &= taken.is_some();
+            }
+        }
+        let Some((best, tried)) = taken else { break };
+        path.push(Step {
+            places: best.members.iter().map(|(_, place)| *place).collect(),
+            removed: false,
+            rms: rms(&tried.held_out),
         });
-        first.get_or_insert(tried);
-        match next {
-            Some(next) => (structure, held_out) = next,
-            None => break,
-        }
+        (structure, held_out) = (tried.structure, tried.held_out);
     }
-    backward(data, &mut structure, &mut path, rms(&held_out))?;
+    backward(&data, &mut structure, &mut path, rms(&held_out))?;
     let fit = data.fit(&structure)?;
     Some(Found {
         start_rms,
-        first: first.unwrap_or_default(),
+        start,
+        first,
         path,
         structure,
         fit,
+        data,
     })
 }
 
-/// Which to take: what gains most; a part of it that gains nearly as much is simpler.
-fn chosen(tried: &[Tried]) -> Option<usize> {
-    let best = tried.iter().position(|t| t.significant)?;
-    let simpler = |t: &Tried| {
-        t.significant
-            && t.candidate.freedom() < tried[best].candidate.freedom()
-            && t.candidate.is_part_of(&tried[best].candidate)
-            && t.gain >= PART * tried[best].gain
-    };
-    tried.iter().position(simpler).or(Some(best))
+fn squares(parts: &[HeldOut]) -> f64 {
+    parts.iter().map(|part| part.squares).sum()
 }
 
 /// Takes out again what does not raise the held-out error when it is missing.
@@ -121,16 +180,22 @@ fn backward(
     path: &mut Vec<Step>,
     mut now: f64,
 ) -> Option<()> {
-    let added: Vec<Candidate> = path.iter().map(|step| step.candidate.clone()).collect();
+    let added: Vec<Vec<Place>> = path.iter().map(|step| step.places.clone()).collect();
     // The last one was just found to be there.
-    for candidate in added.iter().rev().skip(1) {
-        let without = candidate.taken_from(structure);
+    for places in added.into_iter().rev().skip(1) {
+        let mut without = structure.clone();
+        for &(effect, joint) in &places {
+            without = match effect.description().form {
+                Form::Inertia => without.with_load(body_of(joint), false),
+                _ => without.without_effect((effect, joint)),
+            };
+        }
         let after = rms(&data.held_out(&without)?);
         if after <= SAME * now {
             *structure = without;
             now = after;
             path.push(Step {
-                candidate: candidate.clone(),
+                places,
                 removed: true,
                 rms: after,
             });
@@ -139,113 +204,82 @@ fn backward(
     Some(())
 }
 
-/// The most promising candidates of each kind, fitted.
-fn tried(data: &Data, structure: &ModelStructure, held_out: &[HeldOut]) -> Option<Vec<Tried>> {
-    let now = data.fit(structure)?;
-    let screen = Screen::of(data, structure, &now)?;
-    let all = Candidate::all(structure);
-    let count = all.len();
-    let mut gains: Vec<(Candidate, f64)> = all
-        .into_iter()
-        .map(|candidate| {
-            let gain = screen.gain(&candidate);
-            (candidate, gain)
-        })
-        .collect();
-    gains.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let promising = |wanted: &dyn Fn(&Candidate) -> bool| -> Vec<Candidate> {
-        let own = gains.iter().filter(|(candidate, gain)| {
-            wanted(candidate) && *gain > candidate.freedom() + LEAST_VALUE.powi(2)
-        });
-        own.map(|(candidate, _)| candidate.clone())
-            .take(TRIED)
-            .collect()
-    };
-    let is_load = |c: &Candidate| matches!(c, Candidate::Load { .. });
-    let mut candidates = promising(&|c| c.is_family());
-    candidates.extend(promising(&|c| !c.is_family() && !is_load(c)));
-    candidates.extend(promising(&is_load));
-    let trial = Trial {
-        data,
-        structure,
-        now: &now,
-        held_out,
-        count,
-    };
-    candidates.into_iter().map(|c| trial.of(c)).collect()
-}
-
 /// What candidates are tried on.
 struct Trial<'a> {
     data: &'a Data,
+    model: &'a Model,
     structure: &'a ModelStructure,
     now: &'a Fit,
     held_out: &'a [HeldOut],
-    /// How many there are.
-    count: usize,
 }
 
 impl Trial<'_> {
-    fn of(&self, candidate: Candidate) -> Option<Tried> {
-        let structure = candidate.added_to(self.structure);
+    fn of(&self, candidate: &Candidate) -> Option<Tried> {
+        let mut structure = self.structure.clone();
+        for &(_, place) in &candidate.members {
+            structure = match place.0.description().form {
+                Form::Inertia => structure.with_load(body_of(place.1), true),
+                _ => {
+                    let site = EffectSite::of(self.model, place, Constraint::Physical);
+                    let shape = self.data.columns().site(place).map(|site| site.shape);
+                    structure.with_effect(site.with_shape(shape.unwrap_or(1.0)))
+                }
+            };
+        }
         let fit = self.data.fit_from(&structure, self.now)?;
         let held_out = self.data.held_out_from(&structure, self.held_out)?;
-        let before: f64 = self.held_out.iter().map(|part| part.squares).sum();
         let parts = self.held_out.iter().zip(&held_out);
         let parts: Vec<f64> = parts.map(|(a, b)| a.squares - b.squares).collect();
         let (gain, error) = sum_and_error(&parts);
-        let told = match &candidate {
-            Candidate::Effect { effect, joints } => self.effect(*effect, joints, &fit),
-            Candidate::Load { body } => self.load(*body, &structure, &fit)?,
+        let (values, is_told) = match candidate.members[..] {
+            [(_, (effect, body))] if effect.description().form == Form::Inertia => {
+                self.load(body_of(body), candidate.tried, &structure, &fit)?
+            }
+            _ => self.effect(candidate, &fit),
         };
-        let significant = told.in_bounds
-            && told.is_told
-            && told.z >= least_z(self.count)
-            && gain > error
-            && gain >= LEAST_SHARE * before;
         Some(Tried {
-            candidate,
-            values: told.values,
-            z: told.z,
-            in_bounds: told.in_bounds,
-            gain: gain / before,
-            gain_error: error / before,
-            rms: rms(&held_out),
-            significant,
+            holds: is_told && gain > error && gain >= LEAST_SHARE * squares(self.held_out),
             structure,
             held_out,
+            values,
         })
     }
 
-    fn effect(&self, effect: usize, joints: &[usize], fit: &Fit) -> Told {
-        let deviations = self.data.deviations(fit);
-        let columns = joints.iter().map(|j| effect_column(*j, effect));
-        let columns: Vec<usize> = columns.collect();
-        let values: Vec<Value> = columns
-            .iter()
-            .map(|&k| Value {
-                value: fit.theta()[k],
-                std: deviations.of_parameter(k).into_iter().fold(0.0, f64::max),
-            })
-            .collect();
-        let squares = values.iter().map(|v| (v.value / v.std).powi(2)).sum();
-        let size = Squared {
-            size: squares,
-            freedom: joints.len() as f64,
-            tried: 1.0,
+    /// Parameters of the first member; and whether most members are told to be something.
+    fn effect(&self, candidate: &Candidate, fit: &Fit) -> (Vec<Value>, bool) {
+        let (columns, deviations) = (self.data.columns(), self.data.deviations(fit));
+        let std = |k: usize| deviations.of_parameter(k).into_iter().fold(0.0, f64::max);
+        let size = |place: Place| {
+            let own = columns.of(place).into_iter();
+            own.map(|k| fit.theta()[k].abs() / std(k))
+                .fold(0.0, f64::max)
         };
-        Told {
-            values,
-            z: size.z(),
-            // At its bound an effect does nothing.
-            in_bounds: columns.iter().any(|k| !fit.solution.held[*k]),
-            is_told: true,
-        }
+        let members = candidate.members.iter().map(|(_, place)| *place);
+        let there = members.filter(|place| size(*place) >= LEAST_VALUE).count();
+        let first = candidate.members[0].1;
+        let parameters = first.0.description().parameters;
+        let values = (0..parameters.len()).map(|n| {
+            let own = columns.effects().find(|(_, site, linear)| {
+                columns.sites[*site].place == first && linear.parameter == n
+            });
+            match own {
+                Some((k, _, linear)) => (fit.theta()[k] + linear.neutral, std(k)),
+                // A scan finds a shape and not how surely.
+                None => (columns.site(first).map_or(1.0, |site| site.shape), 0.0),
+            }
+        });
+        (values.collect(), 2 * there > candidate.members.len())
     }
 
     /// A load is what a body has beyond what the model's uncertainty leaves open: judged by how much the cost falls once that no longer
     /// binds.
-    fn load(&self, body: usize, structure: &ModelStructure, fit: &Fit) -> Option<Told> {
+    fn load(
+        &self,
+        body: usize,
+        tried: usize,
+        structure: &ModelStructure,
+        fit: &Fit,
+    ) -> Option<(Vec<Value>, bool)> {
         let free = |structure: &ModelStructure| {
             let mut structure = structure.clone();
             structure.hold_bodies = false;
@@ -255,18 +289,14 @@ impl Trial<'_> {
         let fallen = without.cost(self.data, without.noise) - with.cost(self.data, without.noise);
         let size = Squared {
             size: fallen,
-            freedom: Candidate::Load { body }.freedom(),
+            freedom: LOAD_FREEDOM,
             tried: 1.0,
         };
         let values = self.load_values(body, fit);
-        let mass = values[0];
-        Some(Told {
-            in_bounds: mass.value > 0.0,
-            // A body whose mass is elsewhere carries no load.
-            is_told: mass.value > LEAST_VALUE * mass.std,
-            z: size.z(),
-            values,
-        })
+        let (mass, std) = values[0];
+        // A body whose mass is elsewhere carries no load.
+        let is_told = mass > 0.0 && mass > LEAST_VALUE * std && size.z() >= least_z(tried);
+        Some((values, is_told))
     }
 
     /// Mass and place: what the body is more than the model's, and where.
@@ -280,32 +310,24 @@ impl Trial<'_> {
         let problem = self.data.problem(self.structure, fit.noise);
         let prior = problem.prior_root(&problem.start());
         let std = |entries: &[(usize, f64)]| {
-            let entries: Vec<(usize, f64)> = entries.iter().map(|(k, x)| (first + k, *x)).collect();
-            let combination = combination(&entries);
+            let combination = |len: usize| {
+                let mut all = DVector::zeros(len);
+                entries.iter().for_each(|(k, x)| all[first + k] = *x);
+                all
+            };
+            // Bodies come first in what the structure has.
+            let own = prior.tr_mul(&combination(prior.nrows())).norm();
             deviations
-                .of_combination(&combination)
-                .hypot(prior.tr_mul(&combination).norm())
+                .of_combination(&combination(theta.len()))
+                .hypot(own)
         };
         let mass = more(0);
         let place = (1..4).map(|axis| {
             let at = more(axis) / mass;
-            Value {
-                value: at,
-                std: std(&[(0, -at / mass), (axis, 1.0 / mass)]),
-            }
+            (at, std(&[(0, -at / mass), (axis, 1.0 / mass)]))
         });
-        let mass = Value {
-            value: mass,
-            std: std(&[(0, 1.0)]),
-        };
-        std::iter::once(mass).chain(place).collect()
+        std::iter::once((mass, std(&[(0, 1.0)])))
+            .chain(place)
+            .collect()
     }
-}
-
-struct Told {
-    values: Vec<Value>,
-    z: f64,
-    in_bounds: bool,
-    /// Whether the value is beyond its error.
-    is_told: bool,
 }

@@ -2,25 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::go2::{JOINT_NAMES, JOINTS};
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
 
-use super::FreeBaseDiagnosis;
-use super::search::{Found, Tried, Value};
+use super::search::{Found, Value};
+use super::{FreeBaseDiagnosis, is_load};
 use crate::diagnose::{
-    Alternative, CandidateReport, Diagnosis, JointError, ParameterReport, PathStep, Verdict,
+    Alternative, CandidateReport, Diagnosis, JointError, NEW_MODEL, ParameterReport, PathStep,
+    Verdict,
 };
+use crate::equation::values::Place;
 use crate::free_base::Walks;
-use crate::free_base::data::{Data, Left};
+use crate::free_base::columns::body_of;
+use crate::free_base::data::Left;
 use crate::free_base::fit::rms;
-use crate::free_base::rows::EFFECTS;
 use crate::free_base::structure::ModelStructure;
 use crate::model::Robot;
 use crate::select::criteria::{LEAST_Z, RESOLUTION, STRUCTURE};
+use crate::select::ranking::Judged;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
 use crate::table::with_std;
-
-use super::candidate::Candidate;
-use crate::diagnose::NEW_MODEL;
 
 /// A load's parameters as they are told.
 const LOAD: [(&str, &str); 4] = [("m", "kg"), ("x", "m"), ("y", "m"), ("z", "m")];
@@ -29,23 +30,26 @@ const LOAD: [(&str, &str); 4] = [("m", "kg"), ("x", "m"), ("y", "m"), ("z", "m")
 pub(super) fn diagnosis(
     logs: &[PathBuf],
     walks: &Walks,
-    data: &Data,
     given: &ModelStructure,
     found: &Found,
 ) -> Option<Diagnosis> {
-    let [before, after, floor] = [given, &found.structure, &given.with_everything()]
-        .map(|structure| data.held_out(structure));
-    let (before, after, floor) = (before?, after?, floor?);
-    let thetas: Vec<Vec<_>> = [&before, &after, &floor]
-        .iter()
-        .map(|parts| parts.iter().map(|part| &part.theta).collect())
-        .collect();
-    let left = data.by_coordinate(walks, &thetas);
+    let data = &found.data;
+    let [before, after] = [given, &found.structure].map(|structure| data.held_out(structure));
+    let (before, after) = (before?, after?);
+    let (_, floor) = data.with_all(given)?;
+    let thetas = |parts: &[crate::free_base::fit::HeldOut]| -> Vec<_> {
+        parts.iter().map(|part| part.theta.clone()).collect()
+    };
+    let all = [thetas(&before), thetas(&after), floor];
+    let floor_rms = data.rms_of_parts(&all[2]);
+    let borrowed: Vec<Vec<_>> = all.iter().map(|own| own.iter().collect()).collect();
+    let left = data.by_coordinate(walks, &borrowed);
     let outside_catalogue = outside(&left[1], &walks.torque_rms());
-    let first: Vec<&Tried> = found.first.iter().collect();
-    let candidates: Vec<CandidateReport> = first.iter().map(|t| report(t, &first)).collect();
+    let candidates: Vec<CandidateReport> = (found.first.iter())
+        .map(|(judged, load)| report(judged, load.as_deref(), found.start))
+        .collect();
     let missing = !found.path.is_empty() || !outside_catalogue.is_empty();
-    let (reason, next) = reason(found, missing, logs);
+    let (reason, next) = reason(found, &candidates, missing, logs);
     Some(Diagnosis {
         verdict: if missing {
             Verdict::Missing
@@ -59,8 +63,8 @@ pub(super) fn diagnosis(
             .path
             .iter()
             .map(|step| PathStep {
-                effect: step.candidate.effect(),
-                joints: step.candidate.places(),
+                effect: step.places[0].0.name(),
+                joints: names(step.places.iter().copied()),
                 held_out_rms: step.rms,
                 log_rms: Vec::new(),
                 removed: step.removed,
@@ -69,7 +73,7 @@ pub(super) fn diagnosis(
         held_out_rms: found.start_rms,
         log_rms: Vec::new(),
         // A model of everything learns some of the noise by heart.
-        noise_floor_rms: rms(&floor).min(rms(&after)),
+        noise_floor_rms: floor_rms.min(rms(&after)),
         joints: joints(&left, data.windows.used),
         second_encoder: Vec::new(),
         outside_catalogue,
@@ -78,27 +82,41 @@ pub(super) fn diagnosis(
     })
 }
 
+/// Joints, or the bodies that they move; `base` is the trunk.
+fn names(places: impl Iterator<Item = Place>) -> Vec<String> {
+    let name = |(_, joint): Place| JOINT_NAMES.get(joint).map_or("base", |name| *name);
+    places.map(|place| name(place).to_owned()).collect()
+}
+
 /// Why the verdict, and what to do next.
-fn reason(found: &Found, missing: bool, logs: &[PathBuf]) -> (String, String) {
+fn reason(
+    found: &Found,
+    candidates: &[CandidateReport],
+    missing: bool,
+    logs: &[PathBuf],
+) -> (String, String) {
     let Some(step) = found.path.first() else {
         return if missing {
             (
-                "something is missing that is neither friction, a rotor, an offset nor a load".to_owned(),
+                "something is missing that no effect of the catalogue explains".to_owned(),
                 "look at where the error lives: `proprio compare --free-base` tells it joint by joint".to_owned(),
             )
         } else {
             (
-                "no friction, rotor, offset or load makes the error on unseen time smaller beyond its own error".to_owned(),
+                "no effect of the catalogue makes the error on unseen time smaller beyond its own error".to_owned(),
                 "nothing: of what a walk can tell the model explains all".to_owned(),
             )
         };
     };
     let all = JOINT_NAMES.map(str::to_owned);
-    let places = joints_in_words(&step.candidate.places(), &all);
-    let of = found.first.iter().find(|t| t.candidate == step.candidate);
-    let told = of.map_or(String::new(), |t| format!(": {}", values(t)));
+    let (effect, joints) = (step.places[0].0, names(step.places.iter().copied()));
+    let of = candidates
+        .first()
+        .filter(|own| own.effect == effect.name() && own.joints == joints);
+    let told = of.map_or(String::new(), |own| format!(": {}", values(effect, own)));
+    let places = joints_in_words(&joints, &all);
     (
-        format!("{}, {places}, is missing{told}", step.candidate.effect()),
+        format!("{}, {places}, is missing{told}", effect.name()),
         format!(
             "proprio diagnose --free-base {} -m MODEL --apply, then compare --free-base",
             typed(logs, None)
@@ -127,7 +145,7 @@ fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
     });
     let told = goes_on.map(|(j, name)| {
         format!(
-            "{name}: of the {} N m that are left neighbouring windows share {:.0} %: neither friction, rotors and offsets nor a load explain that",
+            "{name}: of the {} N m that are left neighbouring windows share {:.0} %: no effect of the catalogue explains that",
             torque(left.rms[6 + j]),
             100.0 * left.correlation[6 + j]
         )
@@ -135,86 +153,90 @@ fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
     told.collect()
 }
 
-fn report(tried: &Tried, all: &[&Tried]) -> CandidateReport {
-    let values = &tried.values;
-    let load = matches!(tried.candidate, Candidate::Load { .. });
-    let value = match load {
-        true => values[0].value,
-        false => values.iter().map(|v| v.value).sum::<f64>() / values.len() as f64,
+/// What a candidate would add; `load` is the mass and the place of one that was fitted.
+fn report(judged: &Judged, load: Option<&[Value]>, start: f64) -> CandidateReport {
+    let (c, effect) = (&judged.candidate, judged.candidate.effect);
+    let (gain, error) = c.held_out_gain();
+    let first = c.members[0].1;
+    let described = effect.description().parameters.iter();
+    let named: Vec<((&'static str, &'static str), Value)> = if is_load(effect) {
+        let own = load.map_or_else(|| placed(first, &judged.parameters[0]), <[Value]>::to_vec);
+        LOAD.into_iter().zip(own).collect()
+    } else {
+        let names = described.map(|p| (p.symbol, p.unit));
+        names.zip(judged.parameters[0].iter().copied()).collect()
     };
-    let std = match load {
-        true => values[0].std,
-        false => {
-            let squares: f64 = values.iter().map(|v| v.std * v.std).sum();
-            squares.sqrt() / values.len() as f64
-        }
+    let parameters = named
+        .iter()
+        .map(|((symbol, unit), (value, std))| ParameterReport {
+            symbol,
+            unit,
+            value: *value,
+            std: *std,
+        });
+    let members = judged.parameters.len() as f64;
+    let (value, std) = if members > 1.0 {
+        let firsts = || judged.parameters.iter().map(|own| own[0]);
+        let squares: f64 = firsts().map(|(_, std)| std * std).sum();
+        (
+            firsts().map(|(value, _)| value).sum::<f64>() / members,
+            squares.sqrt() / members,
+        )
+    } else {
+        named[0].1
     };
-    let parameter = |(symbol, unit), value: &Value| ParameterReport {
-        symbol,
-        unit,
-        value: value.value,
-        std: value.std,
-    };
-    let parameters = match &tried.candidate {
-        Candidate::Load { .. } => LOAD
-            .into_iter()
-            .zip(values)
-            .map(|(told, value)| parameter(told, value))
-            .collect(),
-        Candidate::Effect { effect, .. } => {
-            let described = &EFFECTS[*effect].description().parameters[0];
-            vec![parameter((described.symbol, described.unit), &values[0])]
-        }
+    let alternative = |(effect, members): &(EffectKind, Vec<(usize, Place)>)| Alternative {
+        effect: effect.name(),
+        joints: names(members.iter().map(|(_, place)| *place)),
     };
     CandidateReport {
-        effect: tried.candidate.effect(),
-        joints: tried.candidate.places(),
-        held_out_gain: tried.gain,
-        held_out_gain_error: tried.gain_error,
-        z: tried.z,
+        effect: effect.name(),
+        joints: names(c.members.iter().map(|(_, place)| *place)),
+        held_out_gain: gain,
+        held_out_gain_error: error,
+        z: c.z(),
         value,
         std,
-        parameters,
-        torque_error_percent: 100.0 * tried.gain,
-        in_bounds: tried.in_bounds,
-        significant: tried.significant,
-        alternatives: alternatives(tried, all),
+        parameters: parameters.collect(),
+        torque_error_percent: 100.0 * c.torque_error_taken() / start.max(f64::MIN_POSITIVE),
+        in_bounds: judged.possible,
+        significant: judged.significant,
+        alternatives: judged.alternatives.iter().map(alternative).collect(),
     }
 }
 
-/// What gains as much within the errors, and is neither a part of it nor it a part of that.
-fn alternatives(tried: &Tried, all: &[&Tried]) -> Vec<Alternative> {
-    let alike = all.iter().filter(|other| {
-        let (a, b) = (&tried.candidate, &other.candidate);
-        let near = (tried.gain - other.gain).abs() < tried.gain_error.max(other.gain_error);
-        tried.significant && other.significant && near && !a.is_part_of(b) && !b.is_part_of(a)
-    });
-    let named = alike.map(|other| Alternative {
-        effect: other.candidate.effect(),
-        joints: other.candidate.places(),
-    });
-    named.collect()
+/// A load's mass and place from its mass and its first moment about its body's centre of mass.
+fn placed(place: Place, told: &[Value]) -> Vec<Value> {
+    let cad = go2::free::<f64>();
+    let inertia = &cad.bodies()[body_of(place.1)].inertia;
+    let com = inertia.first_moment() / inertia.mass();
+    let (mass, std) = told[0];
+    let at = |axis: usize| {
+        let (moment, moment_std) = told[1 + axis];
+        let away = moment / mass;
+        let unsure = (moment_std / mass).hypot(away * std / mass);
+        (com[axis] + away, unsure)
+    };
+    std::iter::once((mass, std)).chain((0..3).map(at)).collect()
 }
 
 /// A candidate's values in words.
-fn values(tried: &Tried) -> String {
-    let told: Vec<String> = tried
-        .values
-        .iter()
-        .map(|v| with_std(v.value, v.std))
+fn values(effect: EffectKind, report: &CandidateReport) -> String {
+    let told: Vec<String> = (report.parameters.iter())
+        .map(|own| with_std(own.value, own.std))
         .collect();
-    match (&tried.candidate, told.as_slice()) {
-        (Candidate::Load { .. }, [mass, x, y, z]) => {
+    match told.as_slice() {
+        [mass, x, y, z] if is_load(effect) => {
             format!("{mass} kg at x {x}, y {y}, z {z} m from the body's origin")
         }
-        (Candidate::Effect { effect, joints }, [value, ..]) => {
-            let unit = EFFECTS[*effect].description().parameters[0].unit;
-            match joints.len() {
+        [value, ..] => {
+            let unit = report.parameters[0].unit;
+            match report.joints.len() {
                 1 => format!("{value} {unit}"),
-                _ => format!("{value} {unit} at {}", JOINT_NAMES[joints[0]]),
+                _ => format!("{value} {unit} at {}", report.joints[0]),
             }
         }
-        _ => String::new(),
+        [] => String::new(),
     }
 }
 

@@ -57,9 +57,8 @@ impl Prior {
         };
         let bodies: Option<Vec<_>> = (0..BODIES).map(body).collect();
         let bodies = bodies.ok_or_else(|| ExciteError::Unphysical("of the Go2".to_owned()))?;
-        let effects = structure.others();
-        let joints = COLUMNS - 3 - INERTIAL * BODIES;
-        let effects = effects[..joints].iter().map(|effect| effect.std);
+        let effects = structure.effects(&structure.columns());
+        let effects = effects.iter().map(|effect| effect.std);
         let trunk = &bodies[0];
         let most =
             |kind: std::ops::Range<usize>| kind.map(|k| trunk.row(k).norm()).fold(0.0, f64::max);

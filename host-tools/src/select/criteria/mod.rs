@@ -13,7 +13,6 @@ pub(crate) mod presence;
 pub(crate) mod statistics;
 pub(crate) mod step;
 
-pub(crate) use choice::PART;
 pub(crate) use presence::{RESOLUTION, STRUCTURE};
 pub(crate) use statistics::{LEAST_Z, NOISE_MEMORY, Squared, least_z, sum_and_error};
 pub(crate) use step::{LEAST_SHARE, LEAST_VALUE, SAME};

@@ -1,0 +1,285 @@
+//! Nonlinear parameters of effects on a walk: on what a fit leaves, beside what friction, a rotor and a constant torque of the joint explain, as
+//! [`crate::estimate::shapes`] of a limb.
+
+use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
+use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
+use proprio_core::go2::{ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS};
+
+use crate::estimate::grid::{Reach, least_displacement, values};
+use crate::estimate::robot::side_by_side;
+use crate::estimate::shapes::{possible, shape_parameter};
+use crate::free_base::Walks;
+use crate::free_base::columns::EffectSite;
+use crate::free_base::data::{Data, LeftOfWindow};
+use crate::free_base::fit::Fit;
+use crate::free_base::projection::{Equations, Projection, bristles};
+use crate::free_base::rows::COORDINATES;
+use crate::free_base::walk::Walk;
+
+/// Windows that a scan looks at, spread over the logs.
+const MOST_WINDOWS: usize = 1500;
+/// A shape is not another one that explains no more than this share of what is left of its joint: half of what the slowest effect has to
+/// ([`crate::select::criteria::LEAST_GAIN_OF_SLOW`]).
+const LEAST_FALL: f64 = 0.0025;
+/// Shapes tried between the best and its neighbours, as shares of the way to these.
+const BETWEEN: [f64; 4] = [-2.0 / 3.0, -1.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0];
+/// A shape that differs by less than this share is the same.
+const SAME: f64 = 1e-3;
+
+/// Less of a column's square than this share is rounding.
+const SPANNED: f64 = 1e-8;
+
+/// What friction, a rotor and a constant torque explain anyhow.
+const BASIS: [EffectKind; 4] = EffectKind::PLAIN;
+
+/// The data's effects, those with a nonlinear parameter at the one that explains most of what a fit leaves; `None` if they are so already.
+pub(super) fn better(walks: &Walks, data: &Data, fit: &Fit) -> Option<Vec<EffectSite>> {
+    let left = data.left(walks, fit.theta());
+    let sites = &data.columns().sites;
+    let scan = Scan {
+        walks,
+        data,
+        fit,
+        stride: (left.iter().map(Vec::len).sum::<usize>() / MOST_WINDOWS).max(1),
+        left,
+    };
+    let shaped = (0..sites.len()).filter(|n| sites[*n].place.0.description().shape().is_some());
+    let grids: Vec<(usize, Vec<f64>)> = shaped.map(|n| (n, scan.grid(&sites[n]))).collect();
+    let coarse = scan.explained(&grids);
+    let fine: Vec<(usize, Vec<f64>)> = (grids.iter().zip(&coarse))
+        .map(|((n, grid), falls)| (*n, between(grid, falls, &sites[*n])))
+        .collect();
+    let finer = scan.explained(&fine);
+    let (mut better, mut moved) = (sites.clone(), false);
+    for (((n, grid), falls), ((_, near), finer)) in
+        grids.iter().zip(&coarse).zip(fine.iter().zip(&finer))
+    {
+        let all = grid.iter().zip(falls).chain(near.iter().zip(finer));
+        let Some((shape, fall)) = all.max_by(|a, b| a.1.total_cmp(b.1)) else {
+            continue;
+        };
+        let is_other = (shape - sites[*n].shape).abs() > SAME * sites[*n].shape.abs();
+        if is_other && *fall >= LEAST_FALL {
+            better[*n] = sites[*n].clone().with_shape(*shape);
+            moved = true;
+        }
+    }
+    moved.then_some(better)
+}
+
+/// Shapes about the best of a grid, and the present one.
+fn between(grid: &[f64], falls: &[f64], site: &EffectSite) -> Vec<f64> {
+    let best = (0..grid.len()).max_by(|&a, &b| falls[a].total_cmp(&falls[b]));
+    let best = best.unwrap_or(0);
+    let near = |share: f64| {
+        let other = if share < 0.0 {
+            best.checked_sub(1)
+        } else {
+            Some(best + 1)
+        };
+        let other = *grid.get(other?)?;
+        Some(grid[best] + share.abs() * (other - grid[best]))
+    };
+    let near = BETWEEN.into_iter().filter_map(near).chain([site.shape]);
+    near.map(|shape| possible(site.place.0, shape)).collect()
+}
+
+struct Scan<'a> {
+    walks: &'a Walks,
+    data: &'a Data,
+    fit: &'a Fit,
+    left: Vec<Vec<LeftOfWindow>>,
+    /// One of so many windows is looked at.
+    stride: usize,
+}
+
+impl Scan<'_> {
+    /// The shapes of an effect to try.
+    fn grid(&self, site: &EffectSite) -> Vec<f64> {
+        let (effect, joint) = site.place;
+        let logs = || self.walks.walks.iter().map(|(walk, _)| walk);
+        let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
+        let travel = |walk: &Walk| {
+            let q = || walk.q.iter().map(|q| q[joint]);
+            q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min)
+        };
+        let acceleration = |walk: &Walk| {
+            let steps = walk
+                .dq
+                .windows(2)
+                .map(|dq| (dq[1][joint] - dq[0][joint]).powi(2));
+            let square = steps.sum::<f64>() / walk.len().max(1) as f64;
+            square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
+        };
+        let period = most(&|walk| walk.period);
+        let lower = effect.description().parameters[shape_parameter(effect)].lower;
+        let reach = Reach {
+            gear: ACTUATORS[joint % JOINTS_PER_LEG].gear,
+            travel: most(&travel),
+            least_displacement: least_displacement(most(&acceleration), period).max(lower),
+            fastest: most(&|walk| walk.dq.iter().map(|dq| dq[joint].abs()).fold(0.0, f64::max)),
+            speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
+        };
+        let searched = effect.description().searched();
+        let all = searched.and_then(|(_, grid)| values(grid, &reach));
+        let all = all.into_iter().flatten();
+        all.map(|shape| possible(effect, shape)).collect()
+    }
+
+    /// Of each effect and each of its shapes the share of what is left of its joint that it explains.
+    fn explained(&self, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<f64>> {
+        let sites = &self.data.columns().sites;
+        let legs: Vec<usize> = (0..LEGS).collect();
+        let by_leg = side_by_side(&legs, |&leg| {
+            let own = tried.iter().enumerate();
+            let own = own.filter(|(_, (n, _))| sites[*n].place.1 / JOINTS_PER_LEG == leg);
+            self.of_leg(
+                &own.map(|(at, (n, grid))| (at, *n, &grid[..]))
+                    .collect::<Vec<_>>(),
+            )
+        });
+        let mut all = vec![Vec::new(); tried.len()];
+        for (at, falls) in by_leg.into_iter().flatten() {
+            all[at] = falls;
+        }
+        all
+    }
+
+    fn of_leg(&self, tried: &[(usize, usize, &[f64])]) -> Vec<(usize, Vec<f64>)> {
+        let sites = &self.data.columns().sites;
+        let mut sums: Vec<Vec<Sums>> = (tried.iter())
+            .map(|(.., grid)| vec![Sums::default(); grid.len()])
+            .collect();
+        for (log, (walk, _)) in self.walks.walks.iter().enumerate() {
+            let walk = self.data.corrected(walk);
+            let bent: Vec<Vec<Vec<f64>>> = (tried.iter())
+                .map(|(_, n, grid)| {
+                    let (effect, joint) = sites[*n].place;
+                    let bent = |shape: &f64| bristles(&walk, joint, *shape);
+                    match effect.description().input {
+                        Input::Bristles => grid.iter().map(bent).collect(),
+                        _ => Vec::new(),
+                    }
+                })
+                .collect();
+            let left = self.left[log].iter().step_by(self.stride);
+            let left: Vec<&LeftOfWindow> = left.collect();
+            let at = |start: u64| left.binary_search_by_key(&start, |own| own.start_us);
+            let wanted = |start: u64| at(start).is_ok();
+            self.data
+                .each_projection(self.walks, log, wanted, |start, projection| {
+                    let Ok(at) = at(start) else { return };
+                    let mut basis = [[[0.0; COORDINATES]; BASIS.len()]; JOINTS];
+                    let mut known = [false; JOINTS];
+                    for (t, (_, n, grid)) in tried.iter().enumerate() {
+                        let (effect, joint) = sites[*n].place;
+                        if !known[joint] {
+                            known[joint] = true;
+                            for (column, effect) in basis[joint].iter_mut().zip(BASIS) {
+                                let term = |k: usize| effect.term(&projection.state(k, joint));
+                                projection.add(joint, term, column);
+                            }
+                        }
+                        let residual = self.residual(left[at], projection, *n);
+                        for (s, shape) in grid.iter().enumerate() {
+                            let mut columns = [[0.0; COORDINATES]; MAX_COLUMNS];
+                            let count = sites[*n].linear.len();
+                            for (m, column) in columns.iter_mut().enumerate().take(count) {
+                                let term = |k: usize| match bent[t].get(s) {
+                                    Some(impulse) => Term {
+                                        boundary: impulse[k],
+                                        rate: 0.0,
+                                    },
+                                    None => effect.terms(&projection.state(k, joint), *shape)[m],
+                                };
+                                projection.add(joint, term, column);
+                            }
+                            sums[t][s].add(&basis[joint], &columns, &residual);
+                        }
+                    }
+                });
+        }
+        let falls = sums.iter().zip(tried);
+        falls
+            .map(|(sums, (at, n, _))| {
+                (
+                    *at,
+                    sums.iter()
+                        .map(|own| own.share(sites[*n].linear.len()))
+                        .collect(),
+                )
+            })
+            .collect()
+    }
+
+    /// What the fit leaves, and what effect n explains with its present shape if the fit has it: that is for another shape to explain.
+    fn residual(&self, left: &LeftOfWindow, projection: &Projection<'_>, n: usize) -> Equations {
+        let mut residual = left.left;
+        for (k, own, linear) in self.data.columns().effects() {
+            let value = self.fit.theta()[k];
+            if own == n && value != 0.0 {
+                let column = projection.column(n, &linear.column);
+                let terms = residual.iter_mut().zip(column);
+                terms.for_each(|(residual, x)| *residual += value * x);
+            }
+        }
+        residual
+    }
+}
+
+/// Products of the basis, an effect's columns and the residual.
+#[derive(Clone)]
+struct Sums {
+    basis: Matrix4<f64>,
+    mixed: SMatrix<f64, 4, MAX_COLUMNS>,
+    own: SMatrix<f64, MAX_COLUMNS, MAX_COLUMNS>,
+    basis_right: Vector4<f64>,
+    own_right: SVector<f64, MAX_COLUMNS>,
+    right: f64,
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        Self {
+            basis: Matrix4::zeros(),
+            mixed: SMatrix::zeros(),
+            own: SMatrix::zeros(),
+            basis_right: Vector4::zeros(),
+            own_right: SVector::zeros(),
+            right: 0.0,
+        }
+    }
+}
+
+impl Sums {
+    fn add(&mut self, basis: &[Equations; 4], own: &[Equations; MAX_COLUMNS], right: &Equations) {
+        for c in (0..right.len()).filter(|c| right[*c].is_finite()) {
+            let b = Vector4::from_fn(|n, _| basis[n][c]);
+            let x = SVector::<f64, MAX_COLUMNS>::from_fn(|n, _| own[n][c]);
+            self.basis += b * b.transpose();
+            self.mixed += b * x.transpose();
+            self.own += x * x.transpose();
+            self.basis_right += b * right[c];
+            self.own_right += x * right[c];
+            self.right += right[c] * right[c];
+        }
+    }
+
+    /// The share of the residual's square that the first `count` columns explain beyond the basis.
+    fn share(&self, count: usize) -> f64 {
+        let Some(root) = self.basis.cholesky() else {
+            return 0.0;
+        };
+        let own = self.own - self.mixed.tr_mul(&root.solve(&self.mixed));
+        let right = self.own_right - self.mixed.tr_mul(&root.solve(&self.basis_right));
+        // Of what the basis explains as well as rounding lets it nothing is left.
+        let is_new = |n: usize| own[(n, n)] > SPANNED * self.own[(n, n)];
+        if !(0..count).all(is_new) {
+            return 0.0;
+        }
+        let own = own.view((0, 0), (count, count)).into_owned();
+        let right = right.rows(0, count).into_owned();
+        let solved = own.cholesky().map(|root| root.solve(&right));
+        solved.map_or(0.0, |x| x.dot(&right)) / self.right.max(f64::MIN_POSITIVE)
+    }
+}

@@ -1,0 +1,208 @@
+//! Which column of a walk's rows is what: the bodies' parameters, the base's first; what the sensors get wrong; then effects of the joints.
+
+use proprio_core::effect::{EffectKind, Enters, Form, Input, Moved};
+use proprio_core::go2::{self, JOINTS};
+use proprio_core::inertia::INERTIAL;
+
+use super::projection::is_carried;
+use super::rows::BODIES;
+use super::sensors::SENSORS;
+use crate::equation::column::{Column, columns_of};
+use crate::equation::load_columns::load;
+use crate::equation::values::Place;
+use crate::estimate::Constraint;
+use crate::estimate::bounded::Bounded;
+use crate::model::{BASE, Model};
+
+/// Where the sensors' columns begin, the accelerometer's first.
+pub(crate) const ACC: usize = INERTIAL * BODIES;
+/// Columns that rows have whatever the model: where those of effects begin.
+pub(crate) const FIXED: usize = ACC + SENSORS;
+
+/// Standard deviations of what a trunk may carry beyond its CAD: mass, kg; first moment about the trunk's centre of mass, kg m; inertia, kg m². A third
+/// of a Go2's trunk, on its back or under it, a box as large as the trunk.
+const LOAD_ON_TRUNK: [f64; 5] = [2.0, 0.3, 0.3, 0.3, 0.05];
+
+/// Whether a walk's rows have columns of an effect.
+///
+/// What lies between motor and link moves with the transmitted torque, which a stance leaves open; what a motor does not give beyond its limit is made of
+/// the torque that it explains; positions determine a velocity's gain; gravity's direction and forces at feet are measured and projected out. A
+/// walk's motors have no temperature here.
+pub(crate) fn is_judged(effect: EffectKind) -> bool {
+    let facts = effect.description();
+    match facts.form {
+        Form::Columns => facts.enters == Enters::Column && facts.input != Input::Temperature,
+        Form::Coupled | Form::Scale | Form::Clock | Form::Inertia => true,
+        Form::Motion(moved) => moved == Moved::Zero,
+        Form::Gravity | Form::Force => false,
+    }
+}
+
+/// All that rows of a walk can have columns of.
+pub(crate) fn all_places() -> Vec<Place> {
+    let effects = EffectKind::ALL.iter().filter(|effect| is_judged(**effect));
+    let places = effects.flat_map(|&effect| {
+        let form = effect.description().form;
+        let joints = (0..JOINTS).filter(move |&joint| form != Form::Coupled || is_carried(joint));
+        let base = (form == Form::Inertia).then_some(BASE);
+        joints.chain(base).map(move |joint| (effect, joint))
+    });
+    places.collect()
+}
+
+/// An effect at a joint, or a load on a body, as rows have it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct EffectSite {
+    /// The joint by its index in the robot; [`BASE`] for a load on the trunk.
+    pub(crate) place: Place,
+    /// The nonlinear parameter that its columns are made at; one where it has none.
+    pub(crate) shape: f64,
+    /// Its other parameters.
+    pub(crate) linear: Vec<Linear>,
+}
+
+/// A parameter that the torque is linear in, less its value where the effect is absent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Linear {
+    /// Which, as the catalogue counts.
+    pub(crate) parameter: usize,
+    /// The value where the effect is absent.
+    pub(crate) neutral: f64,
+    pub(crate) column: Column,
+    pub(crate) prior: Bounded,
+}
+
+impl EffectSite {
+    /// At the nonlinear parameter that a model gives, or else at the one that is expected.
+    pub(crate) fn of(model: &Model, place: Place, constraint: Constraint) -> Self {
+        let description = place.0.description();
+        let shape = description.shape().map_or(1.0, |n| {
+            let given = model.effect(place.0, place.1).and_then(|e| e.estimates[n]);
+            given.map_or_else(|| prior(model, place, n).0, |given| given.value)
+        });
+        let mut site = Self {
+            place,
+            shape,
+            linear: Vec::new(),
+        };
+        site.linear = columns_of(place, shape)
+            .into_iter()
+            .map(|(parameter, column)| {
+                let described = &description.parameters[parameter];
+                let (mean, std) = prior(model, place, parameter);
+                let [lower, upper] = match constraint {
+                    Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],
+                    Constraint::Physical => [described.lower, described.upper],
+                };
+                let neutral = described.neutral;
+                Linear {
+                    parameter,
+                    neutral,
+                    column,
+                    prior: Bounded {
+                        mean: mean - neutral,
+                        std,
+                        lower: lower - neutral,
+                        upper: upper - neutral,
+                    },
+                }
+            })
+            .collect();
+        site
+    }
+
+    /// Whether it is a torque at joints. With gains at all joints beside such ones the equations of a robot of no mass whose torques are nothing would be
+    /// met.
+    pub(super) fn is_torque(&self) -> bool {
+        let form = self.place.0.description().form;
+        matches!(form, Form::Columns | Form::Coupled | Form::Clock)
+    }
+
+    /// The same with another nonlinear parameter.
+    pub(crate) fn with_shape(mut self, shape: f64) -> Self {
+        self.shape = shape;
+        let columns = columns_of(self.place, shape);
+        for (own, (_, column)) in self.linear.iter_mut().zip(columns) {
+            own.column = column;
+        }
+        self
+    }
+
+    /// As something that a model might lack: as likely on either side of nothing.
+    pub(crate) fn as_candidate(mut self) -> Self {
+        for own in &mut self.linear {
+            own.prior.std = own.prior.std.max(own.prior.mean.abs());
+            own.prior.mean = 0.0;
+        }
+        self
+    }
+}
+
+/// Mean and standard deviation of an effect's parameter before any data.
+pub(crate) fn prior(model: &Model, (effect, joint): Place, parameter: usize) -> (f64, f64) {
+    if joint == BASE {
+        return (0.0, LOAD_ON_TRUNK[parameter]);
+    }
+    let prior = match parameter {
+        0 => model.effect_prior(effect, joint).prior,
+        n => model.robot().parameter_prior(effect, joint, n),
+    };
+    (prior.mean, prior.std)
+}
+
+/// The columns of a walk's rows.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct WalkColumns {
+    pub(crate) sites: Vec<EffectSite>,
+}
+
+impl WalkColumns {
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        let effects = self.sites.iter().map(|site| site.linear.len());
+        FIXED + effects.sum::<usize>()
+    }
+
+    /// The columns of effects in their order: each one's number among all, that of its effect, and which parameter it is of.
+    pub(crate) fn effects(&self) -> impl Iterator<Item = (usize, usize, &Linear)> {
+        let all = self.sites.iter().enumerate();
+        let all = all.flat_map(|(n, site)| site.linear.iter().map(move |linear| (n, linear)));
+        (FIXED..).zip(all).map(|(k, (n, linear))| (k, n, linear))
+    }
+
+    /// The columns of an effect at a joint, in the order of its parameters; none where rows do not have it.
+    pub(crate) fn of(&self, place: Place) -> Vec<usize> {
+        let own = self
+            .effects()
+            .filter(|(_, n, _)| self.sites[*n].place == place);
+        own.map(|(k, ..)| k).collect()
+    }
+
+    /// An effect at a joint.
+    pub(crate) fn site(&self, place: Place) -> Option<&EffectSite> {
+        self.sites.iter().find(|site| site.place == place)
+    }
+
+    /// The columns of loads: each one's number, its body counted from the base, and how much of the body's own columns it is.
+    pub(super) fn loads(&self) -> Vec<(usize, usize, [f64; INERTIAL])> {
+        let cad = go2::free::<f64>();
+        let of = |(k, _, linear): (usize, usize, &Linear)| match linear.column {
+            Column::Load { body, n } => {
+                let b = body_of(body);
+                let inertia = &cad.bodies()[b].inertia;
+                let com = inertia.first_moment() / inertia.mass();
+                Some((k, b, load(&com, n)))
+            }
+            _ => None,
+        };
+        self.effects().filter_map(of).collect()
+    }
+}
+
+/// A joint's body among a walk's, the base first.
+pub(crate) fn body_of(joint: usize) -> usize {
+    match joint {
+        BASE => 0,
+        joint => 1 + joint,
+    }
+}

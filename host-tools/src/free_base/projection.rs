@@ -1,0 +1,231 @@
+//! Columns of torques at joints, in the equations that contact forces leave: what [`proprio_core::window::FreeBaseWindow`] makes of effects that it
+//! knows, for any effect of the catalogue.
+//!
+//! A torque e(t) at joint j enters P D times the equations, P the projector at each sample and D the equations' scale, as P D S_j e. With
+//! e = d(boundary)/dt + rate the window's column is Σ P D S_j (half the differences of the boundary to both sides + rate × the time that the sample stands
+//! for), the same sum as the core's.
+
+use nalgebra::SVector;
+use proprio_core::contact::{Foot, Projector};
+use proprio_core::effect::{Input, JointState, Term};
+use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
+use proprio_core::spatial::Transform;
+use proprio_core::tree::Tree;
+use proprio_core::walk::stance::SPREAD;
+
+use super::columns::{EffectSite, WalkColumns};
+use super::rows::{BODIES, COORDINATES, SCALE};
+use super::stance::Stance;
+use super::walk::Walk;
+use crate::equation::column::Column;
+use crate::equation::presliding::Way;
+
+/// The coordinate of the first joint.
+const FIRST: usize = COORDINATES - JOINTS;
+/// A joint's bristles are followed over gaps no longer than this, s, as those of a robot on a fixed base.
+const BRIDGED: f64 = 0.05;
+
+/// A number for each coordinate's equation.
+pub(crate) type Equations = [f64; COORDINATES];
+/// The robot's mechanics, its feet, and which of these may carry a force.
+pub(super) type Contact<'a> = (
+    &'a Tree<f64, BODIES, COORDINATES>,
+    [Foot<f64>; LEGS],
+    &'a Stance,
+);
+
+/// What a window's samples make of a joint's torque in each equation.
+pub(crate) struct Projection<'a> {
+    states: &'a JointStates<'a>,
+    samples: Vec<usize>,
+    /// P D S_j, sample by sample and joint by joint.
+    passes: Vec<[Equations; JOINTS]>,
+    /// Half the time from the sample before, and to the one after, s, within the window.
+    halves: Vec<[f64; 2]>,
+    seconds: f64,
+}
+
+impl<'a> Projection<'a> {
+    /// Of the window of these samples; equations of joints that are `resting` are left out. `contact` is what feet may carry a force, and where.
+    pub(super) fn of(
+        states: &'a JointStates<'a>,
+        (tree, feet, stance): &Contact<'_>,
+        samples: &[usize],
+        resting: &[bool; JOINTS],
+    ) -> Self {
+        let walk = states.walk;
+        let scale: Equations = std::array::from_fn(|c| match c.checked_sub(FIRST) {
+            Some(joint) if resting[joint] => 0.0,
+            _ => SCALE[c],
+        });
+        let imu = super::imu();
+        let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
+        let passes = samples.iter().map(|&n| {
+            let q = SVector::from_fn(|c, _| c.checked_sub(FIRST).map_or(0.0, |j| walk.q[n][j]));
+            let placements = tree.placements(&Transform::identity(), &q);
+            let down = imu.rotation * walk.down[n];
+            let loaded = stance.loaded[n];
+            projector.update(tree, &placements, feet, loaded, &down, &scale);
+            std::array::from_fn(|j| {
+                let mut unit = SVector::zeros();
+                unit[FIRST + j] = scale[FIRST + j];
+                projector.apply(&unit).into()
+            })
+        });
+        let passes = passes.collect();
+        let times: Vec<f64> = samples.iter().map(|&n| walk.seconds(n)).collect();
+        let half = |k: usize| 0.5 * (times[k + 1] - times[k]);
+        let last = times.len() - 1;
+        let halves = (0..=last).map(|k| {
+            let before = if k > 0 { half(k - 1) } else { 0.0 };
+            [before, if k < last { half(k) } else { 0.0 }]
+        });
+        Self {
+            halves: halves.collect(),
+            seconds: times[last] - times[0],
+            samples: samples.to_vec(),
+            passes,
+            states,
+        }
+    }
+
+    /// Adds the mean of a torque at a joint over the window to its equations; `term` tells it sample by sample.
+    pub(crate) fn add(&self, joint: usize, term: impl Fn(usize) -> Term<f64>, to: &mut Equations) {
+        let mut last: Option<f64> = None;
+        let mut half_before = 0.0;
+        let mut shares = vec![0.0; self.samples.len()];
+        for (k, &n) in self.samples.iter().enumerate() {
+            let Term { boundary, rate } = term(n);
+            if let Some(last) = last {
+                half_before = 0.5 * (boundary - last);
+                shares[k - 1] += half_before;
+            }
+            let [before, after] = self.halves[k];
+            shares[k] += half_before + rate * (before + after);
+            last = Some(boundary);
+        }
+        for (share, passes) in shares.into_iter().zip(&self.passes) {
+            let share = share / self.seconds;
+            for (to, pass) in to.iter_mut().zip(&passes[joint]) {
+                *to += share * pass;
+            }
+        }
+    }
+
+    /// What effects see of a joint at a sample; no bristles.
+    pub(crate) fn state(&self, n: usize, joint: usize) -> JointState<f64> {
+        self.states.joint(n, joint, usize::MAX)
+    }
+
+    /// A column of an effect, per unit of its parameter; nothing for what is no torque at a joint.
+    pub(crate) fn column(&self, site: usize, column: &Column) -> Equations {
+        let mut all = [0.0; COORDINATES];
+        let states = self.states;
+        match *column {
+            Column::Own {
+                joint,
+                effect,
+                shape,
+                n,
+            } => {
+                let term = |k: usize| effect.terms(&states.joint(k, joint, site), shape)[n];
+                self.add(joint, term, &mut all);
+            }
+            Column::Coupled { joint, effect, n } => {
+                for (own, other) in [joint, joint - 1].into_iter().zip([joint - 1, joint]) {
+                    let state = |k: usize, j: usize| states.joint(k, j, site);
+                    let term = |k: usize| effect.coupled(&state(k, own), &state(k, other))[n];
+                    self.add(own, term, &mut all);
+                }
+            }
+            // The equations are of true torques: g times what is reported.
+            Column::Scale(joint) => {
+                let term = |k: usize| Term {
+                    boundary: 0.0,
+                    rate: -states.walk.tau[k][joint],
+                };
+                self.add(joint, term, &mut all);
+            }
+            _ => {}
+        }
+        all
+    }
+}
+
+/// Whether the joint has one that carries it in its leg.
+pub(crate) fn is_carried(joint: usize) -> bool {
+    !joint.is_multiple_of(JOINTS_PER_LEG)
+}
+
+/// What effects see of a walk's joints.
+pub(crate) struct JointStates<'a> {
+    pub(super) walk: &'a Walk,
+    /// Of each effect with bristles their impulse, sample by sample.
+    bristles: Vec<Option<Vec<f64>>>,
+    /// The torque that the gears transmit, if an effect asks, N m.
+    load: Vec<[f64; JOINTS]>,
+}
+
+impl<'a> JointStates<'a> {
+    pub(super) fn of(walk: &'a Walk, columns: &WalkColumns) -> Self {
+        let bristles = |site: &EffectSite| {
+            (site.place.0.description().input == Input::Bristles)
+                .then(|| bristles(walk, site.place.1, site.shape))
+        };
+        let asks = |site: &EffectSite| site.place.0.description().input == Input::TransmittedTorque;
+        Self {
+            bristles: columns.sites.iter().map(bristles).collect(),
+            load: if columns.sites.iter().any(asks) {
+                smoothed_torque(walk)
+            } else {
+                Vec::new()
+            },
+            walk,
+        }
+    }
+
+    /// Of joint j at sample n, as an effect sees it by its number among those of the columns.
+    fn joint(&self, n: usize, j: usize, site: usize) -> JointState<f64> {
+        let walk = self.walk;
+        let mut state = JointState {
+            speed_noise: walk.rest.speed_noise[j],
+            ..JointState::reported(walk.q[n][j], walk.dq[n][j], walk.tau[n][j])
+        };
+        if let Some(load) = self.load.get(n) {
+            state.load = load[j];
+        }
+        if let Some(Some(impulse)) = self.bristles.get(site) {
+            state.presliding = impulse[n];
+        }
+        state
+    }
+}
+
+/// What the bristles of a joint have transmitted at each sample since the gap before, per N m, s.
+pub(crate) fn bristles(walk: &Walk, joint: usize, displacement: f64) -> Vec<f64> {
+    let mut impulse = Vec::with_capacity(walk.len());
+    while impulse.len() < walk.len() {
+        let first = impulse.len();
+        let follows = |n: &usize| walk.seconds(*n) - walk.seconds(n - 1) <= BRIDGED;
+        let end = (first + 1..walk.len()).take_while(follows).last();
+        let stretch = first..end.unwrap_or(first) + 1;
+        let t: Vec<f64> = stretch.clone().map(|n| walk.seconds(n)).collect();
+        let state = stretch.map(|n| [walk.q[n][joint], walk.dq[n][joint], 0.0, 0.0]);
+        let way = Way::of(&t, &state.collect::<Vec<_>>());
+        impulse.extend(way.impulse(displacement));
+    }
+    impulse
+}
+
+/// Each joint's measured torque, the mean over [`SPREAD`] to both sides, N m. A stance leaves the transmitted torque open, so that no model can tell it;
+/// of a torque of ten N m the noise of one sample, 0.2 N m, is one part in 10⁴ of its square, and less in the mean.
+fn smoothed_torque(walk: &Walk) -> Vec<[f64; JOINTS]> {
+    let of = |n: usize| {
+        let t = walk.seconds(n);
+        let [first, end] = [t - SPREAD, t + SPREAD].map(|t| walk.index_at(t));
+        let own = first..end.max(n + 1);
+        let count = own.len() as f64;
+        std::array::from_fn(|j| own.clone().map(|m| walk.tau[m][j]).sum::<f64>() / count)
+    };
+    (0..walk.len()).map(of).collect()
+}
