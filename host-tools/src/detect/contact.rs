@@ -97,6 +97,9 @@ pub(crate) struct Contact {
 }
 
 impl Contact {
+    /// The effect that it is.
+    pub(crate) const EFFECT: EffectKind = EffectKind::Contact;
+
     /// Whether there is a contact beyond chance, and nothing but a contact looks like it.
     pub(crate) fn is_significant(&self) -> bool {
         self.force > LEAST_FORCE

@@ -1,7 +1,5 @@
 //! What a contact means for a diagnosis, in words.
 
-use proprio_core::effect::EffectKind;
-
 use super::{CandidateReport, ParameterReport};
 use crate::detect::contact::Contact;
 
@@ -24,7 +22,7 @@ impl Contact {
             parameters.push(number("correlation with foot sensor", "1", sensor, 0.0));
         }
         CandidateReport {
-            effect: EffectKind::Contact.name(),
+            effect: Self::EFFECT.name(),
             joints: vec![joint],
             held_out_gain: self.gain,
             held_out_gain_error: self.gain_error,
@@ -44,7 +42,7 @@ impl Contact {
 pub(crate) fn reason(candidates: &[CandidateReport], base_moves: bool) -> (String, String) {
     let contacts: Vec<String> = candidates
         .iter()
-        .filter(|c| c.effect == EffectKind::Contact.name())
+        .filter(|c| c.effect == Contact::EFFECT.name())
         .map(|c| {
             let percent = 100.0 * c.parameters[1].value;
             let joint = c.joints.join(", ");

@@ -3,8 +3,10 @@
 use proprio_core::effect::EffectKind;
 
 use super::{Diagnosed, PathStep};
+use crate::detect::contact::Contact;
 use crate::detect::twist::Twist;
 use crate::equation::values::Place;
+use crate::equation::velocity::VelocityGain;
 use crate::estimate::limb_data::Squares;
 use crate::select::candidate::Member;
 
@@ -14,17 +16,17 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
     let mut steps = Vec::new();
     let stance: Vec<Member> = (d.feet.iter().enumerate())
         .filter(|(_, foot)| foot.as_ref().is_some_and(|foot| !foot.known))
-        .map(|(n, _)| (n, (EffectKind::Contact, d.all[n].joints() - 1)))
+        .map(|(n, _)| (n, (Contact::EFFECT, d.all[n].joints() - 1)))
         .collect();
     if !stance.is_empty() {
         let names = stance.iter().map(|(n, place)| d.name_in(*n, place.1));
-        steps.push(d.step(EffectKind::Contact, names.collect(), start, false));
+        steps.push(d.step(Contact::EFFECT, names.collect(), start, false));
     }
     let wrong: Vec<String> = (d.velocity.iter().enumerate())
         .flat_map(|(n, wrong)| wrong.iter().map(move |(joint, _)| d.name(n, *joint)))
         .collect();
     if !wrong.is_empty() {
-        steps.push(d.step(EffectKind::VelocityGain, wrong, &d.found.start, false));
+        steps.push(d.step(VelocityGain::EFFECT, wrong, &d.found.start, false));
     }
     for (effect, joints) in d.shown_by_encoders() {
         steps.push(d.step(effect, joints, &d.found.start, false));

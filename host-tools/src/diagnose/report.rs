@@ -10,7 +10,7 @@ use super::{
 };
 use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
-use crate::detect::contact::words as contact_words;
+use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
 use crate::equation::velocity::VelocityGain;
@@ -43,7 +43,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         (false, true) => Verdict::Complete,
         (false, false) => Verdict::Insufficient,
     };
-    let by_contact = (candidates.first()).is_some_and(|c| c.effect == EffectKind::Contact.name());
+    let by_contact = (candidates.first()).is_some_and(|c| c.effect == Contact::EFFECT.name());
     let (reason, next) = if by_contact {
         contact::reason(&candidates, d.base_moves)
     } else {
@@ -218,12 +218,7 @@ impl Diagnosed<'_> {
         let told = [gain.held_out_gain, gain.error];
         CandidateReport {
             z: gain.z(),
-            ..measured(
-                EffectKind::VelocityGain,
-                joint,
-                told,
-                &[[gain.value, gain.std]],
-            )
+            ..measured(VelocityGain::EFFECT, joint, told, &[[gain.value, gain.std]])
         }
     }
 

@@ -1,6 +1,8 @@
 //! `velocity_gain`, which positions tell better than any torque: the check of the data gates
 //! ([`crate::gate`]) over all logs of a limb, in blocks of time.
 
+use proprio_core::effect::EffectKind;
+
 use super::folds::Blocks;
 use crate::gate::TOLERATED_GAIN;
 use crate::gate::quantum::Differences;
@@ -24,6 +26,9 @@ pub(crate) struct VelocityGain {
 }
 
 impl VelocityGain {
+    /// The effect that it is.
+    pub(crate) const EFFECT: EffectKind = EffectKind::VelocityGain;
+
     pub(crate) fn z(&self) -> f64 {
         (self.value - 1.0).abs() / self.std
     }

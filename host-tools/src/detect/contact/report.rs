@@ -1,7 +1,5 @@
 //! Leaving a contact out.
 
-use proprio_core::effect::EffectKind;
-
 use super::Contact;
 use crate::equation::values::{Place, places};
 use crate::estimate::fit::{How, LimbFit};
@@ -48,7 +46,7 @@ pub(crate) fn leave_out_contact<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option
     };
     let last = data.joints() - 1;
     let left_out = LeftOut {
-        known: own.contains(&(EffectKind::Contact, last)),
+        known: own.contains(&(Contact::EFFECT, last)),
         too_little_swing: left.iter().any(|n| *n < LEAST_WINDOWS) || (0..folds).any(bare),
         contact,
     };
