@@ -2,8 +2,9 @@
 
 use super::columns::{COLUMNS, OWN, TRUNK, inertial_parameters};
 use super::leg::INERTIA;
+use super::pose::Ready;
 use super::rows::{JOINT_ROW, SCALE, WalkRows};
-use super::window::{Advance, Ready, WalkWindow};
+use super::window::{Advance, WalkWindow};
 use super::*;
 use crate::window::free_base::tests::{Case, case, example};
 use crate::window::{FreeBasePush, FreeBaseSample};
