@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::estimate::Status;
-use crate::excite::output::{TrunkCoefficients, write_trunk_csv};
+use crate::excite::trunk::output::{TrunkCoefficients, write_trunk_csv};
 use crate::excite::trunk::{self, TrunkParameter};
 use crate::excite::{Measures, Settings};
 use crate::model::{Model, significant};

@@ -4,7 +4,7 @@
 //!    reaches.
 //! 2. `knowledge`: what rows tell of the trunk beside all else that is unknown.
 //! 3. `footing` and `standing`: the trunk's six coordinates over planted feet, and their limits. `evolve`: the search.
-//! 4. `table`: each of the trunk's parameters, before and after.
+//! 4. `table`: each of the trunk's parameters, before and after. [`output`]: the motion as files.
 //!
 //! On planted feet the legs move as the trunk does, and six equations of eighteen are free of the feet's forces (Aghili 2005): they are
 //! what `identify --free-base` takes of such a log.
@@ -13,6 +13,7 @@ mod evolve;
 mod footing;
 mod knowledge;
 mod leg;
+pub mod output;
 mod standing;
 mod state;
 mod table;
