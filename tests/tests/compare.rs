@@ -304,7 +304,7 @@ fn with_an_effect_is_the_model_that_add_makes() {
         number(&json(&done(folder, &[&command, more].concat())), "rms")
     };
     let changed = |change: &str, place: &str| {
-        std::fs::copy(folder.join("plain.toml"), folder.join("changed.toml")).unwrap();
+        fs::copy(folder.join("plain.toml"), folder.join("changed.toml")).unwrap();
         done(folder, &[change, place, "-m", "changed.toml"]);
         compared("changed.toml", &[])
     };
