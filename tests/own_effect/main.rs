@@ -8,7 +8,7 @@ mod twin;
 
 use detent::DETENT;
 use proprio::catalogue::{self, RegisterError};
-use proprio::compare::{ValuesFrom, choices, compare, compare_with};
+use proprio::compare::{ValuesFrom, choices, compare};
 use proprio::diagnose::{Verdict, diagnose};
 use proprio::identify::fit_model;
 use proprio::model::Model;
@@ -28,8 +28,8 @@ fn registered() -> EffectKind {
 
 /// A leg that has what every drive has, and the detent.
 fn recording() -> Recording {
-    let joint: JointId = JOINT.parse().expect("a joint");
-    let detent = HiddenEffect::new(HiddenKind::Own(&TWIN), Some(joint), TRUTH[0]);
+    let joint = JointId::from_name(JOINT);
+    let detent = HiddenEffect::new(HiddenKind::Own(&TWIN), joint, TRUTH[0]);
     let detent = detent.and_then(|effect| effect.with("s", TRUTH[1]));
     let mut effects = hidden::typical(&[Leg::FR]);
     effects.push(detent.expect("within its bounds"));
@@ -74,7 +74,7 @@ fn it_is_in_the_list_of_effects() {
     other.description.words = "something else";
     let taken = RegisterError::Taken("detent");
     assert_eq!(catalogue::register(other), Err(taken));
-    assert_eq!(serde_json::to_string(&effect).unwrap(), "\"detent\"");
+    assert_eq!(effect.name(), "detent");
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn it_is_found_where_it_is_hidden() {
         ("detent", &[JOINT.to_owned()][..])
     );
     assert_eq!(diagnosis.path[0].effect, "detent");
-    assert!(diagnosis.path[0].held_out_rms < 1.1 * diagnosis.noise_floor_rms.unwrap());
+    assert!(diagnosis.path[0].held_out_rms < 1.1 * diagnosis.noise_floor_rms);
 }
 
 #[test]
@@ -113,11 +113,9 @@ fn compare_and_its_page_know_it() {
     let (recording, plain, more) = (recording(), plain(), with_detent());
     let before = compare(&recording, &plain, ValuesFrom::Fitted).unwrap();
     let added = compare(&recording, &more, ValuesFrom::Auto).unwrap();
-    let with = compare_with(&recording, &plain, &more).unwrap();
-    println!("{} → {}, --with {}", before.rms, added.rms, with.rms);
+    println!("{} → {}", before.rms, added.rms);
     assert_eq!(added.added, ["detent:FR_thigh"]);
     assert!(added.rms < 0.5 * before.rms);
-    assert!((with.rms / added.rms - 1.0).abs() < 0.01);
     let choices = choices(&recording, &more).unwrap();
     let mut listed = choices.limbs[0].effects.iter();
     assert!(
