@@ -150,7 +150,7 @@ impl HiddenEffect {
                 kinds.push(kind);
             }
         }
-        let last = |kind| here().filter(|e| e.kind() == kind).last();
+        let last = |kind| here().rfind(|e| e.kind() == kind);
         kinds.into_iter().filter_map(last).collect()
     }
 

@@ -4,10 +4,10 @@ use proprio::catalogue::OwnEffect;
 use proprio_core::effect::{Description, Grid, Parameter, Prior, Term};
 
 /// Where it pulls to, rad.
-pub const PLACE: f64 = 0.8;
+pub(crate) const PLACE: f64 = 0.8;
 
 /// τ = c x exp(½ (1 − x²)) with x = (q − q₀)/s: c is the greatest torque, s (a shape) how far from the place that is.
-pub const DETENT: OwnEffect = OwnEffect {
+pub(crate) const DETENT: OwnEffect = OwnEffect {
     description: Description {
         name: "detent",
         torque: "c x exp((1 − x²)/2) with x = (q − q0)/s",

@@ -5,7 +5,7 @@ use proprio_simulator::{Description, EffectParameter, OwnHidden, Scope};
 use crate::detent::PLACE;
 
 /// The well E = −c s √e exp(−½ ((q − q₀)/s)²) and, by a difference of it, the torque that the motor has to give.
-pub static TWIN: OwnHidden = OwnHidden {
+pub(crate) static TWIN: OwnHidden = OwnHidden {
     description: Description {
         name: "detent",
         words: "a magnet that pulls to one place",
