@@ -5,8 +5,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use proprio_core::effect::EffectKind;
-
 use super::folds::Blocks;
 use super::load::{Loads, REACH, around, local_line};
 use super::presliding::Way;
@@ -22,8 +20,6 @@ const LEAST_PERIODS: f64 = 4.0;
 /// Share of a window in which a joint may be so slow that friction may hold it, and the window still say something of its
 /// friction: one sample of a Go2, which a reversal takes that friction does not hold up.
 pub(crate) const MOST_REST: f64 = 0.125;
-/// The effects of the catalogue that let a link move against its motor.
-pub(crate) const LOOSE: [EffectKind; 2] = EffectKind::COMPLIANT;
 
 /// A limb's motion, sample by sample.
 pub(crate) struct Motion {
@@ -225,11 +221,6 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
-}
-
-/// Whether an effect enters by a derivative of the prediction, taken where its value is.
-pub(crate) fn is_derivative(effect: EffectKind) -> bool {
-    effect.description().is_derivative()
 }
 
 /// Whether an effect is one of all joints at `joint`.

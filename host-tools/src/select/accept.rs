@@ -1,7 +1,6 @@
 //! A candidate fitted, and accepted if the model with it keeps what the candidate promised.
 
 use super::candidate::{Candidate, Member};
-use super::criteria::choice::is_of_transmission;
 use super::criteria::step::{HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step};
 use super::gain_bound::size_worth;
 use super::score_test::Screen;
@@ -96,7 +95,7 @@ impl<'a> Context<'_, 'a> {
         let members = &candidate.members;
         let before = self.held_out(self.model);
         if let [(_, place)] = members[..]
-            && is_of_transmission(place.0)
+            && place.0.description().is_compliant()
             && is_worth_a_step(&self.held_out(&after), &before)
         {
             // It was tried near what it promised and in few passes: what stays is told as well as it can be.

@@ -1,9 +1,6 @@
 //! The way back: what a model does without again.
 
-use proprio_core::effect::EffectKind;
-
 use super::candidate::Member;
-use super::criteria::choice::PLAIN;
 use super::criteria::step::{does_without, is_held};
 use super::state::{State, Step};
 use crate::estimate::limb_data::LimbData;
@@ -12,9 +9,9 @@ use crate::estimate::limb_data::LimbData;
 pub(super) fn nothing(model: &State, steps: &[Step], drive: bool) -> Vec<Member> {
     let added = steps.iter().flat_map(|step| step.members.clone());
     let mut small: Vec<(f64, Member)> = added
-        .filter(|(_, place)| !(drive && PLAIN.contains(&place.0)))
+        .filter(|(_, place)| !(drive && place.0.description().is_plain()))
         // What is asked for beyond a limit is anything: how much of it on average may be nothing.
-        .filter(|(_, place)| place.0 != EffectKind::Saturation)
+        .filter(|(_, place)| !place.0.description().is_limit())
         .map(|member| (model.size(&member), member))
         .filter(|(size, _)| !is_held(*size))
         .collect();
@@ -25,7 +22,7 @@ pub(super) fn nothing(model: &State, steps: &[Step], drive: bool) -> Vec<Member>
 /// What was taken at a joint before another effect there: it may only have resembled that.
 pub(super) fn superseded(steps: &[Step]) -> Vec<Member> {
     let own = |step: &Step| match step.members[..] {
-        [member] if !step.removed && !PLAIN.contains(&step.effect) => Some(member),
+        [member] if !step.removed && !step.effect.description().is_plain() => Some(member),
         _ => None,
     };
     let is_superseded = |(n, member): &(usize, Member)| {
@@ -38,7 +35,7 @@ pub(super) fn superseded(steps: &[Step]) -> Vec<Member> {
         .filter_map(|(n, step)| Some((n, own(step)?)))
         .filter(is_superseded)
         .map(|(_, member)| member)
-        .filter(|member| member.1.0 != EffectKind::Saturation)
+        .filter(|(_, place)| !place.0.description().is_limit())
         .collect()
 }
 

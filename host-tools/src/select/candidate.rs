@@ -160,13 +160,12 @@ impl Trial {
     }
 }
 
+/// Of a limb, what the first places add to its model with the others in it.
+type TrialBeside<'a> = dyn Fn(usize, &[Place], &[Place]) -> Option<Trial> + 'a;
+
 impl Candidate {
-    /// What it adds to the limbs' models with another one in them; `trial` tells of a limb what places add with others in its model.
-    pub(crate) fn beside(
-        &self,
-        other: &Self,
-        trial: &dyn Fn(usize, &[Place], &[Place]) -> Option<Trial>,
-    ) -> Option<Self> {
+    /// What it adds to the limbs' models with another one in them.
+    pub(crate) fn beside(&self, other: &Self, trial: &TrialBeside<'_>) -> Option<Self> {
         let of = |(limb, own): &(usize, Trial)| {
             let there = other.trials.iter().find(|(l, _)| l == limb);
             let trial = match there {

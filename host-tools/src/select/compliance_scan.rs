@@ -5,12 +5,11 @@ use proprio_core::effect::EffectKind;
 
 use super::accept::Context;
 use super::candidate::Candidate;
-use super::criteria::choice::{handicap, is_of_transmission, may_be_transmission};
+use super::criteria::choice::{handicap, may_be_transmission};
 use super::criteria::step::{LEAST_SHARE, is_held, is_less, is_resolved, is_structure};
 use super::gain_bound::may_be_worth;
 use super::refused::Refused;
 use super::state::State;
-use crate::equation::motion::LOOSE;
 
 /// A candidate, and the model with it if one could be fitted.
 pub(super) type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
@@ -31,7 +30,7 @@ pub(super) fn best_by_trying<'c, 'a>(
     let weighted = |after: &State| after.weighted(context.model);
     let is_tried = is_first || may_be_worth(best, LEAST_SHARE);
     let first = (best, is_tried.then(|| context.with(best)).flatten());
-    let is_loose = is_of_transmission(best.effect);
+    let is_loose = best.effect.description().is_compliant();
     // What a joint's own columns show and no fit keeps is no spring either.
     let keeps = (first.1.as_ref()).is_some_and(|after| is_less(weighted(after), now));
     if !is_loose && !may_be_transmission(best, keeps) {
@@ -78,7 +77,7 @@ fn transmission_at<'c>(
 ) -> Vec<&'c Candidate> {
     let is_one = |c: &&Candidate| {
         c.members.len() == 1
-            && is_of_transmission(c.effect)
+            && c.effect.description().is_compliant()
             && c.is_within(best)
             && !c.is_same(best)
             && !refused.has(c, context.model)
@@ -114,7 +113,7 @@ pub(super) fn transmission_of_largest_error<'c, 'a>(
         (all.iter()).find(|c| c.members == [(limb, (effect, joint))] && !refused.has(c, model))
     };
     let now = context.now();
-    let tried = LOOSE.into_iter().filter_map(is_here);
+    let tried = EffectKind::COMPLIANT.into_iter().filter_map(is_here);
     let tried = tried.filter(|c| may_be_worth(context.screens, c, LEAST_SHARE, now));
     let tried = tried.filter_map(|c| Some((c, context.with(c)?)));
     let (candidate, after) = tried.min_by(|a, b| {

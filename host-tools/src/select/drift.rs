@@ -7,20 +7,9 @@
 
 use proprio_core::effect::EffectKind;
 
+use super::criteria::presence::is_change;
 use super::score_test::Screen;
-
-/// What may change with time.
-const WATCHED: [EffectKind; 4] = [
-    EffectKind::TorqueGain,
-    EffectKind::Coulomb,
-    EffectKind::Viscous,
-    EffectKind::Bias,
-];
-/// χ² of eight degrees of freedom that chance reaches once in 10⁸ times, and a little for what θ itself is wrong by. Of what residuals
-/// remember only their noise's part counts: what changes makes them remember longer.
-const LEAST_FALL: f64 = 60.0;
-/// Smallest share of a joint's held-out sum of squares that a change explains.
-const LEAST_SHARE: f64 = 0.05;
+use crate::catalogue;
 
 /// A parameter that changes with time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,9 +29,11 @@ pub(crate) fn drifts(limb: &Screen) -> Vec<Drift> {
 }
 
 fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
+    // Of what residuals remember only their noise's part counts: what changes makes them remember longer.
     let square = limb.fit.noise[joint].powi(2) * limb.noise_memory[joint];
     let left: f64 = limb.base.iter().map(|fold| fold[joint]).sum();
-    let judged = WATCHED.into_iter().filter_map(|effect| {
+    let watched = catalogue::effects().filter(|effect| effect.description().drifts);
+    let judged = watched.filter_map(|effect| {
         let entry = *limb.columns.of_effect(effect, joint).first()?;
         let changes: Vec<(f64, f64)> = (0..limb.theta.len())
             .map(|fold| change(limb, joint, fold, entry))
@@ -63,8 +54,7 @@ fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
         ))
     });
     let (fall, drift) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let is_more_than_chance = fall / square > LEAST_FALL;
-    (is_more_than_chance && fall > LEAST_SHARE * left).then_some(drift)
+    is_change(fall, square, left).then_some(drift)
 }
 
 /// By how much an entry of θ differs in a fold, and what that takes from the fold's sum of squares, (N m)².

@@ -1,6 +1,6 @@
 //! Every effect that the limbs' models may lack, at one joint, at like joints, and as one cause that all joints share.
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{EffectKind, Reach};
 
 use super::candidate::{Candidate, Trial};
 use super::criteria::statistics::Squared;
@@ -20,7 +20,7 @@ pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Can
         .collect();
     let trial = |limb: usize, places: &[Place]| screens[limb].trial(places);
     let (mut all, tried) = of_joints(&trial, &own, &|joint| joint);
-    for &effect in EffectKind::ALL {
+    for effect in catalogue::effects() {
         all.extend(shared(screens, possible, effect, tried));
     }
     all
@@ -63,15 +63,7 @@ type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
 fn families(possible: &[Vec<Place>], kind: &dyn Fn(usize) -> usize) -> Vec<Joints> {
     let mut found = Vec::new();
     for effect in catalogue::effects() {
-        // What happens to one body, one sensor or one worn gear is no property of a kind of drive; a delay that many have is one for
-        // all.
-        let one = [
-            EffectKind::EncoderOffset,
-            EffectKind::Backlash,
-            EffectKind::AsymmetricCoulomb,
-            EffectKind::Delay,
-        ];
-        if effect.description().form == Form::Inertia || one.contains(&effect) {
+        if effect.description().reach != Reach::Family {
             continue;
         }
         let own = |places: &Vec<Place>| -> Vec<Place> {
@@ -119,6 +111,7 @@ fn shared(
     tried: usize,
 ) -> Option<Candidate> {
     let place = (effect, BASE);
+    // Only what all joints may share is possible at the base.
     if !possible.iter().all(|places| places.contains(&place)) || screens.is_empty() {
         return None;
     }

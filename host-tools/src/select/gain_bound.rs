@@ -6,13 +6,12 @@
 
 use std::sync::{Arc, OnceLock};
 
+use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Finding};
-use super::criteria::choice::is_of_transmission;
 use super::criteria::step::may_take_away;
 use super::score_test::Screen;
-use crate::equation::motion::LOOSE;
 use crate::equation::response::Responses;
 use crate::equation::values::Place;
 use crate::estimate::left_over::LeftOver;
@@ -22,8 +21,8 @@ use crate::once::made_once;
 /// The responses of a limb's links, worked out when they are asked for and good for all fits whose loads are alike.
 pub(crate) struct Links {
     responses: Responses,
-    /// Of each joint and each of [`LOOSE`], value by value.
-    tried: Vec<[OnceLock<Tried>; LOOSE.len()]>,
+    /// Of each joint and each of [`EffectKind::COMPLIANT`], value by value.
+    tried: Vec<[OnceLock<Tried>; EffectKind::COMPLIANT.len()]>,
 }
 
 /// Sizes of a play or a spring, ascending, and the responses to each.
@@ -73,7 +72,9 @@ impl Screen<'_> {
 
     /// How much of the sum of squares, in units of the noise, a spring or a play takes away at most, and of which size it does.
     pub(super) fn most_of_one(&self, place: Place) -> Option<(f64, f64)> {
-        let kind = LOOSE.iter().position(|effect| *effect == place.0)?;
+        let kind = EffectKind::COMPLIANT
+            .iter()
+            .position(|effect| *effect == place.0)?;
         let (links, left) = self.links()?;
         let data = self.fit.data;
         let Tried { sizes, responses } = made_once(&links.tried[place.1][kind], || {
@@ -131,7 +132,7 @@ pub(super) fn may_be_worth(
     share: f64,
     now: f64,
 ) -> bool {
-    if !is_of_transmission(candidate.effect) {
+    if !candidate.effect.description().is_compliant() {
         return true;
     }
     let most = (candidate.trials.iter()).map(|(limb, trial)| {

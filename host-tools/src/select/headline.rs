@@ -1,7 +1,5 @@
 //! What a diagnosis names first.
 
-use proprio_core::effect::EffectKind;
-
 use super::candidate::Member;
 use super::ranking::Judged;
 use super::state::{State, Step};
@@ -33,7 +31,7 @@ pub(super) fn kept(
 fn with_values_at_end(mut first: Vec<Judged>, end: &State) -> Vec<Judged> {
     let there = end.places();
     let stays =
-        |(limb, place): &Member| place.0 != EffectKind::Saturation && there[*limb].contains(place);
+        |(limb, place): &Member| !place.0.description().is_limit() && there[*limb].contains(place);
     for told in &mut first {
         let members = &told.candidate.members;
         if members.iter().all(stays) {

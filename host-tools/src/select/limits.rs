@@ -2,12 +2,12 @@
 
 use std::sync::{Arc, Weak};
 
-use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use super::candidate::Member;
 use super::criteria::step::is_less;
 use super::state::State;
+use crate::catalogue;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::limit::Limit;
@@ -26,12 +26,14 @@ impl<'a> Sought<'a> {
             let mut known = self.fits.iter();
             known.any(|known| known.ptr_eq(&Arc::downgrade(fit)))
         };
+        let mut all = catalogue::effects();
+        let effect = all.find(|effect| effect.description().is_limit());
         let fits = model.fits.iter().enumerate();
         let sought: Vec<_> = fits.filter(|(_, fit)| !is_known(fit)).collect();
         let found = side_by_side(&sought, |(limb, fit)| {
             let predicted = fit.predicted();
             let limit = |joint: usize| {
-                let place = (EffectKind::Saturation, joint);
+                let place = (effect?, joint);
                 let sought = !fit.values.has(place);
                 let limit = sought
                     .then(|| Limit::of(fit, &predicted, joint))

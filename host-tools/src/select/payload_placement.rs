@@ -6,7 +6,7 @@
 //! therefore made again at the place that the trial says, as a fit does at each pass.
 
 use nalgebra::Vector3;
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::Form;
 
 use super::candidate::Candidate;
 use super::criteria::feasible::{NEAR, REACH};
@@ -17,7 +17,9 @@ use crate::equation::values::{LEAST_LOAD, Place, Values};
 impl Screen<'_> {
     /// Moves the loads that are there, whose columns were made elsewhere, in `at`; whether there is one.
     pub(super) fn move_loads(&self, possible: &[Place], at: &mut Values) -> bool {
-        let loads = possible.iter().filter(|p| p.0 == EffectKind::Payload);
+        let loads = possible
+            .iter()
+            .filter(|p| p.0.description().form == Form::Inertia);
         let found: Vec<_> = loads
             .filter_map(|&place| Some((place, self.moved_load(place)?)))
             .collect();

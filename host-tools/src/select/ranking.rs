@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::candidate::{Candidate, Finding, Member};
-use super::criteria::choice::{Look, is_of_transmission};
+use super::criteria::choice::Look;
 use super::criteria::feasible::is_feasible;
 use super::criteria::presence::is_there;
 
@@ -36,7 +36,7 @@ fn parameters(told: &Finding) -> Vec<(f64, f64)> {
         // A score test finds a nonlinear parameter and not how surely: until it is fitted no surer than before.
         let (value, std) = told_of.unwrap_or((told.nonlinear, prior.1));
         // A column says little of what lies between motor and link: until it is fitted it is no surer than before either.
-        let open = match is_of_transmission(told.place.0) {
+        let open = match told.place.0.description().is_compliant() {
             true => prior.1,
             false => 0.0,
         };

@@ -3,8 +3,8 @@
 use proprio_core::effect::EffectKind;
 
 use super::candidate::Member;
-use super::criteria::choice::PLAIN;
 use super::state::{State, Step};
+use crate::catalogue;
 use crate::estimate::limb_data::LimbData;
 
 /// Of each effect that every drive has the joints where a model lacks it.
@@ -16,7 +16,7 @@ pub(super) fn lacking_of_drive(data: &[LimbData], model: &State) -> Vec<Vec<Memb
             .filter(|(limb, place)| !there[*limb].contains(place))
             .collect()
     };
-    let lacking = PLAIN.map(all).into_iter();
+    let lacking = EffectKind::PLAIN.map(all).into_iter();
     lacking.filter(|members| !members.is_empty()).collect()
 }
 
@@ -25,23 +25,25 @@ pub(super) fn lacks_a_drive(steps: &[Step]) -> bool {
     let found = |effect: &&EffectKind| {
         (steps.iter()).any(|s| s.effect == **effect && s.members.len() > 1 && !s.removed)
     };
-    PLAIN.iter().filter(found).count() >= 2
+    EffectKind::PLAIN.iter().filter(found).count() >= 2
 }
 
-/// Friction that differs with the direction where steps have found Coulomb friction and a constant torque at a single joint.
+/// Of each effect that is a sum of others the joints at each of which steps have found all of them: one cause where they see two.
 pub(super) fn one_cause(data: &[LimbData], steps: &[Step]) -> Vec<Vec<Member>> {
-    let found = |effect: EffectKind, joint: (usize, usize)| {
-        steps.iter().any(|step| {
-            let [(limb, place)] = step.members[..] else {
-                return false;
-            };
-            !step.removed && place.0 == effect && (limb, place.1) == joint
-        })
+    let found = |effect: EffectKind, limb: usize, joint: usize| {
+        let member = [(limb, (effect, joint))];
+        (steps.iter()).any(|step| !step.removed && step.members == member)
     };
-    let joints = (data.iter().enumerate())
-        .flat_map(|(limb, data)| (0..data.joints()).map(move |joint| (limb, joint)));
-    joints
-        .filter(|&at| found(EffectKind::Coulomb, at) && found(EffectKind::Bias, at))
-        .map(|(limb, joint)| vec![(limb, (EffectKind::AsymmetricCoulomb, joint))])
-        .collect()
+    let sums = catalogue::effects().filter(|sum| !sum.description().sum_of.is_empty());
+    let at = |sum: EffectKind| {
+        let joints = (data.iter().enumerate())
+            .flat_map(|(limb, data)| (0..data.joints()).map(move |joint| (limb, joint)));
+        joints
+            .filter(move |&(limb, joint)| {
+                let mut parts = sum.description().sum_of.iter();
+                parts.all(|part| found(*part, limb, joint))
+            })
+            .map(move |(limb, joint)| vec![(limb, (sum, joint))])
+    };
+    sums.flat_map(at).collect()
 }

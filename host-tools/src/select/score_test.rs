@@ -7,17 +7,17 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use proprio_core::effect::{EffectKind, Form};
+use proprio_core::effect::{EffectKind, Form, Reach};
 use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::candidate::{Finding, Scores, Trial};
-use super::criteria::statistics::{NOISE_MEMORY, autocorrelation_time, noise_memory};
+use super::criteria::presence;
+use super::criteria::statistics::{autocorrelation_time, noise_lags, noise_memory};
 use super::gain_bound::GainBounds;
 use crate::catalogue;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
-use crate::equation::motion::LOOSE;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
 use crate::estimate::factor::HeapFactor;
@@ -27,7 +27,6 @@ use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::Scan;
 use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
-use crate::gate::AT_REST;
 use crate::model::BASE;
 
 /// The factors of a limb's data over the columns of its model and of all that the model might lack.
@@ -66,10 +65,6 @@ pub(crate) struct Screen<'a> {
 
 /// How often columns of loads are made again: the second trial's place is as near as its error.
 const LOAD_ROUNDS: usize = 2;
-/// Of a joint that moves less than this share of the time nothing is claimed: the gate says that it hardly moves.
-const LEAST_MOVING: f64 = 0.1;
-/// It moves where it is faster than a joint at rest, or than this share of its limit.
-const SLOW: f64 = 0.01;
 
 impl<'a> Screen<'a> {
     /// Candidates are `possible` beside a fit that predicts so; where one has a shape it is the best on the present residuals, and
@@ -319,7 +314,7 @@ impl<'a> Screen<'a> {
                 prior: parameters.map(|n| data.prior(place, n)).collect(),
                 nonlinear: self.at.shape(place),
                 period: data.recording.period(),
-                beyond_limit: (place.0 == EffectKind::Saturation)
+                beyond_limit: (place.0.description().is_limit())
                     .then(|| self.shown_beyond(place.1, self.at.shape(place))),
             }
         };
@@ -378,12 +373,11 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
     let places = catalogue::effects().flat_map(|effect| {
-        let shared = (effect.description().form == Form::Gravity || effect == EffectKind::Delay)
-            .then_some(BASE);
-        let form = effect.description().form;
-        let own = (form != Form::Gravity).then_some(0..joints);
+        let described = effect.description();
+        let shared = described.may_be_shared().then_some(BASE);
+        let own = (described.reach != Reach::Robot).then_some(0..joints);
         let own = own.into_iter().flatten().filter(move |&joint| {
-            form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
+            described.form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
         });
         shared
             .into_iter()
@@ -417,7 +411,9 @@ pub(crate) fn is_beyond_its_parts(
     let couples = facts.form == Form::Coupled;
     let parent = parent.filter(|_| couples);
     [Some(joint), parent].into_iter().flatten().all(|joint| {
-        let gives_way = LOOSE.iter().any(|loose| has(&(*loose, joint)));
+        let gives_way = EffectKind::COMPLIANT
+            .iter()
+            .any(|compliant| has(&(*compliant, joint)));
         facts.beside.iter().all(|part| has(&(*part, joint))) && !(couples && gives_way)
     })
 }
@@ -425,14 +421,8 @@ pub(crate) fn is_beyond_its_parts(
 /// Whether a joint moves for long enough to claim anything of it.
 fn moves(data: &LimbData, joint: usize) -> bool {
     let limit = data.model.robot().bodies()[data.limb.bodies.start + joint].velocity;
-    let least = if limit > 0.0 {
-        AT_REST.min(SLOW * limit)
-    } else {
-        AT_REST
-    };
     let states = &data.motion.joint[joint].state;
-    let moving = states.iter().filter(|state| state[1].abs() > least).count();
-    moving as f64 >= LEAST_MOVING * states.len() as f64
+    presence::moves(states.iter().map(|state| state[1]), limit)
 }
 
 /// The fit's values, and for candidates that have a shape the one that is `found` on what the fit leaves.
@@ -576,10 +566,9 @@ impl Left {
                 .collect();
             left.correlation.push(correlation);
             left.memory.push(autocorrelation_time(&whitened));
-            let lags = (NOISE_MEMORY / window_length(data)).ceil().max(2.0);
+            let lags = noise_lags(window_length(data));
             let unwhitened: Vec<f64> = residuals.iter().map(|(_, r)| *r).collect();
-            left.noise_memory
-                .push(noise_memory(&unwhitened, lags as usize));
+            left.noise_memory.push(noise_memory(&unwhitened, lags));
             left.floor
                 .push((square / (residuals.len() as f64 - fitted).max(1.0)).sqrt());
         }

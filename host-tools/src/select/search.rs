@@ -13,7 +13,7 @@ use super::criteria::choice::Look;
 use super::criteria::feasible::is_feasible;
 use super::criteria::presence::is_structure;
 use super::criteria::step::{
-    LEAST_SHARE, MOST_REFUSED, MOST_STEPS, SAME, bears_a_drive, begins_below, may_take_away,
+    LEAST_SHARE, bears_a_drive, begins_below, does_as_well, goes_on, may_take_away,
 };
 use super::drift::{Drift, drifts};
 use super::limits::{Sought, with_limit};
@@ -207,7 +207,7 @@ impl<'a> Search<'a> {
 
     /// Takes the next effect into the model, if one is there and helps; with it what every drive has, where that was missing.
     fn take_next(&mut self) -> bool {
-        if self.steps.len() >= MOST_STEPS {
+        if !goes_on(self.steps.len(), 0) {
             return false;
         }
         let candidates = self.look();
@@ -229,7 +229,9 @@ impl<'a> Search<'a> {
             true => self.look_first(candidates),
             false => None,
         };
-        for _ in 0..MOST_REFUSED {
+        let mut refused = 0;
+        while goes_on(self.steps.len(), refused) {
+            refused += 1;
             let Some(mut next) = self.with_look(candidates, |look| look.best(&open)) else {
                 return false;
             };
@@ -383,7 +385,7 @@ impl<'a> Search<'a> {
         }
         let other = other.run(Phase::ForwardAgain);
         let error = |search: &Self| search.model.weighted(&self.model);
-        (error(&other) <= SAME * error(self)).then_some(other)
+        does_as_well(error(&other), error(self)).then_some(other)
     }
 
     /// A search that has taken nothing yet, its headline known.

@@ -2,23 +2,17 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Enters};
 use rayon::prelude::*;
 
 use super::candidate::Member;
 use super::criteria::step::{HeldOut, LEAST_VALUE};
-use crate::equation::motion::LOOSE;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
 use crate::estimate::robot::{self, Shared, side_by_side};
 use crate::estimate::shapes::{Scan, shape_parameter};
-
-/// Friction that stays behind when a joint turns round, and friction that levels off: the smaller the displacement or the speed, the more
-/// like Coulomb friction.
-const COULOMB_WITHOUT_SHAPE: [EffectKind; 2] =
-    [EffectKind::Presliding, EffectKind::SaturatingViscous];
 
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;
@@ -186,10 +180,10 @@ impl<'a> State<'a> {
             .collect()
     }
 
-    /// Whether an effect's shape is told to be more than nothing, where with none it is Coulomb friction.
+    /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.
     pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
         let fit = &self.fits[limb];
-        !COULOMB_WITHOUT_SHAPE.contains(&place.0)
+        place.0.description().without_shape.is_none()
             || fit.values.shape(place) >= LEAST_VALUE * fit.known_shape(place)
     }
 
@@ -234,10 +228,11 @@ pub(super) fn how_with(places: &[Place]) -> How {
     // Several at once are tried by their columns alone.
     let one = places.len() == 1;
     let searched = (places.iter().copied()).filter(|place| {
-        LOOSE.contains(&place.0) && (one || place.0 == EffectKind::Backlash)
-            || place.0 == EffectKind::Saturation
+        let described = place.0.description();
+        described.is_compliant() && (one || described.enters == Enters::Trial)
+            || described.is_limit()
     });
-    let limit = places.iter().any(|place| place.0 == EffectKind::Saturation);
+    let limit = (places.iter()).any(|place| place.0.description().is_limit());
     How {
         shapes: Some(searched.collect()),
         passes: (!limit).then_some(3),

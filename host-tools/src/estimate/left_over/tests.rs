@@ -4,7 +4,6 @@ use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 
 use super::*;
-use crate::equation::motion::LOOSE;
 use crate::equation::response::Responses;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::How;
@@ -36,7 +35,7 @@ fn responses_are_differences_of_predictions() {
     let windows: Vec<usize> = (0..data.motion.windows.len()).collect();
     let responses = Responses::of(&data.motion, &data.body, &plain, &windows);
     let without = data.predicted(&plain, &|_| true);
-    for (effect, size) in LOOSE.into_iter().zip([2e-3, 5e-3]) {
+    for (effect, size) in EffectKind::COMPLIANT.into_iter().zip([2e-3, 5e-3]) {
         for joint in 0..data.joints() {
             let place: Place = (effect, joint);
             let mut values = plain.clone();

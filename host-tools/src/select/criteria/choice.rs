@@ -1,26 +1,14 @@
 //! Which candidate is taken next, and what it cannot be told from.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Form};
 
 use super::feasible::{is_feasible, is_unresolved_delay};
 use super::presence::{acts_by_weight, is_beyond_chance, is_family, is_there};
 use super::statistics::sum_and_error;
 use super::step::LEAST_SHARE;
-use crate::equation::motion::LOOSE;
+use crate::catalogue;
 use crate::select::candidate::{Candidate, Member};
 
-/// The effects of every geared drive.
-pub(crate) const PLAIN: [EffectKind; 4] = [
-    EffectKind::Armature,
-    EffectKind::Coulomb,
-    EffectKind::Viscous,
-    EffectKind::Bias,
-];
-/// Effects that contain a simpler one, and which.
-const PARTS: [(EffectKind, EffectKind); 2] = [
-    (EffectKind::AsymmetricCoulomb, EffectKind::Coulomb),
-    (EffectKind::Spring, EffectKind::Bias),
-];
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
 const RIVAL: f64 = 0.3;
 /// A simple effect that gains at least this share of what a richer one gains that contains it is taken for it.
@@ -78,7 +66,7 @@ impl Look<'_> {
         }
         let simpler = good.iter().copied().filter(|c| {
             // Every drive has a plain effect: it needs no rival to be there.
-            !PLAIN.contains(&best.effect)
+            !best.effect.description().is_plain()
                 && c.parameters() < best.parameters()
                 && c.effect != best.effect
                 && c.meets(best)
@@ -118,14 +106,12 @@ impl Look<'_> {
             .filter(explains)
             .map(|c| (c.effect, c.members.clone()))
             .collect();
-        if best.effect == EffectKind::Bias {
-            // With Coulomb friction in the model, friction that differs with the direction is a bias.
-            let of = |(limb, place): &Member| (*limb, (EffectKind::AsymmetricCoulomb, place.1));
-            found.push((
-                EffectKind::AsymmetricCoulomb,
-                best.members.iter().map(of).collect(),
-            ));
-        }
+        // Beside its other parts, which a drive may have, the last part of a sum is the sum: friction that differs with the direction is a
+        // constant torque beside Coulomb friction.
+        let is_last =
+            |effect: &EffectKind| effect.description().sum_of.last() == Some(&best.effect);
+        let sums = catalogue::effects().filter(is_last);
+        found.extend(sums.map(|sum| (sum, instead(&best.members, sum))));
         found
     }
 }
@@ -133,29 +119,30 @@ impl Look<'_> {
 /// Whether an effect looks like one that acts by weight to all but what is known of the bodies: a torque of a wrong scale does, too.
 fn looks_like_weight(effect: &Candidate, weight: &Candidate) -> bool {
     acts_by_weight(weight.effect)
-        && (acts_by_weight(effect.effect) || effect.effect == EffectKind::TorqueGain)
+        && (acts_by_weight(effect.effect) || effect.effect.description().form == Form::Scale)
 }
 
 /// The simple effect that a richer one contains, where it does as well.
 fn part_of<'c>(rich: &Candidate, good: &[&'c Candidate]) -> Option<&'c Candidate> {
-    let (_, plain) = PARTS.iter().find(|(effect, _)| *effect == rich.effect)?;
-    let own: Vec<Member> = (rich.members.iter())
-        .map(|(limb, place)| (*limb, (*plain, place.1)))
-        .collect();
+    let own = instead(&rich.members, rich.effect.description().simpler?);
     let plain = *good.iter().find(|c| c.members == own)?;
     let enough = plain.gain().0 >= PART * rich.gain().0;
     enough.then_some(plain)
 }
 
-/// Whether an effect lies between motor and link, so that a column says little of it.
-pub(crate) fn is_of_transmission(effect: EffectKind) -> bool {
-    LOOSE.contains(&effect)
+/// An effect at the joints of `members`.
+fn instead(members: &[Member], effect: EffectKind) -> Vec<Member> {
+    let own = members.iter();
+    own.map(|(limb, place)| (*limb, (effect, place.1)))
+        .collect()
 }
 
 /// Whether a spring or a play may be what a candidate resembles that takes a sure part of a joint's error; of one that no fit `keeps` it is
 /// not, and springs are expensive to try.
 pub(crate) fn may_be_transmission(candidate: &Candidate, keeps: bool) -> bool {
-    keeps && super::presence::is_sure_of_one_joint(candidate) && !PLAIN.contains(&candidate.effect)
+    keeps
+        && super::presence::is_sure_of_one_joint(candidate)
+        && !candidate.effect.description().is_plain()
 }
 
 /// Share of the error of all joints that a candidate between motor and link has to take away beyond what the `best` does: one that its column

@@ -1,10 +1,9 @@
 //! What a robot can have: values that are physical, likely and not nothing.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{Form, Parameter};
 
 use super::presence::is_there;
 use super::step::LEAST_VALUE;
-use crate::equation::motion::is_derivative;
 use crate::select::candidate::{Candidate, Finding};
 
 /// No load is farther from its body's centre of mass, m: a Go2's longest link is 0.21 m.
@@ -23,6 +22,8 @@ const LEAST_WEIGHT: f64 = 13.3;
 const LIKELY: f64 = 3.0;
 /// Of each N m that is reported beyond a limit the motion shows at most this share; of a drive that nothing limits, all.
 const MOST_BEYOND_LIMIT: f64 = 0.5;
+/// Which parameter of a load is its own inertia.
+const INERTIA: usize = 4;
 /// Errors of a value within which it may be on the other side of a bound.
 const WITHIN: f64 = 2.0;
 
@@ -36,49 +37,49 @@ pub(crate) fn is_unresolved_delay(candidate: &Candidate) -> bool {
     let is_small = |told: &Finding| {
         told.parameters[0].is_some_and(|(delay, _)| !is_resolved(told.period, delay))
     };
-    candidate.effect == EffectKind::Delay
+    candidate.effect.description().form == Form::Clock
         && is_there(candidate)
         && candidate.findings().all(is_small)
 }
 
 /// Whether what a trial says of an effect is physical within twice its error, and likely.
 fn can_be(told: &Finding) -> bool {
-    let effect = told.place.0;
+    let described = told.place.0.description();
+    let is_load = described.form == Form::Inertia;
     let mass = told.parameters[0].map_or(0.0, |(mass, _)| mass.abs());
-    let within = |(n, p): (usize, &proprio_core::effect::Parameter)| {
+    let within = |(n, p): (usize, &Parameter)| {
         let Some((value, std)) = told.parameters[n] else {
             return true;
         };
         let (mean, likely) = told.prior[n];
-        let is_sensor = is_derivative(effect) || effect == EffectKind::Payload && n == 0;
+        let is_bounded = described.is_derivative() || is_load && n == 0;
         // A load's own inertia is told as well as its place: off by d, m d² is missing.
-        let open = match (effect, n) {
-            (EffectKind::Payload, 4) => mass * NEAR * NEAR,
+        let open = match (is_load, n) {
+            (true, INERTIA) => mass * NEAR * NEAR,
             _ => 0.0,
         };
         value + WITHIN * std + open >= p.lower
             && value - WITHIN * std <= p.upper
-            && (!is_sensor || (value - mean).abs() - WITHIN * std <= LIKELY * likely)
+            && (!is_bounded || (value - mean).abs() - WITHIN * std <= LIKELY * likely)
     };
-    let is_resolved = effect != EffectKind::Delay
+    let is_resolved = described.form != Form::Clock
         || told.parameters[0].is_none_or(|(delay, _)| is_resolved(told.period, delay));
-    let parameters = effect.description().parameters;
-    parameters.iter().enumerate().all(within)
+    (described.parameters.iter().enumerate()).all(within)
         && is_resolved
-        && (effect != EffectKind::Payload || is_load(&told.parameters))
+        && (!is_load || can_be_load(&told.parameters))
         && (told.beyond_limit).is_none_or(|shown| shown < MOST_BEYOND_LIMIT)
 }
 
 /// Whether an effect's one value is beyond [`LEAST_VALUE`] errors of nothing; of several parameters each may be unsure where
 /// together they are not.
 fn is_something(told: &Finding) -> bool {
-    let parameters = told.place.0.description().parameters;
-    let mut linear = (0..parameters.len()).filter(|&n| !parameters[n].shape);
+    let described = told.place.0.description();
+    let mut linear = described.linear();
     let (Some(only), None) = (linear.next(), linear.next()) else {
         return true;
     };
     told.parameters[only].is_none_or(|(value, std)| {
-        let away = (value - parameters[only].neutral).abs();
+        let away = (value - described.parameters[only].neutral).abs();
         away > 0.0 && away >= LEAST_VALUE * std
     })
 }
@@ -91,7 +92,7 @@ fn is_resolved(period: f64, delay: f64) -> bool {
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
 /// a mass is none, nor is an inertia without weight. At most [`REACH`] away.
-fn is_load(told: &[Option<(f64, f64)>]) -> bool {
+fn can_be_load(told: &[Option<(f64, f64)>]) -> bool {
     let [Some((mass, std)), moments @ ..] = told else {
         return true;
     };

@@ -12,6 +12,8 @@ pub(crate) mod feasible;
 pub(crate) mod presence;
 pub(crate) mod statistics;
 pub(crate) mod step;
+#[cfg(test)]
+mod table;
 
 pub(crate) use presence::{RESOLUTION, STRUCTURE};
 pub(crate) use statistics::{LEAST_Z, NOISE_MEMORY, Squared, least_z, sum_and_error};

@@ -1,8 +1,9 @@
 //! Whether an effect is there: beyond chance, worth a place in the model, at one joint or at all like joints.
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Varies};
 
 use super::statistics::{LEAST_Z, Squared, least_z, sum_and_error};
+use crate::gate::AT_REST;
 use crate::select::candidate::Candidate;
 
 /// What an effect adds in some stretches of time it may take back in others up to this share.
@@ -29,6 +30,33 @@ pub(crate) const LEAST_EFFECT: f64 = 0.002;
 /// scatters: what grows with time, as heat does, gains most in the last folds.
 const MOST_BY_CHANCE: f64 = 0.5;
 const LEAST_OF_MOST: f64 = 2.0;
+
+/// χ² of eight folds' degrees of freedom that chance reaches once in 10⁸ times, and a little for what θ itself is wrong by.
+const LEAST_CHANGE: f64 = 60.0;
+/// Smallest share of a joint's held-out sum of squares that a change in time explains.
+const LEAST_CHANGE_GAIN: f64 = 0.05;
+/// Of a joint that moves less than this share of the time nothing is claimed: the gate says that it hardly moves.
+const LEAST_MOVING: f64 = 0.1;
+/// It moves where it is faster than a joint at rest, or than this share of its limit.
+const SLOW: f64 = 0.01;
+
+/// Whether a parameter that differs from fold to fold changes with time: by how much a joint's sum of squares falls if it may, what one window
+/// is wrong by, and what is left of the joint, (N m)².
+pub(crate) fn is_change(fall: f64, noise: f64, left: f64) -> bool {
+    fall / noise > LEAST_CHANGE && fall > LEAST_CHANGE_GAIN * left
+}
+
+/// Whether a joint moves for long enough to claim anything of it: its speeds and the limit of its speed, rad/s, none if zero.
+pub(crate) fn moves(speeds: impl ExactSizeIterator<Item = f64>, limit: f64) -> bool {
+    let least = if limit > 0.0 {
+        AT_REST.min(SLOW * limit)
+    } else {
+        AT_REST
+    };
+    let all = speeds.len() as f64;
+    let moving = speeds.filter(|speed| speed.abs() > least).count();
+    moving as f64 >= LEAST_MOVING * all
+}
 
 /// Whether a candidate is there beyond chance.
 pub(crate) fn is_beyond_chance(candidate: &Candidate) -> bool {
@@ -94,17 +122,14 @@ pub(crate) fn is_family(candidate: &Candidate, all: &[Candidate]) -> bool {
 
 /// Smallest share of the held-out error that is worth a parameter.
 fn least_gain(effect: EffectKind) -> f64 {
-    use EffectKind::{Bias, Saturation, Spring};
-    if acts_by_weight(effect) || [Bias, Spring, Saturation].contains(&effect) {
-        LEAST_GAIN_OF_SLOW
-    } else {
-        LEAST_GAIN
+    match effect.description().varies {
+        Varies::Fast => LEAST_GAIN,
+        Varies::Slowly | Varies::LikeWeight => LEAST_GAIN_OF_SLOW,
     }
 }
 
 /// Whether an effect acts by the weight of the bodies: what happens between two samples, or where friction turns round, does not look
 /// like it.
 pub(super) fn acts_by_weight(effect: EffectKind) -> bool {
-    use EffectKind::{BaseTilt, EncoderOffset, Payload};
-    [BaseTilt, EncoderOffset, Payload].contains(&effect)
+    effect.description().varies == Varies::LikeWeight
 }

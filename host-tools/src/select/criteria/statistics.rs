@@ -73,6 +73,11 @@ pub(crate) fn sum_and_error(folds: &[f64]) -> (f64, f64) {
     (sum, (spread * n / (n - 1.0)).sqrt())
 }
 
+/// How many windows of this length (s) a noise remembers at most.
+pub(crate) fn noise_lags(window: f64) -> usize {
+    (NOISE_MEMORY / window).ceil().max(2.0) as usize
+}
+
 /// How many neighbours say the same thing because their noise remembers: the autocorrelation time of fewer than `lags` lags, less
 /// what goes on as long again, which is no noise.
 pub(crate) fn noise_memory(x: &[f64], lags: usize) -> f64 {

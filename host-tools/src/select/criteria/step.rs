@@ -3,9 +3,9 @@
 use super::presence::{LEAST_EFFECT, RESOLUTION, STRUCTURE};
 
 /// Most steps of a search.
-pub(crate) const MOST_STEPS: usize = 40;
+const MOST_STEPS: usize = 40;
 /// Most candidates that are refused one after the other before a search ends.
-pub(crate) const MOST_REFUSED: usize = 12;
+const MOST_REFUSED: usize = 12;
 /// Smallest share of the held-out error of all joints that a step takes away: below, what one log asks for is as likely to be worse on
 /// the next.
 pub(crate) const LEAST_SHARE: f64 = 0.01;
@@ -28,6 +28,11 @@ pub(crate) struct HeldOut {
     pub(crate) by_log: Vec<f64>,
     /// Whether each log is held out as a whole.
     pub(crate) is_by_log: bool,
+}
+
+/// Whether a search goes on that has taken so many `steps`, and has `refused` so many candidates since the last.
+pub(crate) fn goes_on(steps: usize, refused: usize) -> bool {
+    steps < MOST_STEPS && refused < MOST_REFUSED
 }
 
 /// Whether what columns `promise` of the error `now` is enough for a fit to take away this share of it.
@@ -81,6 +86,11 @@ pub(crate) fn bears_a_drive(after: &HeldOut, before: &HeldOut) -> bool {
         1.0 + LEAST_SHARE
     };
     no_log_rises(after, before, most)
+}
+
+/// Whether a model of one cause predicts as well as one of two (errors in units of the joints' noise): then it is the better one.
+pub(crate) fn does_as_well(one: f64, two: f64) -> bool {
+    one <= SAME * two
 }
 
 /// Whether a search that begins with every drive's effects is to go on where another has ended: a search finds by small steps what is better
