@@ -78,7 +78,6 @@ pub(super) fn search(
     let mut held_out = data.held_out(&structure)?;
     let (start_rms, start) = (rms(&held_out), squares(&held_out));
     let (mut first, mut path): (Vec<(Judged, Option<Vec<Value>>)>, Vec<Step>) = Default::default();
-    let mut looked = false;
     while path.len() < MOST_STEPS {
         let mut fit = data.fit(&structure)?;
         if let Some(sites) = shapes::better(walks, &data, &fit) {
@@ -111,42 +110,23 @@ pub(super) fn search(
             now: &fit,
             held_out: &held_out,
         };
-        let mut taken = None;
-        let mut told = None;
+        // The first that is tried is what a reader is told of if none is taken.
+        let (mut best, mut taken) = (None, None);
         for _ in 0..MOST_REFUSED {
             let Some(next) = look.best(&open) else {
                 break;
             };
             let tried = trial.of(next)?;
-            let values = tried.values.clone();
-            told = told.or(Some((next, values)));
             if tried.holds {
+                best = Some((next, tried.values.clone()));
                 taken = Some((next, tried));
                 break;
             }
+            best = best.or(Some((next, tried.values)));
             open.retain(|c| !c.is_same(next));
         }
-        if !looked {
-            looked = true;
-            let best = taken
-                .as_ref()
-                .map(|(best, _)| *best)
-                .or(told.as_ref().map(|t| t.0));
-            first = judge(&look, best)
-                .into_iter()
-                .map(|judged| (judged, None))
-                .collect();
-            let told = match &taken {
-                Some((_, tried)) => Some(tried.values.clone()),
-                None => told.map(|(_, values)| values),
-            };
-            if let (Some((judged, own)), Some(values)) = (first.first_mut(), told) {
-                match judged.candidate.effect.description().form {
-                    Form::Inertia => *own = Some(values),
-                    _ => judged.parameters[0] = values,
-                }
-                judged.significant &= taken.is_some();
-            }
+        if first.is_empty() {
+            first = told_first(&look, best, taken.is_some());
         }
         let Some((best, tried)) = taken else { break };
         path.push(Step {
@@ -167,6 +147,24 @@ pub(super) fn search(
         fit,
         data,
     })
+}
+
+/// All candidates, the `best` first with the values of its fit, which was `taken` or refused.
+fn told_first(
+    look: &Look,
+    best: Option<(&Candidate, Vec<Value>)>,
+    taken: bool,
+) -> Vec<(Judged, Option<Vec<Value>>)> {
+    let judged = judge(look, best.as_ref().map(|(best, _)| *best));
+    let mut all: Vec<_> = judged.into_iter().map(|judged| (judged, None)).collect();
+    if let (Some((judged, load)), Some((_, values))) = (all.first_mut(), best) {
+        judged.significant &= taken;
+        match judged.candidate.effect.description().form {
+            Form::Inertia => *load = Some(values),
+            _ => judged.parameters[0] = values,
+        }
+    }
+    all
 }
 
 fn squares(parts: &[HeldOut]) -> f64 {

@@ -178,7 +178,7 @@ pub(super) fn orthonormal(mut free: DMatrix<f64>, scale: &[f64; COORDINATES]) ->
 }
 
 /// Rows of all bodies, of the joints' four effects and of the accelerometer's bias, one for each coordinate: what of the equations
-/// each parameter makes, as [`crate::free_base::rows`] orders them.
+/// each parameter makes.
 pub(super) fn whole_rows(robot: &Robot, state: &State) -> SMatrix<f64, COORDINATES, COLUMNS> {
     let mut all = SMatrix::zeros();
     let k = state.kinematics(robot);
