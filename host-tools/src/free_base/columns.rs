@@ -129,7 +129,7 @@ impl EffectSite {
     }
 
     /// As something that a model might lack: as likely on either side of nothing.
-    pub(crate) fn as_candidate(mut self) -> Self {
+    pub(crate) fn into_candidate(mut self) -> Self {
         for own in &mut self.linear {
             own.prior.std = own.prior.std.max(own.prior.mean.abs());
             own.prior.mean = 0.0;

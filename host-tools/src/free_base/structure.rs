@@ -119,7 +119,7 @@ impl ModelStructure {
     pub(crate) fn candidates(&self, model: &Model) -> Vec<EffectSite> {
         let lacking = all_places().into_iter().filter(|place| !self.has(*place));
         lacking
-            .map(|place| EffectSite::of(model, place, self.constraint).as_candidate())
+            .map(|place| EffectSite::of(model, place, self.constraint).into_candidate())
             .collect()
     }
 

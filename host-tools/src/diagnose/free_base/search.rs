@@ -49,7 +49,7 @@ pub(super) struct Found {
     pub(super) start: f64,
     /// What was tried on the model as it was given, best first; of a load that was fitted its mass (kg) and its place from the body's origin (x, y, z,
     /// m).
-    pub(super) first: Vec<(Judged, Option<Vec<Value>>)>,
+    pub(super) first: Vec<FirstLook>,
     pub(super) path: Vec<Step>,
     /// The model at the end, and the data with its nonlinear parameters.
     pub(super) structure: ModelStructure,
@@ -67,6 +67,9 @@ struct Tried {
     holds: bool,
 }
 
+/// A candidate of the first look, and its values where it was fitted.
+pub(super) type FirstLook = (Judged, Option<Vec<Value>>);
+
 /// Searches from `structure`; none if the walks are too short, or numbers overflow.
 pub(super) fn search(
     walks: &Walks,
@@ -77,7 +80,7 @@ pub(super) fn search(
     let mut structure = structure.clone();
     let mut held_out = data.held_out(&structure)?;
     let (start_rms, start) = (rms(&held_out), squares(&held_out));
-    let (mut first, mut path): (Vec<(Judged, Option<Vec<Value>>)>, Vec<Step>) = Default::default();
+    let (mut first, mut path) = (Vec::<FirstLook>::new(), Vec::<Step>::new());
     while path.len() < MOST_STEPS {
         let mut fit = data.fit(&structure)?;
         if let Some(sites) = shapes::better(walks, &data, &fit) {
@@ -150,11 +153,7 @@ pub(super) fn search(
 }
 
 /// All candidates, the `best` first with the values of its fit, which was `taken` or refused.
-fn told_first(
-    look: &Look,
-    best: Option<(&Candidate, Vec<Value>)>,
-    taken: bool,
-) -> Vec<(Judged, Option<Vec<Value>>)> {
+fn told_first(look: &Look, best: Option<(&Candidate, Vec<Value>)>, taken: bool) -> Vec<FirstLook> {
     let judged = judge(look, best.as_ref().map(|(best, _)| *best));
     let mut all: Vec<_> = judged.into_iter().map(|judged| (judged, None)).collect();
     if let (Some((judged, load)), Some((_, values))) = (all.first_mut(), best) {
