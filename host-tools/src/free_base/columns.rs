@@ -7,6 +7,7 @@ use proprio_core::inertia::INERTIAL;
 use super::projection::is_carried;
 use super::rows::BODIES;
 use super::sensors::SENSORS;
+use crate::catalogue;
 use crate::equation::column::{Column, columns_of};
 use crate::equation::load_columns::load;
 use crate::equation::values::Place;
@@ -40,8 +41,8 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
 
 /// All that rows of a walk can have columns of.
 pub(crate) fn all_places() -> Vec<Place> {
-    let effects = EffectKind::ALL.iter().filter(|effect| is_judged(**effect));
-    let places = effects.flat_map(|&effect| {
+    let effects = catalogue::effects().filter(|effect| is_judged(*effect));
+    let places = effects.flat_map(|effect| {
         let form = effect.description().form;
         let joints = (0..JOINTS).filter(move |&joint| form != Form::Coupled || is_carried(joint));
         let base = (form == Form::Inertia).then_some(BASE);
