@@ -2,7 +2,7 @@
 //! ([`crate::select::criteria`]) is fitted, judged on time that the fit has not seen, and added; as long as anything is there beyond chance.
 
 use nalgebra::DVector;
-use proprio_core::effect::Form;
+use proprio_core::effect::{Form, Varies};
 use proprio_core::go2::JOINTS_PER_LEG;
 use proprio_core::inertia::INERTIAL;
 
@@ -18,7 +18,7 @@ use crate::free_base::fit::{Fit, HeldOut, rms};
 use crate::free_base::structure::ModelStructure;
 use crate::model::Model;
 use crate::select::candidate::Candidate;
-use crate::select::criteria::choice::Look;
+use crate::select::criteria::choice::{Look, RIVAL};
 use crate::select::criteria::{LEAST_SHARE, LEAST_VALUE, SAME, Squared, least_z, sum_and_error};
 use crate::select::enumerate::of_joints;
 use crate::select::ranking::{Judged, judge};
@@ -116,7 +116,7 @@ pub(super) fn search(
         // The first that is tried is what a reader is told of if none is taken.
         let (mut best, mut taken) = (None, None);
         for _ in 0..MOST_REFUSED {
-            let Some(next) = look.best(&open) else {
+            let Some(next) = next(&look, &open) else {
                 break;
             };
             let tried = trial.of(next)?;
@@ -150,6 +150,19 @@ pub(super) fn search(
         fit,
         data,
     })
+}
+
+/// The candidate to be tried next: the best, but what every drive has before what looks like it at the speeds of a gait (drag like viscous friction). A
+/// constant torque is not before a load.
+fn next<'c>(look: &Look, open: &[&'c Candidate]) -> Option<&'c Candidate> {
+    let best = look.best(open)?;
+    let plain = open.iter().copied().filter(|c| {
+        let facts = c.effect.description();
+        facts.is_plain()
+            && facts.varies == Varies::Fast
+            && c.torque_error_taken() >= RIVAL * best.torque_error_taken()
+    });
+    Some(look.best(&plain.collect::<Vec<_>>()).unwrap_or(best))
 }
 
 /// All candidates, the `best` first with the values of its fit, which was `taken` or refused.

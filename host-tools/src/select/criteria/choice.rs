@@ -10,7 +10,7 @@ use crate::catalogue;
 use crate::select::candidate::{Candidate, Member};
 
 /// An effect whose held-out gain is at least this share of the best one's may be what the best one only resembles.
-const RIVAL: f64 = 0.3;
+pub(crate) const RIVAL: f64 = 0.3;
 /// A simple effect that gains at least this share of what a richer one gains that contains it is taken for it.
 pub(crate) const PART: f64 = 0.95;
 
