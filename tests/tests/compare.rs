@@ -308,7 +308,8 @@ fn with_an_effect_is_the_model_that_add_makes() {
         done(folder, &[change, place, "-m", "changed.toml"]);
         compared("changed.toml", &[])
     };
-    let joints = ["FR_calf", "FR_hip"];
+    // A coupling is of a joint that another carries.
+    let joints = ["FR_calf", "FR_thigh"];
     for effect in EffectKind::ALL.iter().map(|effect| effect.name()) {
         let places: Vec<String> = match effect {
             "base_tilt" => vec![effect.to_owned()],
