@@ -106,12 +106,12 @@ pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
 /// The effects that a joint of the model lacks and whose parameters the torque has to be searched for.
 fn searched(data: &LimbData) -> Vec<&'static str> {
     let there = places_of(data);
-    let lacks = |&&effect: &&EffectKind| {
+    let lacks = |&effect: &EffectKind| {
         (0..data.joints())
             .map(|joint| (effect, joint))
             .any(|place| data.can_tell(place) && !can_be_put_in(&place) && !there.contains(&place))
     };
-    let searched = EffectKind::ALL.iter().filter(lacks);
+    let searched = catalogue::effects().filter(lacks);
     searched.map(|effect| effect.name()).collect()
 }
 
