@@ -104,6 +104,6 @@ mod tests {
         let worst = worst(&series);
         let values: Vec<f64> = worst.iter().map(|e| e.residual).collect();
         assert_eq!(values, [6.0, -3.0, 2.0, 1.0, 0.5]);
-        assert!((worst[0].size - 6.0 / 0.14826).abs() < 1e-9);
+        assert!((worst[0].size - 6.0 * robust::MEDIAN_OF_NORMAL / 0.1).abs() < 1e-9);
     }
 }
