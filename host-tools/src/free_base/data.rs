@@ -85,9 +85,9 @@ pub(crate) struct Data {
 }
 
 impl Data {
-    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
-    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
-    /// others: these spoilt it, and are left out. The rows have columns of what is `tried`.
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of `structure`. Again where that
+    /// fit, or one with all `candidates` beside it that are torques of joints, leaves far more of some windows than of others: these spoilt it, and are
+    /// left out. The rows have columns of what is `tried`; which these are changes neither the windows nor the other columns.
     pub(crate) fn of(
         walks: &Walks,
         structure: &ModelStructure,
@@ -118,6 +118,15 @@ impl Data {
                 parts => parts.iter().collect(),
             };
             let before = std::mem::replace(&mut outside, outside::windows(walks, &data, &thetas));
+            // Candidates' parameters without bounds are no point to take derivatives at.
+            let theta = match candidates {
+                [] => theta,
+                _ => data
+                    .fit(structure)
+                    .ok_or(FreeBaseError::Unsolvable)?
+                    .theta()
+                    .clone(),
+            };
             setup = RowSetup::at(judged.clone(), theta);
             if outside == before {
                 break;
