@@ -5,11 +5,13 @@
 //!
 //! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
+mod added;
 mod black_box;
 pub mod csv;
 mod feet;
 mod free_base;
 mod nested;
+mod own_rate;
 mod ranking;
 mod summary;
 mod values;
@@ -17,13 +19,14 @@ mod words;
 
 use std::path::PathBuf;
 
-use proprio_core::effect::Form;
 use serde::Serialize;
 
+use added::{last_added, unvalued, valued_by, with, without};
 use feet::Feet;
 pub use feet::FootForce;
 pub use free_base::{CoordinateError, FreeBaseComparison, WalkSeries, compare_free_base};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
+pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
@@ -37,7 +40,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
-use crate::model::{Model, ModelEffect, Provenance};
+use crate::model::{Model, ModelEffect};
 use crate::recording::{LogGates, Recording, RecordingError};
 
 /// What `proprio compare` says.
@@ -158,7 +161,7 @@ pub fn compare_without(
     left_out: &[ModelEffect],
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
-    let unvalued = match unvalued(model) {
+    let unvalued = match unvalued(recording, model) {
         none if none.is_empty() && values == ValuesFrom::Auto => valued_by(recording, model),
         some => some,
     };
@@ -290,52 +293,6 @@ impl Baselines {
         let before = self.before.map(|before| ("before", before));
         [("CAD", self.cad)].into_iter().chain(before).collect()
     }
-}
-
-/// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
-fn unvalued(model: &Model) -> Vec<ModelEffect> {
-    let is_unvalued =
-        |e: &&ModelEffect| e.estimate().is_none() && e.effect.description().form != Form::Force;
-    (model.effects().iter().filter(is_unvalued).copied()).collect()
-}
-
-/// What a diagnosis of these very logs has just added, with the values that they give: before and after are to be of data that the fit
-/// has not seen.
-fn valued_by(recording: &Recording, model: &Model) -> Vec<ModelEffect> {
-    let last = model.effects().iter().filter(|e| e.just_added);
-    let last: Vec<ModelEffect> = last.copied().collect();
-    let own = |provenance: &Provenance| provenance.is_of(&recording.logs).unwrap_or(false);
-    match !last.is_empty() && model.provenance().is_some_and(own) {
-        true => last,
-        false => Vec::new(),
-    }
-}
-
-/// Of the effects without a value those that were added last; all, if the model does not say.
-fn last_added(unvalued: &[ModelEffect]) -> Vec<ModelEffect> {
-    let last = unvalued.iter().filter(|e| e.just_added);
-    let last: Vec<ModelEffect> = last.copied().collect();
-    if last.is_empty() {
-        unvalued.to_vec()
-    } else {
-        last
-    }
-}
-
-/// The model without those effects.
-fn without(model: &Model, added: &[ModelEffect]) -> Model {
-    let mut model = model.clone();
-    for e in added {
-        model.remove_effect(e.effect, e.joint);
-    }
-    model
-}
-
-/// The model with those effects again.
-fn with(model: &Model, left_out: &[ModelEffect]) -> Model {
-    let mut model = model.clone();
-    model.put_back(left_out);
-    model
 }
 
 /// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.

@@ -34,8 +34,8 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
-use super::checks::Warning;
 use super::error::{LogError, Place, Problem, Unit};
+use super::warning::Warning;
 pub use input::files;
 pub(crate) use input::open as open_bytes;
 use kind::Kind;
