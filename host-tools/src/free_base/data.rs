@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
+use proprio_core::go2::LEGS;
 use proprio_core::tree::GRAVITY;
 
 use super::columns::{ACC, EffectSite, WalkColumns};
@@ -355,7 +356,7 @@ impl Data {
     }
 
     /// Every equation under several models, log after log as [`Walks::starts`] puts them.
-    fn each_equation(
+    pub(crate) fn each_equation(
         &self,
         walks: &Walks,
         thetas: &[Vec<&DVector<f64>>],
@@ -374,6 +375,7 @@ impl Data {
                     t: start + row.start,
                     window: stance.window_us as f64 * 1e-6,
                     coordinate: row.coordinate,
+                    loaded: row.loaded,
                     measured: row.numbers[row.numbers.len() - 1] / scale,
                     predicted: &predicted,
                 });
@@ -397,6 +399,8 @@ pub(crate) struct Equation<'a> {
     /// How long windows are there, s.
     window: f64,
     pub(crate) coordinate: usize,
+    /// Which feet may carry a force.
+    pub(crate) loaded: [bool; LEGS],
     pub(crate) measured: f64,
     pub(crate) predicted: &'a [f64],
 }

@@ -222,6 +222,8 @@ pub(super) struct Row<'a> {
     pub(super) rank: usize,
     /// Which coordinate's equation, times [`RowSetup::scale`].
     pub(super) coordinate: usize,
+    /// Which feet may carry a force.
+    pub(super) loaded: [bool; LEGS],
     /// All columns, then the right-hand side.
     pub(super) numbers: &'a mut [f64],
 }
@@ -278,6 +280,7 @@ pub(super) fn each_row(
                 start: start_us as f64 * 1e-6,
                 rank: std::mem::take(&mut rank),
                 coordinate: c,
+                loaded: told.loaded,
                 numbers: &mut row,
             });
         }
@@ -285,7 +288,8 @@ pub(super) fn each_row(
         kept.held += u64::from(told.held);
         kept.equations += told.equations as u64;
         kept.resting += told.resting as u64;
-        kept.by_feet[told.feet] += 1;
+        let feet = told.loaded.iter().filter(|loaded| **loaded).count();
+        kept.by_feet[feet] += 1;
     });
     counts.plus(&kept)
 }
@@ -368,7 +372,8 @@ struct Told {
     equations: usize,
     /// Joints that friction may hold.
     resting: usize,
-    feet: usize,
+    /// Which feet may carry a force.
+    loaded: [bool; LEGS],
     held: bool,
 }
 
@@ -400,7 +405,7 @@ impl Told {
             coordinates,
             equations,
             resting: rows.resting.iter().filter(|resting| **resting).count(),
-            feet: loaded.iter().filter(|loaded| **loaded).count(),
+            loaded,
             held,
         }
     }

@@ -3,6 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria::statistics::{Squared, jackknife, sum_and_error};
+use super::trial_factors::Felt;
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
 use crate::estimate::shapes;
@@ -81,10 +82,7 @@ pub(crate) struct Scores {
     /// As [`Trial`] has them.
     pub(crate) gains: Vec<f64>,
     pub(crate) falls: Vec<f64>,
-    pub(crate) felt: f64,
-    pub(crate) torque: f64,
-    /// How many neighbouring windows of those rows say the same thing.
-    pub(crate) memory: f64,
+    pub(crate) felt: Felt,
 }
 
 impl Trial {
@@ -97,7 +95,7 @@ impl Trial {
         own: &[TriangleTrial],
         scores: Scores,
     ) -> Self {
-        let memory = scores.memory;
+        let memory = scores.felt.memory;
         let (mut std, mut inflation) = (Vec::new(), 1.0f64);
         for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
             let looser = own.iter().map(|trial| trial.std[n] / independent);
@@ -113,8 +111,8 @@ impl Trial {
             findings: Vec::new(),
             gains: scores.gains,
             falls: scores.falls,
-            felt: scores.felt,
-            torque: scores.torque,
+            felt: scores.felt.squares,
+            torque: scores.felt.torque,
             value: all.value,
             std,
             by_fold: values.to_vec(),

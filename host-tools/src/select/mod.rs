@@ -3,7 +3,7 @@
 //! The procedure, in its order:
 //!
 //! 1. [`score_test`]: what each effect would add to a limb's model, by columns that are derivatives of the prediction, on data that are held
-//!    out fold by fold. `payload_placement`: payloads as candidates where they are. `gain_bound`: what a spring or a play may take away at
+//!    out fold by fold: [`trial_factors`], of whatever source of rows. `payload_placement`: payloads as candidates where they are. `gain_bound`: what a spring or a play may take away at
 //!    most, without a fit.
 //! 2. `enumerate`: the same over limbs: an effect at one joint, a *family* (the effect at all like joints), a cause that all joints share.
 //!    [`candidate`]: one of them as plain data. `look`: all of them beside the model as it is.
@@ -37,3 +37,4 @@ mod restart;
 pub(crate) mod score_test;
 pub(crate) mod search;
 pub(crate) mod state;
+pub(crate) mod trial_factors;

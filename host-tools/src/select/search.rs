@@ -20,8 +20,8 @@ use super::limits::{Sought, with_limit};
 use super::look::Screens;
 use super::ranking::{Judged, judge, judged};
 use super::refused::Refused;
-use super::score_test::Screen;
 use super::state::{State, Step};
+use super::trial_factors::ScoreTest;
 use super::{backward, compliance_scan, headline, restart};
 use crate::equation::values::Place;
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -220,7 +220,7 @@ impl<'a> Search<'a> {
 
     /// Takes the best candidate that is not refused.
     fn take_best(&mut self, candidates: &[Candidate]) -> bool {
-        let base: f64 = self.screens.of_limbs.iter().map(Screen::error).sum();
+        let base: f64 = self.screens.of_limbs.iter().map(ScoreTest::error).sum();
         let mut open: Vec<&Candidate> = (candidates.iter())
             .filter(|c| may_take_away(c.gain().0, LEAST_SHARE, base))
             .filter(|c| !self.refused.has(c, &self.model))

@@ -22,6 +22,7 @@ use crate::select::criteria::choice::{Look, RIVAL};
 use crate::select::criteria::{LEAST_SHARE, LEAST_VALUE, SAME, Squared, least_z, sum_and_error};
 use crate::select::enumerate::of_joints;
 use crate::select::ranking::{Judged, judge};
+use crate::select::trial_factors::ScoreTest;
 
 /// Most steps of a search.
 const MOST_STEPS: usize = 24;
