@@ -21,6 +21,7 @@ use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
 use crate::model::Model;
 use crate::recording::{Recording, RecordingError};
+use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
 use crate::select::state::how;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
@@ -204,7 +205,7 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
         .filter_map(|(&n, wrong)| with_velocities(&all[n], wrong))
         .collect();
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
-    let found = search(&mended, &given).ok_or_else(too_short)?;
+    let found = search(Limbs::new(&mended, &given)).ok_or_else(too_short)?;
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
         let of = |&n: &usize| start_squares(&all[n]);
         side_by_side(&judged, of)
@@ -245,7 +246,7 @@ struct Diagnosed<'a> {
     twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
     before: Option<Vec<Squares>>,
-    found: Found<'a>,
+    found: Found<Limbs<'a>>,
 }
 
 /// The joints whose velocity positions say to be wrong and the model does not.

@@ -108,6 +108,52 @@ fn measured(
     }
 }
 
+/// What a candidate would add to a model that leaves a `total` sum of squares, (N m)².
+pub(super) fn candidate(
+    judged: &Judged,
+    total: f64,
+    names: &dyn Fn(&[Member]) -> Vec<String>,
+) -> CandidateReport {
+    let c = &judged.candidate;
+    let (held_out_gain, held_out_gain_error) = c.held_out_gain();
+    let firsts: Vec<(f64, f64)> = judged.parameters.iter().map(|p| p[0]).collect();
+    let n = firsts.len().max(1) as f64;
+    let value = firsts.iter().map(|p| p.0).sum::<f64>() / n;
+    let std = if c.is_shared() {
+        firsts.first().map_or(0.0, |p| p.1)
+    } else {
+        firsts.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n
+    };
+    let described = c.effect.description().parameters.iter();
+    let told = judged.parameters.iter().take(1).flatten();
+    let parameters = described
+        .zip(told)
+        .map(|(p, (value, std))| ParameterReport {
+            symbol: p.symbol,
+            unit: p.unit,
+            value: *value,
+            std: *std,
+        });
+    let alternative = |(effect, members): &(EffectKind, Vec<Member>)| Alternative {
+        effect: effect.name(),
+        joints: names(members),
+    };
+    CandidateReport {
+        effect: c.effect.name(),
+        joints: names(&c.members),
+        held_out_gain,
+        held_out_gain_error,
+        z: c.z(),
+        value,
+        std,
+        parameters: parameters.collect(),
+        torque_error_percent: 100.0 * c.torque_error_taken() / total.max(f64::MIN_POSITIVE),
+        in_bounds: judged.possible,
+        significant: judged.significant,
+        alternatives: judged.alternatives.iter().map(alternative).collect(),
+    }
+}
+
 impl Diagnosed<'_> {
     /// The joint that carries a limb's foot.
     fn foot(&self, limb: usize) -> String {
@@ -154,46 +200,7 @@ impl Diagnosed<'_> {
     }
 
     fn candidate(&self, judged: &Judged, total: f64) -> CandidateReport {
-        let c = &judged.candidate;
-        let (held_out_gain, held_out_gain_error) = c.held_out_gain();
-        let joints = self.names(&c.members);
-        let firsts: Vec<(f64, f64)> = judged.parameters.iter().map(|p| p[0]).collect();
-        let n = firsts.len().max(1) as f64;
-        let value = firsts.iter().map(|p| p.0).sum::<f64>() / n;
-        let std = if c.is_shared() {
-            firsts.first().map_or(0.0, |p| p.1)
-        } else {
-            firsts.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n
-        };
-        let described = c.effect.description().parameters.iter();
-        let told = judged.parameters.first();
-        let parameters = described.enumerate().map(|(n, p)| {
-            let (value, std) = told.map_or((0.0, 0.0), |told| told[n]);
-            ParameterReport {
-                symbol: p.symbol,
-                unit: p.unit,
-                value,
-                std,
-            }
-        });
-        let alternative = |(effect, members): &(EffectKind, Vec<Member>)| Alternative {
-            effect: effect.name(),
-            joints: self.names(members),
-        };
-        CandidateReport {
-            effect: c.effect.name(),
-            joints,
-            held_out_gain,
-            held_out_gain_error,
-            z: c.z(),
-            value,
-            std,
-            parameters: parameters.collect(),
-            torque_error_percent: 100.0 * c.torque_error_taken() / total.max(f64::MIN_POSITIVE),
-            in_bounds: judged.possible,
-            significant: judged.significant,
-            alternatives: judged.alternatives.iter().map(alternative).collect(),
-        }
+        candidate(judged, total, &|members| self.names(members))
     }
 
     /// The joints' names, each once.
@@ -237,7 +244,7 @@ impl Diagnosed<'_> {
                     n: windows[j] as usize,
                     before: rms(before[j]),
                     after: rms(after[j]),
-                    floor: self.found.floor[limb][j].min(rms(after[j])),
+                    floor: self.found.source.floor(limb)[j].min(rms(after[j])),
                 });
             }
         }
@@ -267,7 +274,7 @@ impl Diagnosed<'_> {
             boxes.extend(taken);
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
-            drifting.extend(self.found.drifts[limb].iter().map(told));
+            drifting.extend(self.found.source.drifts(limb).iter().map(told));
         }
         let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
         let left = residual::criticise(&views)

@@ -78,7 +78,7 @@ pub(crate) struct Data {
     pub(crate) windows: Windows,
     setup: RowSetup,
     /// What moved readings leave, log after log.
-    moved: Vec<MovedReadings>,
+    moved: Arc<Vec<MovedReadings>>,
     /// When windows begin that are left out, log after log, µs in order.
     outside: Vec<Vec<u64>>,
     /// Feet that carry a force in some of these while they are taken to be in the air.
@@ -159,15 +159,15 @@ impl Data {
 
     /// The same with other nonlinear parameters of the same effects.
     pub(crate) fn with_sites(
-        self,
+        &self,
         walks: &Walks,
         sites: Vec<EffectSite>,
     ) -> Result<Self, FreeBaseError> {
         let setup = self.setup.with_columns(WalkColumns { sites });
-        let data = Self::made(walks, setup, self.outside, true, Some(self.moved))?;
+        let (outside, moved) = (self.outside.clone(), self.moved.clone());
         Ok(Self {
-            unseen: self.unseen,
-            ..data
+            unseen: self.unseen.clone(),
+            ..Self::made(walks, setup, outside, true, Some(moved))?
         })
     }
 
@@ -238,14 +238,14 @@ impl Data {
         setup: RowSetup,
         outside: Vec<Vec<u64>>,
         parts: bool,
-        moved: Option<Vec<MovedReadings>>,
+        moved: Option<Arc<Vec<MovedReadings>>>,
     ) -> Result<Self, FreeBaseError> {
         let columns = setup.columns.len();
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
         let moved = moved.unwrap_or_else(|| {
             let logs = walks.walks.iter();
-            logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
-                .collect()
+            let moved = logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup));
+            Arc::new(moved.collect())
         });
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let at = Linearised {

@@ -3,7 +3,6 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria::statistics::{Squared, jackknife, sum_and_error};
-use super::trial_factors::Felt;
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;
 use crate::estimate::shapes;
@@ -75,6 +74,16 @@ pub(crate) struct Candidate {
     pub(crate) tried: usize,
     /// Of each limb.
     pub(crate) trials: Vec<(usize, Trial)>,
+}
+
+/// The equations that effects enter.
+pub(crate) struct Felt {
+    /// Held-out sum of squares without them, in units of the noise.
+    pub(crate) squares: f64,
+    /// Sum of squares of the torque, (N m)².
+    pub(crate) torque: f64,
+    /// How many neighbouring windows say the same thing.
+    pub(crate) memory: f64,
 }
 
 /// How a trial predicts each fold, and the rows that feel it.

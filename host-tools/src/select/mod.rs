@@ -9,7 +9,8 @@
 //!    [`candidate`]: one of them as plain data. `look`: all of them beside the model as it is.
 //! 3. [`criteria`]: the rules and their constants, as functions of plain data: what is there beyond chance, what a robot can have, which one is
 //!    next, which step stays. [`ranking`]: the verdict on each.
-//! 4. [`search`]: a state machine over a model of all limbs ([`state`]: how it predicts what it has not seen). Its phases are
+//! 4. [`search`]: a state machine that asks a [`source`] of rows for models ([`fitted`]: how one predicts what it has not seen). [`limbs`]: those of a
+//!    base that is held, whose model is [`state`]. Its phases are
 //!    - `limits`: drives at their limits, before and after the rest is known;
 //!    - forward: the best candidate is fitted, and stays if it keeps what it promised (`accept`); `compliance_scan`: what lies between motor and
 //!      link is found by trying; `refused`: what was tried in vain is not tried again;
@@ -26,15 +27,18 @@ mod compliance_scan;
 pub(crate) mod criteria;
 pub(crate) mod drift;
 pub(crate) mod enumerate;
+pub(crate) mod fitted;
 mod gain_bound;
 mod headline;
+pub(crate) mod limbs;
 mod limits;
 mod look;
 mod payload_placement;
 pub(crate) mod ranking;
-mod refused;
+pub(crate) mod refused;
 mod restart;
 pub(crate) mod score_test;
 pub(crate) mod search;
+pub(crate) mod source;
 pub(crate) mod state;
 pub(crate) mod trial_factors;

@@ -8,11 +8,11 @@ use proprio_core::effect::{EffectKind, Form, Reach};
 use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
-use super::candidate::{Finding, Trial};
+use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
 use super::criteria::statistics::{autocorrelation_time, noise_lags, noise_memory};
 use super::gain_bound::GainBounds;
-use super::trial_factors::{Felt, ScoreTest, TrialFactors};
+use super::trial_factors::{ScoreTest, TrialFactors};
 use crate::catalogue;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;

@@ -6,7 +6,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use super::candidate::{Finding, Scores, Trial};
+use super::candidate::{Felt, Finding, Scores, Trial};
 use crate::equation::column::Columns;
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
@@ -41,9 +41,8 @@ impl TrialFactors {
         tests: Vec<Vec<HeapFactor>>,
     ) -> Self {
         let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();
-        let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| {
-            squares((&columns, active), test, theta)
-        };
+        let score =
+            |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| squares((&columns, active), test, theta);
         Self {
             base: tests.iter().zip(&theta).map(score).collect(),
             trials: Mutex::default(),
@@ -94,16 +93,6 @@ fn squares((columns, active): (&Columns, usize), test: &[HeapFactor], theta: &[f
         .collect()
 }
 
-/// The equations that effects enter.
-pub(crate) struct Felt {
-    /// Held-out sum of squares without them, in units of the noise.
-    pub(crate) squares: f64,
-    /// Sum of squares of the torque, (N m)².
-    pub(crate) torque: f64,
-    /// How many neighbouring windows say the same thing.
-    pub(crate) memory: f64,
-}
-
 /// What every effect would add to a model, of one source of rows.
 pub(crate) trait ScoreTest {
     fn factors(&self) -> &TrialFactors;
@@ -119,9 +108,7 @@ pub(crate) trait ScoreTest {
         let factors = self.factors();
         let of = |fold: &Vec<f64>| -> f64 {
             let kinds = fold.iter().zip(&factors.noise);
-            kinds
-                .map(|(square, noise)| square / (noise * noise))
-                .sum()
+            kinds.map(|(square, noise)| square / (noise * noise)).sum()
         };
         factors.base.iter().map(of).sum()
     }

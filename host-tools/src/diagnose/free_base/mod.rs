@@ -1,24 +1,28 @@
 //! What `proprio diagnose --free-base` does: what a model of a walking robot lacks, an effect at a joint or a load on a body.
 //!
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
-//! 2. `screen`: what may be missing, and what each would take away to first order. `shapes`: nonlinear parameters.
-//! 3. `search`: the best by the rules of [`crate::select`] fitted, judged on time that the fit has not seen, added as long as anything is there.
+//! 2. `shapes`: nonlinear parameters. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
+//! 3. `search`: walks as a source of rows for the search of [`crate::select`].
 //! 4. `words`: what was found, as a [`Diagnosis`].
 
+mod model;
 mod screen;
 mod search;
 mod shapes;
 mod words;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use nalgebra::Vector3;
 use proprio_core::effect::Form;
-use proprio_core::go2::JOINT_NAMES;
+use proprio_core::go2::{self, JOINT_NAMES};
 use serde::Serialize;
 
 use super::Diagnosis;
+use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
-use crate::free_base::columns::EffectSite;
+use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -26,6 +30,9 @@ use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
 use crate::model::{BASE, Model};
 use crate::parameter;
+use crate::select::search::search;
+use model::WalkModel;
+use search::WalkSource;
 
 /// What `proprio diagnose --free-base` says.
 #[derive(Debug, Clone, Serialize)]
@@ -66,26 +73,37 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
-    let found = search::search(&walks, data, model, &structure).ok_or_else(unsolvable)?;
+    let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
+    let found = search(source).ok_or_else(unsolvable)?;
     let diagnosis = words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
-    let data = &found.data;
+    let WalkModel {
+        structure,
+        data,
+        fit,
+        ..
+    } = &found.end;
     Ok(FreeBaseDiagnosis {
         diagnosis,
         windows: data.windows,
         stance: walks.stance(),
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
-        found: walk_parameters(data, &found.fit, &data.deviations(&found.fit)),
-        effects: found.structure.effects,
+        found: walk_parameters(data, fit, &data.deviations(fit)),
+        effects: structure.effects.clone(),
     })
 }
 
 impl FreeBaseDiagnosis {
-    /// Gives a model the bodies and effects at the end of the path, with their standard deviations.
+    /// Gives a model the bodies and effects at the end of the path, with their standard deviations. Loads that it had are in its bodies then.
     ///
     /// # Errors
     /// [`NotAModel`] if a value cannot be.
     pub fn apply(&self, model: &mut Model) -> Result<(), NotAModel> {
+        let loads = model.effects().iter().filter(|own| is_load(own.effect));
+        let loads: Vec<Place> = loads.map(|own| (own.effect, own.joint)).collect();
+        for (effect, joint) in loads {
+            model.remove_effect(effect, joint);
+        }
         let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
         for (body, of) in bodies {
             let named = |fault| NotAModel {
@@ -120,4 +138,11 @@ impl FreeBaseDiagnosis {
 /// Whether an effect is a load: on a walk its values are a mass and a place.
 fn is_load(effect: proprio_core::effect::EffectKind) -> bool {
     effect.description().form == Form::Inertia
+}
+
+/// Where the CAD has the centre of mass of the body that a joint moves, or the trunk's, from its origin, m: a load's first moment is about it.
+fn centre(joint: usize) -> Vector3<f64> {
+    let cad = go2::free::<f64>();
+    let inertia = &cad.bodies()[body_of(joint)].inertia;
+    inertia.first_moment() / inertia.mass()
 }

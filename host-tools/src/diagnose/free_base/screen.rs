@@ -1,6 +1,8 @@
 //! What every effect would add to a model of a walking robot, read off the factors of its data: as [`crate::select::score_test`] of a limb, of rows that
 //! have all columns.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 use proprio_core::effect::Form;
 use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
@@ -12,7 +14,7 @@ use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
 use crate::estimate::triangle::{Prior, Triangle};
 use crate::free_base::Walks;
-use crate::free_base::columns::{ACC, FIXED, all_places, body_of, prior};
+use crate::free_base::columns::{ACC, FIXED, all_places, prior};
 use crate::free_base::data::Data;
 use crate::free_base::fit::Fit;
 use crate::free_base::projection::is_carried;
@@ -20,10 +22,10 @@ use crate::free_base::rows::{BODIES, COORDINATES, SCALE};
 use crate::free_base::sensors::STD;
 use crate::free_base::structure::ModelStructure;
 use crate::model::{BASE, Model};
-use crate::select::candidate::{Candidate, Finding, Trial};
+use crate::select::candidate::{Felt, Finding, Trial};
 use crate::select::criteria::statistics::autocorrelation_time;
 use crate::select::score_test::is_beyond_its_parts;
-use crate::select::trial_factors::{Felt, ScoreTest, TrialFactors};
+use crate::select::trial_factors::{ScoreTest, TrialFactors};
 
 /// Coordinates of the base, before those of the joints.
 const OF_BASE: usize = COORDINATES - JOINTS;
@@ -34,7 +36,7 @@ const LEAST_MOVING: f64 = 0.1;
 
 /// The data of walks beside a fit, over the columns of the model and of all that it might lack.
 pub(super) struct WalkScreen<'a> {
-    data: &'a Data,
+    data: Arc<Data>,
     model: &'a Model,
     factors: TrialFactors,
     /// By which feet may carry a force, what is left of each coordinate's equations.
@@ -52,11 +54,11 @@ impl<'a> WalkScreen<'a> {
     /// Beside a fit of `structure`; `None` if numbers overflow.
     pub(super) fn of(
         walks: &Walks,
-        (data, model): (&'a Data, &'a Model),
+        (data, model): (Arc<Data>, &'a Model),
         structure: &ModelStructure,
         fit: &Fit,
     ) -> Option<Self> {
-        let (columns, entry) = ordered(data, fit);
+        let (columns, entry) = ordered(&data, fit);
         let body = |(body, relative): &(proprio_core::inertia::InertialParameters<f64>, f64)| {
             let factor = body.prior(*relative);
             let row = |k: usize| {
@@ -89,7 +91,8 @@ impl<'a> WalkScreen<'a> {
         let tests = data.parts.iter().map(|part| vec![part.own.factor.clone()]);
         let (tests, kinds) = (tests.collect(), (columns, active));
         let factors = TrialFactors::new(kinds, vec![fit.noise], all, made.collect(), tests);
-        let theta = |own: &Vec<f64>| DVector::from_iterator(entry.len(), entry.iter().map(|e| own[*e]));
+        let theta =
+            |own: &Vec<f64>| DVector::from_iterator(entry.len(), entry.iter().map(|e| own[*e]));
         let held_out: Vec<_> = factors.theta.iter().map(theta).collect();
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
         let (together, _) = data.with_all(structure)?;
@@ -97,9 +100,8 @@ impl<'a> WalkScreen<'a> {
         let (mut stances, mut left) = (Vec::new(), vec![Vec::new(); COORDINATES]);
         data.each_equation(walks, &thetas, |equation| {
             let c = equation.coordinate;
-            let [held_out, together] = [0, 1].map(|n| {
-                SCALE[c] * (equation.measured - equation.predicted[n])
-            });
+            let [held_out, together] =
+                [0, 1].map(|n| SCALE[c] * (equation.measured - equation.predicted[n]));
             left[c].push(together);
             let sums = of_stance(&mut stances, equation.loaded);
             sums[c][0] += (held_out / fit.noise).powi(2);
@@ -116,14 +118,17 @@ impl<'a> WalkScreen<'a> {
         })
     }
 
-    /// What a candidate adds to the model with another one in it.
-    pub(super) fn beside(&self, candidate: &Candidate, other: &Candidate) -> Option<Candidate> {
-        candidate.beside(other, &|_, places, others| self.trial_beside(places, others))
-    }
-
     /// Equations that the candidates are judged by.
     pub(super) fn equations(&self) -> f64 {
         self.data.all.equations
+    }
+
+    /// Sum of squares of all torques that were measured, N² m².
+    pub(super) fn torque(&self) -> f64 {
+        let stances = self.stances.iter();
+        stances
+            .flat_map(|(_, sums)| sums.iter().map(|own| own[1]))
+            .sum()
     }
 
     /// What a trial says of the parameters at one of its places, as the catalogue means them.
@@ -261,10 +266,7 @@ fn feels(coordinate: usize, place: Place) -> bool {
 
 /// Every effect that a model does not have, where it could be.
 pub(super) fn possible(walks: &Walks, structure: &ModelStructure) -> Vec<Place> {
-    let has = |place: &Place| match place.0.description().form {
-        Form::Inertia => structure.bodies[body_of(place.1)].loaded,
-        _ => structure.has(*place),
-    };
+    let has = |place: &Place| structure.has_or_carries(*place);
     let still: Vec<bool> = (0..JOINTS).map(|joint| !moves(walks, joint)).collect();
     let all = all_places().into_iter().filter(|place| !has(place));
     let moving = all.filter(|place| place.1 == BASE || !still[place.1]);
