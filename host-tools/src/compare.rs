@@ -22,7 +22,9 @@ use serde::Serialize;
 
 use feet::Feet;
 pub use feet::FootForce;
-pub use free_base::{CoordinateError, FreeBaseComparison, WalkSeries, compare_free_base};
+pub use free_base::{
+    CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
+};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
@@ -158,27 +160,17 @@ pub fn compare_without(
     left_out: &[ModelEffect],
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
-    let unvalued = match unvalued(model) {
-        none if none.is_empty() && values == ValuesFrom::Auto => valued_by(recording, model),
-        some => some,
-    };
-    let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
-        ValuesFrom::Fitted => true,
-        ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
-    };
+    let Asked {
+        fitted,
+        added,
+        before,
+    } = Asked::of(&recording.logs, model, left_out, values);
     let from = if fitted { From::HeldOut } else { From::File };
     let rest = values == ValuesFrom::GivenAlsoAtRest;
     let (data, feet) = swing(robot::data(recording, model));
     let data: Vec<LimbData> = data.into_iter().map(|data| with_rest(data, rest)).collect();
     check(recording, &data, &feet, fitted)?;
     let predictions = predictions(&data, from);
-    let added = match fitted {
-        true => last_added(&unvalued),
-        false => Vec::new(),
-    };
-    let before = (!added.is_empty() || !left_out.is_empty())
-        .then(|| with(&without(model, &added), left_out));
     let judged = Judged {
         recording,
         model,
@@ -189,6 +181,47 @@ pub fn compare_without(
         fitted,
     };
     Ok(judged.told(&added, left_out))
+}
+
+/// What is to be compared.
+struct Asked {
+    /// Whether values are to be fitted.
+    fitted: bool,
+    /// The effects that were added last, where they have no value of other logs.
+    added: Vec<ModelEffect>,
+    /// The model without those and with what was left out, if that is another one.
+    before: Option<Model>,
+}
+
+impl Asked {
+    fn of(logs: &[PathBuf], model: &Model, left_out: &[ModelEffect], values: ValuesFrom) -> Self {
+        let unvalued = match unvalued(model) {
+            none if none.is_empty() && values == ValuesFrom::Auto => valued_by(logs, model),
+            some => some,
+        };
+        let fitted = match values {
+            ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
+            ValuesFrom::Fitted => true,
+            ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
+        };
+        let added = match fitted {
+            true => last_added(&unvalued),
+            false => Vec::new(),
+        };
+        let is_other = !added.is_empty() || !left_out.is_empty();
+        let before = is_other.then(|| with(&without(model, &added), left_out));
+        Self {
+            fitted,
+            added,
+            before,
+        }
+    }
+}
+
+/// Effects by their names, `coulomb:FR_calf`.
+fn names(model: &Model, effects: &[ModelEffect]) -> Vec<String> {
+    let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
+    effects.iter().map(name).collect()
 }
 
 /// A model and what it predicts.
@@ -225,18 +258,17 @@ impl Judged<'_> {
                 JointComparison::of(series, criticism, self.baselines.rms(k))
             })
             .collect();
-        let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
         let rms = over_all(&joints, &|j| j.scores.rms);
         Comparison {
             data: recording.gates.clone(),
             rms,
             yardsticks: Yardsticks::over_all(&joints, rms),
-            added: added.iter().map(name).collect(),
-            left_out: left_out.iter().map(name).collect(),
+            added: names(model, added),
+            left_out: names(model, left_out),
             effects,
             fitted: self.fitted,
             patterns: ranking::patterns(&criticism),
-            episodes: ranking::episodes(&criticism, recording),
+            episodes: ranking::episodes(&criticism, |t| recording.moment(t)),
             black_box,
             criticism,
             logs: recording.logs.clone(),
@@ -301,10 +333,10 @@ fn unvalued(model: &Model) -> Vec<ModelEffect> {
 
 /// What a diagnosis of these very logs has just added, with the values that they give: before and after are to be of data that the fit
 /// has not seen.
-fn valued_by(recording: &Recording, model: &Model) -> Vec<ModelEffect> {
+fn valued_by(logs: &[PathBuf], model: &Model) -> Vec<ModelEffect> {
     let last = model.effects().iter().filter(|e| e.just_added);
     let last: Vec<ModelEffect> = last.copied().collect();
-    let own = |provenance: &Provenance| provenance.is_of(&recording.logs).unwrap_or(false);
+    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
     match !last.is_empty() && model.provenance().is_some_and(own) {
         true => last,
         false => Vec::new(),

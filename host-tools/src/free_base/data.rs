@@ -372,6 +372,8 @@ impl Data {
                     *predicted = terms.sum::<f64>() / scale;
                 }
                 tell(Equation {
+                    log: n,
+                    start: row.start,
                     t: start + row.start,
                     window: stance.window_us as f64 * 1e-6,
                     coordinate: row.coordinate,
@@ -394,10 +396,13 @@ pub(crate) struct LeftOfWindow {
 
 /// An equation of a window, in N m (N of forces): what is measured, and what models say.
 pub(crate) struct Equation<'a> {
-    /// When its window began, s.
+    /// Of which log, and when its window began there, s.
+    pub(crate) log: usize,
+    pub(crate) start: f64,
+    /// The same as [`Walks::starts`] puts logs, s.
     pub(crate) t: f64,
     /// How long windows are there, s.
-    window: f64,
+    pub(crate) window: f64,
     pub(crate) coordinate: usize,
     /// Which feet may carry a force.
     pub(crate) loaded: [bool; LEGS],

@@ -1,7 +1,10 @@
 //! The limbs of a base that is held, as a search asks them.
 
+use proprio_core::effect::EffectKind;
+
 use super::accept::Context;
 use super::candidate::{Candidate, Member};
+use super::compliance_scan;
 use super::drift::{Drift, drifts};
 use super::limits::{Sought, with_limit};
 use super::look::Screens;
@@ -9,7 +12,6 @@ use super::refused::Refused;
 use super::source::{Source, Tried};
 use super::state::State;
 use super::trial_factors::ScoreTest;
-use super::{compliance_scan, restart};
 use crate::equation::values::Place;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::limit::Limit;
@@ -138,7 +140,7 @@ impl<'a> Source for Limbs<'a> {
     }
 
     fn lacking_of_drive(&self, model: &State<'a>) -> Vec<Vec<Member>> {
-        restart::lacking_of_drive(self.data, model)
+        lacking_of_drive(self.data, model)
     }
 
     fn with_drive(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
@@ -153,4 +155,17 @@ impl<'a> Source for Limbs<'a> {
             .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
             .sum()
     }
+}
+
+/// Of each effect that every drive has the joints where a model lacks it.
+fn lacking_of_drive(data: &[LimbData], model: &State) -> Vec<Vec<Member>> {
+    let there = model.places();
+    let all = |effect: EffectKind| -> Vec<Member> {
+        (data.iter().enumerate())
+            .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
+            .filter(|(limb, place)| !there[*limb].contains(place))
+            .collect()
+    };
+    let lacking = EffectKind::PLAIN.map(all).into_iter();
+    lacking.filter(|members| !members.is_empty()).collect()
 }

@@ -6,22 +6,7 @@ use proprio_core::effect::EffectKind;
 
 use super::candidate::Member;
 use super::fitted::{Fitted, Step};
-use super::state::State;
 use crate::catalogue;
-use crate::estimate::limb_data::LimbData;
-
-/// Of each effect that every drive has the joints where a model lacks it.
-pub(super) fn lacking_of_drive(data: &[LimbData], model: &State) -> Vec<Vec<Member>> {
-    let there = model.places();
-    let all = |effect: EffectKind| -> Vec<Member> {
-        (data.iter().enumerate())
-            .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
-            .filter(|(limb, place)| !there[*limb].contains(place))
-            .collect()
-    };
-    let lacking = EffectKind::PLAIN.map(all).into_iter();
-    lacking.filter(|members| !members.is_empty()).collect()
-}
 
 /// Whether the model as it was given lacks what makes a drive: two families of the plain effects were found.
 pub(super) fn lacks_a_drive<M: Fitted>(steps: &[Step<M>]) -> bool {
