@@ -87,7 +87,7 @@ pub fn compare_free_base_without(
     let before = before.transpose()?;
     let walks = Walks::read(logs, progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
-    let data = Data::of(&walks, &structure, &structure.candidates(model), &[])?;
+    let data = Data::of(&walks, &structure, &structure.candidates(model))?;
     let cad = ModelStructure::of(&Model::default())?;
     let cad = data.with_sensors(&bare(&data, &cad));
     let judged = |model: &Model, structure: &ModelStructure| {
