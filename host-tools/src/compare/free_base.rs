@@ -6,9 +6,8 @@ use nalgebra::DVector;
 use proprio_core::go2::{JOINT_NAMES, JOINTS};
 use serde::Serialize;
 
-use super::{
-    Asked, Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, names, ranking,
-};
+use super::asked::{Asked, names};
+use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, ranking};
 use crate::detect::JointSeries;
 use crate::detect::residual;
 use crate::free_base::data::{Data, Left};
@@ -200,8 +199,11 @@ fn empty_series() -> Vec<JointSeries> {
 fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
     let mut theta = bare(data, structure);
     for (k, n, linear) in data.columns().effects() {
-        let (effect, joint) = data.columns().sites[n].place;
-        let own = model.effect(effect, joint);
+        let place = data.columns().sites[n].place;
+        // A load is in its body.
+        let own = model
+            .effect(place.0, place.1)
+            .filter(|_| structure.has(place));
         let value = own.and_then(|own| own.estimates[linear.parameter]);
         theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
     }

@@ -4,15 +4,15 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::go2::LEGS;
-use proprio_core::tree::GRAVITY;
 
-use super::columns::{ACC, EffectSite, WalkColumns};
+use super::columns::{EffectSite, WalkColumns};
+use super::gravity;
 use super::outside;
 use super::projection::{Equations, Projection};
 use super::rows::{
     Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
 };
-use super::sensors::{ACC_SCALE, MovedReadings};
+use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
@@ -28,8 +28,6 @@ const LEAST_BLOCKS: f64 = 12.0;
 const ROUNDS: usize = 3;
 /// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
 pub(super) const MANY: f64 = 0.02;
-/// How far gravity is from 9.81 m/s² where a robot may be: 9.78 at the equator and 9.83 at the poles (GRS 80), less on mountains.
-const LOCAL_GRAVITY: f64 = 0.015;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -69,7 +67,7 @@ pub(crate) struct Part {
 
 /// What the walks say of all columns.
 pub(crate) struct Data {
-    /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity_rows`]).
+    /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity::length_rows`]).
     pub(crate) gravity: DMatrix<f64>,
     pub(super) blocks: Vec<Block>,
     pub(crate) all: Sum,
@@ -255,7 +253,7 @@ impl Data {
             return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
         Ok(Self {
-            gravity: gravity_rows(&walks.walks, columns),
+            gravity: gravity::length_rows(&walks.walks, columns),
             all: Sum::of(columns, blocks.iter()),
             parts: if parts {
                 parts_of(columns, &blocks)
@@ -477,28 +475,4 @@ fn parts_of(columns: usize, blocks: &[Block]) -> Vec<Part> {
             others: chosen(&|k| !near(k)),
         }
     })
-}
-
-/// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
-/// are taken to be of one place, whose gravity nobody has measured.
-fn gravity_rows(walks: &[(Walk, Stance)], columns: usize) -> DMatrix<f64> {
-    let told = walks.iter();
-    let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
-    let told: Vec<_> = told.collect();
-    let mut rows = DMatrix::zeros(told.len(), columns + 1);
-    for (r, gravity) in told.iter().enumerate() {
-        for n in 0..3 {
-            rows[(r, ACC + n)] = gravity.up[n];
-        }
-        rows[(r, ACC + ACC_SCALE)] = GRAVITY;
-        rows[(r, columns)] = gravity.excess;
-    }
-    let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {
-        let own = if r == c { told[r].std.powi(2) } else { 0.0 };
-        own + LOCAL_GRAVITY.powi(2)
-    });
-    // Each has a deviation of its own, so there is a root.
-    let root = covariance.cholesky();
-    root.and_then(|root| root.l().solve_lower_triangular(&rows))
-        .unwrap_or_else(|| DMatrix::zeros(0, columns + 1))
 }

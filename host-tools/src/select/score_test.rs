@@ -5,7 +5,6 @@
 use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form, Reach};
-use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
 use super::candidate::{Felt, Finding, Trial};
@@ -23,7 +22,7 @@ use crate::estimate::fit::{LimbFit, SAME_CORRELATION};
 use crate::estimate::folding::Folding;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::Scan;
-use crate::estimate::triangle::{Prior, Triangle};
+use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
 use crate::model::BASE;
 
@@ -362,15 +361,7 @@ impl Order {
 pub(crate) fn cad_prior(data: &LimbData) -> Prior {
     let body = |b: usize| {
         let cad = &data.model.robot().bodies()[b].inertia;
-        let factor = cad.prior(data.model.cad_uncertainty(b));
-        let row = |k: usize| {
-            let mut row = [0.0; INERTIAL + 1];
-            if let Some(factor) = &factor {
-                row[k..].copy_from_slice(factor.row(k));
-            }
-            row
-        };
-        (0..INERTIAL).map(row).collect()
+        prior_of_body(cad, data.model.cad_uncertainty(b))
     };
     let bodies: Vec<_> = data.limb.bodies.clone().map(body).collect();
     Prior {

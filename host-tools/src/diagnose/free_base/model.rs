@@ -115,8 +115,9 @@ impl WalkModel {
     fn more(&self, body: usize, entries: &[(usize, f64)]) -> Value {
         let (theta, model) = (self.fit.theta(), &self.structure.bodies[body]);
         let first = INERTIAL * body;
-        // The model's body is not known better than it says.
-        let problem = self.data.problem(&self.structure, self.fit.noise);
+        // The model's body is not known better than it says, without its load.
+        let bare = self.structure.clone().with_load(body, false);
+        let problem = self.data.problem(&bare, self.fit.noise);
         let prior = problem.prior_root(&problem.start());
         let combination = |len: usize| {
             let mut all = DVector::zeros(len);

@@ -12,7 +12,7 @@ use crate::equation::column::{Column, Columns, Entry};
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
-use crate::estimate::triangle::{Prior, Triangle};
+use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::free_base::Walks;
 use crate::free_base::columns::{ACC, FIXED, all_places, prior};
 use crate::free_base::data::Data;
@@ -23,17 +23,13 @@ use crate::free_base::sensors::STD;
 use crate::free_base::structure::ModelStructure;
 use crate::model::{BASE, Model};
 use crate::select::candidate::{Felt, Finding, Trial};
+use crate::select::criteria::presence;
 use crate::select::criteria::statistics::autocorrelation_time;
 use crate::select::score_test::is_beyond_its_parts;
 use crate::select::trial_factors::{ScoreTest, TrialFactors};
 
 /// Coordinates of the base, before those of the joints.
 const OF_BASE: usize = COORDINATES - JOINTS;
-/// A joint moves where it is faster than three times the noise of a Go2's velocity, rad/s; of one that does for less than this share of the time
-/// nothing is claimed.
-const AT_REST: f64 = 0.1;
-const LEAST_MOVING: f64 = 0.1;
-
 /// The data of walks beside a fit, over the columns of the model and of all that it might lack.
 pub(super) struct WalkScreen<'a> {
     data: Arc<Data>,
@@ -59,21 +55,11 @@ impl<'a> WalkScreen<'a> {
         fit: &Fit,
     ) -> Option<Self> {
         let (columns, entry) = ordered(&data, fit);
-        let body = |(body, relative): &(proprio_core::inertia::InertialParameters<f64>, f64)| {
-            let factor = body.prior(*relative);
-            let row = |k: usize| {
-                let mut row = [0.0; INERTIAL + 1];
-                if let Some(factor) = &factor {
-                    row[k..].copy_from_slice(factor.row(k));
-                }
-                row
-            };
-            (0..INERTIAL).map(row).collect()
-        };
         // As the fit holds them.
-        let bodies = fit.problem.bodies.iter().map(body).collect();
+        let bodies = fit.problem.bodies.iter();
+        let bodies = bodies.map(|(body, relative)| prior_of_body(body, *relative));
         let prior = Prior {
-            bodies,
+            bodies: bodies.collect(),
             tightness: vec![1.0; structure.bodies.len()],
         };
         let active = fit.active.len();
@@ -265,9 +251,11 @@ fn feels(coordinate: usize, place: Place) -> bool {
 }
 
 /// Every effect that a model does not have, where it could be.
-pub(super) fn possible(walks: &Walks, structure: &ModelStructure) -> Vec<Place> {
+pub(super) fn possible(walks: &Walks, model: &Model, structure: &ModelStructure) -> Vec<Place> {
     let has = |place: &Place| structure.has_or_carries(*place);
-    let still: Vec<bool> = (0..JOINTS).map(|joint| !moves(walks, joint)).collect();
+    let still: Vec<bool> = (0..JOINTS)
+        .map(|joint| !moves(walks, model, joint))
+        .collect();
     let all = all_places().into_iter().filter(|place| !has(place));
     let moving = all.filter(|place| place.1 == BASE || !still[place.1]);
     moving
@@ -279,10 +267,11 @@ pub(super) fn possible(walks: &Walks, structure: &ModelStructure) -> Vec<Place> 
 }
 
 /// Whether a joint moves for long enough to claim anything of it.
-fn moves(walks: &Walks, joint: usize) -> bool {
-    let samples = || walks.walks.iter().flat_map(|(walk, _)| &walk.dq);
-    let moving = samples().filter(|dq| dq[joint].abs() > AT_REST).count();
-    moving as f64 >= LEAST_MOVING * samples().count() as f64
+fn moves(walks: &Walks, model: &Model, joint: usize) -> bool {
+    let samples = walks.walks.iter().flat_map(|(walk, _)| &walk.dq);
+    let speeds: Vec<f64> = samples.map(|dq| dq[joint]).collect();
+    let limit = model.robot().bodies()[joint].velocity;
+    presence::moves(speeds.into_iter(), limit)
 }
 
 const _: () = assert!(ACC == INERTIAL * BODIES);

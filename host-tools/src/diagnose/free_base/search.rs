@@ -68,7 +68,7 @@ impl<'a> WalkSource<'a> {
         Some(Seen {
             screen: WalkScreen::of(self.walks, of, &now.structure, &now.fit)?,
             fit: Arc::downgrade(&now.fit),
-            possible: possible(self.walks, &now.structure),
+            possible: possible(self.walks, self.model, &now.structure),
         })
     }
 
