@@ -181,14 +181,17 @@ impl RowSetup {
             let terms = row.as_flattened().iter().zip(&self.theta);
             *left += terms.map(|(a, x)| a * x).sum::<f64>();
         }
+        let effects = self.columns.effects();
+        let mut valued = effects.filter(|(k, ..)| self.theta[*k] != 0.0).peekable();
+        // A projector at each sample is most of the work: of a model without effects it is not asked for.
+        if valued.peek().is_none() {
+            return left;
+        }
         let projection = seen.projection(self);
-        for (k, site, linear) in self.columns.effects() {
-            let value = self.theta[k];
-            if value != 0.0 {
-                let column = projection.column(site, &linear.column);
-                let terms = left.iter_mut().zip(column);
-                terms.for_each(|(left, x)| *left += value * x);
-            }
+        for (k, site, linear) in valued {
+            let column = projection.column(site, &linear.column);
+            let terms = left.iter_mut().zip(column);
+            terms.for_each(|(left, x)| *left += self.theta[k] * x);
         }
         left
     }
