@@ -22,6 +22,7 @@ use serde::Serialize;
 
 use feet::Feet;
 pub use feet::FootForce;
+pub(crate) use free_base::given as given_of_walk;
 pub use free_base::{CoordinateError, FreeBaseComparison, WalkSeries, compare_free_base};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use ranking::{RankedEpisode, RankedPattern};
@@ -163,7 +164,7 @@ pub fn compare_without(
         some => some,
     };
     let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
+        ValuesFrom::Auto => !unvalued.is_empty(),
         ValuesFrom::Fitted => true,
         ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
     };

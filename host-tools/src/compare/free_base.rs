@@ -149,7 +149,7 @@ fn empty_series() -> Vec<WalkSeries> {
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
-fn given(data: &Data, model: &Model) -> DVector<f64> {
+pub(crate) fn given(data: &Data, model: &Model) -> DVector<f64> {
     let mut theta = DVector::zeros(data.columns().len());
     let bodies = std::iter::once(BASE).chain(0..JOINTS);
     for (b, body) in bodies.enumerate().take(BODIES) {

@@ -17,6 +17,8 @@ use proprio_core::go2::JOINT_NAMES;
 use serde::Serialize;
 
 use super::Diagnosis;
+use super::changed::changed;
+use crate::compare::given_of_walk;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::EffectSite;
 use crate::free_base::data::Data;
@@ -24,7 +26,7 @@ use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
+use crate::model::{BASE, Model, Provenance};
 use crate::parameter;
 
 /// What `proprio diagnose --free-base` says.
@@ -66,16 +68,25 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
+    let given =
+        (model.has_values()).then(|| data.rms(&data.with_sensors(&given_of_walk(&data, model))));
     let found = search::search(&walks, data, model, &structure).ok_or_else(unsolvable)?;
-    let diagnosis = words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
+    let mut diagnosis =
+        words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
     let data = &found.data;
+    let values = walk_parameters(data, &found.fit, &data.deviations(&found.fit));
+    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
+    diagnosis.given_rms = given;
+    if !model.provenance().is_some_and(own) {
+        diagnosis.changed = changed(model, &values);
+    }
     Ok(FreeBaseDiagnosis {
         diagnosis,
         windows: data.windows,
         stance: walks.stance(),
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
-        found: walk_parameters(data, &found.fit, &data.deviations(&found.fit)),
+        found: values,
         effects: found.structure.effects,
     })
 }
