@@ -23,6 +23,7 @@ use serde::Serialize;
 use asked::{Asked, names};
 use feet::Feet;
 pub use feet::FootForce;
+pub(crate) use free_base::given as given_of_walk;
 pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
@@ -127,7 +128,7 @@ pub struct JointComparison {
 /// Whether values are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValuesFrom {
-    /// Fitted if an effect has no value yet, or has had it from a diagnosis of these very logs, or nothing of the model was identified;
+    /// Fitted if an effect has no value yet, or has had it from a diagnosis of these very logs;
     /// else as given.
     #[default]
     Auto,

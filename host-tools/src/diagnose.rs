@@ -1,5 +1,6 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
+mod changed;
 mod contact;
 mod free_base;
 mod path;
@@ -24,6 +25,7 @@ use crate::recording::{Recording, RecordingError};
 use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
 use crate::select::state::how;
+pub use changed::ChangedValue;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
 use report::report;
 pub(crate) use summary::NEW_MODEL;
@@ -41,7 +43,13 @@ pub struct Diagnosis {
     pub candidates: Vec<CandidateReport>,
     /// Forward-backward selection: the error after each step.
     pub path: Vec<PathStep>,
-    /// Held-out error of the model as it was given, root mean square over all joints, N m.
+    /// Error of the model file with the values that it gives, root mean square over all joints, N m; none if it gives none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_rms: Option<f64>,
+    /// Values of the model file that the logs contradict, the surest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changed: Vec<ChangedValue>,
+    /// Held-out error of the effects that the model was given, their values fitted anew, root mean square over all joints, N m.
     pub held_out_rms: f64,
     /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -147,7 +155,7 @@ pub struct JointError {
     pub joint: String,
     /// Windows.
     pub n: usize,
-    /// Of the model as it was given.
+    /// Of the model as it was given, its values fitted anew.
     pub before: f64,
     /// At the end of the path.
     pub after: f64,

@@ -6,7 +6,7 @@ use crate::compare::{Comparison, ValuesFrom, compare_free_base_without, compare_
 use crate::detect::mismatch::mismatches;
 use crate::model::{Model, ModelEffect, UnknownName};
 use crate::output::{AtomicFile, WriteError};
-use crate::recording::{Recording, gate_words};
+use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
 
@@ -156,7 +156,7 @@ impl Compare {
         if self.all || self.verbose {
             return comparison.text(self.all);
         }
-        let data = gate_words(&comparison.data);
+        let data = first_gate_words(&comparison.data);
         let summary = comparison.summary(self.model.as_deref());
         format!(
             "{data}{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots, tick boxes)\n"

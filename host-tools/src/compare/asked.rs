@@ -29,7 +29,7 @@ impl Asked {
             some => some,
         };
         let fitted = match values {
-            ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
+            ValuesFrom::Auto => !unvalued.is_empty(),
             ValuesFrom::Fitted => true,
             ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
         };

@@ -196,7 +196,7 @@ fn empty_series() -> Vec<JointSeries> {
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
-fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
+pub(crate) fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
     let mut theta = bare(data, structure);
     for (k, n, linear) in data.columns().effects() {
         let place = data.columns().sites[n].place;

@@ -3,18 +3,24 @@
 use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
+use super::changed::changed;
 use super::path::path;
 use super::{
-    Alternative, CandidateReport, Diagnosed, Diagnosis, JointError, ParameterReport, Verdict,
-    contact, words,
+    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, JointError, ParameterReport,
+    Verdict, contact, words,
 };
 use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
+use crate::equation::values::Values;
 use crate::equation::velocity::VelocityGain;
+use crate::estimate::ParameterEstimate;
+use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::side_by_side;
+use crate::identify::model_fit::parameters;
+use crate::model::Provenance;
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -54,7 +60,10 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         .collect();
     let windows: f64 = joints.iter().map(|j| j.n as f64).sum();
     let floor: f64 = joints.iter().map(|j| j.floor.powi(2) * j.n as f64).sum();
+    let (given_rms, changed) = d.as_given();
     Diagnosis {
+        given_rms,
+        changed,
         verdict,
         reason,
         next,
@@ -158,6 +167,27 @@ impl Diagnosed<'_> {
     /// The joint that carries a limb's foot.
     fn foot(&self, limb: usize) -> String {
         self.all[limb].joint_names().pop().unwrap_or_default()
+    }
+
+    /// The error of the model with the values that its file gives, and those that these logs contradict; nothing of a file without values or with
+    /// those of these very logs.
+    fn as_given(&self) -> (Option<f64>, Vec<ChangedValue>) {
+        let model = self.model;
+        let own = |provenance: &Provenance| provenance.is_of(&self.recording.logs).unwrap_or(false);
+        if !model.has_values() || self.judged.is_empty() {
+            return (None, Vec::new());
+        }
+        let limbs: Vec<&LimbData> = self.judged.iter().map(|&n| &self.all[n]).collect();
+        let squares = side_by_side(&limbs, |limb| {
+            limb.squares(&limb.predicted(&Values::given(model, limb.limb), &|_| true))
+        });
+        let values = match model.provenance().is_some_and(own) {
+            true => Vec::new(),
+            false => side_by_side(&self.found.end.fits, |fit| parameters(fit)),
+        };
+        let fitted: Vec<ParameterEstimate> =
+            (values.into_iter().flatten()).map(|p| p.estimate).collect();
+        (Some(self.rms(&squares)), changed(model, &fitted))
     }
 
     /// The forces at feet that the model does not have, the joints' best agreement first.

@@ -31,10 +31,19 @@ impl Diagnosis {
             let rms = rms.iter().take(shown);
             rms.map(|rms| format!("{rms:.4}")).collect()
         };
+        let mut change = String::new();
+        if let Some(given) = self.given_rms {
+            table.row(["the model as given".to_owned(), format!("{given:.4}")]);
+            change = format!("{:+.1} %", 100.0 * (self.held_out_rms / given - 1.0));
+        }
+        let start = match self.given_rms {
+            Some(_) => "its values fitted anew",
+            None => "the model as given",
+        };
         let start = [
-            "the model as given".to_owned(),
+            start.to_owned(),
             format!("{:.4}", self.held_out_rms),
-            String::new(),
+            change,
         ];
         table.row(start.into_iter().chain(logs(&self.log_rms)));
         let mut before = self.held_out_rms;
@@ -72,6 +81,9 @@ impl Diagnosis {
             Verdict::Insufficient => "INSUFFICIENT",
         };
         let mut text = format!("{verdict}: {}\nNext: {}\n", self.reason, self.next);
+        for changed in &self.changed {
+            text += &format!("Changed: {}\n", changed.words());
+        }
         for sentence in &self.second_encoder {
             text += &format!("{sentence}\n");
         }

@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::gate::{DataGates, GateReport, Joint, Reading};
 use crate::log::{LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
+use crate::summary::wrapped;
 pub use error::RecordingError;
 pub use limb::LimbRecording;
 use pieces::Pieces;
@@ -421,6 +422,19 @@ fn left_out(limb: &Limb) -> String {
         limb.name,
         limb.bodies.len()
     )
+}
+
+/// What is wrong with the samples, for a first screen: the first finding, and how many more there are; nothing if nothing is wrong.
+pub fn first_gate_words(gates: &[LogGates]) -> String {
+    let mut all = gates.iter().flat_map(|one| &one.report.findings);
+    let Some(first) = all.next() else {
+        return String::new();
+    };
+    let more = match all.count() {
+        0 => String::new(),
+        more => format!(" (and {more} more)"),
+    };
+    wrapped(&format!("Data: {first}{more}"), "", "  ")
 }
 
 /// What is wrong with the samples, a line each; that nothing is, if so.

@@ -77,7 +77,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         folder.path(),
         &[&["diagnose", "--free-base", "--apply", &with], &file[..]].concat(),
     );
-    assert!(screen.contains("missing: payload (base)"), "{screen}");
+    assert!(screen.contains("Missing: payload (base)"), "{screen}");
     assert!(screen.contains("$ proprio compare --free-base"), "{screen}");
     let after = compared("go2.toml");
     println!("{before} → {after} N m");

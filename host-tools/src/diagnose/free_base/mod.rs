@@ -20,6 +20,8 @@ use proprio_core::go2::{self, JOINT_NAMES};
 use serde::Serialize;
 
 use super::Diagnosis;
+use super::changed::changed;
+use crate::compare::given_of_walk;
 use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::{EffectSite, body_of};
@@ -28,8 +30,8 @@ use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
-use crate::parameter;
+use crate::model::{BASE, Model, Provenance};
+use crate::parameter::{self, INERTIAL_NAMES};
 use crate::select::search::search;
 use model::WalkModel;
 use search::WalkSource;
@@ -73,24 +75,51 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
+    let given = (model.has_values())
+        .then(|| data.rms(&data.with_sensors(&given_of_walk(&data, model, &structure))));
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
     let found = search(source).ok_or_else(unsolvable)?;
-    let diagnosis = words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
+    let mut diagnosis =
+        words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
     let WalkModel {
         structure,
         data,
         fit,
         ..
     } = &found.end;
+    let values = walk_parameters(data, fit, &data.deviations(fit));
+    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
+    diagnosis.given_rms = given;
+    if !model.provenance().is_some_and(own) {
+        diagnosis.changed = changed(model, &without_loaded(structure, &values));
+    }
     Ok(FreeBaseDiagnosis {
         diagnosis,
         windows: data.windows,
         stance: walks.stance(),
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
-        found: walk_parameters(data, fit, &data.deviations(fit)),
+        found: values,
         effects: structure.effects.clone(),
     })
+}
+
+/// The values but for those of bodies that carry a load: that is told by itself.
+fn without_loaded(
+    structure: &ModelStructure,
+    values: &[ParameterEstimate],
+) -> Vec<ParameterEstimate> {
+    let names = std::iter::once("base").chain(JOINT_NAMES);
+    let loaded = names.zip(&structure.bodies).filter(|(_, body)| body.loaded);
+    let of_loaded = |of: &str| {
+        let names = INERTIAL_NAMES.iter();
+        names
+            .map(|(what, _)| parameter::name_at(what, of))
+            .collect::<Vec<_>>()
+    };
+    let told: Vec<String> = loaded.flat_map(|(of, _)| of_loaded(of)).collect();
+    let others = values.iter().filter(|value| !told.contains(&value.name));
+    others.cloned().collect()
 }
 
 impl FreeBaseDiagnosis {

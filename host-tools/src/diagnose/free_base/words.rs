@@ -73,6 +73,8 @@ pub(super) fn diagnosis(
                 removed: step.removed,
             })
             .collect(),
+        given_rms: None,
+        changed: Vec::new(),
         held_out_rms: rms(&found.start),
         log_rms: Vec::new(),
         // A model of everything learns some of the noise by heart.
