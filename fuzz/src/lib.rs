@@ -13,12 +13,12 @@ pub mod seeds;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
-use proprio::capture::{CaptureReader, explain};
-use proprio::factors::Factors;
-use proprio::log::{LogReader, Selection};
-use proprio::model::{Model, Robot};
-use proprio::monitor::{Entry, JournalReader, View};
-use proprio::recording::Recording;
+use proprio_host::capture::{CaptureReader, explain};
+use proprio_host::factors::Factors;
+use proprio_host::log::{LogReader, Selection};
+use proprio_host::model::{Model, Robot};
+use proprio_host::monitor::{Entry, JournalReader, View};
+use proprio_host::recording::Recording;
 use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::bus::{Command, Listener, Queue, Reply};
 use proprio_core::wire::{DeviceMessage, HostMessage, MAX_FRAME, Message, Receiver, Sender};

@@ -4,12 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use proprio::capture::CaptureWriter;
-use proprio::device::pull::Pull;
-use proprio::device::{BusStep, Desktop, Device};
-use proprio::factors::Factors;
-use proprio::model::Model;
-use proprio::monitor::{Entry, JournalWriter};
+use proprio_host::capture::CaptureWriter;
+use proprio_host::device::pull::Pull;
+use proprio_host::device::{BusStep, Desktop, Device};
+use proprio_host::factors::Factors;
+use proprio_host::model::Model;
+use proprio_host::monitor::{Entry, JournalWriter};
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, Leg};

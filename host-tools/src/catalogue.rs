@@ -3,7 +3,7 @@
 //! Every room looks effects up here, so that a registered one is in model files, `add`, `identify`, `diagnose`, `compare` and pages.
 //!
 //! ```
-//! use proprio::catalogue::{self, OwnEffect};
+//! use proprio_host::catalogue::{self, OwnEffect};
 //! use proprio_core::effect::{Description, Parameter, Prior, Term};
 //!
 //! const GRAVITY_BALANCER: OwnEffect = OwnEffect {

@@ -11,6 +11,7 @@ pub mod csv;
 mod feet;
 mod free_base;
 mod nested;
+mod own_rate;
 mod ranking;
 mod summary;
 mod values;
@@ -28,6 +29,7 @@ pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
+pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
 pub use values::EffectValue;
 
@@ -35,6 +37,7 @@ pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
+use crate::equation::motion::is_shared;
 use crate::equation::values::Values;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
@@ -162,11 +165,15 @@ pub fn compare_without(
     left_out: &[ModelEffect],
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
+    let recorded = |joint: usize| {
+        let mut limbs = recording.limbs.iter();
+        is_shared(joint) || limbs.any(|(limb, _)| limb.bodies.contains(&joint))
+    };
     let Asked {
         fitted,
         added,
         before,
-    } = Asked::of(&recording.logs, model, left_out, values);
+    } = Asked::of(&recording.logs, &recorded, model, left_out, values);
     let from = if fitted { From::HeldOut } else { From::File };
     let rest = values == ValuesFrom::GivenAlsoAtRest;
     let (data, feet) = swing(robot::data(recording, model));

@@ -1,6 +1,7 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
 mod changed;
+mod complete;
 mod contact;
 mod free_base;
 mod path;

@@ -1,6 +1,6 @@
 //! A magnetic detent: a torque that pulls a joint to one place from nearby, and from nowhere else. The catalogue has nothing like it.
 
-use proprio::catalogue::OwnEffect;
+use proprio_host::catalogue::OwnEffect;
 use proprio_core::effect::{Description, Grid, Parameter, Prior, Term};
 
 /// Where it pulls to, rad.

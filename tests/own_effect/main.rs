@@ -7,12 +7,12 @@ mod detent;
 mod twin;
 
 use detent::DETENT;
-use proprio::catalogue::{self, RegisterError};
-use proprio::compare::{ValuesFrom, choices, compare};
-use proprio::diagnose::{Verdict, diagnose};
-use proprio::identify::fit_model;
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::catalogue::{self, RegisterError};
+use proprio_host::compare::{ValuesFrom, choices, compare};
+use proprio_host::diagnose::{Verdict, diagnose};
+use proprio_host::identify::fit_model;
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::{HiddenEffect, HiddenKind, SimulatedSample, Simulation, hidden};

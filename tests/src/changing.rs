@@ -1,9 +1,9 @@
 //! A simulated Go2 that changes as it moves, and what a device says of it.
 
 use nalgebra::Matrix3;
-use proprio::device::replay::cycle;
-use proprio::device::{BusStep, Desktop, Device, DeviceError};
-use proprio::monitor::Robot;
+use proprio_host::device::replay::cycle;
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError};
+use proprio_host::monitor::Robot;
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg, leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::tree::Tree;

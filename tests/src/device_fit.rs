@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use nalgebra::{Cholesky, Matrix4, Vector4};
-use proprio::identify;
-use proprio::log::{LogReader, Selection};
+use proprio_host::identify;
+use proprio_host::log::{LogReader, Selection};
 use proprio_core::Real;
 use proprio_core::consistent::{LegConsistentSolver, body};
 use proprio_core::estimator::{

@@ -5,10 +5,10 @@
 
 use std::path::Path;
 
-use proprio::estimate::{Constraint, ParameterEstimate};
-use proprio::identify::{FitOptions, fit_model};
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::estimate::{Constraint, ParameterEstimate};
+use proprio_host::identify::{FitOptions, fit_model};
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 

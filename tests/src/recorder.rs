@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 use nalgebra::SVector;
-use proprio::model::{Limb, Model, Robot};
+use proprio_host::model::{Limb, Model, Robot};
 use proprio_core::spatial::Transform;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

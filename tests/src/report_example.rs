@@ -5,17 +5,17 @@
 
 use std::path::Path;
 
-use proprio::identify::{FitOptions, Fitted, identify};
-use proprio::log::LogWriter;
-use proprio::parameter;
-use proprio::report::candidates::Candidate;
-use proprio::report::correlation::Correlation;
-use proprio::report::parameters::ParameterRow;
-use proprio::report::residual::ResidualSeries;
-use proprio::report::torque::TorqueSeries;
-use proprio::report::waterfall::Step;
-use proprio::report::{Header, LogFile, Page};
-use proprio::report::{candidates, correlation, parameters, residual, torque, waterfall};
+use proprio_host::identify::{FitOptions, Fitted, identify};
+use proprio_host::log::LogWriter;
+use proprio_host::parameter;
+use proprio_host::report::candidates::Candidate;
+use proprio_host::report::correlation::Correlation;
+use proprio_host::report::parameters::ParameterRow;
+use proprio_host::report::residual::ResidualSeries;
+use proprio_host::report::torque::TorqueSeries;
+use proprio_host::report::waterfall::Step;
+use proprio_host::report::{Header, LogFile, Page};
+use proprio_host::report::{candidates, correlation, parameters, residual, torque, waterfall};
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegWindow, plausible};
 use proprio_core::go2::{self, JOINTS_PER_LEG, JointId, Leg};
@@ -91,7 +91,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
         .enumerate()
         .flat_map(|(n, &leg)| windows_of(leg, JOINTS_PER_LEG * n, &samples, &result))
         .collect();
-    let sha256 = proprio::model::Provenance::of(&[&log]).unwrap().logs[0]
+    let sha256 = proprio_host::model::Provenance::of(&[&log]).unwrap().logs[0]
         .sha256
         .clone();
     let gains = gains(&windows);
@@ -318,7 +318,7 @@ fn gains(windows: &[Windows]) -> Vec<Candidate> {
 }
 
 fn rows(result: &Fitted) -> Vec<ParameterRow> {
-    let row = |p: &proprio::estimate::ParameterEstimate| ParameterRow {
+    let row = |p: &proprio_host::estimate::ParameterEstimate| ParameterRow {
         name: p.name.clone(),
         unit: p.unit.to_owned(),
         value: p.value,

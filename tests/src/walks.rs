@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio::device::BusStep;
-use proprio::log::Log;
+use proprio_host::device::BusStep;
+use proprio_host::log::Log;
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::model::{Model, Robot};
+use proprio_host::model::{Model, Robot};
 use proprio_tests::command::{done, folder, json, proprio, stderr};
 
 const INERTIA: &str =

@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::Write;
 
-use proprio::capture::CaptureWriter;
+use proprio_host::capture::CaptureWriter;
 use proprio_core::bus::crc::SEED_GO2;
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_tests::command::{done, folder, json, proprio, stderr};

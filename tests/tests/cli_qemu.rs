@@ -4,7 +4,7 @@
 
 use std::process::Command;
 
-use proprio::device::qemu::EMULATOR;
+use proprio_host::device::qemu::EMULATOR;
 use proprio_tests::command::{done, folder, json, parameter};
 
 /// Whether the emulator is there; if not, it must be allowed to be missing.

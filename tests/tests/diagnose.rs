@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::model::{Model, ModelEffect};
+use proprio_host::model::{Model, ModelEffect};
 use proprio_tests::command::{done, json, proprio, simulated, stderr, stdout};
 use tempfile::TempDir;
 

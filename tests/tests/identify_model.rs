@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::model::{Model, Provenance};
+use proprio_host::model::{Model, Provenance};
 use proprio_tests::command::{done, json, parameter, proprio, simulated, stderr, stdout};
 use serde_json::Value;
 
@@ -99,7 +99,7 @@ fn a_fit_becomes_a_model_that_says_where_it_comes_from() {
     } = model.provenance().unwrap();
     assert_eq!(version, env!("CARGO_PKG_VERSION"));
     assert_eq!(*command, format!("proprio {} --json", fit.join(" ")));
-    let sha256 = proprio::log::sha256(&folder.join("log.csv")).unwrap();
+    let sha256 = proprio_host::log::sha256(&folder.join("log.csv")).unwrap();
     assert_eq!(logs.len(), 1);
     assert_eq!(
         (logs[0].path.as_str(), &logs[0].sha256),

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::detect::mismatch::mismatches;
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::detect::mismatch::mismatches;
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_tests::command::{done, proprio, recorded_logs, simulated, stderr};
 
 /// A log's cells, heads first.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::model::{Model, Robot};
+use proprio_host::model::{Model, Robot};
 use proprio_core::go2;
 use proprio_tests::command::{folder, proprio, stderr, stdout};
 

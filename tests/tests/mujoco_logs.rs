@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio::identify::{FitOptions, Fitted, identify};
+use proprio_host::identify::{FitOptions, Fitted, identify};
 use proprio_tests::command::json;
 
 fn folder() -> PathBuf {

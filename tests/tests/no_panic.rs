@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::Path;
 
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
-use proprio::device::image::{self, Scalar};
+use proprio_host::device::image::{self, Scalar};
 
 /// The functions of an image: by address, where each ends and what it is called.
 struct Image {

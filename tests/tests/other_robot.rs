@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use proprio::model::{Limb, Robot};
+use proprio_host::model::{Limb, Robot};
 use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout};
 use proprio_tests::recorder::{Recorder, TORQUE_STEP};
 use serde_json::Value;

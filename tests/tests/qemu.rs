@@ -2,8 +2,8 @@
 //!
 //! Without the emulator these tests fail, unless `PROPRIO_SKIP_QEMU` is set; then they say that they were skipped.
 
-use proprio::device::replay::{ReplayError, bus_step, replay};
-use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio_host::device::replay::{ReplayError, bus_step, replay};
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::consistent::body;
 use proprio_core::estimator::{EFFECTS, LEG_INERTIAL};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};

@@ -1,6 +1,6 @@
 //! What ended a run is told by the next: an image that panics and faults on purpose, with the firmware's own handlers.
 
-use proprio::device::{DeviceError, image, qemu};
+use proprio_host::device::{DeviceError, image, qemu};
 
 #[test]
 fn a_panic_and_a_fault_are_told_at_the_next_start_once() {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use proprio::device::replay::bus_step;
-use proprio::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
+use proprio_host::device::replay::bus_step;
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
     Action, Counters, DeviceMessage, Estimate, HostMessage, Kept, Outcome, Request,

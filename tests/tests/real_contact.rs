@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use proprio::compare::ValuesFrom;
-use proprio::compare::{Comparison, compare};
-use proprio::diagnose::{Diagnosis, diagnose};
-use proprio::model::{Model, Robot};
-use proprio::recording::Recording;
+use proprio_host::compare::ValuesFrom;
+use proprio_host::compare::{Comparison, compare};
+use proprio_host::diagnose::{Diagnosis, diagnose};
+use proprio_host::model::{Model, Robot};
+use proprio_host::recording::Recording;
 use proprio_tests::command::recorded_logs;
 
 fn diagnosis(log: &Path) -> Diagnosis {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use proprio::estimate::Status;
+use proprio_host::estimate::Status;
 use proprio_core::consistent::MAX_ITERATIONS;
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::Leg;

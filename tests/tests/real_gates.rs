@@ -1,7 +1,7 @@
 //! What the data gates say of logs recorded on real Go2s.
 
-use proprio::gate::{DataGates, Gate, GateReport, Joint, Reading};
-use proprio::log::Log;
+use proprio_host::gate::{DataGates, Gate, GateReport, Joint, Reading};
+use proprio_host::log::Log;
 use proprio_core::go2::ACTUATORS;
 use proprio_tests::command::recorded_logs;
 

@@ -1,9 +1,9 @@
 //! A robot that walks, on the microcontroller's code: its mass, on the desktop and through the real image on the emulated board.
 
 use nalgebra::{Rotation3, Vector3};
-use proprio::device::{BusStep, Device, DeviceError, Qemu, image};
-use proprio::estimate::Constraint;
-use proprio::identify::identify_free_base;
+use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
+use proprio_host::estimate::Constraint;
+use proprio_host::identify::identify_free_base;
 use proprio_core::app::{Identity, Start, WalkingApp, WalkingMemory};
 use proprio_core::go2;
 use proprio_core::spatial::Transform;

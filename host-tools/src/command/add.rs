@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::catalogue;
-use crate::model::{Model, Robot, UnknownName};
+use crate::model::{Model, Robot};
 use clap::Args;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
@@ -86,7 +86,7 @@ impl Add {
         };
         let mut places = Vec::new();
         for text in &self.effects {
-            let (effect, joints) = parse(text, model.robot())?;
+            let (effect, joints) = model.robot().places(text)?;
             places.extend(joints.into_iter().map(|joint| (effect, joint)));
         }
         let new = model.add_last(&places);
@@ -124,17 +124,6 @@ impl Add {
 
 /// An effect at a joint.
 type Place = (EffectKind, usize);
-
-/// The effect and joints of `EFFECT[:JOINT]`.
-pub(super) fn parse(text: &str, robot: &Robot) -> Result<(EffectKind, Vec<usize>), UnknownName> {
-    let (effect, joint) = match text.split_once(':') {
-        Some((effect, joint)) => (effect, Some(joint)),
-        None => (text, None),
-    };
-    let effect = catalogue::effect_named(effect)
-        .ok_or_else(|| UnknownName::new("effect", effect, catalogue::names()))?;
-    Ok((effect, robot.place(effect, joint)?))
-}
 
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -10,7 +10,6 @@ use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
 
-use super::add::parse;
 use super::{Error, json, remove, unreadable};
 use crate::progress::{Progress, Underway};
 
@@ -171,7 +170,7 @@ impl Compare {
         }
         let mut more = Vec::new();
         for text in &self.with {
-            let (effect, joints) = parse(text, model.robot())?;
+            let (effect, joints) = model.robot().places(text)?;
             more.extend(joints.into_iter().map(|joint| (effect, joint)));
         }
         model.add_last(&more);

@@ -22,7 +22,7 @@ use proprio_simulator::{HiddenEffect, Hide, Simulation, TrueValue};
 use serde::Serialize;
 
 use super::simulate::record_with_truth;
-use super::{Error, diagnose as diagnose_command, json, unreadable};
+use super::{Error, json, unreadable};
 
 /// Find a hidden effect in a simulated log: the tour
 ///
@@ -169,7 +169,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
     diagnosis.next = diagnosis.next.replace("MODEL", &path);
 
     let mut complete = model.clone();
-    diagnose_command::apply(&diagnosis, &mut complete);
+    diagnosis.apply(&mut complete);
     let page = compare(&recording, &complete, ValuesFrom::Fitted)?;
     let report = pages::DiagnosisPage {
         diagnosis: &diagnosis,

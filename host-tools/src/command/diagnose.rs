@@ -5,7 +5,6 @@ mod written;
 use std::path::PathBuf;
 
 use crate::advise::{closing, pointer};
-use crate::catalogue;
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
@@ -104,7 +103,7 @@ impl Diagnose {
             eprintln!("warning: {warning}");
         }
         let given = model.clone();
-        apply(&diagnosis, &mut model);
+        diagnosis.apply(&mut model);
         if let Some(path) = &self.html {
             let after = compare(&recording, &model, ValuesFrom::Fitted)?;
             let page = pages::DiagnosisPage {
@@ -238,31 +237,4 @@ struct Report<'a> {
     /// What --apply has made of the model file.
     #[serde(skip_serializing_if = "Option::is_none")]
     written: Option<&'a Written>,
-}
-
-/// Adds to a model what the path has added.
-pub(super) fn apply(diagnosis: &Diagnosis, model: &mut Model) {
-    let (mut added, mut removed) = (Vec::new(), Vec::new());
-    for step in &diagnosis.path {
-        let Some(effect) = catalogue::effect_named(step.effect) else {
-            continue;
-        };
-        for name in &step.joints {
-            // The names come from this robot.
-            for place in model.robot().place(effect, Some(name)).unwrap_or_default() {
-                let place = (effect, place);
-                let (to, from) = if step.removed {
-                    (&mut removed, &mut added)
-                } else {
-                    (&mut added, &mut removed)
-                };
-                from.retain(|other| *other != place);
-                to.push(place);
-            }
-        }
-    }
-    for (effect, joint) in removed {
-        model.remove_effect(effect, joint);
-    }
-    model.add_last(&added);
 }

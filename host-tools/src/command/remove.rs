@@ -6,7 +6,6 @@ use crate::model::{Model, ModelEffect, UnknownName};
 use clap::Args;
 use serde::Serialize;
 
-use super::add::parse;
 use super::{Error, json};
 
 /// Take effects out of a model file
@@ -69,7 +68,7 @@ impl Remove {
 
 /// Takes what `EFFECT[:JOINT]` names out of a model, at one joint or wherever the model has it; what that was.
 pub(super) fn take_out(model: &mut Model, text: &str) -> Result<Vec<ModelEffect>, UnknownName> {
-    let (effect, named) = parse(text, model.robot())?;
+    let (effect, named) = model.robot().places(text)?;
     let is_named =
         |e: &ModelEffect| e.effect == effect && (!text.contains(':') || named.contains(&e.joint));
     let taken = model.effects().iter().filter(|e| is_named(e));

@@ -18,13 +18,15 @@ pub(super) struct Asked {
 }
 
 impl Asked {
+    /// `recorded`: whether the logs tell of what a joint, or all, have.
     pub(super) fn of(
         logs: &[PathBuf],
+        recorded: &dyn Fn(usize) -> bool,
         model: &Model,
         left_out: &[ModelEffect],
         values: ValuesFrom,
     ) -> Self {
-        let unvalued = match unvalued(model) {
+        let unvalued = match unvalued(recorded, model) {
             none if none.is_empty() && values == ValuesFrom::Auto => valued_by(logs, model),
             some => some,
         };
@@ -53,10 +55,12 @@ pub(super) fn names(model: &Model, effects: &[ModelEffect]) -> Vec<String> {
     effects.iter().map(name).collect()
 }
 
-/// The effects that have no value yet but could: a contact's force is unknown at every instant, and no fit gives it one.
-fn unvalued(model: &Model) -> Vec<ModelEffect> {
-    let is_unvalued =
-        |e: &&ModelEffect| e.estimate().is_none() && e.effect.description().form != Form::Force;
+/// The effects that have no value yet but could from these logs: a contact's force is unknown at every instant, and no fit gives it one, nor
+/// an effect of a limb that was not recorded.
+fn unvalued(recorded: &dyn Fn(usize) -> bool, model: &Model) -> Vec<ModelEffect> {
+    let is_unvalued = |e: &&ModelEffect| {
+        e.estimate().is_none() && e.effect.description().form != Form::Force && recorded(e.joint)
+    };
     (model.effects().iter().filter(is_unvalued).copied()).collect()
 }
 

@@ -87,6 +87,29 @@ impl Motion {
         motion
     }
 
+    /// The same with a window around each sample, from the one before to the one after, whose time is the sample's own: for series at the
+    /// log's rate. The first and last sample of a stretch have none.
+    pub(crate) fn at_samples(
+        recording: &LimbRecording,
+        blocks: &Blocks,
+        velocity_gain: &[f64],
+    ) -> Self {
+        let mut motion = Self::of(recording, blocks, velocity_gain);
+        let inner = |stretch: Range<usize>| stretch.start + 1..stretch.end.max(2) - 1;
+        let around = |k: usize| Window {
+            t: motion.time[k],
+            length: motion.time[k + 1] - motion.time[k - 1],
+            // A series holds nothing out.
+            block: 0,
+            samples: [k - 1, k + 1],
+            moves: (motion.joint.iter())
+                .map(|joint| motion.moves(joint, k - 1, k + 1))
+                .collect(),
+        };
+        motion.windows = (recording.stretches().flat_map(inner).map(around)).collect();
+        motion
+    }
+
     /// Cuts stretches without a gap into windows of at least this length (s) that lie within a block.
     fn cut(
         &self,

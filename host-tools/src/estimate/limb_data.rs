@@ -70,6 +70,13 @@ impl<'a> LimbData<'a> {
         Self::made(self.model, self.limb, self.recording, velocity_gain)
     }
 
+    /// The same with a window around each sample ([`Motion::at_samples`]), none left out, also where joints rest.
+    pub(crate) fn at_samples(&self) -> Option<Self> {
+        let (recording, gains) = (self.recording, &self.velocity_gain);
+        let motion = Motion::at_samples(recording, &self.blocks, gains);
+        Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
+    }
+
     fn made(
         model: &'a Model,
         limb: &'a Limb,
@@ -77,7 +84,20 @@ impl<'a> LimbData<'a> {
         velocity_gain: Vec<f64>,
     ) -> Option<Self> {
         let blocks = Blocks::of(recording)?;
-        let motion = Arc::new(Motion::of(recording, &blocks, &velocity_gain));
+        let motion = Motion::of(recording, &blocks, &velocity_gain);
+        Self::cut(model, limb, recording, velocity_gain, motion)
+    }
+
+    /// Made of a motion that is cut into windows already.
+    fn cut(
+        model: &'a Model,
+        limb: &'a Limb,
+        recording: &'a LimbRecording,
+        velocity_gain: Vec<f64>,
+        motion: Motion,
+    ) -> Option<Self> {
+        let blocks = Blocks::of(recording)?;
+        let motion = Arc::new(motion);
         let n = recording.joints;
         let torque: Vec<f64> = (motion.windows.iter())
             .flat_map(|window| {

@@ -8,6 +8,8 @@
 
 use nalgebra::{DMatrix, DVector, SVD};
 
+use crate::equation::dot::dot;
+
 /// Most sweeps over all pairs of columns; from any start ten or fewer are enough.
 const SWEEPS: usize = 60;
 /// Steps of the guess before it is done without.
@@ -69,10 +71,6 @@ fn turn(a: &mut [f64], b: &mut [f64], cos: f64, sin: f64) {
 
 fn square(a: &[f64]) -> f64 {
     dot(a, a)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -18,14 +18,22 @@
 //!
 //! Files beside:
 //!
+//! - `channel`: the signals of a joint, and what their columns are called
+//! - `checks`: what can only be judged over a whole log: its rate, its gaps, its units
+//! - `columns`: from the names of a file's cells to the place of each channel in a row
 //! - `error`: what can be wrong with a log, and where
+//! - `motors`: what was recorded at motors, as what joints do
+//! - `names`: what other recorders call the channels
 //! - `provenance`: which logs a model's values come from: known by what is in them
 //! - `reader`: a log as a stream of rows, in memory that does not grow with its length
+//! - `row`: a row of a log in memory
 //! - `samples`: what became of a log's samples
 //! - `slots`: where a row in memory keeps what
 //! - `source`: files of many formats as one thing: named cells, row after row
+//! - `warning`: what a user should know about a log that can still be used
 //! - `writer`: writing a log
 
+mod channel;
 mod checks;
 mod columns;
 mod error;
@@ -33,23 +41,28 @@ mod motors;
 mod names;
 mod provenance;
 mod reader;
+mod row;
 mod samples;
 mod slots;
 mod source;
+mod warning;
 mod writer;
 
 use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
-pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods, Warning};
-pub use columns::{Channel, Columns, Selection};
+pub use channel::Channel;
+pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods};
+pub use columns::{Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
 pub use provenance::sha256;
-pub use reader::{LogReader, Row};
+pub use reader::LogReader;
+pub use row::Row;
 pub use samples::Samples;
 pub use source::files;
 pub(crate) use source::open_bytes;
+pub use warning::Warning;
 pub use writer::{CanonicalWriter, LogWriter, WalkWriter};
 
 /// A Go2's log held whole.

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use super::columns::Channel;
+use super::channel::Channel;
 use super::error::Problem;
 use super::slots::Slots;
 use crate::model::Robot;

@@ -4,7 +4,7 @@
 //! `/joint_states/shoulder/position`, ROS 1's `rostopic echo -p` writes `field.motor_state0.q`, LeRobot names the elements of
 //! `observation.state`. The readers of bags name their cells in the same way, so that one place knows what they mean.
 
-use super::columns::Channel;
+use super::channel::Channel;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq)]

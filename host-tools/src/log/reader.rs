@@ -2,128 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use super::checks::{Checks, Warning};
-use super::columns::{Channel, Columns, Selection};
+use super::checks::Checks;
+use super::columns::{Columns, Selection};
 use super::error::{LogError, Place, Problem};
-use super::slots::{Slots, TIME};
+use super::row::Row;
+use super::slots::TIME;
 use super::source::{self, Source};
+use super::warning::Warning;
 use crate::model::Robot;
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
-use proprio_core::window::Sample;
-
-/// One row of a log. Channels that the log does not have are NaN.
-#[derive(Debug, Clone)]
-pub struct Row {
-    /// Number in the file, in what the file counts in: lines, messages, rows.
-    pub line: u64,
-    /// Time since the first row, rounded to µs.
-    pub time_us: u64,
-    slots: Slots,
-    values: Vec<f64>,
-}
-
-impl Row {
-    fn new(slots: Slots) -> Self {
-        Self {
-            line: 0,
-            time_us: 0,
-            slots,
-            values: vec![f64::NAN; slots.count()],
-        }
-    }
-
-    fn part<const N: usize>(&self, first: usize) -> &[f64; N] {
-        self.values[first..]
-            .first_chunk()
-            .expect("every group lies within the slots")
-    }
-
-    fn of_joints(&self, channel: Channel) -> &[f64] {
-        &self.values[self.slots.all(channel)]
-    }
-
-    /// What the estimator of a Go2's leg takes, from a Go2's log; NaN for a leg that the log does not have. Time counts from
-    /// the log's first row.
-    pub fn sample(&self, leg: Leg) -> Sample<f64, JOINTS_PER_LEG> {
-        let first = JOINTS_PER_LEG * leg.index();
-        let of = |channel| {
-            let own = self.of_joints(channel).get(first..);
-            let own = own.and_then(|own| own.first_chunk());
-            own.copied().unwrap_or([f64::NAN; JOINTS_PER_LEG])
-        };
-        Sample {
-            time_us: self.time_us,
-            q: of(Channel::Q),
-            dq: of(Channel::Dq),
-            tau: of(Channel::Tau),
-        }
-    }
-
-    /// Time, s, as recorded.
-    pub fn t(&self) -> f64 {
-        self.values[TIME]
-    }
-
-    /// Joint positions, rad (m of a prismatic joint), in the order of the robot's joints.
-    pub fn q(&self) -> &[f64] {
-        self.of_joints(Channel::Q)
-    }
-
-    /// Joint velocities, rad/s (m/s).
-    pub fn dq(&self) -> &[f64] {
-        self.of_joints(Channel::Dq)
-    }
-
-    /// Joint torques, N m (forces, N).
-    pub fn tau(&self) -> &[f64] {
-        self.of_joints(Channel::Tau)
-    }
-
-    /// Motor temperatures, degrees Celsius.
-    pub fn temp(&self) -> &[f64] {
-        self.of_joints(Channel::Temp)
-    }
-
-    /// Commanded joint positions, rad (m).
-    pub fn q_des(&self) -> &[f64] {
-        self.of_joints(Channel::QDes)
-    }
-
-    /// Positions of second encoders, at the links, rad (m).
-    pub fn q_link(&self) -> &[f64] {
-        self.of_joints(Channel::QLink)
-    }
-
-    /// Attitude quaternion, w x y z.
-    pub fn quat(&self) -> &[f64; 4] {
-        self.part(self.slots.quat())
-    }
-
-    /// Angular velocity of the base, rad/s.
-    pub fn gyro(&self) -> &[f64; 3] {
-        self.part(self.slots.gyro())
-    }
-
-    /// Specific force at the IMU, m/s².
-    pub fn acc(&self) -> &[f64; 3] {
-        self.part(self.slots.acc())
-    }
-
-    /// What lies at a slot.
-    pub(super) fn at(&self, slot: usize) -> f64 {
-        self.values[slot]
-    }
-
-    /// Foot sensors, uncalibrated, in the order of the robot's limbs.
-    pub fn foot(&self) -> &[f64] {
-        &self.values[self.slots.feet()]
-    }
-}
 
 /// Reads a log row by row and checks each on the way.
 ///
 /// ```no_run
-/// use proprio::log::{LogReader, Selection};
+/// use proprio_host::log::{LogReader, Selection};
 ///
 /// let mut log = LogReader::open("walk.csv".as_ref(), Selection::Motion)?;
 /// while let Some(row) = log.next_row()? {
@@ -132,7 +23,7 @@ impl Row {
 /// for warning in log.finish()? {
 ///     eprintln!("{warning}");
 /// }
-/// # Ok::<(), proprio::log::LogError>(())
+/// # Ok::<(), proprio_host::log::LogError>(())
 /// ```
 pub struct LogReader {
     path: PathBuf,

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::columns::Channel;
+use super::channel::Channel;
 
 /// Where a row of a robot's log keeps what: one flat array, so that parsing it is one loop over (cell, slot) pairs.
 #[derive(Debug, Clone, Copy)]

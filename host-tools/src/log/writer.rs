@@ -2,8 +2,9 @@
 
 use std::io::{self, Write};
 
-use super::columns::{Channel, Columns};
-use super::reader::Row;
+use super::channel::Channel;
+use super::columns::Columns;
+use super::row::Row;
 use super::slots::{Slots, TIME};
 use proprio_core::go2::{JointId, LEGS, Leg};
 

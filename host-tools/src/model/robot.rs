@@ -19,6 +19,7 @@ use super::BASE;
 use super::conventions::LogConventions;
 use super::error::RobotError;
 use super::urdf;
+use crate::catalogue;
 use crate::name::UnknownName;
 
 /// Where a robot's description comes from.
@@ -305,6 +306,20 @@ impl Robot {
         found.ok_or_else(|| {
             UnknownName::new("joint", name, self.bodies.iter().map(|b| b.name.as_str()))
         })
+    }
+
+    /// The effect and joints of `EFFECT[:JOINT]`, as users write them.
+    ///
+    /// # Errors
+    /// If no effect has this name, or as [`place`](Self::place) has it.
+    pub fn places(&self, text: &str) -> Result<(EffectKind, Vec<usize>), UnknownName> {
+        let (effect, joint) = match text.split_once(':') {
+            Some((effect, joint)) => (effect, Some(joint)),
+            None => (text, None),
+        };
+        let effect = catalogue::effect_named(effect)
+            .ok_or_else(|| UnknownName::new("effect", effect, catalogue::names()))?;
+        Ok((effect, self.place(effect, joint)?))
     }
 
     /// Where an effect can be: the joint called `name`, or all where no name is given; the base for an effect of gravity; only a joint

@@ -11,7 +11,7 @@
 //! of the three languages in the file.
 //!
 //! ```no_run
-//! use proprio::report::{Header, Page, torque};
+//! use proprio_host::report::{Header, Page, torque};
 //!
 //! let page = Page {
 //!     header: Header {
@@ -27,7 +27,7 @@
 //!     }])],
 //! };
 //! page.write("report.html".as_ref())?;
-//! # Ok::<(), proprio::output::WriteError>(())
+//! # Ok::<(), proprio_host::output::WriteError>(())
 //! ```
 //!
 //! Files beside:

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use proprio::compare::{ValuesFrom, compare};
-use proprio::diagnose::diagnose;
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::compare::{ValuesFrom, compare};
+use proprio_host::diagnose::diagnose;
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::effect::EffectKind;
 use serde::Deserialize;
 

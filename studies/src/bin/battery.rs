@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use proprio::diagnose::diagnose;
+use proprio_host::diagnose::diagnose;
 use proprio_studies::battery::{mujoco, table};
 use proprio_tests::battery::case::{self, Case};
 use proprio_tests::battery::outcome::{self, Bench, Outcome};

@@ -19,11 +19,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use proprio::estimate::Status;
-use proprio::identifiability::BaseParameter;
-use proprio::identify::{FitOptions, fit_model};
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::estimate::Status;
+use proprio_host::identifiability::BaseParameter;
+use proprio_host::identify::{FitOptions, fit_model};
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::effect::Prior;
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};

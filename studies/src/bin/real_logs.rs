@@ -6,13 +6,13 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use proprio::compare::ValuesFrom;
-use proprio::compare::compare;
-use proprio::diagnose::diagnose;
-use proprio::estimate::Constraint;
-use proprio::identify::{FitOptions, Fitted, fit_model};
-use proprio::model::{Model, Provenance};
-use proprio::recording::Recording;
+use proprio_host::compare::ValuesFrom;
+use proprio_host::compare::compare;
+use proprio_host::diagnose::diagnose;
+use proprio_host::estimate::Constraint;
+use proprio_host::identify::{FitOptions, Fitted, fit_model};
+use proprio_host::model::{Model, Provenance};
+use proprio_host::recording::Recording;
 use proprio_core::Real;
 use proprio_core::effect::EffectKind;
 use proprio_core::estimator::{EFFECTS, LegPrior, LegSolver};
@@ -263,7 +263,7 @@ fn precision(folder: &Path) -> Result<(), Failure> {
         for leg in Leg::ALL {
             let (double, std) = solve::<f64>(&log(folder, name), leg, |x| x, |x| x)?;
             let (single, _) = solve::<f32>(&log(folder, name), leg, |x| x as f32, f64::from)?;
-            let names = proprio::parameter::names_of_leg(leg);
+            let names = proprio_host::parameter::names_of_leg(leg);
             for (k, (parameter, _)) in names.iter().enumerate() {
                 let off = (single[k] - double[k]).abs() / std[k];
                 (squares, count) = (squares + off * off, count + 1);

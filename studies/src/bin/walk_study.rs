@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use proprio::diagnose::{FreeBaseDiagnosis, Verdict, diagnose_free_base};
-use proprio::estimate::{Constraint, Status};
-use proprio::identify::{FreeBaseIdentification, identify_free_base};
-use proprio::model::Model;
+use proprio_host::diagnose::{FreeBaseDiagnosis, Verdict, diagnose_free_base};
+use proprio_host::estimate::{Constraint, Status};
+use proprio_host::identify::{FreeBaseIdentification, identify_free_base};
+use proprio_host::model::Model;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{JOINT_NAMES, JOINTS};
 use serde_json::Value;
@@ -225,7 +225,7 @@ fn told(walk: &Walk, model: &Model, expected: Option<(&str, &str, &[f64])>) -> O
     };
     let first = found.path.first();
     let right = first.is_some_and(|step| step.effect == effect && step.joints == [place]);
-    let is = |c: &&proprio::diagnose::CandidateReport| c.effect == effect && c.joints == [place];
+    let is = |c: &&proprio_host::diagnose::CandidateReport| c.effect == effect && c.joints == [place];
     let parameters = &found.candidates.iter().find(is)?.parameters;
     let off = |n: usize| parameters[n].value - truth[n];
     Some(Told {
@@ -270,7 +270,7 @@ fn asked(walk: &Walk) -> Vec<(&'static str, Option<Told>)> {
         let of_trot = identify_free_base(&[before], Constraint::Physical, |_, _| ()).ok();
         let known = of_trot.and_then(|found| {
             let provenance =
-                proprio::model::Provenance::of(std::slice::from_ref(&walk.log)).ok()?;
+                proprio_host::model::Provenance::of(std::slice::from_ref(&walk.log)).ok()?;
             found.to_model(provenance).ok()
         });
         asked.push((

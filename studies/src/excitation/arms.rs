@@ -7,9 +7,9 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use proprio::excite::shapes::Shapes;
-use proprio::excite::{self, Ends, Goal, Margins, Settings};
-use proprio::model::{Model, Robot};
+use proprio_host::excite::shapes::Shapes;
+use proprio_host::excite::{self, Ends, Goal, Margins, Settings};
+use proprio_host::model::{Model, Robot};
 
 use super::condition::DENSE;
 use super::{Failure, Stopwatch, Watched};

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use proprio::excite::{self, LimbDesign, RandomMotions, Settings, earlier, told};
-use proprio::model::Model;
+use proprio_host::excite::{self, LimbDesign, RandomMotions, Settings, earlier, told};
+use proprio_host::model::Model;
 
 use super::robots::LEG;
 use super::{Failure, Stopwatch, Watched, each};

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use proprio::excite::{Goal, RandomMotions, Settings};
-use proprio::identifiability::BaseParameter;
-use proprio::identify::FitOptions;
-use proprio::model::Model;
+use proprio_host::excite::{Goal, RandomMotions, Settings};
+use proprio_host::identifiability::BaseParameter;
+use proprio_host::identify::FitOptions;
+use proprio_host::model::Model;
 use proprio_simulator::{Followed, Simulation};
 
 use super::condition::designed;

@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 
-use proprio::estimate::Constraint;
-use proprio::excite::Settings;
-use proprio::identify::{FitOptions, fit_model};
-use proprio::model::{Model, Provenance};
-use proprio::recording::Recording;
-use proprio::validate::{Feedback, candidates, recorded, tracked};
+use proprio_host::estimate::Constraint;
+use proprio_host::excite::Settings;
+use proprio_host::identify::{FitOptions, fit_model};
+use proprio_host::model::{Model, Provenance};
+use proprio_host::recording::Recording;
+use proprio_host::validate::{Feedback, candidates, recorded, tracked};
 
 use super::condition::{chirp_logs, designed};
 use super::robots::{FAST, LEG, PLAIN, chirp, log_of, model_with, played, robot};
@@ -19,7 +19,7 @@ const SEEDS: [u64; 2] = [1, 7];
 
 const PHYSICAL: FitOptions = FitOptions {
     constraint: Constraint::Physical,
-    method: proprio::estimate::Method::Momentum,
+    method: proprio_host::estimate::Method::Momentum,
     stages: false,
     bus: false,
 };

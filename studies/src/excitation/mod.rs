@@ -13,7 +13,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use proprio::excite::Supervisor;
+use proprio_host::excite::Supervisor;
 use proprio_tests::cost::processor_time;
 
 /// Whatever goes wrong.

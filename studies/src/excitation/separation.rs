@@ -4,10 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use proprio::diagnose::{Diagnosis, diagnose};
-use proprio::excite::Goal;
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::diagnose::{Diagnosis, diagnose};
+use proprio_host::excite::Goal;
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId};
 use proprio_simulator::{Followed, HiddenKind, Simulation, Sizes};

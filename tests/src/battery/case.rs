@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use proprio::model::Model;
+use proprio_host::model::Model;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{ACTUATORS, JointId, Leg};
 use proprio_simulator::hidden::typical;

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-use proprio::compare::{ValuesFrom, compare};
-use proprio::detect::mismatch::mismatches;
-use proprio::diagnose::Verdict;
-use proprio::diagnose::{Diagnosis, diagnose};
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio_host::compare::{ValuesFrom, compare};
+use proprio_host::detect::mismatch::mismatches;
+use proprio_host::diagnose::Verdict;
+use proprio_host::diagnose::{Diagnosis, diagnose};
+use proprio_host::model::Model;
+use proprio_host::recording::Recording;
 use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::{HiddenEffect, HiddenKind, SimulatedSample, Sizes};
 

@@ -1,6 +1,6 @@
 //! What goes wrong: on a bus, with the clock, at the host.
 
-use proprio::device::replay::cycle;
+use proprio_host::device::replay::cycle;
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, Leg};

@@ -1,6 +1,6 @@
 //! The same faults heard by the firmware's image on the emulated board: it says what the desktop says.
 
-use proprio::device::{BusStep, Device, DeviceError, Qemu, image};
+use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio_core::wire::{Counters, DeviceMessage};
 
 use super::cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};

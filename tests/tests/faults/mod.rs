@@ -5,7 +5,7 @@ mod cases;
 mod emulated;
 
 use cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
-use proprio::device::replay::cycle;
+use proprio_host::device::replay::cycle;
 use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::estimator::LEG_INERTIAL;
 use proprio_core::go2::Leg;

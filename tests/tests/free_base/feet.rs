@@ -2,9 +2,9 @@
 
 use std::fs;
 
-use proprio::estimate::{Constraint, Status};
-use proprio::free_base::FreeBaseError;
-use proprio::identify::identify_free_base;
+use proprio_host::estimate::{Constraint, Status};
+use proprio_host::free_base::FreeBaseError;
+use proprio_host::identify::identify_free_base;
 use proprio_tests::command::folder as empty_folder;
 
 use super::{identified, number, text, truth};

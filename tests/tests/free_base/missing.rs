@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use proprio::compare::{ValuesFrom, compare_free_base};
-use proprio::free_base::Reason;
-use proprio::model::Model;
+use proprio_host::compare::{ValuesFrom, compare_free_base};
+use proprio_host::free_base::Reason;
+use proprio_host::model::Model;
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 

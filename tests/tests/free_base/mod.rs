@@ -9,9 +9,9 @@ mod simulated;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use proprio::estimate::Constraint;
-use proprio::free_base::FreeBaseError;
-use proprio::identify::{FreeBaseIdentification, identify_free_base};
+use proprio_host::estimate::Constraint;
+use proprio_host::free_base::FreeBaseError;
+use proprio_host::identify::{FreeBaseIdentification, identify_free_base};
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 

@@ -62,7 +62,7 @@ proptest! {
         bytes in proptest::collection::vec(any::<u8>(), 0..12),
         lost in 0..12usize,
     ) {
-        use proprio::log::{LogReader, Selection};
+        use proprio_host::log::{LogReader, Selection};
         let files = [
             "go_mcap/go_mcap.mcap", "go_mcap_zstd/go_mcap_zstd.mcap", "go_lz4.mcap", "go_db3/go_db3.db3",
             "joint_mcap/joint_mcap.mcap", "log.npz", "log_compressed.npz", "log.parquet", "low_state.csv.gz",

@@ -1,13 +1,13 @@
 //! What a report is given: hostile names, broken numbers, long logs.
 
-use proprio::report::candidates::Candidate;
-use proprio::report::correlation::Correlation;
-use proprio::report::parameters::ParameterRow;
-use proprio::report::residual::ResidualSeries;
-use proprio::report::torque::TorqueSeries;
-use proprio::report::waterfall::Step;
-use proprio::report::{Header, LogFile, Page};
-use proprio::report::{candidates, correlation, parameters, residual, torque, waterfall};
+use proprio_host::report::candidates::Candidate;
+use proprio_host::report::correlation::Correlation;
+use proprio_host::report::parameters::ParameterRow;
+use proprio_host::report::residual::ResidualSeries;
+use proprio_host::report::torque::TorqueSeries;
+use proprio_host::report::waterfall::Step;
+use proprio_host::report::{Header, LogFile, Page};
+use proprio_host::report::{candidates, correlation, parameters, residual, torque, waterfall};
 use proprio_tests::browser::Browser;
 use serde_json::from_value;
 

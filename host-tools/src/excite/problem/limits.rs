@@ -1,6 +1,7 @@
 //! What a motion must keep to, as constraints that are satisfied where they are not positive.
 
-use super::{Evaluation, Problem, dot};
+use super::{Evaluation, Problem};
+use crate::equation::dot::dot;
 use crate::excite::clearance::{Clearance, Distances};
 use crate::excite::limb::Instant;
 

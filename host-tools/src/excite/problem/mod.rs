@@ -14,6 +14,7 @@ use super::columns::Column;
 use super::cost::{Cost, triangle};
 use super::fourier::{Basis, Motion};
 use super::limb::{Instant, Limb};
+use crate::equation::dot::dot;
 pub use limits::JointLimits;
 pub(super) use limits::Limits;
 
@@ -219,8 +220,4 @@ impl Evaluation {
         let size = self.regressors.len() / self.instants.len();
         &self.regressors[size * s..size * (s + 1)]
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

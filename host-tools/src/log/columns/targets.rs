@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use proprio_core::go2::Leg;
 
-use super::{Channel, Columns};
+use super::Columns;
+use crate::log::channel::Channel;
 use crate::log::error::Problem;
 use crate::log::names::{self, Meaning, Sensor, Which};
 use crate::log::slots::TIME;

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{Fault, Source, Wanted};
-use crate::log::checks::Warning;
 use crate::log::error::{LogError, Problem, Unit};
+use crate::log::warning::Warning;
 
 /// Several sources with the same cells, as one.
 struct Chain {

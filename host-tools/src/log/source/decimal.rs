@@ -20,21 +20,31 @@ pub(super) fn decimal(text: &[u8]) -> Option<f64> {
     if digits.len() > LONGEST {
         return None;
     }
-    let (mut mantissa, mut point, mut count) = (0u64, None, 0);
-    for &byte in digits {
-        match byte {
-            b'0'..=b'9' => {
-                mantissa = 10 * mantissa + u64::from(byte - b'0');
-                count += 1;
+    let mut mantissa = 0u64;
+    // Digits up to the first byte that is none; how many.
+    let mut take = |bytes: &[u8]| {
+        let mut taken = 0;
+        for byte in bytes {
+            let digit = byte.wrapping_sub(b'0');
+            if digit > 9 {
+                break;
             }
-            b'.' if point.is_none() => point = Some(count),
-            _ => return None,
+            mantissa = 10 * mantissa + u64::from(digit);
+            taken += 1;
         }
-    }
+        taken
+    };
+    let whole = take(digits);
+    let parts = match &digits[whole..] {
+        [] => 0,
+        [b'.', parts @ ..] if take(parts) == parts.len() => parts.len(),
+        _ => return None,
+    };
+    let count = whole + parts;
     if count == 0 || mantissa >= 1 << 53 {
         return None;
     }
-    let value = mantissa as f64 / POWERS[count - point.unwrap_or(count)];
+    let value = mantissa as f64 / POWERS[parts];
     Some(if is_negative { -value } else { value })
 }
 

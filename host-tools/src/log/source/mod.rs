@@ -13,6 +13,7 @@
 //! - `lerobot`: what a LeRobot data set says of its tables: `meta/info.json`, two folders above them
 //! - `npz`: NumPy archives: `numpy.savez('log.npz', t=t, q=q, dq=dq, tau=tau, joint_names=[...])`, or an array per column
 //! - `parquet`: Parquet tables: columns as of CSV, or lists of numbers whose elements a LeRobot data set names
+//! - `records`: records of separated text
 //! - `table`: arrays held in memory: formats that store a column in one piece
 //! - `text`: columns of text: CSV of proprio's own, of PlotJuggler, of ROS 1's `rostopic echo -p`, of a spreadsheet
 
@@ -28,14 +29,15 @@ mod lerobot;
 mod npz;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod records;
 #[cfg(any(feature = "npz", feature = "parquet"))]
 mod table;
 mod text;
 
 use std::path::{Path, PathBuf};
 
-use super::checks::Warning;
 use super::error::{LogError, Place, Problem, Unit};
+use super::warning::Warning;
 pub use input::files;
 pub(crate) use input::open as open_bytes;
 use kind::Kind;

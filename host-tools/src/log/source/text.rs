@@ -6,26 +6,28 @@ use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 use std::rc::Rc;
 
-use csv::ByteRecord;
 use flate2::bufread::MultiGzDecoder;
 
 use super::decimal::decimal;
 use super::input::Input;
+use super::records::Records;
 use super::{Empty, Fault, Source, Wanted};
 use crate::log::error::{LogError, Place, Problem, Unit};
 
 /// Longer than any header; what has no line end by then is no text.
 const LONGEST_HEADER: u64 = 1 << 22;
 
+/// What some spreadsheets begin UTF-8 with.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
 /// What separates columns where commas do not.
 const SEPARATORS: [u8; 2] = [b';', b'\t'];
 
 struct Text {
-    csv: csv::Reader<Box<dyn Read>>,
+    records: Records,
     names: Vec<String>,
     /// The header's line.
     header: u64,
-    record: ByteRecord,
     /// The first row, where it was looked at for names.
     looked_at: bool,
     separator: u8,
@@ -62,30 +64,24 @@ pub(super) fn open(path: &Path, input: Input, gzip: bool) -> Result<Box<dyn Sour
     };
     let start = header(&mut bytes).map_err(|error| fault(path, 1, Problem::Read(error)))?;
     let separator = separator(&start);
-    let mut csv = csv::ReaderBuilder::new()
-        .has_headers(false)
-        // Ragged rows are reported here, with the place.
-        .flexible(true)
-        .delimiter(separator)
-        .buffer_capacity(1 << 16)
-        .from_reader(Box::new(Cursor::new(start).chain(bytes)) as Box<dyn Read>);
-    let mut record = ByteRecord::new();
-    let found = csv
-        .read_byte_record(&mut record)
-        .map_err(|error| fault(path, 1, unreadable(error)))?;
-    if !found {
+    let start = match start.strip_prefix(BYTE_ORDER_MARK) {
+        Some(start) => start.to_vec(),
+        None => start,
+    };
+    let mut records = Records::new(Box::new(Cursor::new(start).chain(bytes)), separator);
+    let found = records.read();
+    if !found.map_err(|error| fault(path, 1, Problem::Read(error)))? {
         return Err(fault(path, 1, Problem::Empty));
     }
-    let names: Vec<String> = record
-        .iter()
+    let names = (0..records.len()).filter_map(|cell| records.get(cell));
+    let names: Vec<String> = names
         .map(|name| String::from_utf8_lossy(name).trim().to_owned())
         .collect();
-    check_header(&names).map_err(|problem| fault(path, line(&record), problem))?;
+    check_header(&names).map_err(|problem| fault(path, records.line(), problem))?;
     let mut text = Text {
-        csv,
+        header: records.line(),
+        records,
         names,
-        header: line(&record),
-        record,
         looked_at: false,
         separator,
         read,
@@ -140,7 +136,7 @@ impl Text {
         self.looked_at = true;
         let cell = |text: &Self, name: String| {
             let place = text.names.iter().position(|n| *n == name)?;
-            let cell = String::from_utf8_lossy(text.record.get(place)?);
+            let cell = String::from_utf8_lossy(text.records.get(place)?);
             Some(cell.trim().to_owned())
         };
         for index in 0.. {
@@ -158,16 +154,17 @@ impl Text {
     }
 
     fn read_record(&mut self) -> Result<bool, Fault> {
-        let here = self.csv.position().line();
-        let more = self.csv.read_byte_record(&mut self.record);
-        more.map_err(|error| Fault::new(here, unreadable(error)))
+        let here = self.records.next_line();
+        let more = self.records.read();
+        more.map_err(|error| Fault::new(here, Problem::Read(error)))
     }
 
     /// Reads the wanted cells of the present row; false if the row is to be skipped.
     fn cells(&self, wanted: &[Wanted], values: &mut [f64]) -> Result<bool, Fault> {
         for w in wanted {
-            let text = &self.record[w.cell];
-            let at = |problem| Fault::at(line(&self.record), w.cell, problem);
+            // A row has as many cells as the header.
+            let text = self.records.get(w.cell).unwrap_or_default();
+            let at = |problem| Fault::at(self.records.line(), w.cell, problem);
             values[w.slot] = match (self.number(text), w.empty) {
                 (Ok(value), _) if value.is_finite() => value * w.scale,
                 (Ok(value), Empty::Refuse) => return Err(at(Problem::NotFinite(value))),
@@ -222,8 +219,8 @@ impl Source for Text {
             if !std::mem::take(&mut self.looked_at) && !self.read_record()? {
                 return Ok(None);
             }
-            let line = line(&self.record);
-            let (found, expected) = (self.record.len(), self.names.len());
+            let line = self.records.line();
+            let (found, expected) = (self.records.len(), self.names.len());
             if found != expected {
                 return Err(Fault::new(line, Problem::Ragged { found, expected }));
             }
@@ -238,17 +235,6 @@ impl Source for Text {
     }
 }
 
-fn line(record: &ByteRecord) -> u64 {
-    record.position().map_or(1, csv::Position::line)
-}
-
 fn fault(path: &Path, line: u64, problem: Problem) -> LogError {
     Fault::new(line, problem).error(path, Unit::Line, &[])
-}
-
-fn unreadable(error: csv::Error) -> Problem {
-    Problem::Read(match error.into_kind() {
-        csv::ErrorKind::Io(error) => error,
-        other => io::Error::other(format!("{other:?}")),
-    })
 }

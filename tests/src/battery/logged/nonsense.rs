@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-use proprio::log::{Channel, LogWriter};
-use proprio::model::Model;
+use proprio_host::log::{Channel, LogWriter};
+use proprio_host::model::Model;
 use proprio_core::effect::EffectKind;
 use proprio_simulator::{HiddenEffect, SimulatedSample};
 use rand::{RngExt, SeedableRng};

@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use proprio::log::{Channel, LogWriter};
+use proprio_host::log::{Channel, LogWriter};
 use proprio_simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation};
 use serde_json::json;
 

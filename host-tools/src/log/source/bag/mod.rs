@@ -19,8 +19,8 @@ use std::path::Path;
 
 use super::input::Input;
 use super::{Fault, Source, Wanted};
-use crate::log::checks::Warning;
 use crate::log::error::{LogError, Problem, Unit};
+use crate::log::warning::Warning;
 use joint_state::JointStates;
 use low_state::LowState;
 

@@ -3,11 +3,9 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use proprio::diagnose::diagnose;
-use proprio::log::LogWriter;
-use proprio::model::Model;
-use proprio::recording::Recording;
+use proprio::Model;
 use proprio_core::go2::Leg;
+use proprio_host::log::LogWriter;
 use proprio_simulator::Simulation;
 use proprio_simulator::hidden::typical;
 
@@ -20,13 +18,18 @@ fn main() -> Result<(), Box<dyn Error>> {
         logs.push(log);
     }
     // The Go2's rigid body from its URDF, and no effect.
-    let model = Model::default();
-    let recording = Recording::read(&logs, &model, |_done, _total| ())?;
-    let diagnosis = diagnose(&recording, &model)?;
-    print!("{}", diagnosis.summary(model.robot(), None));
-    for step in &diagnosis.path {
-        println!("{step}: {:.4} N m", step.held_out_rms);
+    let mut model = Model::go2();
+    let recording = proprio::read(&logs, &model)?;
+    let diagnosis = proprio::diagnose(&recording, &model)?;
+    print!("{diagnosis}");
+    for effect in &diagnosis.missing {
+        model = proprio::add(&model, effect)?;
     }
+    let fitted = proprio::identify(&recording, &model)?;
+    println!(
+        "{:.4} → {:.4} N m on unseen data; {:.4} with the values that fit all of it",
+        diagnosis.before, diagnosis.after, fitted.rms
+    );
     Ok(())
 }
 

@@ -1,0 +1,96 @@
+//! Why a step of the loop cannot be done.
+
+use std::path::PathBuf;
+
+use proprio_host::identify::NotAModel;
+use proprio_host::model::{ModelError, RobotError, UnknownName};
+use proprio_host::output::WriteError;
+use proprio_host::recording::RecordingError;
+
+/// Why a step of the loop cannot be done. Its words are those of the command, without the hint.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A log cannot be read, or its numbers cannot be a robot's: which file, where in it, and why.
+    #[error("{0}")]
+    Log(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// The logs are too short to hold out a part of them.
+    #[error(
+        "{duration:.1} s of samples are too short to be cut into blocks that are held out in turn"
+    )]
+    TooShort {
+        /// Length of all logs together, s.
+        duration: f64,
+    },
+    /// No joint moves, and one at rest tells nothing.
+    #[error("no joint moves")]
+    AtRest,
+    /// The log is not of what the model says: signs, units, exchanged joints, a base that moves; one sentence each.
+    #[error("not what the model says: {}", .0.join("; "))]
+    Mismatch(Vec<String>),
+    /// A model file, or a robot's URDF, is refused: which file, where in it, and why.
+    #[error("{0}")]
+    Model(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// There is no such joint or effect.
+    #[error("there is no {what} `{name}`")]
+    UnknownName {
+        /// What was looked for: `joint`, `effect`.
+        what: &'static str,
+        /// The name as given.
+        name: String,
+        /// The existing name nearest in spelling.
+        nearest: Option<String>,
+    },
+    /// What was identified cannot be of any body: of which, and why not.
+    #[error("{0}")]
+    Unphysical(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// A file cannot be written.
+    #[error("{}: {source}", .path.display())]
+    Write {
+        /// Which.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+// Functions, not `From`: that would make the rooms' own errors a part of this crate's promise.
+
+pub(crate) fn recording(error: RecordingError) -> Error {
+    match error {
+        RecordingError::TooShort { duration } => Error::TooShort { duration },
+        RecordingError::AtRest { .. } => Error::AtRest,
+        other => Error::Log(Box::new(other)),
+    }
+}
+
+pub(crate) fn unreadable((log, cause): (String, std::io::Error)) -> Error {
+    Error::Log(format!("{log}: {cause}").into())
+}
+
+pub(crate) fn model(error: ModelError) -> Error {
+    Error::Model(Box::new(error))
+}
+
+pub(crate) fn robot(error: RobotError) -> Error {
+    Error::Model(Box::new(error))
+}
+
+pub(crate) fn name(error: UnknownName) -> Error {
+    Error::UnknownName {
+        what: error.what,
+        nearest: error.nearest().map(str::to_owned),
+        name: error.name,
+    }
+}
+
+pub(crate) fn not_a_model(error: NotAModel) -> Error {
+    Error::Unphysical(Box::new(error))
+}
+
+pub(crate) fn write(error: WriteError) -> Error {
+    Error::Write {
+        path: error.path,
+        source: error.source,
+    }
+}
