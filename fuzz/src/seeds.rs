@@ -48,6 +48,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "model" => seeds.push(written(|path| {
             Model::default().save(path).expect("it can be written");
         })),
+        "dynamics" => seeds.extend(crate::dynamics::seeds()),
         "recording" => seeds.extend([messages(), capture(), factors()]),
         _ => {}
     }

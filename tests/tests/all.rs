@@ -39,6 +39,7 @@ mod qemu;
 mod qemu_crashes;
 mod qemu_snapshots;
 mod readme;
+mod readings;
 mod real_chirps;
 mod real_contact;
 mod real_emps;

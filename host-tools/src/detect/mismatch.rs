@@ -6,16 +6,19 @@
 //! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
 //! such thing: it leaves less as it is than in any other reading.
 
+mod columns;
 mod commanded;
+mod dynamics;
 mod reading;
 mod words;
 
 use std::mem::discriminant;
 use std::path::PathBuf;
 
+use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
-use crate::model::{Limb, Model};
+use crate::model::{Body, Limb, Model, other_unit};
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
 use reading::{JointReading, Reading, shifts};
@@ -35,10 +38,22 @@ const NOTHING: f64 = 0.02;
 /// A factor between torque and model from which the unit is another one, and within which all joints agree on it.
 const OTHER_UNIT: f64 = 5.0;
 const AGREED: f64 = 2.0;
+/// The same where half of the joints agree to this.
+const ONE_UNIT: f64 = 1.25;
 /// Least time by which a torque may be late, s: less is an effect of the catalogue.
 const LEAST_LATE: f64 = 0.006;
 /// At its right time torque leaves less than this share of what it leaves as it is, and three of four joints say at least half of that time.
 const AT_ITS_TIME: f64 = 0.75;
+/// Up to this time, s, five times what is known of it before any data, a torque's lateness is the catalogue's to tell.
+const CATALOGUE_LATE: f64 = 0.02;
+/// So far, rad, a base's tilt is the catalogue's to tell: its columns are those of small angles.
+const CATALOGUE_TILT: f64 = 0.35;
+/// Factors of a torque that drives' constants may have: outside nobody knows its unit.
+const KNOWN_UNIT: f64 = 1.5;
+/// What leaves less than this needs no reading that is dear to try.
+const EXCELLENT: f64 = 0.05;
+/// A reading that is less plain is named if it leaves less than this share of what a plainer one leaves.
+const PLAINER: f64 = 0.7;
 /// Most joints of a limb whose order is tried in every way.
 const MOST_ORDERED: usize = 4;
 
@@ -60,6 +75,35 @@ pub enum MismatchKind {
     Sign(Vec<String>),
     /// The torque is so many times the model's at all joints.
     Unit(f64),
+    /// The torque is so many times the model's at each joint, where that is known.
+    Units(Vec<(String, Option<f64>)>),
+    /// The model's torque is so many times the log's at these joints; bodies whose inertia is no body's.
+    ModelUnits {
+        /// How many times.
+        times: f64,
+        /// Which joints; all if none.
+        joints: Vec<String>,
+        /// Each body's mass, kg, and radius of gyration, m.
+        bodies: Vec<(String, [f64; 2])>,
+    },
+    /// The torque lacks gravity at these joints (at all if none), and Coriolis forces too.
+    NoGravity {
+        /// Which joints.
+        joints: Vec<String>,
+        /// Whether Coriolis and centrifugal forces are missing as well.
+        coriolis: bool,
+    },
+    /// The base is mounted otherwise.
+    Orientation {
+        /// The angle between gravity and the model's, rad.
+        angle: f64,
+        /// Roll, pitch and yaw of the base, as a model file states them, rad.
+        rpy: [f64; 3],
+    },
+    /// Position, velocity and torque of these joints count the other way.
+    OtherWay(Vec<String>),
+    /// The columns of these pairs of joints are exchanged.
+    Exchanged(Vec<[String; 2]>),
     /// The columns of these limbs are those of others: recorded as, is.
     Limbs(Vec<[String; 2]>),
     /// The columns of joints are exchanged within each limb: recorded as, is.
@@ -72,6 +116,28 @@ pub enum MismatchKind {
     Commanded(String),
     /// These two logs hold the same numbers.
     Twice([String; 2]),
+}
+
+impl MismatchKind {
+    /// Whether nothing can be said of the model before it is mended; else the catalogue has it as an effect, or it is true of some joints.
+    pub fn refuses(&self) -> bool {
+        match self {
+            Self::Late(seconds) => seconds.abs() > CATALOGUE_LATE,
+            Self::Orientation { angle, .. } => *angle > CATALOGUE_TILT,
+            Self::NoGravity { joints, .. } => joints.is_empty(),
+            Self::Unit(factor) => !(1.0 / KNOWN_UNIT..=KNOWN_UNIT).contains(factor),
+            _ => true,
+        }
+    }
+
+    /// The effect of the catalogue that all joints share and that does this, if one does.
+    pub(crate) fn cause(&self) -> Option<EffectKind> {
+        match self {
+            Self::Late(_) if !self.refuses() => Some(EffectKind::Delay),
+            Self::Orientation { .. } if !self.refuses() => Some(EffectKind::BaseTilt),
+            _ => None,
+        }
+    }
 }
 
 /// What is wrong between a recording and `model`, the plainest first; empty where nothing is. Of several logs each is judged alone, so that a
@@ -110,31 +176,50 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     if as_is.iter().all(|reading| reading.joints.is_empty()) {
         return Vec::new();
     }
-    if let Some(nothing) = no_torque(&as_is) {
+    if let Some(nothing) = no_torque(&as_is, model) {
         return vec![nothing];
     }
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
         // One joint of many hardly shows in what all leave.
-        let found = sign(&as_is).into_iter().chain(late(&as_is, now));
-        return found.map(|(_, reading)| reading).collect();
+        let tilt = dynamics::orientation(&as_is).filter(|(left, _)| *left < FAR_BETTER * now);
+        let gravity = plainest([dynamics::incomplete(&as_is), tilt]);
+        let found = sign(&as_is).into_iter().chain(gravity);
+        return (found.chain(late(&as_is, now)))
+            .map(|(_, reading)| reading)
+            .collect();
     }
-    let readings = [
+    let mut best = plainest([
         sign(&as_is),
         unit(&as_is),
+        dynamics::incomplete(&as_is),
+        late(&as_is, now),
+        dynamics::orientation(&as_is),
         limbs(recording, model, now),
         joints(recording, model, now),
-        late(&as_is, now),
-    ];
-    let best = readings
-        .into_iter()
-        .flatten()
-        .min_by(|a, b| a.0.total_cmp(&b.0));
+        dynamics::units(&as_is),
+    ]);
+    if best.as_ref().is_none_or(|(left, _)| *left > EXCELLENT) {
+        best = plainest([
+            best,
+            columns::counted_the_other_way(recording, model),
+            columns::exchanged(recording, model),
+        ]);
+    }
     match best {
         Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => vec![reading],
         _ if usual(&as_is) > POOR => vec![MismatchKind::NoBetterThanNothing(usual(&as_is))],
         _ => Vec::new(),
     }
+}
+
+/// What a reading leaves, and what it is.
+type Left = (f64, MismatchKind);
+
+/// The best of readings in the order of their plainness.
+fn plainest<const N: usize>(readings: [Option<Left>; N]) -> Option<Left> {
+    let all = readings.into_iter().flatten();
+    all.reduce(|best, next| if next.0 < PLAINER * best.0 { next } else { best })
 }
 
 /// The mean over all joints of what each leaves. None counts for more than all of its torque: where a constant torque holds a joint up
@@ -153,19 +238,41 @@ fn usual(readings: &[Reading]) -> f64 {
     robust::median(joints.map(JointReading::left)).unwrap_or(0.0)
 }
 
-fn no_torque(readings: &[Reading]) -> Option<MismatchKind> {
+fn no_torque(readings: &[Reading], model: &Model) -> Option<MismatchKind> {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let nothing = |joint: &&JointReading| {
         let torque = rms(&joint.torque);
         torque == 0.0 || torque < NOTHING * rms(&joint.predicted)
     };
-    let names: Vec<String> = joints()
+    let zero = |joint: &&JointReading| joint.torque.iter().all(|x| *x == 0.0);
+    let named = |of: &dyn Fn(&&JointReading) -> bool| {
+        let names = joints().filter(of).map(|joint| joint.name.clone());
+        let names: Vec<String> = names.collect();
+        let all = names.len() == joints().count();
+        (!names.is_empty()).then(|| if all { Vec::new() } else { names })
+    };
+    if let Some(names) = named(&zero) {
+        return Some(MismatchKind::NoTorque(names));
+    }
+    let times = joints()
         .filter(nothing)
-        .map(|joint| joint.name.clone())
-        .collect();
-    let all = names.len() == joints().count();
-    (!names.is_empty()).then(|| MismatchKind::NoTorque(if all { Vec::new() } else { names }))
+        .map(|joint| rms(&joint.predicted) / rms(&joint.torque));
+    let times = robust::median(times)?;
+    Some(MismatchKind::ModelUnits {
+        times,
+        joints: named(&nothing)?,
+        bodies: no_bodies(model),
+    })
+}
+
+/// Bodies whose mass and inertia no body has: name, mass (kg) and radius of gyration (m).
+fn no_bodies(model: &Model) -> Vec<(String, [f64; 2])> {
+    let bodies = model.robot().bodies().iter().enumerate();
+    let of = |(b, body): (usize, &Body)| {
+        other_unit(model.inertia(b)).map(|of| (body.link_name.clone(), of))
+    };
+    bodies.filter_map(of).collect()
 }
 
 /// What is left with the sign turned wherever that is far better.
@@ -199,7 +306,9 @@ fn unit(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let at = |share: f64| robust::quantile(factors.iter().copied(), share);
     let (low, middle, high) = (at(0.25)?, at(0.5)?, at(0.75)?);
     let agreed = low > 0.0 && high / low < AGREED;
-    let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&middle);
+    // Motors' constants differ by less than this, and so do a CAD's masses.
+    let least = if high / low < ONE_UNIT { KNOWN_UNIT } else { OTHER_UNIT };
+    let other = !(1.0 / least..=least).contains(&middle);
     let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));
     (agreed && other).then_some((left, MismatchKind::Unit(middle)))
 }
@@ -322,7 +431,12 @@ fn late(readings: &[Reading], now: f64) -> Option<(f64, MismatchKind)> {
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let agreed = 4 * joints().filter(agrees).count() >= 3 * joints().count();
     let seconds = shift as f64 * period;
-    let late = seconds.abs() >= LEAST_LATE && left < AT_ITS_TIME * now && agreed;
+    // What the catalogue cannot tell has to be plain.
+    let share = match seconds.abs() > CATALOGUE_LATE {
+        true => FAR_BETTER,
+        false => AT_ITS_TIME,
+    };
+    let late = seconds.abs() >= LEAST_LATE && left < share * now && agreed;
     late.then_some((left, MismatchKind::Late(seconds)))
 }
 

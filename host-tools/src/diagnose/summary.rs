@@ -31,6 +31,10 @@ impl Diagnosis {
         if let Some(more @ 1..) = self.second_encoder.len().checked_sub(1) {
             points[0] += &format!(" (and {more} more)");
         }
+        points.extend(self.bodies.first().cloned());
+        if let Some(more @ 1..) = self.bodies.len().checked_sub(1) {
+            points.push(format!("{more} more bodies are not the CAD's (--verbose)"));
+        }
         let all = self.joint_names();
         for one in missing
             .iter()

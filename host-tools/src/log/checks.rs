@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 use std::path::Path;
 
+use super::admission::{Cause, words};
 use super::columns::{Channel, Columns};
 use super::error::{LogError, Place, Problem, Unit};
 use super::reader::Row;
@@ -23,6 +24,12 @@ pub const GAP_PERIODS: f64 = 2.5;
 /// Nor is one of this length, s: over it a robot's motion is still followed. [`proprio_core::window::Settings::max_gap_us`] by default.
 pub const GAP: f64 = 0.01;
 
+/// A joint's motion is followed over lost messages that leave a silence no longer than this, s: half a period of what a leg does at 10 Hz.
+pub const BRIDGED: f64 = 0.05;
+
+/// A shorter log, s, has less than a block of motion: a hundred unknowns of a limb stand against fewer windows of 20 ms.
+pub const LEAST_DURATION: f64 = 0.5;
+
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;
 
@@ -40,6 +47,8 @@ pub struct Checks {
     longest: (f64, u64),
     /// Of each recorded joint.
     limits: Vec<LimitCheck>,
+    /// Slots of motion, and whether any row has held a number there.
+    numbers: Vec<(usize, bool)>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -79,6 +88,23 @@ pub enum Warning {
         /// The last message that is whole.
         last: u64,
     },
+    /// Rows that no robot can have produced.
+    LeftOut {
+        /// Why.
+        cause: Cause,
+        /// How many.
+        count: u64,
+        /// How many more because they follow them closely.
+        also: u64,
+        /// Of how many rows.
+        rows: u64,
+        /// The first.
+        first: Place,
+        /// What shows it there: a column.
+        column: String,
+        /// What it holds there.
+        value: f64,
+    },
     /// A bag has more than one topic of joint states.
     OtherTopics {
         /// The one that was read.
@@ -116,6 +142,15 @@ impl fmt::Display for Warning {
                     "{count} of {rows} rows repeat the time stamp of the row above and are skipped"
                 )
             }
+            Self::LeftOut {
+                cause,
+                count,
+                also,
+                rows,
+                first,
+                column,
+                value,
+            } => f.write_str(&words(*cause, [*count, *also, *rows], *first, column, *value)),
             Self::Cut { last } => write!(
                 f,
                 "the file was cut short: its {last} whole messages are read"
@@ -149,6 +184,9 @@ impl Checks {
                 .joints()
                 .map(|j| LimitCheck::of(columns, j))
                 .collect(),
+            numbers: (columns.joints())
+                .flat_map(|j| Channel::MOTION.map(|channel| (columns.slots.of(channel, j), false)))
+                .collect(),
         }
     }
 
@@ -179,6 +217,9 @@ impl Checks {
                 self.first_slow.get_or_insert(row.line);
             }
             self.periods.add(gap);
+        }
+        for (slot, seen) in &mut self.numbers {
+            *seen |= !row.at(*slot).is_nan();
         }
         let q = row.q();
         for limits in &mut self.limits {
@@ -216,7 +257,17 @@ impl Checks {
         let error = |problem| LogError::new(path, problem);
         if self.rows < 2 {
             let place = self.place(self.previous_row.max(1));
-            return Err(error(Problem::TooShort { rows: self.rows }).at(Some(place)));
+            return Err(self.too_short(path).at(Some(place)));
+        }
+        if self.duration() == 0.0 {
+            let (rows, stamp) = (self.rows, self.first);
+            return Err(error(Problem::OneStamp { rows, stamp }));
+        }
+        if let Some((slot, _)) = self.numbers.iter().find(|(_, seen)| !seen) {
+            let rows = self.rows;
+            let cell = columns.cell[*slot].unwrap_or_default();
+            let error = error(Problem::NoNumbers { rows });
+            return Err(error.at_column(cell, columns.column_name(cell)));
         }
         let period = self.periods.median();
         // The median is known to 1 %: a log of exactly the least rate passes.
@@ -240,6 +291,14 @@ impl Checks {
             }
         }
         Ok(self.warnings())
+    }
+
+    pub(super) fn too_short(&self, path: &Path) -> LogError {
+        let problem = Problem::TooShort {
+            rows: self.rows,
+            least: LEAST_DURATION,
+        };
+        LogError::new(path, problem)
     }
 
     fn warnings(&self) -> Vec<Warning> {

@@ -18,6 +18,7 @@
 //!
 //! Files beside:
 //!
+//! - `admission`: which rows of a log are let in: the one gate that all commands read through
 //! - `error`: what can be wrong with a log, and where
 //! - `provenance`: which logs a model's values come from: known by what is in them
 //! - `reader`: a log as a stream of rows, in memory that does not grow with its length
@@ -26,6 +27,7 @@
 //! - `source`: files of many formats as one thing: named cells, row after row
 //! - `writer`: writing a log
 
+mod admission;
 mod checks;
 mod columns;
 mod error;
@@ -42,7 +44,8 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
-pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods, Warning};
+pub use admission::Cause;
+pub use checks::{BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods, Warning};
 pub use columns::{Channel, Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
 pub use provenance::sha256;

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::gate::{DataGates, GateReport, Joint, Reading};
-use crate::log::{LogReader, Row, Selection, Warning};
+use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
 pub use error::RecordingError;
 pub use limb::LimbRecording;
@@ -68,7 +68,7 @@ impl Recording {
     /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
     ///
     /// # Errors
-    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left.
+    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left; [`RecordingError::TooShort`].
     pub fn read(
         logs: &[PathBuf],
         model: &Model,
@@ -95,6 +95,9 @@ impl Recording {
                 logs: logs.to_vec(),
                 limbs: too_large,
             });
+        }
+        if recording.duration < LEAST_DURATION {
+            return Err(RecordingError::too_short(&recording, LEAST_DURATION));
         }
         let limbs = recording.limbs.iter_mut();
         limbs.for_each(|(_, limb)| limb.shrink());

@@ -23,8 +23,11 @@ use super::refused::Refused;
 use super::score_test::Screen;
 use super::state::{State, Step};
 use super::{backward, compliance_scan, headline, restart};
+use proprio_core::effect::EffectKind;
+
 use crate::equation::values::Place;
 use crate::estimate::limb_data::{LimbData, Squares};
+use crate::model::BASE;
 
 /// What a search has found.
 pub(crate) struct Found<'a> {
@@ -46,8 +49,12 @@ pub(crate) struct Found<'a> {
 /// Searches from the limbs' effects `given`.
 ///
 /// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, and with one cause
-/// where it took two.
-pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Option<Found<'a>> {
+/// where it took two; and with the `causes` that all joints share and that a reading of the log has shown.
+pub(crate) fn search<'a>(
+    data: &'a [LimbData<'a>],
+    given: &[Vec<Place>],
+    causes: &[EffectKind],
+) -> Option<Found<'a>> {
     let start = State::of(data, given)?;
     let mut search = Search::new(data, given, start).run(Phase::Limits);
     if let Some(other) = search.with_drive() {
@@ -55,6 +62,11 @@ pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Opti
     }
     if let Some(other) = search.with_one_cause() {
         search = other;
+    }
+    for cause in causes {
+        if let Some(other) = search.with_shared(*cause) {
+            search = other;
+        }
     }
     Some(search.finish())
 }
@@ -384,6 +396,22 @@ impl<'a> Search<'a> {
             other.begin_with(&members)?;
         }
         let other = other.run(Phase::ForwardAgain);
+        let error = |search: &Self| search.model.weighted(&self.model);
+        does_as_well(error(&other), error(self)).then_some(other)
+    }
+
+    /// A search that begins with a cause that all joints share, if this one has not found it and that one does as well.
+    fn with_shared(&self, cause: EffectKind) -> Option<Self> {
+        let lacks = |limb: &usize| !self.model.places()[*limb].contains(&(cause, BASE));
+        let limbs = (0..self.data.len()).filter(lacks);
+        let members: Vec<Member> = limbs.map(|limb| (limb, (cause, BASE))).collect();
+        if members.is_empty() {
+            return None;
+        }
+        let mut other = self.anew()?;
+        other.first.clear();
+        other.begin_with(&members)?;
+        let other = other.run(Phase::Forward);
         let error = |search: &Self| search.model.weighted(&self.model);
         does_as_well(error(&other), error(self)).then_some(other)
     }
