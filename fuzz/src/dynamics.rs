@@ -54,7 +54,11 @@ pub fn dynamics(bytes: &[u8]) {
         std::hint::black_box(fitted.other_bodies(&model));
     }
     if let Ok(diagnosis) = diagnose(&recording, &model) {
-        assert!(diagnosis.held_out_rms.is_finite(), "{}", diagnosis.held_out_rms);
+        assert!(
+            diagnosis.held_out_rms.is_finite(),
+            "{}",
+            diagnosis.held_out_rms
+        );
     }
     if let Ok(compared) = compare(&recording, &model, ValuesFrom::Auto) {
         std::hint::black_box(compared.to_string());

@@ -112,7 +112,9 @@ impl Recorder {
             motors: (0..count).map(|n| Motor::typical(n % 5)).collect(),
             base: Transform::identity(),
             parts: [1.0; 3],
-            bodies: (0..count).map(|n| if n % 2 == 0 { 1.04 } else { 0.97 }).collect(),
+            bodies: (0..count)
+                .map(|n| if n % 2 == 0 { 1.04 } else { 0.97 })
+                .collect(),
             model: Model::new(robot),
             duration: 12.0,
             seed: 1,

@@ -111,11 +111,17 @@ fn torque_without_gravity_or_coriolis_forces_is_named() {
     let of = |parts: [f64; 3]| reading(|r| r.parts = parts, as_is, same);
     assert_eq!(
         of([1.0, 1.0, 0.0]),
-        Some(MismatchKind::NoGravity { joints: Vec::new(), coriolis: false })
+        Some(MismatchKind::NoGravity {
+            joints: Vec::new(),
+            coriolis: false
+        })
     );
     assert_eq!(
         of([1.0, 0.0, 0.0]),
-        Some(MismatchKind::NoGravity { joints: Vec::new(), coriolis: true })
+        Some(MismatchKind::NoGravity {
+            joints: Vec::new(),
+            coriolis: true
+        })
     );
 }
 
@@ -123,12 +129,23 @@ fn torque_without_gravity_or_coriolis_forces_is_named() {
 #[test]
 fn the_mounting_of_the_base_is_named() {
     let mountings = [
-        [0.14, 0.0], [0.0, 0.14], [0.0, -0.07], [0.3, -0.2], [0.0, 0.5], [FRAC_PI_2, 0.0],
-        [0.0, FRAC_PI_2], [-FRAC_PI_2, 0.0], [3.1415, 0.0], [0.9, 0.6],
+        [0.14, 0.0],
+        [0.0, 0.14],
+        [0.0, -0.07],
+        [0.3, -0.2],
+        [0.0, 0.5],
+        [FRAC_PI_2, 0.0],
+        [0.0, FRAC_PI_2],
+        [-FRAC_PI_2, 0.0],
+        [3.1415, 0.0],
+        [0.9, 0.6],
     ];
     for [roll, pitch] in mountings {
         let turn = *Rotation3::from_euler_angles(roll, pitch, 0.0).matrix();
-        let base = Transform { rotation: turn, ..Transform::identity() };
+        let base = Transform {
+            rotation: turn,
+            ..Transform::identity()
+        };
         let down = base.rotation.transpose() * -nalgebra::Vector3::z();
         let found = reading(|r| r.base = base, as_is, same);
         let Some(MismatchKind::Orientation { angle, rpy }) = found else {
@@ -147,7 +164,11 @@ fn the_mounting_of_the_base_is_named() {
 #[test]
 fn units_and_signs_of_the_torque_are_named() {
     let scaled = |by: &dyn Fn(&str) -> f64| {
-        reading(|_| (), as_is, |head, x| torque(head).map_or(x, |joint| by(joint) * x))
+        reading(
+            |_| (),
+            as_is,
+            |head, x| torque(head).map_or(x, |joint| by(joint) * x),
+        )
     };
     let constant = |joint: &str| match joint {
         "waist" => 0.08,
@@ -172,7 +193,10 @@ fn units_and_signs_of_the_torque_are_named() {
     let found = scaled(&|joint| if joint == "elbow" { -1.0 } else { 1.0 });
     assert_eq!(found, Some(MismatchKind::Sign(vec!["elbow".to_owned()])));
     // A motor's constant that is off by a tenth is the catalogue's.
-    assert_eq!(scaled(&|joint| if joint == "elbow" { 1.1 } else { 1.0 }), None);
+    assert_eq!(
+        scaled(&|joint| if joint == "elbow" { 1.1 } else { 1.0 }),
+        None
+    );
 }
 
 #[test]
@@ -184,11 +208,17 @@ fn joints_that_are_exchanged_or_count_the_other_way_are_named() {
             _ => head.to_owned(),
         }
     };
-    for [a, b] in [["waist", "elbow"], ["shoulder", "wrist"], ["shoulder", "elbow"]] {
+    for [a, b] in [
+        ["waist", "elbow"],
+        ["shoulder", "wrist"],
+        ["shoulder", "elbow"],
+    ] {
         let found = reading(|_| (), swap(a, b), same);
         let named = match &found {
             Some(MismatchKind::Exchanged(pairs) | MismatchKind::Joints(pairs)) => {
-                let names = |pair: &[String; 2]| pair.contains(&a.to_owned()) && pair.contains(&b.to_owned());
+                let names = |pair: &[String; 2]| {
+                    pair.contains(&a.to_owned()) && pair.contains(&b.to_owned())
+                };
                 pairs.iter().any(names)
             }
             _ => false,
@@ -218,7 +248,10 @@ fn what_the_catalogue_has_is_offered_and_not_refused() {
         recorder.base.rotation = *Rotation3::from_euler_angles(roll, pitch, 0.0).matrix();
         write(folder.path(), &recorder, as_is, same);
         let said = done(folder.path(), &["diagnose", "log.csv", "-m", "m.toml"]);
-        assert!(said.contains("missing: base_tilt (base)"), "{roll} {pitch}: {said}");
+        assert!(
+            said.contains("missing: base_tilt (base)"),
+            "{roll} {pitch}: {said}"
+        );
     }
 }
 
@@ -228,11 +261,15 @@ fn a_refusal_names_what_is_the_case() {
     let folder = folder();
     let path = folder.path();
     let arm = robot(path);
-    let log = |cell: &dyn Fn(&str, f64) -> f64| write(path, &Recorder::new(arm.clone()), as_is, cell);
+    let log =
+        |cell: &dyn Fn(&str, f64) -> f64| write(path, &Recorder::new(arm.clone()), as_is, cell);
     let with = |urdf: &str| {
         fs::write(path.join("other.urdf"), urdf).unwrap();
         let _ = fs::remove_file(path.join("other.toml"));
-        proprio(path, &["add", "viscous", "-m", "other.toml", "--urdf", "other.urdf"])
+        proprio(
+            path,
+            &["add", "viscous", "-m", "other.toml", "--urdf", "other.urdf"],
+        )
     };
     let inertials = |text: &str| {
         let parts = text.split("<inertial>").enumerate();
@@ -248,30 +285,64 @@ fn a_refusal_names_what_is_the_case() {
     let head = "<robot name=\"arm\">";
     let urdfs = [
         (inertials(ARM), Some("no link has a mass")),
-        (ARM.replace(head, declared).replace("</robot>", call), Some("xacro")),
-        (ARM.replace("lower=\"-2.1\"", "lower=\"${-pi/2}\""), Some("xacro")),
+        (
+            ARM.replace(head, declared).replace("</robot>", call),
+            Some("xacro"),
+        ),
+        (
+            ARM.replace("lower=\"-2.1\"", "lower=\"${-pi/2}\""),
+            Some("xacro"),
+        ),
         // Declared and not used, as xacro itself leaves it; a link without a mass among others.
         (ARM.replace(head, declared), None),
-        (ARM.replace("<link name=\"base\"/>", "<link name=\"base\"/><!-- ${not} run -->"), None),
+        (
+            ARM.replace(
+                "<link name=\"base\"/>",
+                "<link name=\"base\"/><!-- ${not} run -->",
+            ),
+            None,
+        ),
     ];
     for (urdf, words) in urdfs {
         let output = with(&urdf);
         let said = stderr(&output);
         match words {
-            Some(words) => assert!(!output.status.success() && said.contains(words), "{words}: {said}"),
+            Some(words) => assert!(
+                !output.status.success() && said.contains(words),
+                "{words}: {said}"
+            ),
             None => assert!(output.status.success(), "{said}"),
         }
     }
-    fs::write(path.join("latin1.urdf"), [&b"<!-- 170\xb0 -->"[..], ARM.as_bytes()].concat()).unwrap();
-    done(path, &["add", "viscous", "-m", "latin1.toml", "--urdf", "latin1.urdf"]);
+    fs::write(
+        path.join("latin1.urdf"),
+        [&b"<!-- 170\xb0 -->"[..], ARM.as_bytes()].concat(),
+    )
+    .unwrap();
+    done(
+        path,
+        &[
+            "add",
+            "viscous",
+            "-m",
+            "latin1.toml",
+            "--urdf",
+            "latin1.urdf",
+        ],
+    );
 
     // A URDF in g and mm: its units are named, not a torque that is none.
-    let other_units = ARM.replace("ixx=\"0.006\"", "ixx=\"6000\"").replace("iyy=\"0.006\"", "iyy=\"6000\"");
+    let other_units = ARM
+        .replace("ixx=\"0.006\"", "ixx=\"6000\"")
+        .replace("iyy=\"0.006\"", "iyy=\"6000\"");
     assert!(with(&other_units).status.success());
     log(&same);
     let refused = |model: &str| stderr(&proprio(path, &["diagnose", "log.csv", "-m", model]));
     let said = refused("other.toml");
-    assert!(said.contains("units") && said.contains("fore") && !said.contains("is zero"), "{said}");
+    assert!(
+        said.contains("units") && said.contains("fore") && !said.contains("is zero"),
+        "{said}"
+    );
     assert!(with(ARM).status.success());
     log(&|head, x| if torque(head).is_some() { 0.0 } else { x });
     let said = refused("other.toml");
@@ -279,7 +350,54 @@ fn a_refusal_names_what_is_the_case() {
     // Torque of another robot: nothing is said of a Go2.
     log(&|head, x| torque(head).map_or(x, |joint| (1e3 * x * joint.len() as f64).sin()));
     let said = refused("other.toml");
-    assert!(said.contains("another robot") && !said.contains("Go2"), "{said}");
+    assert!(
+        said.contains("another robot") && !said.contains("Go2"),
+        "{said}"
+    );
+    // Torque that the driver does not fill; the same names with numbers are read.
+    let named = |names: [&'static str; 3]| {
+        move |head: &str| match head.split_once('/') {
+            Some(("q", joint)) => names[0].replace('J', joint),
+            Some(("dq", joint)) => names[1].replace('J', joint),
+            Some(("tau", joint)) => names[2].replace('J', joint),
+            _ if head == "t" => "__time".to_owned(),
+            _ => head.to_owned(),
+        }
+    };
+    let plotjuggler = named([
+        "/joint_states/J/position",
+        "/joint_states/J/velocity",
+        "/joint_states/J/effort",
+    ]);
+    let lerobot = named(["J.pos", "J.vel", "J.effort"]);
+    let recorder = Recorder::new(arm.clone());
+    write(path, &recorder, &plotjuggler, |head, x| {
+        match torque(head) {
+            Some(_) => f64::NAN,
+            None => x,
+        }
+    });
+    let said = refused("other.toml");
+    assert!(
+        said.contains("effort") && said.contains("holds no number"),
+        "{said}"
+    );
+    for names in [&plotjuggler as &dyn Fn(&str) -> String, &lerobot] {
+        write(path, &recorder, names, same);
+        done(path, &["identify", "log.csv", "-m", "other.toml"]);
+    }
+    // °/s; a sensor's error of a tenth is the catalogue's.
+    for (times, is_unit) in [(57.29578, true), (1.1, false)] {
+        log(&|head, x| {
+            if head.starts_with("dq/") {
+                times * x
+            } else {
+                x
+            }
+        });
+        let said = refused("other.toml");
+        assert_eq!(said.contains("°/s"), is_unit, "{said}");
+    }
     // Equal stamps, and few rows, by every command.
     let text = |rows: usize, stamp: bool| {
         log(&same);
@@ -296,7 +414,10 @@ fn a_refusal_names_what_is_the_case() {
         for rows in [1, 2, 3, 5, 10, 20, 40] {
             text(rows, false);
             let said = stderr(&proprio(path, &[command, "log.csv", "-m", "other.toml"]));
-            assert!(said.contains("too short") && said.contains("needed"), "{command} {rows}: {said}");
+            assert!(
+                said.contains("too short") && said.contains("needed"),
+                "{command} {rows}: {said}"
+            );
         }
         text(600, true);
         let said = stderr(&proprio(path, &[command, "log.csv", "-m", "other.toml"]));

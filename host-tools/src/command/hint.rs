@@ -341,6 +341,9 @@ fn of_log(error: &LogError) -> String {
         Problem::OutsideLimits { degrees: true, .. } => {
             "convert positions to rad and velocities to rad/s: multiply both by π/180 = 0.0174533".to_owned()
         }
+        Problem::OutsideLimits { other_way: true, joint, .. } => {
+            format!("multiply q/{joint}, dq/{joint} and tau/{joint} by -1, or turn the joint's axis in the URDF")
+        }
         Problem::OutsideLimits { .. } => {
             "check the joint's zero and sign: positions are the URDF's, in rad or m; a Go2's are 0 with the leg straight down".to_owned()
         }

@@ -6,21 +6,22 @@
 //! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
 //! such thing: it leaves less as it is than in any other reading.
 
+mod bodies;
 mod columns;
 mod commanded;
 mod dynamics;
+mod kind;
 mod reading;
 mod words;
 
 use std::mem::discriminant;
-use std::path::PathBuf;
 
-use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
 use crate::model::{Body, Limb, Model, other_unit};
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
+pub use kind::{Mismatch, MismatchKind};
 use reading::{JointReading, Reading, shifts};
 
 /// Another reading is named if it leaves less than this share of what the log leaves as it is, and less than so much of the torque's
@@ -46,8 +47,9 @@ const LEAST_LATE: f64 = 0.006;
 const AT_ITS_TIME: f64 = 0.75;
 /// Up to this time, s, five times what is known of it before any data, a torque's lateness is the catalogue's to tell.
 const CATALOGUE_LATE: f64 = 0.02;
-/// So far, rad, a base's tilt is the catalogue's to tell: its columns are those of small angles.
-const CATALOGUE_TILT: f64 = 0.35;
+/// A velocity that is off by more than this share is in another unit or of another sign: the catalogue's `velocity_gain` is a sensor's error.
+const OTHER_VELOCITY: f64 = 0.5;
+const SURELY: f64 = 5.0;
 /// Factors of a torque that drives' constants may have: outside nobody knows its unit.
 const KNOWN_UNIT: f64 = 1.5;
 /// What leaves less than this needs no reading that is dear to try.
@@ -57,94 +59,16 @@ const PLAINER: f64 = 0.7;
 /// Most joints of a limb whose order is tried in every way.
 const MOST_ORDERED: usize = 4;
 
-/// What is wrong between logs and the model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mismatch {
-    /// The log of which it is true; all that are given, if none.
-    pub log: Option<PathBuf>,
-    /// What it is.
-    pub kind: MismatchKind,
-}
-
-/// What can be wrong between a log and the model.
-#[derive(Debug, Clone, PartialEq)]
-pub enum MismatchKind {
-    /// The torque is zero, or next to nothing beside the model's: of these joints, of all if there are none.
-    NoTorque(Vec<String>),
-    /// The torque has the other sign at these joints, at all if there are none.
-    Sign(Vec<String>),
-    /// The torque is so many times the model's at all joints.
-    Unit(f64),
-    /// The torque is so many times the model's at each joint, where that is known.
-    Units(Vec<(String, Option<f64>)>),
-    /// The model's torque is so many times the log's at these joints; bodies whose inertia is no body's.
-    ModelUnits {
-        /// How many times.
-        times: f64,
-        /// Which joints; all if none.
-        joints: Vec<String>,
-        /// Each body's mass, kg, and radius of gyration, m.
-        bodies: Vec<(String, [f64; 2])>,
-    },
-    /// The torque lacks gravity at these joints (at all if none), and Coriolis forces too.
-    NoGravity {
-        /// Which joints.
-        joints: Vec<String>,
-        /// Whether Coriolis and centrifugal forces are missing as well.
-        coriolis: bool,
-    },
-    /// The base is mounted otherwise.
-    Orientation {
-        /// The angle between gravity and the model's, rad.
-        angle: f64,
-        /// Roll, pitch and yaw of the base, as a model file states them, rad.
-        rpy: [f64; 3],
-    },
-    /// Position, velocity and torque of these joints count the other way.
-    OtherWay(Vec<String>),
-    /// The columns of these pairs of joints are exchanged.
-    Exchanged(Vec<[String; 2]>),
-    /// The columns of these limbs are those of others: recorded as, is.
-    Limbs(Vec<[String; 2]>),
-    /// The columns of joints are exchanged within each limb: recorded as, is.
-    Joints(Vec<[String; 2]>),
-    /// The torque is so many seconds late at all joints, or early if negative.
-    Late(f64),
-    /// What the model gives, with whatever friction, leaves this share of the torque's square at half of the joints, or more.
-    NoBetterThanNothing(f64),
-    /// The torque of this log is what was commanded.
-    Commanded(String),
-    /// These two logs hold the same numbers.
-    Twice([String; 2]),
-}
-
-impl MismatchKind {
-    /// Whether nothing can be said of the model before it is mended; else the catalogue has it as an effect, or it is true of some joints.
-    pub fn refuses(&self) -> bool {
-        match self {
-            Self::Late(seconds) => seconds.abs() > CATALOGUE_LATE,
-            Self::Orientation { angle, .. } => *angle > CATALOGUE_TILT,
-            Self::NoGravity { joints, .. } => joints.is_empty(),
-            Self::Unit(factor) => !(1.0 / KNOWN_UNIT..=KNOWN_UNIT).contains(factor),
-            _ => true,
-        }
-    }
-
-    /// The effect of the catalogue that all joints share and that does this, if one does.
-    pub(crate) fn cause(&self) -> Option<EffectKind> {
-        match self {
-            Self::Late(_) if !self.refuses() => Some(EffectKind::Delay),
-            Self::Orientation { .. } if !self.refuses() => Some(EffectKind::BaseTilt),
-            _ => None,
-        }
-    }
-}
-
 /// What is wrong between a recording and `model`, the plainest first; empty where nothing is. Of several logs each is judged alone, so that a
 /// wrong one does not hide among right ones.
 pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
     let of_all = |kind| Mismatch { log: None, kind };
     let mut found: Vec<Mismatch> = twice(recording).into_iter().map(of_all).collect();
+    if let Some(velocity) = velocities(recording) {
+        found.push(of_all(velocity));
+        // What a model makes of such a motion says nothing.
+        return found;
+    }
     found.extend(commanded::commanded(recording, model).map(of_all));
     let logs = recording.gates.len();
     let kinds = |kinds: &[MismatchKind]| kinds.iter().map(discriminant).collect::<Vec<_>>();
@@ -195,6 +119,7 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
         dynamics::incomplete(&as_is),
         late(&as_is, now),
         dynamics::orientation(&as_is),
+        bodies::body(recording, model, &as_is),
         limbs(recording, model, now),
         joints(recording, model, now),
         dynamics::units(&as_is),
@@ -219,7 +144,13 @@ type Left = (f64, MismatchKind);
 /// The best of readings in the order of their plainness.
 fn plainest<const N: usize>(readings: [Option<Left>; N]) -> Option<Left> {
     let all = readings.into_iter().flatten();
-    all.reduce(|best, next| if next.0 < PLAINER * best.0 { next } else { best })
+    all.reduce(|best, next| {
+        if next.0 < PLAINER * best.0 {
+            next
+        } else {
+            best
+        }
+    })
 }
 
 /// The mean over all joints of what each leaves. None counts for more than all of its torque: where a constant torque holds a joint up
@@ -307,7 +238,11 @@ fn unit(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let (low, middle, high) = (at(0.25)?, at(0.5)?, at(0.75)?);
     let agreed = low > 0.0 && high / low < AGREED;
     // Motors' constants differ by less than this, and so do a CAD's masses.
-    let least = if high / low < ONE_UNIT { KNOWN_UNIT } else { OTHER_UNIT };
+    let least = if high / low < ONE_UNIT {
+        KNOWN_UNIT
+    } else {
+        OTHER_UNIT
+    };
     let other = !(1.0 / least..=least).contains(&middle);
     let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));
     (agreed && other).then_some((left, MismatchKind::Unit(middle)))
@@ -455,6 +390,31 @@ fn orders(count: usize) -> Vec<Vec<usize>> {
         orders = orders.iter().flat_map(insert).collect();
     }
     orders
+}
+
+/// Velocities in another unit or of the other sign than the positions', by what the gates have found.
+fn velocities(recording: &Recording) -> Option<MismatchKind> {
+    let joints = || {
+        recording
+            .gates
+            .iter()
+            .flat_map(|gates| &gates.report.joints)
+    };
+    let known = || joints().filter_map(|joint| Some((&joint.joint, joint.velocity?)));
+    let other =
+        || known().filter(|(_, v)| (v.gain - 1.0).abs() > OTHER_VELOCITY + SURELY * v.gain_std);
+    let times = robust::median(other().map(|(_, v)| v.gain))?;
+    let mut names: Vec<String> = other().map(|(name, _)| name.clone()).collect();
+    names.sort();
+    names.dedup();
+    Some(MismatchKind::Velocity {
+        joints: if other().count() == known().count() {
+            Vec::new()
+        } else {
+            names
+        },
+        times,
+    })
 }
 
 /// Two logs with the same bytes.

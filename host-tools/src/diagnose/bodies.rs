@@ -15,8 +15,9 @@ use crate::identify::{OtherBody, other_bodies};
 use crate::model::Model;
 use crate::select::search::Found;
 
-/// Held-out squares up to so many times those of the effects found: as many as a step has to take away.
-const AS_WELL: f64 = 1.1;
+/// Held-out squares up to so many times those of the effects found: the prior pulls a body that is another one back to the CAD's, and leaves that
+/// much of it.
+const AS_WELL: f64 = 1.35;
 /// Bodies are told only by a model that predicts to this share of the torque's square: else what it lacks is in them.
 const PREDICTS: f64 = 0.05;
 
@@ -27,7 +28,11 @@ pub(super) fn of(data: &[LimbData], found: &Found, model: &Model) -> (Vec<OtherB
         .sum();
     let end: f64 = found.end.squares.iter().map(|own| own.total()).sum();
     let beyond = |effect: &EffectKind| !EffectKind::PLAIN.contains(effect);
-    let pulled = found.end.fits.iter().any(|fit| fit.tightness.iter().any(|t| *t > 1.0));
+    let pulled = found
+        .end
+        .fits
+        .iter()
+        .any(|fit| fit.tightness.iter().any(|t| *t > 1.0));
     if pulled || found.steps.iter().any(|step| beyond(&step.effect)) {
         if let Some((bodies, squares)) = with_free_bodies(data, model)
             && squares < AS_WELL * end
@@ -40,7 +45,12 @@ pub(super) fn of(data: &[LimbData], found: &Found, model: &Model) -> (Vec<OtherB
     if pulled || end > PREDICTS * torque {
         return (Vec::new(), false);
     }
-    let all: Vec<_> = found.end.fits.iter().flat_map(|fit| parameters(fit)).collect();
+    let all: Vec<_> = found
+        .end
+        .fits
+        .iter()
+        .flat_map(|fit| parameters(fit))
+        .collect();
     (other_bodies(&all, model), false)
 }
 

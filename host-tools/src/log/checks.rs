@@ -59,6 +59,7 @@ struct LimitCheck {
     upper: f64,
     outside: u64,
     surely_degrees: u64,
+    other_way: u64,
     first: Option<(u64, f64)>,
 }
 
@@ -150,7 +151,13 @@ impl fmt::Display for Warning {
                 first,
                 column,
                 value,
-            } => f.write_str(&words(*cause, [*count, *also, *rows], *first, column, *value)),
+            } => f.write_str(&words(
+                *cause,
+                [*count, *also, *rows],
+                *first,
+                column,
+                *value,
+            )),
             Self::Cut { last } => write!(
                 f,
                 "the file was cut short: its {last} whole messages are read"
@@ -330,6 +337,7 @@ impl LimitCheck {
             upper,
             outside: 0,
             surely_degrees: 0,
+            other_way: 0,
             first: None,
         }
     }
@@ -338,6 +346,7 @@ impl LimitCheck {
         if !self.is_within(q) {
             self.outside += 1;
             self.surely_degrees += u64::from(self.is_surely_degrees(q));
+            self.other_way += u64::from(self.is_within(-q));
             self.first.get_or_insert((line, q));
         }
     }
@@ -366,6 +375,8 @@ impl LimitCheck {
                 percent: 100.0 * self.outside as f64 / rows as f64,
                 value,
                 degrees: degrees && self.turns,
+                // All but a glitch, so that a wrong zero is not taken for a wrong sign.
+                other_way: 20 * self.other_way > 19 * self.outside,
             },
         ))
     }

@@ -356,7 +356,11 @@ pub enum Problem {
     #[error(
         "{joint} is outside its limits ({lower:.3} to {upper:.3} {unit}) in {percent:.0} % of the samples, \
          {value} here{}",
-        if *.degrees { "; the values look like degrees" } else { "" }
+        match (*.degrees, *.other_way) {
+            (true, _) => "; the values look like degrees",
+            (false, true) => "; counted the other way they are within",
+            (false, false) => "",
+        }
     )]
     OutsideLimits {
         /// The joint.
@@ -373,6 +377,8 @@ pub enum Problem {
         value: f64,
         /// The values fall within the limits when read as degrees.
         degrees: bool,
+        /// The values fall within the limits with the other sign.
+        other_way: bool,
     },
 }
 

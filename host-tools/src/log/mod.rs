@@ -45,7 +45,9 @@ use std::path::{Path, PathBuf};
 use proprio_core::go2::{JointId, LEGS, Leg};
 
 pub use admission::Cause;
-pub use checks::{BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods, Warning};
+pub use checks::{
+    BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods, Warning,
+};
 pub use columns::{Channel, Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
 pub use provenance::sha256;

@@ -149,7 +149,9 @@ fn element_of_state(name: &str) -> Option<Meaning<'_>> {
 
 /// A joint's name without what LeRobot says after it.
 pub(super) fn without_suffix(joint: &str) -> &str {
-    let bare = SUFFIXES.iter().find_map(|(suffix, _)| joint.strip_suffix(suffix));
+    let bare = SUFFIXES
+        .iter()
+        .find_map(|(suffix, _)| joint.strip_suffix(suffix));
     bare.filter(|bare| !bare.is_empty()).unwrap_or(joint)
 }
 

@@ -217,7 +217,9 @@ pub enum RobotProblem {
         line: u32,
     },
     /// Links have shapes, and none a mass.
-    #[error("no link has a mass: without <inertial> elements nothing is known of the robot's dynamics")]
+    #[error(
+        "no link has a mass: without <inertial> elements nothing is known of the robot's dynamics"
+    )]
     NoMasses,
     /// Nothing moves.
     #[error("no joint moves")]

@@ -157,17 +157,29 @@ fn unexpanded(document: &roxmltree::Document) -> Option<Box<Fault>> {
     if let Some(call) = robot.descendants().find(is_call) {
         let what = format!("xacro:{}", call.tag_name().name());
         let line = document.text_pos_at(call.range().start).row;
-        return Some(Fault::boxed("robot", "", RobotProblem::Xacro { what, line }));
+        return Some(Fault::boxed(
+            "robot",
+            "",
+            RobotProblem::Xacro { what, line },
+        ));
     }
     let own = |node: &roxmltree::Node| node.has_tag_name("link") || node.has_tag_name("joint");
-    let shapes = |node: &roxmltree::Node| node.has_tag_name("visual") || node.has_tag_name("collision");
-    let elements = robot.children().filter(own).flat_map(|node| node.descendants());
+    let shapes =
+        |node: &roxmltree::Node| node.has_tag_name("visual") || node.has_tag_name("collision");
+    let elements = robot
+        .children()
+        .filter(own)
+        .flat_map(|node| node.descendants());
     let stated = elements.filter(|node| !node.ancestors().any(|above| shapes(&above)));
     let mut all = stated.flat_map(|node| node.attributes().map(move |attribute| (node, attribute)));
     let (node, attribute) = all.find(|(_, attribute)| attribute.value().contains("${"))?;
     let what = attribute.value().to_owned();
     let line = document.text_pos_at(node.range().start).row;
-    Some(Fault::boxed("robot", "", RobotProblem::Xacro { what, line }))
+    Some(Fault::boxed(
+        "robot",
+        "",
+        RobotProblem::Xacro { what, line },
+    ))
 }
 
 #[cfg(test)]

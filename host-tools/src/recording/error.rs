@@ -63,7 +63,11 @@ impl RecordingError {
     pub(crate) fn too_short(recording: &Recording, least: f64) -> Self {
         Self::TooShort {
             logs: recording.logs.clone(),
-            samples: recording.gates.iter().map(|of| of.report.sampling.samples).sum(),
+            samples: recording
+                .gates
+                .iter()
+                .map(|of| of.report.sampling.samples)
+                .sum(),
             duration: recording.duration,
             least,
         }

@@ -41,8 +41,12 @@ impl Columns<'_> {
     }
 
     fn as_is(&self) -> Way {
-        let limbs: Vec<LimbRecording> =
-            self.recording.limbs.iter().map(|(_, own)| own.clone()).collect();
+        let limbs: Vec<LimbRecording> = self
+            .recording
+            .limbs
+            .iter()
+            .map(|(_, own)| own.clone())
+            .collect();
         let left = |(n, own): (usize, &LimbRecording)| self.left(n, own);
         Way {
             left: limbs.par_iter().enumerate().map(left).collect(),
@@ -105,13 +109,20 @@ impl Way {
     /// The joints that are not in their place.
     fn astray(&self) -> Vec<At> {
         let limbs = self.left.iter().enumerate();
-        let joints = limbs.flat_map(|(n, left)| left.iter().enumerate().map(move |(j, x)| ((n, j), *x)));
-        joints.filter(|(_, left)| *left > IN_PLACE).map(|(at, _)| at).collect()
+        let joints =
+            limbs.flat_map(|(n, left)| left.iter().enumerate().map(move |(j, x)| ((n, j), *x)));
+        joints
+            .filter(|(_, left)| *left > IN_PLACE)
+            .map(|(at, _)| at)
+            .collect()
     }
 }
 
 /// What is left with the joints that count the other way read as if they did not: position, velocity and torque together.
-pub(super) fn counted_the_other_way(recording: &Recording, model: &Model) -> Option<(f64, MismatchKind)> {
+pub(super) fn counted_the_other_way(
+    recording: &Recording,
+    model: &Model,
+) -> Option<(f64, MismatchKind)> {
     let columns = Columns { recording, model };
     let mut way = columns.as_is();
     let mut found: Vec<At> = Vec::new();
@@ -156,7 +167,9 @@ pub(super) fn exchanged(recording: &Recording, model: &Model) -> Option<(f64, Mi
         found.push(pair);
         way = next;
     }
-    let names = found.iter().map(|(a, b)| [columns.name(*a), columns.name(*b)]);
+    let names = found
+        .iter()
+        .map(|(a, b)| [columns.name(*a), columns.name(*b)]);
     let names: Vec<[String; 2]> = names.collect();
     (!names.is_empty()).then(|| (way.mean(), MismatchKind::Exchanged(names)))
 }

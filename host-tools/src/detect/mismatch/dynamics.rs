@@ -63,7 +63,11 @@ pub(super) fn incomplete(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     // One joint may have a counterbalance.
     let all = names.len() == carriers && carriers > 1;
     (!names.is_empty()).then(|| {
-        let left = if coriolis { without_both } else { without_gravity };
+        let left = if coriolis {
+            without_both
+        } else {
+            without_gravity
+        };
         let joints = if all { Vec::new() } else { names };
         (left, MismatchKind::NoGravity { joints, coriolis })
     })
@@ -93,7 +97,9 @@ pub(super) fn orientation(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     }
     let gravity = GRAVITY * found.normalize();
     let angle = gravity.angle(&stated);
-    let left = share(readings, &|joint| joint.left_beside(&turned(joint, &(gravity - stated))));
+    let left = share(readings, &|joint| {
+        joint.left_beside(&turned(joint, &(gravity - stated)))
+    });
     (angle > LEAST_ANGLE).then(|| {
         let kind = MismatchKind::Orientation {
             angle,
@@ -105,7 +111,11 @@ pub(super) fn orientation(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
 
 /// The torque that bodies give where gravity is another one by `change`.
 fn turned(joint: &JointReading, change: &Vector3<f64>) -> Vec<f64> {
-    let more = |w: usize| (0..3).map(|axis| change[axis] * joint.by_gravity[axis][w]).sum::<f64>();
+    let more = |w: usize| {
+        (0..3)
+            .map(|axis| change[axis] * joint.by_gravity[axis][w])
+            .sum::<f64>()
+    };
     let all = joint.predicted.iter().enumerate();
     all.map(|(w, own)| own + more(w)).collect()
 }
@@ -143,7 +153,9 @@ pub(super) fn units(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
         .map(|(joint, of)| (joint.name.clone(), is_known(of).then_some(of.0)))
         .collect();
     let mean = left.iter().sum::<f64>() / left.len() as f64;
-    let (low, high) = factors.iter().fold((f64::INFINITY, 0.0), |(low, high), f| (f.min(low), f.max(high)));
+    let (low, high) = factors.iter().fold((f64::INFINITY, 0.0), |(low, high), f| {
+        (f.min(low), f.max(high))
+    });
     // What all joints agree on is one unit.
     (high / low > AGREED).then_some((mean, MismatchKind::Units(told)))
 }

@@ -118,7 +118,10 @@ impl JointReading {
             weight: windows.iter().map(|w| parts.weight(w * n + j)).collect(),
             by_gravity: (parts.by_gravity.each_ref())
                 .map(|own| windows.iter().map(|w| own[w * n + j]).collect()),
-            centrifugal: windows.iter().map(|w| parts.centrifugal[w * n + j]).collect(),
+            centrifugal: windows
+                .iter()
+                .map(|w| parts.centrifugal[w * n + j])
+                .collect(),
             products: [0, 1, 2].map(|a| [0, 1, 2].map(|b| product(a, b))),
             friction,
         };
@@ -150,7 +153,9 @@ impl JointReading {
         let (found, _) = least_squares(&columns, x);
         let mut left = x.to_vec();
         for (column, size) in columns.iter().zip(found.iter()) {
-            left.iter_mut().zip(*column).for_each(|(x, c)| *x -= size * c);
+            left.iter_mut()
+                .zip(*column)
+                .for_each(|(x, c)| *x -= size * c);
         }
         left
     }
@@ -232,7 +237,9 @@ impl Parts {
     }
 
     fn weight(&self, at: usize) -> f64 {
-        (0..3).map(|axis| self.gravity[axis] * self.by_gravity[axis][at]).sum()
+        (0..3)
+            .map(|axis| self.gravity[axis] * self.by_gravity[axis][at])
+            .sum()
     }
 }
 

@@ -1,5 +1,6 @@
 //! What is wrong between a log and the model, in words.
 
+use std::f64::consts::PI;
 use std::fmt;
 
 use super::{Mismatch, MismatchKind};
@@ -32,6 +33,25 @@ impl fmt::Display for MismatchKind {
                 "the torque of {} is zero: record the motors' estimate (tau_est), not a command or a placeholder",
                 of(joints)
             ),
+            Self::Velocity { joints, times } => {
+                let is = |unit: f64| (times / unit - 1.0).abs() < 0.05;
+                let units = [
+                    (-1.0, "it has the other sign"),
+                    (180.0 / PI, "it is in °/s; multiply it by π/180"),
+                    (30.0 / PI, "it is in rpm; multiply it by π/30"),
+                ];
+                let known = units.iter().find(|(unit, _)| is(*unit));
+                let what = known.map_or(
+                    "it is to be in rad/s (m/s), at the joint, behind the gear",
+                    |(_, what)| what,
+                );
+                write!(
+                    f,
+                    "the velocity of {} is {} times that of the positions: {what}",
+                    of(joints),
+                    significant(*times, 3)
+                )
+            }
             Self::Sign(joints) => write!(
                 f,
                 "the torque of {} has the other sign: it is positive where it turns the joint to greater q",
@@ -76,7 +96,11 @@ impl fmt::Display for MismatchKind {
                 Ok(())
             }
             Self::NoGravity { joints, coriolis } => {
-                let both = if *coriolis { " and Coriolis forces" } else { "" };
+                let both = if *coriolis {
+                    " and Coriolis forces"
+                } else {
+                    ""
+                };
                 write!(f, "the torque lacks gravity{both} at {}: ", of(joints))?;
                 match joints.is_empty() {
                     true => f.write_str("the driver takes it out; record the torque of the motors, or add what the driver computes"),
@@ -91,9 +115,19 @@ impl fmt::Display for MismatchKind {
                     "the base is mounted otherwise: gravity is {:.1}° from where the model has it; in the model file: [base], \
                      rpy = [{roll}, {pitch}, {yaw}] (nothing tells the yaw){}",
                     angle.to_degrees(),
-                    if self.refuses() { "" } else { ", or the effect base_tilt" }
+                    if self.refuses() {
+                        ""
+                    } else {
+                        ", or the effect base_tilt"
+                    }
                 )
             }
+            Self::Body { link, mass, times } => write!(
+                f,
+                "{link}: {} kg by the torque, the URDF says {} kg: a load, or a wrong URDF",
+                significant(mass * times, 3),
+                significant(*mass, 3)
+            ),
             Self::OtherWay(joints) => write!(
                 f,
                 "{} count the other way, position, velocity and torque: multiply the three columns by -1, or turn the axis in the URDF",

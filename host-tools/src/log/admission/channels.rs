@@ -69,7 +69,11 @@ impl Levels {
                 greatest: 0.0,
             };
             levels.push(level(dq, Some(q), limit(body.velocity), LEAST_VELOCITY));
-            let least = if effort.is_finite() { LEAST_EFFORT * effort } else { 0.0 };
+            let least = if effort.is_finite() {
+                LEAST_EFFORT * effort
+            } else {
+                0.0
+            };
             levels.push(level(tau, None, effort, least));
         }
         let slots = columns.slots;

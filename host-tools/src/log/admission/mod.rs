@@ -149,9 +149,8 @@ impl Admission {
         if self.stamp_is_wrong() {
             return Some((Cause::Stamp, TIME));
         }
-        let no_measurement = |slot: &&usize| {
-            **slot != TIME && row.values[**slot].abs() > NO_MEASUREMENT
-        };
+        let no_measurement =
+            |slot: &&usize| **slot != TIME && row.values[**slot].abs() > NO_MEASUREMENT;
         if let Some(slot) = self.slots.iter().find(no_measurement) {
             return Some((Cause::Impossible, *slot));
         }
@@ -164,7 +163,10 @@ impl Admission {
             return Some((Cause::Jump, self.positions.first()));
         }
         // A spike is judged first: a row's garbage must not make its positions look foreign.
-        if let Some(slot) = self.levels.spike(&self.ahead, kept.map(|kept| &kept.values)) {
+        if let Some(slot) = self
+            .levels
+            .spike(&self.ahead, kept.map(|kept| &kept.values))
+        {
             return Some((Cause::Impossible, slot));
         }
         let Some(kept) = kept else {
@@ -183,7 +185,11 @@ impl Admission {
         self.seam_until = now + AFTER_SEAM.max(periods);
         self.kept = None;
         self.foreign = None;
-        let cause = if zeros { Cause::ZerosFirst } else { Cause::Seam };
+        let cause = if zeros {
+            Cause::ZerosFirst
+        } else {
+            Cause::Seam
+        };
         Some((cause, jump.slot))
     }
 

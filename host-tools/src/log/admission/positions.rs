@@ -15,6 +15,8 @@ const LEAST: f64 = 0.05;
 const LEAST_OF_RANGE: f64 = 0.02;
 /// The time between samples up to which [`LEAST`] holds, s; it grows with the time's square.
 const TIME: f64 = 0.01;
+/// It grows no further than from so many times that time on: what a joint does in longer silences follows its velocity, or is another robot's.
+const LONGEST_TIMES: f64 = 2.0;
 /// Stamps of a recorder that falls behind come in bursts: a joint may have moved, at its reported speed, for its time between stamps and so
 /// many periods more.
 const BURST: f64 = 3.0;
@@ -54,7 +56,11 @@ impl Positions {
             let [lower, upper] = columns.robot().bodies()[joint].limits;
             let range = upper - lower;
             let is_known = range.is_finite() && range > 0.0;
-            let least = if is_known { LEAST.min(LEAST_OF_RANGE * range) } else { LEAST };
+            let least = if is_known {
+                LEAST.min(LEAST_OF_RANGE * range)
+            } else {
+                LEAST
+            };
             Joint { q, dq, tau, least }
         };
         Self {
@@ -94,7 +100,10 @@ impl Positions {
             let state = state.filter(|n| *n > 0);
             state.is_some_and(|n| !joint.goes_on(&ahead[n - 1], &ahead[n], period))
         };
-        let zeros = self.joints.iter().filter(|joint| joint.is_zero(&first.values));
+        let zeros = self
+            .joints
+            .iter()
+            .filter(|joint| joint.is_zero(&first.values));
         zeros.clone().find(later).map(|joint| joint.q)
     }
 
@@ -133,9 +142,8 @@ impl Positions {
         if since <= 0.0 || since > longest || !self.is_confirmed(last, row, ahead, slot) {
             return None;
         }
-        let returns = |row: &Raw| {
-            row.t() - last.t() <= longest && self.breaks(last, row, period).is_none()
-        };
+        let returns =
+            |row: &Raw| row.t() - last.t() <= longest && self.breaks(last, row, period).is_none();
         let comes_back = ahead.iter().skip(1).take(RUN).any(returns);
         // Without a row that shows it nothing tells whether it stays.
         let comes_back = comes_back || ahead.len() == 1;
@@ -161,7 +169,9 @@ impl Positions {
         };
         let least = |n: usize, of: &dyn Fn(&Raw, &Raw) -> f64| {
             let later = ahead.iter().skip(n + 1).take(2);
-            later.map(|row| of(&ahead[n], row)).fold(f64::INFINITY, f64::min)
+            later
+                .map(|row| of(&ahead[n], row))
+                .fold(f64::INFINITY, f64::min)
         };
         let usual = |of: &dyn Fn(&Raw, &Raw) -> f64| {
             let all = (0..ahead.len().saturating_sub(1)).map(|n| least(n, of));
@@ -182,7 +192,9 @@ fn period(ahead: &VecDeque<Raw>) -> f64 {
 
 impl Joint {
     fn is_zero(&self, row: &[f64]) -> bool {
-        [self.q, self.dq, self.tau].iter().all(|slot| row[*slot] == 0.0)
+        [self.q, self.dq, self.tau]
+            .iter()
+            .all(|slot| row[*slot] == 0.0)
     }
 
     fn moved(&self, from: &Raw, to: &Raw) -> f64 {
@@ -202,7 +214,7 @@ impl Joint {
             return true;
         }
         let since = (to.t() - from.t()).abs();
-        let time = (since / TIME).max(1.0);
+        let time = (since / TIME).clamp(1.0, LONGEST_TIMES);
         let least = self.least * time * time;
         let speed = from.values[self.dq].abs().max(to.values[self.dq].abs());
         moved <= least + speed * (since + BURST * period) || self.missed(from, to).abs() <= least

@@ -55,7 +55,11 @@ impl Made {
                 let q = 0.4 + size * (1.0 - (pace * since).cos());
                 let dq = size * pace * (pace * since).sin();
                 let tau = 3.0 * q.sin() + 0.02 * pace * pace * size * (pace * since).cos();
-                [q + 1e-4 * noise * normal(), dq + 0.02 * noise * normal(), tau + 0.05 * noise * normal()]
+                [
+                    q + 1e-4 * noise * normal(),
+                    dq + 0.02 * noise * normal(),
+                    tau + 0.05 * noise * normal(),
+                ]
             };
             (t, (0..joints).map(joint).collect())
         };
@@ -153,13 +157,20 @@ proptest! {
 
 #[test]
 fn a_torque_beyond_all_others_is_named_with_its_line() {
-    for (rate, limits, value) in [(500.0, true, 1000.0), (500.0, false, 1000.0), (100.0, true, -250.0)] {
+    for (rate, limits, value) in [
+        (500.0, true, 1000.0),
+        (500.0, false, 1000.0),
+        (100.0, true, -250.0),
+    ] {
         let mut log = Made::swing(3, rate, 6.0, 1.0, 7, limits);
         log.rows[200].1[1][2] = value;
         assert_eq!(log.left_out(), (vec![200], vec![(Cause::Impossible, 1)]));
         let (_, warnings) = log.read().unwrap();
         let said = warnings[0].to_string();
-        assert!(said.contains("line 202") && said.contains("tau/j2"), "{said}");
+        assert!(
+            said.contains("line 202") && said.contains("tau/j2"),
+            "{said}"
+        );
     }
 }
 
@@ -175,22 +186,34 @@ fn a_velocity_that_no_position_follows_is_left_out() {
 fn zeros_before_the_first_state_are_left_out() {
     for zeros in [1, 7, 60] {
         let mut log = Made::swing(3, 200.0, 6.0, 1.0, 7, true);
-        log.rows[..zeros].iter_mut().for_each(|row| row.1.fill([0.0; 3]));
+        log.rows[..zeros]
+            .iter_mut()
+            .for_each(|row| row.1.fill([0.0; 3]));
         assert_eq!(
             log.left_out(),
-            ((0..zeros).collect(), vec![(Cause::ZerosFirst, zeros as u64)])
+            (
+                (0..zeros).collect(),
+                vec![(Cause::ZerosFirst, zeros as u64)]
+            )
         );
         // One joint's motor answers later than the others'.
         let mut log = Made::swing(3, 200.0, 6.0, 1.0, 7, true);
-        log.rows[..zeros].iter_mut().for_each(|row| row.1[1] = [0.0; 3]);
+        log.rows[..zeros]
+            .iter_mut()
+            .for_each(|row| row.1[1] = [0.0; 3]);
         assert_eq!(log.left_out().0, (0..zeros).collect::<Vec<_>>());
     }
     // Longer than what is looked ahead.
     let mut log = Made::swing(3, 200.0, 6.0, 1.0, 7, true);
-    log.rows[..150].iter_mut().for_each(|row| row.1.fill([0.0; 3]));
+    log.rows[..150]
+        .iter_mut()
+        .for_each(|row| row.1.fill([0.0; 3]));
     let (out, causes) = log.left_out();
     assert_eq!(causes, [(Cause::ZerosFirst, 1)]);
-    assert!(out.iter().all(|n| (150..190).contains(n)) && out.contains(&150), "{out:?}");
+    assert!(
+        out.iter().all(|n| (150..190).contains(n)) && out.contains(&150),
+        "{out:?}"
+    );
     // A simulation that begins at zero and at rest has no zeros to leave out.
     let mut log = Made::swing(3, 200.0, 6.0, 0.0, 7, true);
     for (_, joints) in &mut log.rows {
@@ -204,7 +227,10 @@ fn zeros_before_the_first_state_are_left_out() {
 fn the_rows_of_a_second_publisher_are_left_out() {
     for (every, first) in [(2, 0), (5, 3), (9, 1), (5, 0)] {
         let log = Made::swing(3, 200.0, 6.0, 1.0, 7, true);
-        let mut both = Made { rows: Vec::new(), ..log.clone() };
+        let mut both = Made {
+            rows: Vec::new(),
+            ..log.clone()
+        };
         let mut foreign = Vec::new();
         for (k, row) in log.rows.iter().enumerate() {
             if k % every == first {
@@ -215,13 +241,20 @@ fn the_rows_of_a_second_publisher_are_left_out() {
         }
         if 3 * foreign.len() > both.rows.len() {
             let error = both.read().unwrap_err();
-            assert!(matches!(*error.problem, Problem::TwoPublishers { .. }), "{error}");
+            assert!(
+                matches!(*error.problem, Problem::TwoPublishers { .. }),
+                "{error}"
+            );
             continue;
         }
         let (out, causes) = both.left_out();
         assert_eq!(out, foreign, "{every} {first}");
         assert_eq!(causes, [(Cause::Jump, foreign.len() as u64)]);
-        assert!(both.read().unwrap().1[0].to_string().contains("two publishers"));
+        assert!(
+            both.read().unwrap().1[0]
+                .to_string()
+                .contains("two publishers")
+        );
     }
 }
 
@@ -237,21 +270,37 @@ fn no_row_bridges_a_seam() {
     let silent = log.rows[out[out.len() - 1] + 1].0 - log.rows[899].0;
     assert!(silent > super::BRIDGED && silent < 0.1, "{silent}");
     let said = log.read().unwrap().1[0].to_string();
-    assert!(said.contains("line 902") && said.contains("joined"), "{said}");
+    assert!(
+        said.contains("line 902") && said.contains("joined"),
+        "{said}"
+    );
 }
 
 #[test]
 fn a_stamp_that_is_not_between_its_neighbours_is_left_out() {
-    for (n, stamp) in [(0, 1.7e9), (300, 1.7e9), (300, 0.0), (300, 1.6), (0, -5000.0)] {
+    for (n, stamp) in [
+        (0, 1.7e9),
+        (300, 1.7e9),
+        (300, 0.0),
+        (300, 1.6),
+        (0, -5000.0),
+    ] {
         let mut log = Made::swing(2, 200.0, 6.0, 1.0, 7, true);
         log.rows[n].0 = stamp;
-        assert_eq!(log.left_out(), (vec![n], vec![(Cause::Stamp, 1)]), "{n} {stamp}");
+        assert_eq!(
+            log.left_out(),
+            (vec![n], vec![(Cause::Stamp, 1)]),
+            "{n} {stamp}"
+        );
     }
     // A clock that goes back for good is another recording.
     let mut log = Made::swing(2, 200.0, 6.0, 1.0, 7, true);
     log.rows[600..].iter_mut().for_each(|row| row.0 -= 2.0);
     let error = log.read().unwrap_err();
-    assert!(matches!(*error.problem, Problem::TimeBackwards { .. }), "{error}");
+    assert!(
+        matches!(*error.problem, Problem::TimeBackwards { .. }),
+        "{error}"
+    );
 }
 
 /// °/s and mA are other units, not damaged messages: they stay for those to see who know units.
@@ -263,7 +312,11 @@ fn what_stays_is_not_left_out() {
             for (_, joints) in &mut log.rows {
                 joints.iter_mut().for_each(|joint| joint[channel] *= scale);
             }
-            assert_eq!(log.left_out(), (Vec::new(), Vec::new()), "{channel} {scale} {rate}");
+            assert_eq!(
+                log.left_out(),
+                (Vec::new(), Vec::new()),
+                "{channel} {scale} {rate}"
+            );
         }
     }
 }

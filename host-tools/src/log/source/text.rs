@@ -233,7 +233,9 @@ impl Text {
         }
         let must = wanted.iter().filter(|w| w.empty == Empty::Skip);
         let is_whole = must.clone().all(|w| !values[w.slot].is_nan());
-        let says = must.filter(|w| w.slot != TIME).any(|w| !values[w.slot].is_nan());
+        let says = must
+            .filter(|w| w.slot != TIME)
+            .any(|w| !values[w.slot].is_nan());
         self.part = (says && !is_whole && !values[TIME].is_nan()).then(|| values.to_vec());
         is_whole
     }

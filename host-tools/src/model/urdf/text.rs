@@ -32,7 +32,9 @@ mod tests {
         let latin1: Vec<u8> = text.chars().map(|c| u8::try_from(c).unwrap()).collect();
         let units: Vec<u16> = text.encode_utf16().collect();
         let utf16 = |mark: [u8; 2], of: fn(u16) -> [u8; 2]| -> Vec<u8> {
-            mark.into_iter().chain(units.iter().flat_map(|u| of(*u))).collect()
+            mark.into_iter()
+                .chain(units.iter().flat_map(|u| of(*u)))
+                .collect()
         };
         for bytes in [
             text.as_bytes().to_vec(),
