@@ -91,7 +91,7 @@ pub fn compare_free_base(
 ) -> Result<FreeBaseComparison, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, progress)?;
-    let data = Data::of(&walks, &structure, &structure.candidates(model), &[])?;
+    let data = Data::of(&walks, &structure, &structure.candidates(model))?;
     let lacks_values = model.effects().iter().any(|e| e.estimate().is_none());
     let fitted = match values {
         ValuesFrom::Auto => lacks_values,

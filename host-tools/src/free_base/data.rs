@@ -85,14 +85,14 @@ pub(crate) struct Data {
 }
 
 impl Data {
-    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of `structure`. Again where that
-    /// fit, or one with all `candidates` beside it that are torques of joints, leaves far more of some windows than of others: these spoilt it, and are
-    /// left out. The rows have columns of what is `tried`; which these are changes neither the windows nor the other columns.
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
+    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
+    /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that
+    /// commands that name a model's error need the same candidates.
     pub(crate) fn of(
         walks: &Walks,
         structure: &ModelStructure,
         candidates: &[EffectSite],
-        tried: &[EffectSite],
     ) -> Result<Self, FreeBaseError> {
         let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
         let judged = Arc::new(WalkColumns {
@@ -118,22 +118,13 @@ impl Data {
                 parts => parts.iter().collect(),
             };
             let before = std::mem::replace(&mut outside, outside::windows(walks, &data, &thetas));
-            // Candidates' parameters without bounds are no point to take derivatives at.
-            let theta = match candidates {
-                [] => theta,
-                _ => data
-                    .fit(structure)
-                    .ok_or(FreeBaseError::Unsolvable)?
-                    .theta()
-                    .clone(),
-            };
             setup = RowSetup::at(judged.clone(), theta);
             if outside == before {
                 break;
             }
         }
         if !candidates.is_empty() {
-            let sites = structure.effects.iter().chain(tried).cloned();
+            let sites = structure.effects.iter().chain(candidates).cloned();
             setup = setup.with_columns(WalkColumns {
                 sites: sites.collect(),
             });

@@ -268,7 +268,7 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     let mut walks = super::Walks::read(&[path], |_, _| ()).unwrap();
     let structure = super::structure::ModelStructure::whole(crate::estimate::Constraint::Physical);
     let unseen = |walks: &super::Walks| {
-        let data = super::data::Data::of(walks, &structure, &[], &[]).unwrap();
+        let data = super::data::Data::of(walks, &structure, &[]).unwrap();
         (data.unseen.clone(), data.warnings())
     };
     assert_eq!(unseen(&walks).0, []);

@@ -35,7 +35,7 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let walks = Walks::read(logs, progress)?;
     let structure = ModelStructure::whole(constraint);
-    let data = Data::of(&walks, &structure, &[], &[])?;
+    let data = Data::of(&walks, &structure, &[])?;
     FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
 }
 

@@ -61,7 +61,7 @@ pub fn diagnose_free_base(
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, progress)?;
     let candidates = structure.candidates(model);
-    let data = Data::of(&walks, &structure, &candidates, &candidates)?;
+    let data = Data::of(&walks, &structure, &candidates)?;
     if !data.can_hold_out() {
         return Err(FreeBaseError::TooShort);
     }
