@@ -182,7 +182,11 @@ pub fn diagnose_by(
     readings: &[Mismatch],
 ) -> Result<Diagnosis, RecordingError> {
     let causes: Vec<EffectKind> = readings.iter().filter_map(|r| r.kind.cause()).collect();
-    judge(recording, model, false, &causes)
+    let mut diagnosis = judge(recording, model, false, &causes)?;
+    let bodies = readings.iter().filter(|r| r.kind.is_a_body());
+    let bodies = bodies.map(ToString::to_string);
+    diagnosis.bodies.splice(0..0, bodies);
+    Ok(diagnosis)
 }
 
 /// The same, but legs are judged by their swing also where the base may move.

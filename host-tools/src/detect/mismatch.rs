@@ -106,8 +106,7 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
         // One joint of many hardly shows in what all leave.
-        let tilt = dynamics::orientation(&as_is).filter(|(left, _)| *left < FAR_BETTER * now);
-        let gravity = plainest([dynamics::incomplete(&as_is), tilt]);
+        let gravity = plainest([dynamics::incomplete(&as_is), dynamics::orientation(&as_is)]);
         let found = sign(&as_is).into_iter().chain(gravity);
         return (found.chain(late(&as_is, now)))
             .map(|(_, reading)| reading)

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use proprio_core::tree::GRAVITY;
 
 use super::reading::{JointReading, Reading};
-use super::{AGREED, FAR_BETTER, GOOD, MismatchKind, share};
+use super::{FAR_BETTER, GOOD, KNOWN_UNIT, MismatchKind, share};
 use crate::equation::dot::dot;
 use crate::robust;
 
@@ -97,15 +97,25 @@ pub(super) fn orientation(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     }
     let gravity = GRAVITY * found.normalize();
     let angle = gravity.angle(&stated);
-    let left = share(readings, &|joint| {
-        joint.left_beside(&turned(joint, &(gravity - stated)))
-    });
-    (angle > LEAST_ANGLE).then(|| {
+    let change = gravity - stated;
+    let beside = |joint: &JointReading| joint.left_beside(&turned(joint, &change));
+    // What gravity does not load tells nothing of it.
+    let loaded = |joint: &&JointReading| {
+        let square: f64 = joint.by_gravity.iter().map(|x| dot(x, x)).sum();
+        GRAVITY * square.sqrt() > CARRIES * dot(&joint.torque, &joint.torque).sqrt()
+    };
+    let sum = |of: &dyn Fn(&JointReading) -> f64| -> f64 {
+        (joints(readings).filter(loaded))
+            .map(|joint| of(joint).min(1.0))
+            .sum()
+    };
+    let is_better = sum(&beside) < FAR_BETTER * sum(&JointReading::left);
+    (angle > LEAST_ANGLE && is_better).then(|| {
         let kind = MismatchKind::Orientation {
             angle,
             rpy: attitude(&gravity),
         };
-        (left, kind)
+        (share(readings, &beside), kind)
     })
 }
 
@@ -157,7 +167,7 @@ pub(super) fn units(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
         (f.min(low), f.max(high))
     });
     // What all joints agree on is one unit.
-    (high / low > AGREED).then_some((mean, MismatchKind::Units(told)))
+    (high / low > KNOWN_UNIT).then_some((mean, MismatchKind::Units(told)))
 }
 
 /// By how much the model's torque is multiplied at a joint, friction beside it, and its standard deviation.

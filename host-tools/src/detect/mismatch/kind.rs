@@ -99,6 +99,11 @@ impl MismatchKind {
         }
     }
 
+    /// Whether one body explains it.
+    pub(crate) fn is_a_body(&self) -> bool {
+        matches!(self, Self::Body { .. })
+    }
+
     /// The effect of the catalogue that all joints share and that does this, if one does.
     pub(crate) fn cause(&self) -> Option<EffectKind> {
         match self {
