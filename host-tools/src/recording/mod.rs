@@ -96,7 +96,10 @@ impl Recording {
                 limbs: too_large,
             });
         }
-        if recording.duration < LEAST_DURATION {
+        // Silences are no motion.
+        let recorded = |(_, limb): &(Limb, LimbRecording)| limb.len() as f64 * limb.period();
+        let recorded = recording.limbs.iter().map(recorded).fold(0.0, f64::max);
+        if recording.duration.min(recorded) < LEAST_DURATION {
             return Err(RecordingError::too_short(&recording, LEAST_DURATION));
         }
         let limbs = recording.limbs.iter_mut();

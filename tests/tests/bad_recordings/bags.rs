@@ -241,7 +241,11 @@ fn each_bad_bag_is_refused_with_its_place_and_the_fix() {
                 &[("/lowstate", GO)],
                 &states(&|k| {
                     let since = u32::try_from(k).unwrap();
-                    low_state(if since < 220 { 2 * since } else { 2 * since - 433 })
+                    low_state(if since < 220 {
+                        2 * since
+                    } else {
+                        2 * since - 433
+                    })
                 }),
             ),
             "time runs backwards",
