@@ -96,8 +96,10 @@ impl Recording {
                 limbs: too_large,
             });
         }
-        // Silences are no motion.
-        let recorded = |(_, limb): &(Limb, LimbRecording)| limb.len() as f64 * limb.period();
+        // Silences are no motion; a joint that rests is recorded though its samples repeat.
+        let recorded = |(_, limb): &(Limb, LimbRecording)| {
+            (limb.len() as u64 + limb.repeated) as f64 * limb.period()
+        };
         let recorded = recording.limbs.iter().map(recorded).fold(0.0, f64::max);
         if recording.duration.min(recorded) < LEAST_DURATION {
             return Err(RecordingError::too_short(&recording, LEAST_DURATION));
