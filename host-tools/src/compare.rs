@@ -37,6 +37,7 @@ pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
+use crate::equation::folds::LEAST_HELD_OUT;
 use crate::equation::motion::is_shared;
 use crate::equation::values::Values;
 use crate::estimate::Constraint;
@@ -394,9 +395,7 @@ fn check(
     fitted: bool,
 ) -> Result<(), RecordingError> {
     if data.is_empty() || fitted && data.iter().any(|limb| !limb.blocks.can_hold_out()) {
-        return Err(RecordingError::TooShort {
-            duration: recording.duration,
-        });
+        return Err(RecordingError::too_short(recording, LEAST_HELD_OUT));
     }
     let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
     if feet.iter().all(Option::is_none) && data.iter().all(rests) {

@@ -8,9 +8,9 @@ use crate::advise::{closing, pointer};
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
-use crate::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
+use crate::diagnose::{Diagnosis, diagnose_by, diagnose_free_base, diagnose_swing};
 use crate::free_base::has_imu;
-use crate::model::{Model, Provenance};
+use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
 use crate::recording::{Recording, first_gate_words, gate_words};
 use crate::report::pages;
@@ -79,17 +79,18 @@ impl Diagnose {
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
         let wrong = mismatches(&recording, &model);
-        if !wrong.is_empty() && !self.anyway {
+        if wrong.iter().any(|wrong| wrong.kind.refuses()) && !self.anyway {
             return Err(Error::Mismatch {
                 logs: typed(&self.logs, None),
                 wrong,
+                is_go2: *model.robot() == Robot::go2(),
                 has_imu: self.logs.iter().all(|log| has_imu(log)),
             });
         }
         let underway = Underway::new("Trying the catalogue");
         let mut diagnosis = match self.anyway {
             true => diagnose_swing(&recording, &model)?,
-            false => diagnose(&recording, &model)?,
+            false => diagnose_by(&recording, &model, &wrong)?,
         };
         drop(underway);
         diagnosis

@@ -76,6 +76,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         second_encoder: (d.each_twist())
             .map(|(limb, twist)| words::twist(&d.name(limb, twist.joint), twist))
             .collect(),
+        bodies: words::bodies(&d.bodies),
         outside_catalogue,
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())

@@ -46,6 +46,9 @@ impl Diagnosis {
         if let Some((first, rest)) = self.second_encoder.split_first() {
             points.push(and_more(first, rest.len()));
         }
+        if let Some((first, rest)) = self.bodies.split_first() {
+            points.push(and_more(first, rest.len()));
+        }
         match &*missing {
             [] => (),
             [one] => points.push(explained(one, &all)),

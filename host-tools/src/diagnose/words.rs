@@ -8,6 +8,7 @@ use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::catalogue;
 use crate::detect::black_box::{Sees, Taken};
 use crate::detect::twist::{Beside, Twist};
+use crate::identify::OtherBody;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::table::{Table, with_std};
@@ -87,12 +88,21 @@ impl Diagnosis {
         for sentence in &self.second_encoder {
             text += &format!("{sentence}\n");
         }
-        for sentence in &self.outside_catalogue {
+        for sentence in self.bodies.iter().chain(&self.outside_catalogue) {
             text += sentence;
             text.push('\n');
         }
         text
     }
+}
+
+/// Bodies that are not the CAD's; `as_well`: without the effects beyond those of every drive.
+pub(super) fn bodies((bodies, as_well): &(Vec<OtherBody>, bool)) -> Vec<String> {
+    let told = |body: &OtherBody| match as_well {
+        true => format!("{body}; so the drives' own effects predict as well as all that is named"),
+        false => body.to_string(),
+    };
+    bodies.iter().map(told).collect()
 }
 
 impl fmt::Display for PathStep {

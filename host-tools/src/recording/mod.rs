@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::gate::{DataGates, GateReport, Joint, Reading};
-use crate::log::{LogReader, Row, Selection, Warning};
+use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
 use crate::summary::wrapped;
 pub use error::RecordingError;
@@ -69,7 +69,7 @@ impl Recording {
     /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
     ///
     /// # Errors
-    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left.
+    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left; [`RecordingError::TooShort`].
     pub fn read(
         logs: &[PathBuf],
         model: &Model,
@@ -96,6 +96,14 @@ impl Recording {
                 logs: logs.to_vec(),
                 limbs: too_large,
             });
+        }
+        // Silences are no motion; a joint that rests is recorded though its samples repeat.
+        let recorded = |(_, limb): &(Limb, LimbRecording)| {
+            (limb.len() as u64 + limb.repeated) as f64 * limb.period()
+        };
+        let recorded = recording.limbs.iter().map(recorded).fold(0.0, f64::max);
+        if recording.duration.min(recorded) < LEAST_DURATION {
+            return Err(RecordingError::too_short(&recording, LEAST_DURATION));
         }
         let limbs = recording.limbs.iter_mut();
         limbs.for_each(|(_, limb)| limb.shrink());

@@ -66,6 +66,10 @@ impl<'a> Source for Limbs<'a> {
         Self::new(self.data, &self.given)
     }
 
+    fn limbs(&self) -> usize {
+        self.data.len()
+    }
+
     fn look(&mut self, model: &mut State<'a>) -> Vec<Candidate> {
         self.screens.look(model, &self.given)
     }

@@ -19,6 +19,9 @@ use super::ranking::{Judged, judge, judged};
 use super::refused::Refused;
 use super::source::{Source, Tried};
 use super::{backward, headline, restart};
+use proprio_core::effect::EffectKind;
+
+use crate::model::BASE;
 
 /// What a search has found.
 pub(crate) struct Found<S: Source> {
@@ -40,8 +43,8 @@ type Errors<S> = <<S as Source>::Model as Fitted>::Errors;
 /// Searches from the model as the source was given it.
 ///
 /// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, and with one cause
-/// where it took two.
-pub(crate) fn search<S: Source>(source: S) -> Option<Found<S>> {
+/// where it took two; and with the `causes` that all joints share and that a reading of the log has shown.
+pub(crate) fn search<S: Source>(source: S, causes: &[EffectKind]) -> Option<Found<S>> {
     let start = source.start()?;
     let mut search = Search::new(source, start).run(Phase::Limits);
     if let Some(other) = search.with_drive() {
@@ -49,6 +52,11 @@ pub(crate) fn search<S: Source>(source: S) -> Option<Found<S>> {
     }
     if let Some(other) = search.with_one_cause() {
         search = other;
+    }
+    for cause in causes {
+        if let Some(other) = search.with_shared(*cause) {
+            search = other;
+        }
     }
     Some(search.finish())
 }
@@ -361,6 +369,22 @@ impl<S: Source> Search<S> {
             other.begin_with(&members)?;
         }
         let other = other.run(Phase::ForwardAgain);
+        let error = |search: &Self| search.model.held_out(&self.model).weighted;
+        does_as_well(error(&other), error(self)).then_some(other)
+    }
+
+    /// A search that begins with a cause that all joints share, if this one has not found it and that one does as well.
+    fn with_shared(&self, cause: EffectKind) -> Option<Self> {
+        let limbs = 0..self.source.limbs();
+        let mut members: Vec<Member> = limbs.map(|limb| (limb, (cause, BASE))).collect();
+        members.retain(|member| !self.model.has(member));
+        if members.is_empty() {
+            return None;
+        }
+        let mut other = self.anew()?;
+        other.first.clear();
+        other.begin_with(&members)?;
+        let other = other.run(Phase::Forward);
         let error = |search: &Self| search.model.held_out(&self.model).weighted;
         does_as_well(error(&other), error(self)).then_some(other)
     }

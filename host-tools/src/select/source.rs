@@ -19,6 +19,9 @@ pub(crate) trait Source: Sized {
     /// The same source, of which nothing was asked.
     fn anew(&self) -> Self;
 
+    /// How many limbs are fitted each by itself.
+    fn limbs(&self) -> usize;
+
     /// All that a model may lack and was not given, by score tests. The model's own nonlinear parameters may be found anew.
     fn look(&mut self, model: &mut Self::Model) -> Vec<Candidate>;
 

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use proprio::compare::{ValuesFrom, compare_free_base};
-use proprio::model::Model;
 use proprio_core::effect::EffectKind;
 use proprio_core::inertia::InertialParameters;
+use proprio_host::compare::{ValuesFrom, compare_free_base};
+use proprio_host::model::Model;
 use proprio_tests::command::{done, folder as empty_folder, json};
 use serde_json::Value;
 

@@ -78,7 +78,7 @@ pub fn diagnose_free_base(
     let given = (model.has_values())
         .then(|| data.rms(&data.with_sensors(&given_of_walk(&data, model, &structure))));
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
-    let found = search(source).ok_or_else(unsolvable)?;
+    let found = search(source, &[]).ok_or_else(unsolvable)?;
     let mut diagnosis =
         words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
     let WalkModel {

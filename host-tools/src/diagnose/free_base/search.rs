@@ -108,6 +108,10 @@ impl Source for WalkSource<'_> {
         Self::new(self.walks, self.model, self.given, self.data.clone())
     }
 
+    fn limbs(&self) -> usize {
+        1
+    }
+
     fn look(&mut self, now: &mut WalkModel) -> Vec<Candidate> {
         let fit = Arc::downgrade(&now.fit);
         let known = self

@@ -81,6 +81,7 @@ pub(super) fn diagnosis(
         noise_floor_rms: floor_rms.min(rms(after)),
         joints: joints(&left, data.windows.used),
         second_encoder: Vec::new(),
+        bodies: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
         warnings: [walks.warnings.clone(), data.warnings()].concat(),
