@@ -8,32 +8,34 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod dynamics;
 pub mod seeds;
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
+use proprio_core::app::{App, Identity, Memory, Start};
+use proprio_core::bus::{Command, Listener, Queue, Reply};
+use proprio_core::wire::{DeviceMessage, HostMessage, MAX_FRAME, Message, Receiver, Sender};
 use proprio_host::capture::{CaptureReader, explain};
 use proprio_host::factors::Factors;
 use proprio_host::log::{LogReader, Selection};
 use proprio_host::model::{Model, Robot};
 use proprio_host::monitor::{Entry, JournalReader, View};
 use proprio_host::recording::Recording;
-use proprio_core::app::{App, Identity, Memory, Start};
-use proprio_core::bus::{Command, Listener, Queue, Reply};
-use proprio_core::wire::{DeviceMessage, HostMessage, MAX_FRAME, Message, Receiver, Sender};
 
 /// What takes any bytes.
 pub type Target = fn(&[u8]);
 
 /// What is fuzzed: its name, which is that of its corpus, and what takes the bytes.
-pub const TARGETS: [(&str, Target); 6] = [
+pub const TARGETS: [(&str, Target); 7] = [
     ("bus", bus),
     ("step", step),
     ("wire", wire),
     ("log", log),
     ("model", model),
     ("recording", recording),
+    ("dynamics", dynamics::dynamics),
 ];
 
 /// What a bus brings in pieces: a length and a time for each.
@@ -208,7 +210,7 @@ thread_local! {
 }
 
 /// A file of these bytes.
-fn file(name: &str, bytes: &[u8]) -> PathBuf {
+pub(crate) fn file(name: &str, bytes: &[u8]) -> PathBuf {
     let path = FOLDER.with(|folder| {
         let folder = folder.get_or_init(|| tempfile::tempdir().expect("a folder"));
         folder.path().join(name)

@@ -4,18 +4,18 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use proprio_host::capture::CaptureWriter;
-use proprio_host::device::pull::Pull;
-use proprio_host::device::{BusStep, Desktop, Device};
-use proprio_host::factors::Factors;
-use proprio_host::model::Model;
-use proprio_host::monitor::{Entry, JournalWriter};
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, Leg};
 use proprio_core::wire::{
     Action, Advance, DeviceMessage, EffectAt, HostMessage, MAX_FRAME, Message, Request, Sender,
 };
+use proprio_host::capture::CaptureWriter;
+use proprio_host::device::pull::Pull;
+use proprio_host::device::{BusStep, Desktop, Device};
+use proprio_host::factors::Factors;
+use proprio_host::model::Model;
+use proprio_host::monitor::{Entry, JournalWriter};
 
 /// Recordings of others, and robots, that the tests have: of these no seed is made here.
 const FILES: [(&str, &str); 10] = [
@@ -48,6 +48,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
         "model" => seeds.push(written(|path| {
             Model::default().save(path).expect("it can be written");
         })),
+        "dynamics" => seeds.extend(crate::dynamics::seeds()),
         "recording" => seeds.extend([messages(), capture(), factors()]),
         _ => {}
     }

@@ -5,7 +5,7 @@
 //!
 //! Time in which a foot carries a force that the detector of a diagnosis finds is left out, whatever predicts.
 
-mod added;
+mod asked;
 mod black_box;
 pub mod csv;
 mod feet;
@@ -21,10 +21,13 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use added::{last_added, unvalued, valued_by, with, without};
+use asked::{Asked, names};
 use feet::Feet;
 pub use feet::FootForce;
-pub use free_base::{CoordinateError, FreeBaseComparison, WalkSeries, compare_free_base};
+pub(crate) use free_base::given as given_of_walk;
+pub use free_base::{
+    CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
+};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
@@ -34,6 +37,8 @@ pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
 use crate::detect::contact::{LeftOut, leave_out_contact};
 use crate::detect::residual::{self, Criticism, Input, Scores};
+use crate::equation::folds::LEAST_HELD_OUT;
+use crate::equation::motion::is_shared;
 use crate::equation::values::Values;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
@@ -127,7 +132,7 @@ pub struct JointComparison {
 /// Whether values are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ValuesFrom {
-    /// Fitted if an effect has no value yet, or has had it from a diagnosis of these very logs, or nothing of the model was identified;
+    /// Fitted if an effect has no value yet, or has had it from a diagnosis of these very logs;
     /// else as given.
     #[default]
     Auto,
@@ -161,27 +166,21 @@ pub fn compare_without(
     left_out: &[ModelEffect],
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
-    let unvalued = match unvalued(recording, model) {
-        none if none.is_empty() && values == ValuesFrom::Auto => valued_by(recording, model),
-        some => some,
+    let recorded = |joint: usize| {
+        let mut limbs = recording.limbs.iter();
+        is_shared(joint) || limbs.any(|(limb, _)| limb.bodies.contains(&joint))
     };
-    let fitted = match values {
-        ValuesFrom::Auto => !unvalued.is_empty() || !model.has_values(),
-        ValuesFrom::Fitted => true,
-        ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
-    };
+    let Asked {
+        fitted,
+        added,
+        before,
+    } = Asked::of(&recording.logs, &recorded, model, left_out, values);
     let from = if fitted { From::HeldOut } else { From::File };
     let rest = values == ValuesFrom::GivenAlsoAtRest;
     let (data, feet) = swing(robot::data(recording, model));
     let data: Vec<LimbData> = data.into_iter().map(|data| with_rest(data, rest)).collect();
     check(recording, &data, &feet, fitted)?;
     let predictions = predictions(&data, from);
-    let added = match fitted {
-        true => last_added(&unvalued),
-        false => Vec::new(),
-    };
-    let before = (!added.is_empty() || !left_out.is_empty())
-        .then(|| with(&without(model, &added), left_out));
     let judged = Judged {
         recording,
         model,
@@ -228,18 +227,17 @@ impl Judged<'_> {
                 JointComparison::of(series, criticism, self.baselines.rms(k))
             })
             .collect();
-        let name = |e: &ModelEffect| format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
         let rms = over_all(&joints, &|j| j.scores.rms);
         Comparison {
             data: recording.gates.clone(),
             rms,
             yardsticks: Yardsticks::over_all(&joints, rms),
-            added: added.iter().map(name).collect(),
-            left_out: left_out.iter().map(name).collect(),
+            added: names(model, added),
+            left_out: names(model, left_out),
             effects,
             fitted: self.fitted,
             patterns: ranking::patterns(&criticism),
-            episodes: ranking::episodes(&criticism, recording),
+            episodes: ranking::episodes(&criticism, |t| recording.moment(t)),
             black_box,
             criticism,
             logs: recording.logs.clone(),
@@ -397,9 +395,7 @@ fn check(
     fitted: bool,
 ) -> Result<(), RecordingError> {
     if data.is_empty() || fitted && data.iter().any(|limb| !limb.blocks.can_hold_out()) {
-        return Err(RecordingError::TooShort {
-            duration: recording.duration,
-        });
+        return Err(RecordingError::too_short(recording, LEAST_HELD_OUT));
     }
     let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
     if feet.iter().all(Option::is_none) && data.iter().all(rests) {

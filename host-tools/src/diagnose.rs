@@ -1,5 +1,7 @@
 //! Which physical effect is missing: the verdict, the ranked effects and the way to a model that lacks none.
 
+mod bodies;
+mod changed;
 mod complete;
 mod contact;
 mod free_base;
@@ -10,20 +12,26 @@ mod words;
 
 use std::path::PathBuf;
 
+use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::detect::mismatch::Mismatch;
 use crate::detect::twist::Twist;
+use crate::equation::folds::LEAST_HELD_OUT;
 use crate::equation::values::Place;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::robot::{self, side_by_side};
+use crate::identify::OtherBody;
 use crate::identify::model_fit::places_of;
 use crate::model::Model;
 use crate::recording::{Recording, RecordingError};
+use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
 use crate::select::state::how;
+pub use changed::ChangedValue;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
 use report::report;
 pub(crate) use summary::NEW_MODEL;
@@ -41,7 +49,13 @@ pub struct Diagnosis {
     pub candidates: Vec<CandidateReport>,
     /// Forward-backward selection: the error after each step.
     pub path: Vec<PathStep>,
-    /// Held-out error of the model as it was given, root mean square over all joints, N m.
+    /// Error of the model file with the values that it gives, root mean square over all joints, N m; none if it gives none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given_rms: Option<f64>,
+    /// Values of the model file that the logs contradict, the surest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changed: Vec<ChangedValue>,
+    /// Held-out error of the effects that the model was given, their values fitted anew, root mean square over all joints, N m.
     pub held_out_rms: f64,
     /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -53,6 +67,9 @@ pub struct Diagnosis {
     /// What second encoders show of gears that give way and the model does not know, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub second_encoder: Vec<String>,
+    /// Bodies that are not the CAD's, in words.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<String>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
     /// The logs.
@@ -147,7 +164,7 @@ pub struct JointError {
     pub joint: String,
     /// Windows.
     pub n: usize,
-    /// Of the model as it was given.
+    /// Of the model as it was given, its values fitted anew.
     pub before: f64,
     /// At the end of the path.
     pub after: f64,
@@ -161,7 +178,25 @@ pub struct JointError {
 /// # Errors
 /// [`RecordingError`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
-    judge(recording, model, false)
+    judge(recording, model, false, &[])
+}
+
+/// The same where readings of the logs ([`crate::detect::mismatch`]) have shown causes that all joints share: they are tried before any
+/// effect of one joint, and taken where they do as well as what is found without them.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_by(
+    recording: &Recording,
+    model: &Model,
+    readings: &[Mismatch],
+) -> Result<Diagnosis, RecordingError> {
+    let causes: Vec<EffectKind> = readings.iter().filter_map(|r| r.kind.cause()).collect();
+    let mut diagnosis = judge(recording, model, false, &causes)?;
+    let bodies = readings.iter().filter(|r| r.kind.is_a_body());
+    let bodies = bodies.map(ToString::to_string);
+    diagnosis.bodies.splice(0..0, bodies);
+    Ok(diagnosis)
 }
 
 /// The same, but legs are judged by their swing also where the base may move.
@@ -169,13 +204,16 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Recor
 /// # Errors
 /// As [`diagnose`].
 pub fn diagnose_swing(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
-    judge(recording, model, true)
+    judge(recording, model, true, &[])
 }
 
-fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis, RecordingError> {
-    let too_short = || RecordingError::TooShort {
-        duration: recording.duration,
-    };
+fn judge(
+    recording: &Recording,
+    model: &Model,
+    swing: bool,
+    causes: &[EffectKind],
+) -> Result<Diagnosis, RecordingError> {
+    let too_short = || RecordingError::too_short(recording, LEAST_HELD_OUT);
     let data = robot::data(recording, model);
     let data: Vec<LimbData> = data
         .into_iter()
@@ -205,7 +243,7 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
         .filter_map(|(&n, wrong)| with_velocities(&all[n], wrong))
         .collect();
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
-    let found = search(&mended, &given).ok_or_else(too_short)?;
+    let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
     let before = velocity.iter().any(|wrong| !wrong.is_empty()).then(|| {
         let of = |&n: &usize| start_squares(&all[n]);
         side_by_side(&judged, of)
@@ -214,7 +252,9 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
     });
     let twists = mended.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
+    let other = bodies::of(&mended, &found, model);
     let diagnosed = Diagnosed {
+        bodies: other,
         twists: twists.collect(),
         model,
         recording,
@@ -231,6 +271,8 @@ fn judge(recording: &Recording, model: &Model, swing: bool) -> Result<Diagnosis,
 
 /// A recording, walked to the end.
 struct Diagnosed<'a> {
+    /// Bodies that are not the CAD's, and whether they do as well as the effects that were found.
+    bodies: (Vec<OtherBody>, bool),
     model: &'a Model,
     recording: &'a Recording,
     /// All limbs, their stance left out, and what was found at their feet.
@@ -246,7 +288,7 @@ struct Diagnosed<'a> {
     twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
     before: Option<Vec<Squares>>,
-    found: Found<'a>,
+    found: Found<Limbs<'a>>,
 }
 
 /// The joints whose velocity positions say to be wrong and the model does not.

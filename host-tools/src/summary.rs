@@ -16,15 +16,40 @@ pub struct Summary {
 
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.headline)?;
+        write!(f, "{}", wrapped(&self.headline, "", "  "))?;
         for point in &self.points {
-            writeln!(f, "  • {point}")?;
+            write!(f, "{}", wrapped(point, "  • ", "    "))?;
         }
         for command in &self.next {
             writeln!(f, "\n  $ {command}")?;
         }
         Ok(())
     }
+}
+
+/// Columns of a terminal.
+const COLUMNS: usize = 80;
+
+/// Text in lines that a terminal holds, the first of them after `first`, the others after `next`; a word that is longer has a line of its own.
+pub(crate) fn wrapped(text: &str, first: &str, next: &str) -> String {
+    let mut lines = String::new();
+    let mut line = first.to_owned();
+    let mut is_new = true;
+    for word in text.split_whitespace() {
+        let len = line.chars().count() + usize::from(!is_new) + word.chars().count();
+        if !is_new && len > COLUMNS {
+            lines += &line;
+            lines.push('\n');
+            line = next.to_owned();
+            is_new = true;
+        }
+        if !is_new {
+            line.push(' ');
+        }
+        line += word;
+        is_new = false;
+    }
+    lines + &line + "\n"
 }
 
 /// A torque error as it is told: three digits that count, N m.
@@ -48,13 +73,23 @@ pub(crate) fn joints_in_words(joints: &[String], all: &[String]) -> String {
         .collect();
     let whole = of_kinds.len() == joints.len() && of_kinds.iter().all(|name| has(name));
     if whole && joints.len() > kinds.len() {
-        return format!("every {}", kinds.join(" and "));
+        return format!("all {}", plural(&kinds));
     }
     match joints {
         [] => "no joint".to_owned(),
         [_] | [_, _] | [_, _, _] => joints.join(", "),
         more => format!("{} joints", more.len()),
     }
+}
+
+/// `calves and hips`
+fn plural(kinds: &[String]) -> String {
+    let many = |kind: &String| match kind.strip_suffix('f') {
+        Some(stem) => format!("{stem}ves"),
+        None => format!("{kind}s"),
+    };
+    let many: Vec<String> = kinds.iter().map(many).collect();
+    many.join(" and ")
 }
 
 /// Logs, and the option that names the model, as they are typed.
@@ -93,8 +128,8 @@ mod tests {
             told("FL_hip FR_hip FR_thigh FR_calf FL_thigh FL_calf"),
             "all joints"
         );
-        assert_eq!(told("FR_calf FL_calf"), "every calf");
-        assert_eq!(told("FR_calf FL_calf FR_hip FL_hip"), "every calf and hip");
+        assert_eq!(told("FR_calf FL_calf"), "all calves");
+        assert_eq!(told("FR_calf FL_calf FR_hip FL_hip"), "all calves and hips");
         assert_eq!(told("FR_calf"), "FR_calf");
         assert_eq!(told("FR_calf FR_hip"), "FR_calf, FR_hip");
         assert_eq!(told("FR_calf FR_hip FL_hip FL_thigh"), "4 joints");
@@ -105,6 +140,22 @@ mod tests {
             joints_in_words(&names("FR_calf"), &names("FR_hip FR_thigh FR_calf")),
             "FR_calf"
         );
+    }
+
+    #[test]
+    fn lines_fit_a_terminal() {
+        let text = "word ".repeat(60) + &"x".repeat(100);
+        let lines = wrapped(&text, "  • ", "    ");
+        let lines: Vec<&str> = lines.lines().collect();
+        let (long, short) = lines.split_last().unwrap();
+        assert!(
+            short
+                .iter()
+                .all(|line| (70..=COLUMNS).contains(&line.chars().count())
+                    || *line == short[short.len() - 1])
+        );
+        assert_eq!(long.trim(), "x".repeat(100));
+        assert!(lines[0].starts_with("  • word") && lines[1].starts_with("    word"));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A diagnosis' ladder on logs that it has not seen: does an effect that one log asks for make another one's error larger?
 
+use proprio_core::effect::EffectKind;
 use proprio_host::compare::ValuesFrom;
 use proprio_host::compare::compare;
 use proprio_host::diagnose::diagnose;
@@ -7,7 +8,6 @@ use proprio_host::estimate::Constraint;
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::{Model, Provenance};
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
 
 use proprio_tests::device_fit::Failure;
 

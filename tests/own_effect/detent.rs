@@ -1,7 +1,7 @@
 //! A magnetic detent: a torque that pulls a joint to one place from nearby, and from nowhere else. The catalogue has nothing like it.
 
-use proprio_host::catalogue::OwnEffect;
 use proprio_core::effect::{Description, Grid, Parameter, Prior, Term};
+use proprio_host::catalogue::OwnEffect;
 
 /// Where it pulls to, rad.
 pub(crate) const PLACE: f64 = 0.8;

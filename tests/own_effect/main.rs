@@ -7,14 +7,14 @@ mod detent;
 mod twin;
 
 use detent::DETENT;
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{JointId, Leg};
 use proprio_host::catalogue::{self, RegisterError};
 use proprio_host::compare::{ValuesFrom, choices, compare};
 use proprio_host::diagnose::{Verdict, diagnose};
 use proprio_host::identify::fit_model;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::{HiddenEffect, HiddenKind, SimulatedSample, Simulation, hidden};
 use twin::TWIN;
 

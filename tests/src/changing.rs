@@ -1,14 +1,14 @@
 //! A simulated Go2 that changes as it moves, and what a device says of it.
 
 use nalgebra::Matrix3;
-use proprio_host::device::replay::cycle;
-use proprio_host::device::{BusStep, Desktop, Device, DeviceError};
-use proprio_host::monitor::Robot;
 use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg, leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::tree::Tree;
 use proprio_core::window::Sample;
 use proprio_core::wire::{Change, Counters, DeviceMessage, Estimate};
+use proprio_host::device::replay::cycle;
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError};
+use proprio_host::monitor::Robot;
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{HiddenEffect, Hide};
 use rand::{RngExt, SeedableRng};

@@ -3,8 +3,6 @@
 use std::path::Path;
 
 use nalgebra::{Cholesky, Matrix4, Vector4};
-use proprio_host::identify;
-use proprio_host::log::{LogReader, Selection};
 use proprio_core::Real;
 use proprio_core::consistent::{LegConsistentSolver, body};
 use proprio_core::estimator::{
@@ -16,6 +14,8 @@ use proprio_core::go2::{self, JOINTS_PER_LEG, Leg};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 use proprio_core::window::{Push, Sample, Settings, Window};
+use proprio_host::identify;
+use proprio_host::log::{LogReader, Selection};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;

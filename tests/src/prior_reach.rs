@@ -5,12 +5,12 @@
 
 use std::path::Path;
 
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::Leg;
 use proprio_host::estimate::{Constraint, ParameterEstimate};
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::Leg;
 
 use crate::device_fit::Failure;
 

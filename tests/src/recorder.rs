@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 use nalgebra::SVector;
-use proprio_host::model::{Limb, Model, Robot};
 use proprio_core::spatial::Transform;
+use proprio_host::model::{Limb, Model, Robot};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -91,6 +91,12 @@ pub struct Recorder {
     pub duration: f64,
     /// Of the noise.
     pub seed: u64,
+    /// How the base is mounted.
+    pub base: Transform<f64>,
+    /// What is reported of the bodies' torques: shares of what accelerates them, of centrifugal and Coriolis forces, and of gravity.
+    pub parts: [f64; 3],
+    /// By what the mass and the moments of inertia of each body are multiplied.
+    pub bodies: Vec<f64>,
 }
 
 /// Between samples, s.
@@ -101,9 +107,13 @@ pub const TORQUE_STEP: f64 = 0.005;
 impl Recorder {
     /// 12 s of a robot whose motors are typical.
     pub fn new(robot: Robot) -> Self {
+        let count = robot.bodies().len();
         Self {
-            motors: (0..robot.bodies().len())
-                .map(|n| Motor::typical(n % 5))
+            motors: (0..count).map(|n| Motor::typical(n % 5)).collect(),
+            base: Transform::identity(),
+            parts: [1.0; 3],
+            bodies: (0..count)
+                .map(|n| if n % 2 == 0 { 1.04 } else { 0.97 })
                 .collect(),
             model: Model::new(robot),
             duration: 12.0,
@@ -122,15 +132,21 @@ impl Recorder {
         let robot = self.model.robot();
         let tree = self.model.limb_tree::<N>(limb).unwrap();
         let mut bodies = tree.bodies().map(|body| body.inertia);
-        for (n, body) in bodies.iter_mut().enumerate() {
-            body.0 *= if n % 2 == 0 { 1.04 } else { 0.97 };
+        for (body, times) in bodies.iter_mut().zip(&self.bodies[limb.bodies.clone()]) {
+            body.0 *= *times;
         }
         let tree = tree.with_inertia(&bodies);
         let at = |k: usize| {
             let state = |j: usize| motion(robot, limb.bodies.start + j, k as f64 * PERIOD);
             let [q, dq, ddq] = [0, 1, 2].map(|d| SVector::<f64, N>::from_fn(|j, _| state(j)[d]));
-            let kinematics = tree.kinematics(&Transform::identity(), &q, &dq);
-            let rigid = tree.inverse_dynamics(&kinematics, &dq, &ddq);
+            let zero = SVector::<f64, N>::zeros();
+            let torque = |dq: &SVector<f64, N>, ddq: &SVector<f64, N>| {
+                tree.inverse_dynamics(&tree.kinematics(&self.base, &q, dq), dq, ddq)
+            };
+            let (weight, slow) = (torque(&zero, &zero), torque(&zero, &ddq));
+            let all = torque(&dq, &ddq);
+            let [inertial, centrifugal, gravity] = self.parts;
+            let rigid = inertial * (slow - weight) + centrifugal * (all - slow) + gravity * weight;
             let motor = |j: usize| self.motors[limb.bodies.start + j].torque(q[j], dq[j], ddq[j]);
             std::array::from_fn(|j| rigid[j] + motor(j))
         };

@@ -5,6 +5,11 @@
 
 use std::path::Path;
 
+use proprio_core::effect::EffectKind;
+use proprio_core::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegWindow, plausible};
+use proprio_core::go2::{self, JOINTS_PER_LEG, JointId, Leg};
+use proprio_core::spatial::Transform;
+use proprio_core::window::{Push, Sample, Settings};
 use proprio_host::identify::{FitOptions, Fitted, identify};
 use proprio_host::log::LogWriter;
 use proprio_host::parameter;
@@ -16,11 +21,6 @@ use proprio_host::report::torque::TorqueSeries;
 use proprio_host::report::waterfall::Step;
 use proprio_host::report::{Header, LogFile, Page};
 use proprio_host::report::{candidates, correlation, parameters, residual, torque, waterfall};
-use proprio_core::effect::EffectKind;
-use proprio_core::estimator::{EFFECTS, LEG_INERTIAL, LEG_PARAMETERS, LegWindow, plausible};
-use proprio_core::go2::{self, JOINTS_PER_LEG, JointId, Leg};
-use proprio_core::spatial::Transform;
-use proprio_core::window::{Push, Sample, Settings};
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{SimulatedSample, Simulation};
 

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_host::device::BusStep;
-use proprio_host::log::Log;
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, Leg};
 use proprio_core::walk::WalkSample;
 use proprio_core::window::Sample;
 use proprio_core::wire::Imu;
+use proprio_host::device::BusStep;
+use proprio_host::log::Log;
 
 /// Where a walk's log is.
 pub fn log(name: &str) -> PathBuf {

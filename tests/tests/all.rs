@@ -38,6 +38,7 @@ mod pinocchio;
 mod qemu;
 mod qemu_crashes;
 mod qemu_snapshots;
+mod readings;
 mod readme;
 mod real_chirps;
 mod real_contact;

@@ -6,8 +6,8 @@ use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, write::GzEncoder};
-use proprio_host::log::LogWriter;
 use proprio_core::go2::Leg;
+use proprio_host::log::LogWriter;
 use proprio_simulator::Simulation;
 use proprio_tests::command::{proprio, stderr, stdout};
 

@@ -2,10 +2,10 @@
 //!
 //! Without the emulator these tests fail, unless `PROPRIO_SKIP_QEMU` is set; then they say that they were skipped.
 
-use proprio_host::device::replay::cycle;
-use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Counters, DeviceMessage};
+use proprio_host::device::replay::cycle;
+use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio_tests::motion;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -4,12 +4,12 @@
 //! and the false headers that a scan of the whole stream finds, the cycles of which all three replies came through, and the
 //! samples made of them.
 
-use proprio_host::device::replay::cycle;
-use proprio_host::device::{BusStep, Desktop, Device};
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE, checksum};
 use proprio_core::bus::{Command, Reply};
 use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{Counters, DeviceMessage, Estimate, LegCounters};
+use proprio_host::device::replay::cycle;
+use proprio_host::device::{BusStep, Desktop, Device};
 use proprio_tests::motion;
 
 /// Samples before the noise, in it, and after it.

@@ -3,9 +3,9 @@
 use std::fs;
 use std::io::Write;
 
-use proprio_host::capture::CaptureWriter;
 use proprio_core::bus::crc::SEED_GO2;
 use proprio_core::bus::{Command, Mode, Reply};
+use proprio_host::capture::CaptureWriter;
 use proprio_tests::command::{done, folder, json, proprio, stderr};
 
 /// A capture of a leg that is polled 500 times a second, motor 2 first.

@@ -1,7 +1,7 @@
 //! `proprio replay` into a device in its own process, and into ports that are not there.
 
-use proprio_host::parameter::names_of_leg;
 use proprio_core::go2::Leg;
+use proprio_host::parameter::names_of_leg;
 use proprio_tests::command::{done, json, parameter, proprio, simulated, stderr};
 use proprio_tests::device_fit::estimate_over_bus;
 

@@ -187,10 +187,10 @@ fn the_first_screen_ends_with_a_command_that_runs() {
     let screen = done(folder, &["diagnose", "log.csv"]);
     let headline = screen
         .lines()
-        .find(|line| line.contains("missing: "))
+        .find(|line| line.starts_with("Missing: "))
         .unwrap();
     assert!(
-        headline.contains(" → ") && headline.contains("; floor "),
+        headline.contains("Held-out error") && screen.contains("(noise floor "),
         "{screen}"
     );
     assert!(headline.contains("coulomb (FR_calf)"), "{screen}");
@@ -226,4 +226,59 @@ fn few_samples_a_period_are_no_effect() {
     println!("{last}");
     assert!(path.iter().all(|step| step["effect"] != "quadratic_drag"));
     assert!(last["held_out_rms"].as_f64().unwrap() < 0.04);
+}
+
+/// What has moved since the file was written is named with both values, before any effect; where nothing has, nothing is.
+#[test]
+fn values_that_have_changed_are_named() {
+    let folder = simulated("--typical --legs FR");
+    let folder = folder.path();
+    let run = |arguments: &str| done(folder, &arguments.split(' ').collect::<Vec<_>>());
+    run("add viscous coulomb armature bias -m monday.toml");
+    run("identify log.csv -m monday.toml -o monday.toml");
+    let truth = |log: &str| -> serde_json::Value {
+        let file = fs::read_to_string(folder.join(log.replace(".csv", ".truth.json"))).unwrap();
+        serde_json::from_str(&file).unwrap()
+    };
+    let was = truth("log.csv")["effects"]["coulomb:FR_thigh"]
+        .as_f64()
+        .unwrap();
+    for (seed, grown) in [(3, 0.0), (4, 0.0), (5, 0.05), (6, 0.3)] {
+        let is = was + grown;
+        let log = format!("{seed}.csv");
+        run(&format!(
+            "simulate --typical --legs FR --seed {seed} --hide coulomb:FR_thigh={is} -o {log}"
+        ));
+        let said = json(&run(&format!("diagnose {log} -m monday.toml --json")));
+        assert_eq!(said["verdict"], "complete", "{said}");
+        let empty = Vec::new();
+        let changed = said["changed"].as_array().unwrap_or(&empty);
+        let names: Vec<&str> = changed
+            .iter()
+            .map(|c| c["name"].as_str().unwrap())
+            .collect();
+        let screen = run(&format!("diagnose {log} -m monday.toml"));
+        // The same error as `compare` has of the file as it is given.
+        let compared = json(&run(&format!("compare {log} -m monday.toml --json")));
+        let [given, rms] = [&said["given_rms"], &compared["rms"]].map(|x| x.as_f64().unwrap());
+        assert!((given / rms - 1.0).abs() < 1e-9, "{given} {rms}");
+        if grown == 0.0 {
+            assert!(names.is_empty(), "{changed:?}");
+            assert!(!screen.contains("hanged"), "{screen}");
+            continue;
+        }
+        assert_eq!(names, ["coulomb:FR_thigh"], "{changed:?}");
+        let value = |key: &str| changed[0][key].as_f64().unwrap();
+        assert!((value("is") - is).abs() < 3.0 * value("std"), "{changed:?}");
+        assert!(
+            (value("was") - was).abs() < 3.0 * value("was_std"),
+            "{changed:?}"
+        );
+        assert!(screen.contains("Changed: 1 value of the file"), "{screen}");
+        assert!(screen.contains("changed: coulomb:FR_thigh is "), "{screen}");
+        // What is proposed writes a file that holds.
+        run(&format!("identify {log} -m monday.toml -o tuesday.toml"));
+        let after = json(&run(&format!("compare {log} -m tuesday.toml --json")));
+        assert!(after["rms"].as_f64().unwrap() < given);
+    }
 }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use nalgebra::SVector;
+use proprio_core::effect::EffectKind;
 use proprio_host::log::sha256;
 use proprio_host::model::{Model, Robot};
-use proprio_core::effect::EffectKind;
 use proprio_tests::command::{proprio, stderr, stdout};
 use serde::Deserialize;
 use tempfile::TempDir;

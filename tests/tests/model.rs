@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use proprio_host::model::{Model, Robot};
 use proprio_core::go2;
+use proprio_host::model::{Model, Robot};
 use proprio_tests::command::{folder, proprio, stderr, stdout};
 
 fn done(folder: &Path, arguments: &[&str]) -> String {

@@ -2,8 +2,6 @@
 //!
 //! Without the emulator these tests fail, unless `PROPRIO_SKIP_QEMU` is set; then they say that they were skipped.
 
-use proprio_host::device::replay::{ReplayError, bus_step, replay};
-use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::consistent::body;
 use proprio_core::estimator::{EFFECTS, LEG_INERTIAL};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
@@ -12,6 +10,8 @@ use proprio_core::wire::{
     Action, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, HostMessage, Outcome, Request,
     SCHEMA, Solution,
 };
+use proprio_host::device::replay::{ReplayError, bus_step, replay};
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_tests::motion;
 
 /// The emulated board with the image for `scalar`; `None` if the emulator is missing and may be.

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use proprio_host::device::replay::bus_step;
-use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
     Action, Counters, DeviceMessage, Estimate, HostMessage, Kept, Outcome, Request,
 };
+use proprio_host::device::replay::bus_step;
+use proprio_host::device::{BusStep, Desktop, Device, DeviceError, Qemu, image};
 use proprio_tests::motion;
 
 /// Steps of a moving robot, and of one that is silent while it is kept.

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use proprio_host::estimate::Status;
 use proprio_core::consistent::MAX_ITERATIONS;
 use proprio_core::estimator::EFFECTS;
 use proprio_core::go2::Leg;
+use proprio_host::estimate::Status;
 use proprio_tests::command::recorded_logs;
 use proprio_tests::device_fit::{ConsistentFit, factors};
 use proprio_tests::prior_reach::{distance, inertias};

@@ -1,8 +1,8 @@
 //! What the data gates say of logs recorded on real Go2s.
 
+use proprio_core::go2::ACTUATORS;
 use proprio_host::gate::{DataGates, Gate, GateReport, Joint, Reading};
 use proprio_host::log::Log;
-use proprio_core::go2::ACTUATORS;
 use proprio_tests::command::recorded_logs;
 
 /// Passes a log through the gates, sample by sample.

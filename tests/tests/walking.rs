@@ -1,14 +1,14 @@
 //! A robot that walks, on the microcontroller's code: its mass, on the desktop and through the real image on the emulated board.
 
 use nalgebra::{Rotation3, Vector3};
-use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
-use proprio_host::estimate::Constraint;
-use proprio_host::identify::identify_free_base;
 use proprio_core::app::{Identity, Start, WalkingApp, WalkingMemory};
 use proprio_core::go2;
 use proprio_core::spatial::Transform;
 use proprio_core::walk::{WalkEstimate, WalkMemory, Walker};
 use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Walk};
+use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
+use proprio_host::estimate::Constraint;
+use proprio_host::identify::identify_free_base;
 use proprio_tests::walks::{self, WalkStep};
 use std::f64::consts::PI;
 

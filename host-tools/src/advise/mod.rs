@@ -187,22 +187,13 @@ impl Advised {
     }
 }
 
-/// What closes another command's words on logs of so many limbs: of one limb what they could not tell, of several, for which that is a
-/// page, where to ask.
-pub fn at_the_end(model: &Model, file: Option<&Path>, logs: &[PathBuf], limbs: usize) -> String {
-    match limbs {
-        1 => closing(model, file, logs),
-        _ => format!("\n{}", pointer(file, logs)),
-    }
-}
-
-/// Where to ask what logs could not tell: one line, for which nothing is read.
-fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
+/// Where to ask what logs do not identify, and for the motion that would: one line, for which nothing is read; nothing of logs from standard input.
+pub fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
     if from_standard_input(logs) {
         return String::new();
     }
     format!(
-        "What the data leave open, and the motion that would tell it: proprio advise {}\n",
+        "What these logs leave open: proprio advise {}\n",
         typed(logs, file)
     )
 }

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::compare::{Comparison, ValuesFrom, compare_free_base, compare_without, csv};
+use crate::compare::{Comparison, ValuesFrom, compare_free_base_without, compare_without, csv};
 use crate::detect::mismatch::mismatches;
 use crate::model::{Model, ModelEffect, UnknownName};
 use crate::output::{AtomicFile, WriteError};
-use crate::recording::{Recording, gate_words};
+use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
 
@@ -42,7 +42,7 @@ pub(crate) struct Compare {
     #[arg(long)]
     given: bool,
     /// The robot walks, sways or is swung: a Go2's equations that contact forces leave, from logs with gyro/ and acc/ columns
-    #[arg(long, conflicts_with_all = ["at_rest", "with", "without", "output"])]
+    #[arg(long, conflicts_with_all = ["at_rest", "output"])]
     free_base: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with = "fit")]
@@ -114,21 +114,30 @@ impl Compare {
 
     /// The whole Go2, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
-        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut model = super::model_or_default(self.model.as_deref(), false)?;
+        let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
         let told = |done, total| progress.set(done, total);
-        let comparison = compare_free_base(&self.logs, &model, self.values(), told)?;
+        let values = self.values();
+        let comparison = compare_free_base_without(&self.logs, &model, &left_out, values, told)?;
         drop(progress);
-        for warning in &comparison.warnings {
+        for warning in &comparison.comparison.warnings {
             eprintln!("warning: {warning}");
         }
+        let model = self.model.as_deref();
         if let Some(path) = &self.html {
-            pages::walk(&comparison).map_err(unreadable)?.write(path)?;
+            let page = pages::walk(&comparison, model).map_err(unreadable)?;
+            page.write(path)?;
         }
-        Ok(if self.json {
-            json(&comparison)
-        } else {
-            comparison.to_string()
+        Ok(match (self.json, self.all || self.verbose) {
+            (true, _) => json(&comparison),
+            (false, true) => comparison.text(self.all),
+            (false, false) => {
+                let summary = comparison.summary(model);
+                format!(
+                    "{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots)\n"
+                )
+            }
         })
     }
 
@@ -146,7 +155,7 @@ impl Compare {
         if self.all || self.verbose {
             return comparison.text(self.all);
         }
-        let data = gate_words(&comparison.data);
+        let data = first_gate_words(&comparison.data);
         let summary = comparison.summary(self.model.as_deref());
         format!(
             "{data}{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots, tick boxes)\n"

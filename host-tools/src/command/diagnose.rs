@@ -4,17 +4,17 @@ mod written;
 
 use std::path::PathBuf;
 
-use crate::advise::{at_the_end, closing};
+use crate::advise::{closing, pointer};
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
-use crate::diagnose::{Diagnosis, diagnose, diagnose_free_base, diagnose_swing};
+use crate::diagnose::{Diagnosis, diagnose_by, diagnose_free_base, diagnose_swing};
 use crate::free_base::has_imu;
-use crate::model::{Model, Provenance};
+use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
-use crate::recording::{Recording, gate_words};
+use crate::recording::{Recording, first_gate_words, gate_words};
 use crate::report::pages;
-use crate::summary::typed;
+use crate::summary::{typed, wrapped};
 use clap::Args;
 use serde::Serialize;
 use written::{Values, Written};
@@ -31,7 +31,7 @@ use crate::progress::{Progress, Underway};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio diagnose chirp.csv
-  proprio diagnose chirp_*.csv --apply
+  proprio diagnose chirp_*.csv --verbose
   proprio diagnose chirp.csv --model go2.toml --html report.html
   proprio diagnose chirp.csv --model go2.toml --json
   proprio diagnose --free-base walk.csv --model go2.toml
@@ -43,7 +43,7 @@ pub(crate) struct Diagnose {
     /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Show every step to a model that lacks nothing and, with --model, write its effects to the model file
+    /// Write the effects that are missing to the model file
     ///
     /// Each with the value that these logs give it, ± one standard deviation, and the bodies too; but where the file has values of other
     /// logs these stay, and effects that are new have none.
@@ -57,7 +57,7 @@ pub(crate) struct Diagnose {
     /// Go on where the log is not what the model says (signs, units, exchanged joints, a base that moves)
     #[arg(long)]
     anyway: bool,
-    /// Tell every candidate, not the most important ones only
+    /// Print every candidate and every step, and what the logs leave open
     #[arg(short, long)]
     verbose: bool,
     /// Also write a report with plots: one page, no network needed
@@ -79,17 +79,18 @@ impl Diagnose {
             Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
         drop(progress);
         let wrong = mismatches(&recording, &model);
-        if !wrong.is_empty() && !self.anyway {
+        if wrong.iter().any(|wrong| wrong.kind.refuses()) && !self.anyway {
             return Err(Error::Mismatch {
                 logs: typed(&self.logs, None),
                 wrong,
+                is_go2: *model.robot() == Robot::go2(),
                 has_imu: self.logs.iter().all(|log| has_imu(log)),
             });
         }
         let underway = Underway::new("Trying the catalogue");
         let mut diagnosis = match self.anyway {
             true => diagnose_swing(&recording, &model)?,
-            false => diagnose(&recording, &model)?,
+            false => diagnose_by(&recording, &model, &wrong)?,
         };
         drop(underway);
         diagnosis
@@ -132,24 +133,29 @@ impl Diagnose {
             }));
         }
         let file = self.model.as_deref();
-        let gates = gate_words(&recording.gates);
-        let wrote = written.map_or_else(String::new, |written| format!("\n{written}\n"));
-        Ok(match (self.apply, self.verbose) {
-            (true, _) => gates + &diagnosis.ladder() + &wrote + &closing(&model, file, &self.logs),
-            (false, true) => gates + &diagnosis.to_string() + &closing(&model, file, &self.logs),
-            (false, false) => {
-                let mut summary = diagnosis.summary(given.robot(), file);
-                if diagnosis.joints.is_empty() && self.logs.iter().all(|log| has_imu(log)) {
-                    let logs = typed(&self.logs, file);
-                    summary.next = vec![format!("proprio diagnose --free-base {logs}")];
-                }
-                let limbs = recording.limbs.len();
-                let open = at_the_end(&given, file, &self.logs, limbs);
-                let gap = if open.is_empty() { "\n" } else { "" };
-                let more = "More: --verbose (every candidate), --apply (every step), --html report.html (plots, tick boxes)";
-                format!("{gates}{summary}{open}{gap}{more}\n")
-            }
-        })
+        let wrote = written.as_ref().map(ToString::to_string);
+        if self.verbose {
+            let wrote = wrote.map_or_else(String::new, |wrote| format!("\n{wrote}\n"));
+            let told = format!("{diagnosis}\n{}", diagnosis.ladder());
+            return Ok(gate_words(&recording.gates)
+                + &told
+                + &wrote
+                + &closing(&model, file, &self.logs));
+        }
+        let mut summary = diagnosis.summary(given.robot(), file);
+        let data = first_gate_words(&recording.gates);
+        if let (Some(_), Some(file)) = (&written, file) {
+            summary.next = vec![format!("proprio compare {}", typed(&self.logs, Some(file)))];
+        }
+        if diagnosis.joints.is_empty() && self.logs.iter().all(|log| has_imu(log)) {
+            let logs = typed(&self.logs, file);
+            summary.next = vec![format!("proprio diagnose --free-base {logs}")];
+        }
+        let wrote = wrote.map_or_else(String::new, |wrote| wrapped(&wrote, "", "  "));
+        let open = pointer(file, &self.logs);
+        Ok(format!(
+            "{data}{wrote}{summary}\n{open}More: --verbose (every candidate and step), --html report.html (plots, tick boxes)\n"
+        ))
     }
 
     /// Where the values of the written file may come from.

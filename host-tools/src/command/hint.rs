@@ -30,9 +30,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
             "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
                 .to_owned(),
         ),
-        Error::Recording(RecordingError::TooShort { .. }) => {
-            Some("record at least 4 s of motion, better 20 s".to_owned())
-        }
+        Error::Recording(RecordingError::TooShort { .. }) => Some("better 20 s of motion; several logs may be given at once".to_owned()),
         Error::Recording(RecordingError::AtRest { .. }) => {
             Some("record the joints moving, slowly and fast; leave out a log at rest".to_owned())
         }
@@ -47,7 +45,10 @@ pub(super) fn of(error: &Error) -> Option<String> {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
         Error::FreeBase(_) => None,
-        Error::Mismatch { wrong, has_imu, .. } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
+        Error::Mismatch { wrong, is_go2, has_imu, .. } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
+            (Some(MismatchKind::NoBetterThanNothing(_)), _) if !is_go2 => {
+                "check that the URDF is this robot's, and that `[base]` in the model file says how it is mounted; or go on with --anyway".to_owned()
+            }
             (Some(MismatchKind::NoBetterThanNothing(_)), true) => {
                 "of a Go2 that walks or stands: proprio diagnose --free-base; --anyway goes on as if it hung".to_owned()
             }
@@ -312,6 +313,9 @@ fn of_log(error: &LogError) -> String {
             "delete the line: every recorded channel needs a value in every row".to_owned()
         }
         Problem::NotANumber(_) => "correct the cell, or delete the line".to_owned(),
+        Problem::NoNumbers { .. } => {
+            "the driver does not fill it: record position, velocity and torque (effort) of the motors".to_owned()
+        }
         Problem::NotFinite(_) => "leave the row out; a gap does no harm, a made-up value would".to_owned(),
         Problem::TimeBackwards { .. } => {
             "sort the rows by `t`; if two recordings were joined, split the file here".to_owned()
@@ -320,6 +324,12 @@ fn of_log(error: &LogError) -> String {
             "if two recordings were joined or the clock was set, split the file here and pass both parts; `t` must \
              be in seconds"
                 .to_owned()
+        }
+        Problem::TwoPublishers { .. } => {
+            "`ros2 topic info -v TOPIC` names the publishers: stop the one that is not the robot, and record again".to_owned()
+        }
+        Problem::OneStamp { .. } => {
+            "write `t` with the digits of the recorder's clock: in s, to 0.1 ms or better".to_owned()
         }
         Problem::TooShort { .. } => "record at least some seconds of motion".to_owned(),
         Problem::TooSlow { rate, .. } if *rate < LEAST_RATE / 50.0 => {
@@ -330,6 +340,9 @@ fn of_log(error: &LogError) -> String {
         }
         Problem::OutsideLimits { degrees: true, .. } => {
             "convert positions to rad and velocities to rad/s: multiply both by π/180 = 0.0174533".to_owned()
+        }
+        Problem::OutsideLimits { other_way: true, joint, .. } => {
+            format!("multiply q/{joint}, dq/{joint} and tau/{joint} by -1, or turn the joint's axis in the URDF")
         }
         Problem::OutsideLimits { .. } => {
             "check the joint's zero and sign: positions are the URDF's, in rad or m; a Go2's are 0 with the leg straight down".to_owned()

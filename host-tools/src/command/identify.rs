@@ -4,7 +4,7 @@ mod factors;
 
 use std::path::{Path, PathBuf};
 
-use crate::advise::{at_the_end, closing};
+use crate::advise::{closing, pointer};
 use crate::compare::{ValuesFrom, compare, compare_free_base};
 use crate::estimate::Constraint;
 use crate::identify::{
@@ -162,7 +162,7 @@ impl Identify {
         let file = self.model.as_deref();
         let open = match self.base {
             true => closing(model, file, &self.logs),
-            false => at_the_end(model, file, &self.logs, recording.limbs.len()),
+            false => format!("\n{}", pointer(file, &self.logs)),
         };
         Ok(format!("{fitted}{told}{open}"))
     }

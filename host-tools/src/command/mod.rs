@@ -179,11 +179,12 @@ impl Command {
 pub(crate) enum Error {
     #[error(transparent)]
     FreeBase(#[from] FreeBaseError),
-    /// Logs that are not what the model says, and whether they have an IMU's columns.
+    /// Logs that are not what the model says, whether it is a Go2, and whether they have an IMU's columns.
     #[error("{logs}: not what the model says: {}", told(.wrong))]
     Mismatch {
         logs: String,
         wrong: Vec<Mismatch>,
+        is_go2: bool,
         has_imu: bool,
     },
     #[error(transparent)]

@@ -91,9 +91,13 @@ impl Validate {
             None => {
                 for log in &self.logs {
                     let mut progress = Progress::new("Reading");
-                    let models = recorded(&urdf, log, &candidates, |done, total| {
+                    let (models, warnings) = recorded(&urdf, log, &candidates, |done, total| {
                         progress.set(done, total)
                     })?;
+                    drop(progress);
+                    for warning in warnings {
+                        eprintln!("warning: {}: {warning}", log.display());
+                    }
                     logs.push(OfLog {
                         log: log.clone(),
                         models,

@@ -1,33 +1,31 @@
 //! What `proprio compare --free-base` does: a model against walks, coordinate by coordinate, in the equations that contact forces leave.
 
-use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nalgebra::DVector;
 use proprio_core::go2::{JOINT_NAMES, JOINTS};
-use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
-use super::ValuesFrom;
+use super::asked::{Asked, names};
+use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, ranking};
+use crate::detect::JointSeries;
+use crate::detect::residual;
 use crate::free_base::data::{Data, Left};
 use crate::free_base::fit::bare;
-use crate::free_base::rows::{BODIES, COORDINATES};
+use crate::free_base::rows::COORDINATES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
+use crate::model::{Model, ModelEffect};
+use crate::summary::{Summary, typed};
 use crate::table::Table;
 
 /// What `proprio compare --free-base` says.
 #[derive(Debug, Clone, Serialize)]
 pub struct FreeBaseComparison {
-    /// Root mean square of what the model leaves of an equation: mean torque over a window, N m; equations of the base are scaled to the
-    /// same noise.
-    pub rms: f64,
-    /// The same with the CAD's bodies and no effect.
-    pub cad_rms: f64,
-    /// Whether parameters were fitted, to every part of the time but the one that is predicted.
-    pub fitted: bool,
+    /// As of a robot that hangs. Errors over all are of the equations that contact forces leave, those of the base scaled to the same noise.
+    #[serde(flatten)]
+    pub comparison: Comparison,
     /// Moments on the base, forces on it, each joint's torque.
     pub coordinates: Vec<CoordinateError>,
     /// What became of the windows.
@@ -36,31 +34,9 @@ pub struct FreeBaseComparison {
     pub stance: Vec<StanceShares>,
     /// What became of the samples; one sample is all of the robot's.
     pub samples: Samples,
-    /// The logs.
-    pub logs: Vec<PathBuf>,
-    /// What a user should know about the logs.
-    pub warnings: Vec<String>,
     /// What is said of each foot when; for plots.
     #[serde(skip)]
     pub feet: Vec<FootEpisode>,
-    /// Measured and predicted torque of each joint in the equations that contact forces leave; for plots.
-    #[serde(skip)]
-    pub series: Vec<WalkSeries>,
-}
-
-/// A joint's torque over time in the equations that contact forces leave, N m.
-#[derive(Debug, Clone)]
-pub struct WalkSeries {
-    /// Its name.
-    pub joint: String,
-    /// When each window began, s.
-    pub t: Vec<f64>,
-    /// Measured.
-    pub measured: Vec<f64>,
-    /// By the CAD's bodies alone.
-    pub cad: Vec<f64>,
-    /// By the model.
-    pub model: Vec<f64>,
 }
 
 /// How well one coordinate's equation is met, root mean square.
@@ -89,76 +65,145 @@ pub fn compare_free_base(
     values: ValuesFrom,
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseComparison, FreeBaseError> {
+    compare_free_base_without(logs, model, &[], values, progress)
+}
+
+/// The same of a model from which the effects `left_out` were removed: the model that had them is what it is held against.
+///
+/// # Errors
+/// As [`compare_free_base`].
+pub fn compare_free_base_without(
+    logs: &[PathBuf],
+    model: &Model,
+    left_out: &[ModelEffect],
+    values: ValuesFrom,
+    progress: impl FnMut(u64, u64),
+) -> Result<FreeBaseComparison, FreeBaseError> {
+    let asked = Asked::of(logs, &|_| true, model, left_out, values);
     let structure = ModelStructure::of(model)?;
+    let before = asked.before.as_ref();
+    let before = before.map(|model| Ok::<_, FreeBaseError>((model, ModelStructure::of(model)?)));
+    let before = before.transpose()?;
     let walks = Walks::read(logs, progress)?;
+    // The same rows for both: what one of them has is a candidate of the other.
     let data = Data::of(&walks, &structure, &structure.candidates(model))?;
-    let lacks_values = model.effects().iter().any(|e| e.estimate().is_none());
-    let fitted = match values {
-        ValuesFrom::Auto => lacks_values,
-        ValuesFrom::Fitted => true,
-        ValuesFrom::Given | ValuesFrom::GivenAlsoAtRest => false,
-    };
     let cad = ModelStructure::of(&Model::default())?;
     let cad = data.with_sensors(&bare(&data, &cad));
-    let (model, rms) = if fitted {
-        let parts = data.held_out(&structure).ok_or(FreeBaseError::TooShort)?;
-        let rms = crate::free_base::fit::rms(&parts);
-        (parts.into_iter().map(|part| part.theta).collect(), rms)
-    } else {
-        let theta = data.with_sensors(&given(&data, model));
+    let judged = |model: &Model, structure: &ModelStructure| {
+        if asked.fitted {
+            let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;
+            let rms = crate::free_base::fit::rms(&parts);
+            let thetas: Vec<_> = parts.into_iter().map(|part| part.theta).collect();
+            return Ok((thetas, rms));
+        }
+        let theta = data.with_sensors(&given(&data, model, structure));
         let rms = data.rms(&theta);
-        (vec![theta], rms)
+        Ok::<_, FreeBaseError>((vec![theta], rms))
     };
+    let before = before.map(|(model, structure)| judged(model, &structure));
+    let before = before.transpose()?;
+    let (model_thetas, rms) = judged(model, &structure)?;
     let zero = DVector::zeros(data.columns().len());
-    let thetas = [model.iter().collect(), vec![&cad], vec![&zero]];
-    let mut series = empty_series();
+    let mut thetas = vec![model_thetas.iter().collect(), vec![&cad], vec![&zero]];
+    thetas.extend(before.iter().map(|(thetas, _)| thetas.iter().collect()));
+    let mut all = vec![empty_series(); thetas.len()];
     let by_coordinate = data.by_coordinate_and(&walks, &thetas, |equation| {
-        let joint = equation.coordinate.checked_sub(6);
-        if let Some(own) = joint.and_then(|joint| series.get_mut(joint)) {
-            own.t.push(equation.t);
-            own.measured.push(equation.measured);
-            own.model.push(equation.predicted[0]);
-            own.cad.push(equation.predicted[1]);
+        let Some(joint) = equation.coordinate.checked_sub(COORDINATES - JOINTS) else {
+            return;
+        };
+        let walk = &walks.walks[equation.log].0;
+        let end = equation.start + equation.window;
+        let [first, end] = [equation.start, end].map(|t| walk.index_at(t));
+        let mean = |of: &[[f64; JOINTS]]| {
+            let own = &of[first..end.max(first + 1)];
+            own.iter().map(|x| x[joint]).sum::<f64>() / own.len() as f64
+        };
+        for (series, predicted) in all.iter_mut().zip(equation.predicted) {
+            let own = &mut series[joint];
+            own.t.push(equation.t + 0.5 * equation.window);
+            own.q.push(mean(&walk.q));
+            own.dq.push(mean(&walk.dq));
+            own.tau.push(equation.measured);
+            own.predicted.push(*predicted);
+            own.residual.push(equation.measured - predicted);
+            own.whole.push(true);
         }
     });
-    Ok(FreeBaseComparison {
-        rms,
+    let mut all = all.into_iter();
+    let (series, cad_series) = (
+        all.next().unwrap_or_default(),
+        all.next().unwrap_or_default(),
+    );
+    let baselines = Baselines {
+        cad: cad_series,
+        before: all.nth(1),
+    };
+    let views: Vec<_> = series.iter().map(JointSeries::view).collect();
+    let criticism = residual::criticise(&views);
+    let joints = series.iter().zip(&criticism).enumerate();
+    let joints: Vec<JointComparison> = joints
+        .map(|(k, (series, criticism))| JointComparison::of(series, criticism, baselines.rms(k)))
+        .collect();
+    // Floors are of joints; of the base's equations none is known.
+    let yardsticks = Yardsticks {
+        zero_rms: data.rms(&zero),
         cad_rms: data.rms(&cad),
-        fitted,
+        before_rms: before.map(|(_, rms)| rms),
+        noise_floor_rms: None,
+        noise_floor_is_upper_bound: false,
+        above_noise_percent: None,
+    };
+    let starts = walks.starts();
+    let moment = |t: f64| {
+        let n = starts.partition_point(|start| *start <= t).max(1) - 1;
+        (&logs[n], t - starts[n])
+    };
+    Ok(FreeBaseComparison {
+        comparison: Comparison {
+            data: Vec::new(),
+            contact: Vec::new(),
+            joints,
+            rms,
+            yardsticks,
+            added: names(model, &asked.added),
+            left_out: names(model, left_out),
+            fitted: asked.fitted,
+            effects: Vec::new(),
+            patterns: ranking::patterns(&criticism),
+            episodes: ranking::episodes(&criticism, moment),
+            black_box: None,
+            criticism,
+            logs: logs.to_vec(),
+            warnings: [walks.warnings.clone(), data.warnings()].concat(),
+            series,
+            baselines: baselines.named(),
+        },
         coordinates: coordinates(&by_coordinate),
         windows: data.windows,
         stance: walks.stance(),
         samples: walks.samples(),
-        logs: logs.to_vec(),
         feet: walks.episodes(),
-        series,
-        warnings: [walks.warnings, data.warnings()].concat(),
     })
 }
 
 /// No equation yet.
-fn empty_series() -> Vec<WalkSeries> {
-    let series = |joint: &&str| WalkSeries {
+fn empty_series() -> Vec<JointSeries> {
+    let series = |joint: &&str| JointSeries {
         joint: (*joint).to_owned(),
-        t: Vec::new(),
-        measured: Vec::new(),
-        cad: Vec::new(),
-        model: Vec::new(),
+        ..JointSeries::default()
     };
     JOINT_NAMES.iter().map(series).collect()
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
-fn given(data: &Data, model: &Model) -> DVector<f64> {
-    let mut theta = DVector::zeros(data.columns().len());
-    let bodies = std::iter::once(BASE).chain(0..JOINTS);
-    for (b, body) in bodies.enumerate().take(BODIES) {
-        let inertia = model.inertia(body).0;
-        theta.rows_mut(INERTIAL * b, INERTIAL).copy_from(&inertia);
-    }
+pub(crate) fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
+    let mut theta = bare(data, structure);
     for (k, n, linear) in data.columns().effects() {
-        let (effect, joint) = data.columns().sites[n].place;
-        let own = model.effect(effect, joint);
+        let place = data.columns().sites[n].place;
+        // A load is in its body.
+        let own = model
+            .effect(place.0, place.1)
+            .filter(|_| structure.has(place));
         let value = own.and_then(|own| own.estimates[linear.parameter]);
         theta[k] = value.map_or(0.0, |own| own.value - linear.neutral);
     }
@@ -184,18 +229,18 @@ fn coordinates(left: &[Left]) -> Vec<CoordinateError> {
     (0..COORDINATES).map(of).collect()
 }
 
-impl fmt::Display for FreeBaseComparison {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let how = if self.fitted {
-            "on time that the fit has not seen"
-        } else {
-            "as the model file has it"
-        };
-        writeln!(
-            f,
-            "rms {:.4} N m {how}; {:.4} with the CAD alone\n",
-            self.rms, self.cad_rms
-        )?;
+impl FreeBaseComparison {
+    /// The first screen, as [`Comparison::summary`].
+    pub fn summary(&self, model: Option<&Path>) -> Summary {
+        let with = typed(&self.comparison.logs, model);
+        Summary {
+            next: vec![format!("proprio diagnose --free-base {with}")],
+            ..self.comparison.summary(model)
+        }
+    }
+
+    /// The comparison in words, as [`Comparison::text`], and each coordinate's error.
+    pub fn text(&self, all: bool) -> String {
         let mut table = Table::default();
         table.row(["", "unit", "rms", "CAD", "nothing"].map(str::to_owned));
         for own in &self.coordinates {
@@ -206,10 +251,11 @@ impl fmt::Display for FreeBaseComparison {
                     .chain(errors),
             );
         }
-        writeln!(
-            f,
-            "{table}\nMeasured less predicted mean over a window, in the {} equations of {} windows that contact forces leave.",
-            self.windows.equations, self.windows.used
+        format!(
+            "{}\n{table}\nMeasured less predicted mean over a window, in the {} equations of {} windows that contact forces leave.\n",
+            self.comparison.text(all),
+            self.windows.equations,
+            self.windows.used
         )
     }
 }

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::detect::residual::{Criticism, Episode};
-use crate::recording::Recording;
 
 /// A pattern of the error, by its share of all of it.
 #[derive(Debug, Clone, Serialize)]
@@ -49,13 +48,16 @@ pub(super) fn patterns(criticism: &[Criticism]) -> Vec<RankedPattern> {
     ranked
 }
 
-/// All episodes, the least usual for its joint first.
-pub(super) fn episodes(criticism: &[Criticism], recording: &Recording) -> Vec<RankedEpisode> {
+/// All episodes, the least usual for its joint first; `moment` tells of a time in which log it is, and when since that log's start.
+pub(super) fn episodes<'a>(
+    criticism: &[Criticism],
+    moment: impl Fn(f64) -> (&'a PathBuf, f64),
+) -> Vec<RankedEpisode> {
     let mut ranked: Vec<RankedEpisode> = criticism
         .iter()
         .flat_map(|c| c.episodes.iter().map(move |episode| (c, episode)))
         .map(|(c, episode)| {
-            let (log, since_start) = recording.moment(episode.t);
+            let (log, since_start) = moment(episode.t);
             RankedEpisode {
                 joint: c.joint.clone(),
                 log: log.clone(),

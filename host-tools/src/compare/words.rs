@@ -2,6 +2,7 @@
 
 use std::fmt::{self, Write};
 
+use super::summary::NO_STRUCTURE;
 use super::{Comparison, JointComparison, RankedEpisode, black_box};
 use crate::table::{Table, with_std};
 
@@ -173,13 +174,14 @@ impl Comparison {
     }
 
     fn write_where(&self, to: &mut String, all: bool) -> fmt::Result {
-        if self.patterns.is_empty() {
-            return writeln!(
-                to,
-                "\nWhere: the error follows no position, velocity, acceleration, load, temperature or time."
-            );
+        let unexplained = self.unexplained();
+        if self.patterns.is_empty() && unexplained.is_empty() {
+            return writeln!(to, "\nWhere: {NO_STRUCTURE}.");
         }
         writeln!(to, "\nWhere, by its share of all the square error:")?;
+        for sentence in unexplained {
+            writeln!(to, "  {sentence}")?;
+        }
         let told = if all { self.patterns.len() } else { TOLD };
         for pattern in self.patterns.iter().take(told) {
             writeln!(to, "{:>5.1} %  {}", pattern.share_percent, pattern.sentence)?;

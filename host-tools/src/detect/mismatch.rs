@@ -6,18 +6,22 @@
 //! torque at another time or in another unit) leaves far less, that reading is named. What an effect of the catalogue makes is no
 //! such thing: it leaves less as it is than in any other reading.
 
+mod bodies;
+mod columns;
 mod commanded;
+mod dynamics;
+mod kind;
 mod reading;
 mod words;
 
 use std::mem::discriminant;
-use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::model::{Limb, Model};
+use crate::model::{Body, Limb, Model, other_unit};
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
+pub use kind::{Mismatch, MismatchKind};
 use reading::{JointReading, Reading, shifts};
 
 /// Another reading is named if it leaves less than this share of what the log leaves as it is, and less than so much of the torque's
@@ -35,50 +39,36 @@ const NOTHING: f64 = 0.02;
 /// A factor between torque and model from which the unit is another one, and within which all joints agree on it.
 const OTHER_UNIT: f64 = 5.0;
 const AGREED: f64 = 2.0;
+/// The same where half of the joints agree to this.
+const ONE_UNIT: f64 = 1.25;
 /// Least time by which a torque may be late, s: less is an effect of the catalogue.
 const LEAST_LATE: f64 = 0.006;
 /// At its right time torque leaves less than this share of what it leaves as it is, and three of four joints say at least half of that time.
 const AT_ITS_TIME: f64 = 0.75;
+/// Up to this time, s, five times what is known of it before any data, a torque's lateness is the catalogue's to tell.
+const CATALOGUE_LATE: f64 = 0.02;
+/// A velocity that is off by more than this share is in another unit or of another sign: the catalogue's `velocity_gain` is a sensor's error.
+const OTHER_VELOCITY: f64 = 0.5;
+const SURELY: f64 = 5.0;
+/// Factors of a torque that drives' constants may have: outside nobody knows its unit.
+const KNOWN_UNIT: f64 = 1.5;
+/// What leaves less than this needs no reading that is dear to try.
+const EXCELLENT: f64 = 0.05;
+/// A reading that is less plain is named if it leaves less than this share of what a plainer one leaves.
+const PLAINER: f64 = 0.7;
 /// Most joints of a limb whose order is tried in every way.
 const MOST_ORDERED: usize = 4;
-
-/// What is wrong between logs and the model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Mismatch {
-    /// The log of which it is true; all that are given, if none.
-    pub log: Option<PathBuf>,
-    /// What it is.
-    pub kind: MismatchKind,
-}
-
-/// What can be wrong between a log and the model.
-#[derive(Debug, Clone, PartialEq)]
-pub enum MismatchKind {
-    /// The torque is zero, or next to nothing beside the model's: of these joints, of all if there are none.
-    NoTorque(Vec<String>),
-    /// The torque has the other sign at these joints, at all if there are none.
-    Sign(Vec<String>),
-    /// The torque is so many times the model's at all joints.
-    Unit(f64),
-    /// The columns of these limbs are those of others: recorded as, is.
-    Limbs(Vec<[String; 2]>),
-    /// The columns of joints are exchanged within each limb: recorded as, is.
-    Joints(Vec<[String; 2]>),
-    /// The torque is so many seconds late at all joints, or early if negative.
-    Late(f64),
-    /// What the model gives, with whatever friction, leaves this share of the torque's square at half of the joints, or more.
-    NoBetterThanNothing(f64),
-    /// The torque of this log is what was commanded.
-    Commanded(String),
-    /// These two logs hold the same numbers.
-    Twice([String; 2]),
-}
 
 /// What is wrong between a recording and `model`, the plainest first; empty where nothing is. Of several logs each is judged alone, so that a
 /// wrong one does not hide among right ones.
 pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
     let of_all = |kind| Mismatch { log: None, kind };
     let mut found: Vec<Mismatch> = twice(recording).into_iter().map(of_all).collect();
+    if let Some(velocity) = velocities(recording) {
+        found.push(of_all(velocity));
+        // What a model makes of such a motion says nothing.
+        return found;
+    }
     found.extend(commanded::commanded(recording, model).map(of_all));
     let logs = recording.gates.len();
     let kinds = |kinds: &[MismatchKind]| kinds.iter().map(discriminant).collect::<Vec<_>>();
@@ -110,31 +100,56 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     if as_is.iter().all(|reading| reading.joints.is_empty()) {
         return Vec::new();
     }
-    if let Some(nothing) = no_torque(&as_is) {
+    if let Some(nothing) = no_torque(&as_is, model) {
         return vec![nothing];
     }
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
         // One joint of many hardly shows in what all leave.
-        let found = sign(&as_is).into_iter().chain(late(&as_is, now));
-        return found.map(|(_, reading)| reading).collect();
+        let gravity = plainest([dynamics::incomplete(&as_is), dynamics::orientation(&as_is)]);
+        let found = sign(&as_is).into_iter().chain(gravity);
+        return (found.chain(late(&as_is, now)))
+            .map(|(_, reading)| reading)
+            .collect();
     }
-    let readings = [
+    let mut best = plainest([
         sign(&as_is),
         unit(&as_is),
+        dynamics::incomplete(&as_is),
+        late(&as_is, now),
+        dynamics::orientation(&as_is),
+        bodies::body(recording, model, &as_is),
         limbs(recording, model, now),
         joints(recording, model, now),
-        late(&as_is, now),
-    ];
-    let best = readings
-        .into_iter()
-        .flatten()
-        .min_by(|a, b| a.0.total_cmp(&b.0));
+        dynamics::units(&as_is),
+    ]);
+    if best.as_ref().is_none_or(|(left, _)| *left > EXCELLENT) {
+        best = plainest([
+            best,
+            columns::counted_the_other_way(recording, model),
+            columns::exchanged(recording, model),
+        ]);
+    }
     match best {
         Some((left, reading)) if left < GOOD && left < FAR_BETTER * now => vec![reading],
         _ if usual(&as_is) > POOR => vec![MismatchKind::NoBetterThanNothing(usual(&as_is))],
         _ => Vec::new(),
     }
+}
+
+/// What a reading leaves, and what it is.
+type Left = (f64, MismatchKind);
+
+/// The best of readings in the order of their plainness.
+fn plainest<const N: usize>(readings: [Option<Left>; N]) -> Option<Left> {
+    let all = readings.into_iter().flatten();
+    all.reduce(|best, next| {
+        if next.0 < PLAINER * best.0 {
+            next
+        } else {
+            best
+        }
+    })
 }
 
 /// The mean over all joints of what each leaves. None counts for more than all of its torque: where a constant torque holds a joint up
@@ -153,19 +168,41 @@ fn usual(readings: &[Reading]) -> f64 {
     robust::median(joints.map(JointReading::left)).unwrap_or(0.0)
 }
 
-fn no_torque(readings: &[Reading]) -> Option<MismatchKind> {
+fn no_torque(readings: &[Reading], model: &Model) -> Option<MismatchKind> {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let nothing = |joint: &&JointReading| {
         let torque = rms(&joint.torque);
         torque == 0.0 || torque < NOTHING * rms(&joint.predicted)
     };
-    let names: Vec<String> = joints()
+    let zero = |joint: &&JointReading| joint.torque.iter().all(|x| *x == 0.0);
+    let named = |of: &dyn Fn(&&JointReading) -> bool| {
+        let names = joints().filter(of).map(|joint| joint.name.clone());
+        let names: Vec<String> = names.collect();
+        let all = names.len() == joints().count();
+        (!names.is_empty()).then(|| if all { Vec::new() } else { names })
+    };
+    if let Some(names) = named(&zero) {
+        return Some(MismatchKind::NoTorque(names));
+    }
+    let times = joints()
         .filter(nothing)
-        .map(|joint| joint.name.clone())
-        .collect();
-    let all = names.len() == joints().count();
-    (!names.is_empty()).then(|| MismatchKind::NoTorque(if all { Vec::new() } else { names }))
+        .map(|joint| rms(&joint.predicted) / rms(&joint.torque));
+    let times = robust::median(times)?;
+    Some(MismatchKind::ModelUnits {
+        times,
+        joints: named(&nothing)?,
+        bodies: no_bodies(model),
+    })
+}
+
+/// Bodies whose mass and inertia no body has: name, mass (kg) and radius of gyration (m).
+fn no_bodies(model: &Model) -> Vec<(String, [f64; 2])> {
+    let bodies = model.robot().bodies().iter().enumerate();
+    let of = |(b, body): (usize, &Body)| {
+        other_unit(model.inertia(b)).map(|of| (body.link_name.clone(), of))
+    };
+    bodies.filter_map(of).collect()
 }
 
 /// What is left with the sign turned wherever that is far better.
@@ -199,7 +236,13 @@ fn unit(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
     let at = |share: f64| robust::quantile(factors.iter().copied(), share);
     let (low, middle, high) = (at(0.25)?, at(0.5)?, at(0.75)?);
     let agreed = low > 0.0 && high / low < AGREED;
-    let other = !(1.0 / OTHER_UNIT..=OTHER_UNIT).contains(&middle);
+    // Motors' constants differ by less than this, and so do a CAD's masses.
+    let least = if high / low < ONE_UNIT {
+        KNOWN_UNIT
+    } else {
+        OTHER_UNIT
+    };
+    let other = !(1.0 / least..=least).contains(&middle);
     let left = share(readings, &|joint| joint.left_of(&joint.torque, middle));
     (agreed && other).then_some((left, MismatchKind::Unit(middle)))
 }
@@ -322,7 +365,12 @@ fn late(readings: &[Reading], now: f64) -> Option<(f64, MismatchKind)> {
     let joints = || readings.iter().flat_map(|reading| &reading.joints);
     let agreed = 4 * joints().filter(agrees).count() >= 3 * joints().count();
     let seconds = shift as f64 * period;
-    let late = seconds.abs() >= LEAST_LATE && left < AT_ITS_TIME * now && agreed;
+    // What the catalogue cannot tell has to be plain.
+    let share = match seconds.abs() > CATALOGUE_LATE {
+        true => FAR_BETTER,
+        false => AT_ITS_TIME,
+    };
+    let late = seconds.abs() >= LEAST_LATE && left < share * now && agreed;
     late.then_some((left, MismatchKind::Late(seconds)))
 }
 
@@ -341,6 +389,31 @@ fn orders(count: usize) -> Vec<Vec<usize>> {
         orders = orders.iter().flat_map(insert).collect();
     }
     orders
+}
+
+/// Velocities in another unit or of the other sign than the positions', by what the gates have found.
+fn velocities(recording: &Recording) -> Option<MismatchKind> {
+    let joints = || {
+        recording
+            .gates
+            .iter()
+            .flat_map(|gates| &gates.report.joints)
+    };
+    let known = || joints().filter_map(|joint| Some((&joint.joint, joint.velocity?)));
+    let other =
+        || known().filter(|(_, v)| (v.gain - 1.0).abs() > OTHER_VELOCITY + SURELY * v.gain_std);
+    let times = robust::median(other().map(|(_, v)| v.gain))?;
+    let mut names: Vec<String> = other().map(|(name, _)| name.clone()).collect();
+    names.sort();
+    names.dedup();
+    Some(MismatchKind::Velocity {
+        joints: if other().count() == known().count() {
+            Vec::new()
+        } else {
+            names
+        },
+        times,
+    })
 }
 
 /// Two logs with the same bytes.

@@ -39,7 +39,7 @@ pub(super) fn path(d: &Diagnosed) -> (f64, Vec<f64>, Vec<PathStep>) {
                 names.push(name);
             }
         }
-        steps.push(d.step(step.effect, names, &step.squares, step.removed));
+        steps.push(d.step(step.effect, names, &step.errors, step.removed));
     }
     (d.rms(start), d.log_rms(start), steps)
 }

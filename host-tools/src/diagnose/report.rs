@@ -3,18 +3,24 @@
 use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
+use super::changed::changed;
 use super::path::path;
 use super::{
-    Alternative, CandidateReport, Diagnosed, Diagnosis, JointError, ParameterReport, Verdict,
-    contact, words,
+    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, JointError, ParameterReport,
+    Verdict, contact, words,
 };
 use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
+use crate::equation::values::Values;
 use crate::equation::velocity::VelocityGain;
+use crate::estimate::ParameterEstimate;
+use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::side_by_side;
+use crate::identify::model_fit::parameters;
+use crate::model::Provenance;
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -54,7 +60,10 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         .collect();
     let windows: f64 = joints.iter().map(|j| j.n as f64).sum();
     let floor: f64 = joints.iter().map(|j| j.floor.powi(2) * j.n as f64).sum();
+    let (given_rms, changed) = d.as_given();
     Diagnosis {
+        given_rms,
+        changed,
         verdict,
         reason,
         next,
@@ -67,6 +76,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
         second_encoder: (d.each_twist())
             .map(|(limb, twist)| words::twist(&d.name(limb, twist.joint), twist))
             .collect(),
+        bodies: words::bodies(&d.bodies),
         outside_catalogue,
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
@@ -108,10 +118,77 @@ fn measured(
     }
 }
 
+/// What a candidate would add to a model that leaves a `total` sum of squares, (N m)².
+pub(super) fn candidate(
+    judged: &Judged,
+    total: f64,
+    names: &dyn Fn(&[Member]) -> Vec<String>,
+) -> CandidateReport {
+    let c = &judged.candidate;
+    let (held_out_gain, held_out_gain_error) = c.held_out_gain();
+    let firsts: Vec<(f64, f64)> = judged.parameters.iter().map(|p| p[0]).collect();
+    let n = firsts.len().max(1) as f64;
+    let value = firsts.iter().map(|p| p.0).sum::<f64>() / n;
+    let std = if c.is_shared() {
+        firsts.first().map_or(0.0, |p| p.1)
+    } else {
+        firsts.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n
+    };
+    let described = c.effect.description().parameters.iter();
+    let told = judged.parameters.iter().take(1).flatten();
+    let parameters = described
+        .zip(told)
+        .map(|(p, (value, std))| ParameterReport {
+            symbol: p.symbol,
+            unit: p.unit,
+            value: *value,
+            std: *std,
+        });
+    let alternative = |(effect, members): &(EffectKind, Vec<Member>)| Alternative {
+        effect: effect.name(),
+        joints: names(members),
+    };
+    CandidateReport {
+        effect: c.effect.name(),
+        joints: names(&c.members),
+        held_out_gain,
+        held_out_gain_error,
+        z: c.z(),
+        value,
+        std,
+        parameters: parameters.collect(),
+        torque_error_percent: 100.0 * c.torque_error_taken() / total.max(f64::MIN_POSITIVE),
+        in_bounds: judged.possible,
+        significant: judged.significant,
+        alternatives: judged.alternatives.iter().map(alternative).collect(),
+    }
+}
+
 impl Diagnosed<'_> {
     /// The joint that carries a limb's foot.
     fn foot(&self, limb: usize) -> String {
         self.all[limb].joint_names().pop().unwrap_or_default()
+    }
+
+    /// The error of the model with the values that its file gives, and those that these logs contradict; nothing of a file without values or with
+    /// those of these very logs.
+    fn as_given(&self) -> (Option<f64>, Vec<ChangedValue>) {
+        let model = self.model;
+        let own = |provenance: &Provenance| provenance.is_of(&self.recording.logs).unwrap_or(false);
+        if !model.has_values() || self.judged.is_empty() {
+            return (None, Vec::new());
+        }
+        let limbs: Vec<&LimbData> = self.judged.iter().map(|&n| &self.all[n]).collect();
+        let squares = side_by_side(&limbs, |limb| {
+            limb.squares(&limb.predicted(&Values::given(model, limb.limb), &|_| true))
+        });
+        let values = match model.provenance().is_some_and(own) {
+            true => Vec::new(),
+            false => side_by_side(&self.found.end.fits, |fit| parameters(fit)),
+        };
+        let fitted: Vec<ParameterEstimate> =
+            (values.into_iter().flatten()).map(|p| p.estimate).collect();
+        (Some(self.rms(&squares)), changed(model, &fitted))
     }
 
     /// The forces at feet that the model does not have, the joints' best agreement first.
@@ -154,46 +231,7 @@ impl Diagnosed<'_> {
     }
 
     fn candidate(&self, judged: &Judged, total: f64) -> CandidateReport {
-        let c = &judged.candidate;
-        let (held_out_gain, held_out_gain_error) = c.held_out_gain();
-        let joints = self.names(&c.members);
-        let firsts: Vec<(f64, f64)> = judged.parameters.iter().map(|p| p[0]).collect();
-        let n = firsts.len().max(1) as f64;
-        let value = firsts.iter().map(|p| p.0).sum::<f64>() / n;
-        let std = if c.is_shared() {
-            firsts.first().map_or(0.0, |p| p.1)
-        } else {
-            firsts.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n
-        };
-        let described = c.effect.description().parameters.iter();
-        let told = judged.parameters.first();
-        let parameters = described.enumerate().map(|(n, p)| {
-            let (value, std) = told.map_or((0.0, 0.0), |told| told[n]);
-            ParameterReport {
-                symbol: p.symbol,
-                unit: p.unit,
-                value,
-                std,
-            }
-        });
-        let alternative = |(effect, members): &(EffectKind, Vec<Member>)| Alternative {
-            effect: effect.name(),
-            joints: self.names(members),
-        };
-        CandidateReport {
-            effect: c.effect.name(),
-            joints,
-            held_out_gain,
-            held_out_gain_error,
-            z: c.z(),
-            value,
-            std,
-            parameters: parameters.collect(),
-            torque_error_percent: 100.0 * c.torque_error_taken() / total.max(f64::MIN_POSITIVE),
-            in_bounds: judged.possible,
-            significant: judged.significant,
-            alternatives: judged.alternatives.iter().map(alternative).collect(),
-        }
+        candidate(judged, total, &|members| self.names(members))
     }
 
     /// The joints' names, each once.
@@ -237,7 +275,7 @@ impl Diagnosed<'_> {
                     n: windows[j] as usize,
                     before: rms(before[j]),
                     after: rms(after[j]),
-                    floor: self.found.floor[limb][j].min(rms(after[j])),
+                    floor: self.found.source.floor(limb)[j].min(rms(after[j])),
                 });
             }
         }
@@ -267,7 +305,7 @@ impl Diagnosed<'_> {
             boxes.extend(taken);
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
-            drifting.extend(self.found.drifts[limb].iter().map(told));
+            drifting.extend(self.found.source.drifts(limb).iter().map(told));
         }
         let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
         let left = residual::criticise(&views)

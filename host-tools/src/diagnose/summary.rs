@@ -7,10 +7,12 @@ use crate::catalogue;
 use crate::model::Robot;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
 
-/// Missing effects that the headline names.
-const NAMED: usize = 4;
+/// Kinds of missing effects that the headline names; of more it says how many, and the points name them.
+const NAMED: usize = 3;
 /// Points of a summary.
 const POINTS: usize = 3;
+/// A command that is no longer stands on one line of a terminal, columns.
+const ONE_LINE: usize = 76;
 /// A model file, where none is named.
 pub(crate) const NEW_MODEL: &str = "go2.toml";
 
@@ -22,28 +24,44 @@ struct Missing {
     step: [f64; 2],
 }
 
+impl Missing {
+    /// Whether every drive has it: friction, rotor and offset.
+    fn is_plain(&self) -> bool {
+        catalogue::effect_named(self.effect).is_some_and(|e| e.description().is_plain())
+    }
+
+    /// Where, for people.
+    fn at(&self, all: &[String]) -> String {
+        joints_in_words(&self.joints, all)
+    }
+}
+
 impl Diagnosis {
     /// The first screen: how far the error falls, what is missing, and the command that adds it to the model file, if one is
     /// named.
     pub fn summary(&self, robot: &Robot, model: Option<&Path>) -> Summary {
         let missing = self.missing();
-        let mut points: Vec<String> = self.second_encoder.iter().take(1).cloned().collect();
-        if let Some(more @ 1..) = self.second_encoder.len().checked_sub(1) {
-            points[0] += &format!(" (and {more} more)");
-        }
         let all = self.joint_names();
-        for one in missing
-            .iter()
-            .filter(|m| m.step[1] < m.step[0])
-            .take(POINTS - 1)
-        {
-            let words = catalogue::effect_named(one.effect).map_or("", |e| e.description().words);
-            let [before, after] = one.step.map(torque);
-            let joints = joints_in_words(&one.joints, &all);
-            points.push(format!(
-                "{}, {joints}: {before} → {after} N m; {words}",
-                one.effect
-            ));
+        let mut points: Vec<String> = self.changes().into_iter().collect();
+        if let Some((first, rest)) = self.second_encoder.split_first() {
+            points.push(and_more(first, rest.len()));
+        }
+        if let Some((first, rest)) = self.bodies.split_first() {
+            points.push(and_more(first, rest.len()));
+        }
+        match &*missing {
+            [] => (),
+            [one] => points.push(explained(one, &all)),
+            more => {
+                // What every drive has goes together, so that what few have is never folded away.
+                let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
+                    more.iter().partition(|m| m.is_plain());
+                match &*beyond {
+                    [one] => points.push(explained(one, &all)),
+                    beyond => points.extend(listed("beyond the drive", beyond, &all)),
+                }
+                points.extend(listed("drive", &drive, &all));
+            }
         }
         points.extend(self.alike());
         points.truncate(POINTS - 1);
@@ -56,38 +74,46 @@ impl Diagnosis {
     }
 
     fn headline(&self, missing: &[Missing]) -> String {
-        let after = self
-            .path
-            .last()
-            .map_or(self.held_out_rms, |step| step.held_out_rms);
-        let mut text = String::new();
-        if !self.joints.is_empty() {
-            text += &torque(self.held_out_rms);
-            if !self.path.is_empty() {
-                text += &format!(" → {}", torque(after));
-            }
-            text += &format!(
-                " N m on unseen data; floor {}; ",
-                torque(self.noise_floor_rms)
-            );
-        }
         let all = self.joint_names();
-        let mut names: Vec<String> = missing
-            .iter()
-            .take(NAMED)
-            .map(|m| format!("{} ({})", m.effect, joints_in_words(&m.joints, &all)))
+        let is_named = missing.len() <= NAMED;
+        let names: Vec<String> = (missing.iter())
+            .map(|m| format!("{} ({})", m.effect, m.at(&all)))
             .collect();
-        if missing.len() > NAMED {
-            names.push(format!("{} more", missing.len() - NAMED));
-        }
-        text + &match (self.verdict, names.is_empty()) {
-            (_, false) => format!("missing: {}", names.join(", ")),
-            (Verdict::Missing, true) => {
-                "missing: something that the catalogue does not have".to_owned()
+        let mut text = match (self.verdict, names.is_empty()) {
+            (_, false) if is_named => format!("Missing: {}. ", names.join(", ")),
+            (_, false) => format!("Missing: {} effects. ", missing.len()),
+            (Verdict::Missing, true) => "Missing: an effect outside the catalogue. ".to_owned(),
+            (Verdict::Complete, true) => "Missing: nothing. ".to_owned(),
+            (Verdict::Insufficient, true) => {
+                "Too little motion to say what is missing. ".to_owned()
             }
-            (Verdict::Complete, true) => "missing: nothing".to_owned(),
-            (Verdict::Insufficient, true) => "too little motion to tell what is missing".to_owned(),
+        };
+        text += &match self.changed.len() {
+            0 => String::new(),
+            1 => "Changed: 1 value of the file. ".to_owned(),
+            n => format!("Changed: {n} values of the file. "),
+        };
+        if self.joints.is_empty() {
+            return text.trim_end().to_owned();
         }
+        let last = self.path.last();
+        let mut errors = vec![torque(self.held_out_rms)];
+        errors.extend(last.map(|step| torque(step.held_out_rms)));
+        if let Some(given) = self.given_rms {
+            errors[0] += " refitted";
+            errors.insert(0, format!("{} as given", torque(given)));
+        }
+        let floor = torque(self.noise_floor_rms);
+        text + &format!(
+            "Held-out error {} N m (noise floor {floor})",
+            errors.join(" → ")
+        )
+    }
+
+    /// The values of the file that the logs contradict, the surest by name.
+    fn changes(&self) -> Option<String> {
+        let (first, rest) = self.changed.split_first()?;
+        Some(and_more(&format!("changed: {}", first.words()), rest.len()))
     }
 
     /// What the path has added for good, the largest fall of the error first.
@@ -130,16 +156,13 @@ impl Diagnosis {
     fn alike(&self) -> Option<String> {
         let best = self.candidates.iter().find(|c| c.significant)?;
         let first = best.alternatives.first()?;
-        let more = match best.alternatives.len() {
-            1 => String::new(),
-            n => format!(" and {} more", n - 1),
-        };
-        Some(format!(
-            "{} cannot be told apart on these data from {}:{}{more}",
+        let words = format!(
+            "{} is a look-alike on these data: {}:{}",
             best.name(),
             first.effect,
             first.joints.join(",")
-        ))
+        );
+        Some(and_more(&words, best.alternatives.len() - 1))
     }
 
     /// What is left at the end.
@@ -149,13 +172,16 @@ impl Diagnosis {
         }
         match (self.outside_catalogue.as_slice(), self.verdict) {
             ([], Verdict::Insufficient) => self.reason.clone(),
-            ([], _) => "what is left follows nothing beyond the noise".to_owned(),
-            ([one], _) => one.clone(),
-            ([first, rest @ ..], _) => format!("{first} (and {} more)", rest.len()),
+            ([], _) => "no structure is left above the noise".to_owned(),
+            ([first, rest @ ..], _) => and_more(first, rest.len()),
         }
     }
 
     fn command(&self, missing: &[Missing], robot: &Robot, model: Option<&Path>) -> String {
+        if missing.is_empty() && !self.changed.is_empty() {
+            let with = typed(&self.logs, model);
+            return format!("proprio identify {with} -o refitted.toml");
+        }
         if missing.is_empty() {
             let with = typed(&self.logs, model);
             return format!("proprio compare {with} --html report.html");
@@ -171,7 +197,57 @@ impl Diagnosis {
                 .collect()
         };
         let effects: Vec<String> = missing.iter().flat_map(of).collect();
-        let model = model.unwrap_or(Path::new(NEW_MODEL));
-        format!("proprio add {} -m {}", effects.join(" "), word(model))
+        let model = word(model.unwrap_or(Path::new(NEW_MODEL)));
+        let add = format!("proprio add {} -m {model}", effects.join(" "));
+        if add.chars().count() <= ONE_LINE {
+            return add;
+        }
+        let logs = typed(&self.logs, None);
+        format!("proprio diagnose {logs} --apply -m {model}")
     }
+}
+
+/// A sentence, and how many more there are.
+fn and_more(sentence: &str, more: usize) -> String {
+    match more {
+        0 => sentence.to_owned(),
+        more => format!("{sentence} (and {more} more)"),
+    }
+}
+
+/// One effect with what it is.
+fn explained(one: &Missing, all: &[String]) -> String {
+    let words = catalogue::effect_named(one.effect).map_or("", |e| e.description().words);
+    let [before, after] = one.step.map(torque);
+    let at = one.at(all);
+    match one.step[1] < one.step[0] {
+        true => format!("{}, {at}: {before} → {after} N m; {words}", one.effect),
+        false => format!("{}, {at}: {words}", one.effect),
+    }
+}
+
+/// Several effects, each with the error after its largest step; where all are at the same joints, these once.
+fn listed(what: &str, effects: &[&Missing], all: &[String]) -> Option<String> {
+    let first = effects.first()?;
+    let same = effects.iter().all(|m| m.at(all) == first.at(all));
+    let one = |m: &&Missing| {
+        let at = match same {
+            true => String::new(),
+            false => format!(" ({})", m.at(all)),
+        };
+        let [before, after] = m.step.map(torque);
+        let after = match before == after {
+            true => String::new(),
+            false => format!(" → {after}"),
+        };
+        format!("{}{at}{after}", m.effect)
+    };
+    let mut effects = effects.to_vec();
+    effects.sort_by(|a, b| b.step[1].total_cmp(&a.step[1]));
+    let list: Vec<String> = effects.iter().map(one).collect();
+    let at = match same {
+        true => format!(", {}", first.at(all)),
+        false => String::new(),
+    };
+    Some(format!("{what}{at}: {}", list.join(", ")))
 }

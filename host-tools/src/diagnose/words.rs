@@ -8,6 +8,7 @@ use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::catalogue;
 use crate::detect::black_box::{Sees, Taken};
 use crate::detect::twist::{Beside, Twist};
+use crate::identify::OtherBody;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::drift::Drift;
 use crate::table::{Table, with_std};
@@ -31,10 +32,19 @@ impl Diagnosis {
             let rms = rms.iter().take(shown);
             rms.map(|rms| format!("{rms:.4}")).collect()
         };
+        let mut change = String::new();
+        if let Some(given) = self.given_rms {
+            table.row(["the model as given".to_owned(), format!("{given:.4}")]);
+            change = format!("{:+.1} %", 100.0 * (self.held_out_rms / given - 1.0));
+        }
+        let start = match self.given_rms {
+            Some(_) => "its values fitted anew",
+            None => "the model as given",
+        };
         let start = [
-            "the model as given".to_owned(),
+            start.to_owned(),
             format!("{:.4}", self.held_out_rms),
-            String::new(),
+            change,
         ];
         table.row(start.into_iter().chain(logs(&self.log_rms)));
         let mut before = self.held_out_rms;
@@ -72,15 +82,27 @@ impl Diagnosis {
             Verdict::Insufficient => "INSUFFICIENT",
         };
         let mut text = format!("{verdict}: {}\nNext: {}\n", self.reason, self.next);
+        for changed in &self.changed {
+            text += &format!("Changed: {}\n", changed.words());
+        }
         for sentence in &self.second_encoder {
             text += &format!("{sentence}\n");
         }
-        for sentence in &self.outside_catalogue {
+        for sentence in self.bodies.iter().chain(&self.outside_catalogue) {
             text += sentence;
             text.push('\n');
         }
         text
     }
+}
+
+/// Bodies that are not the CAD's; `as_well`: without the effects beyond those of every drive.
+pub(super) fn bodies((bodies, as_well): &(Vec<OtherBody>, bool)) -> Vec<String> {
+    let told = |body: &OtherBody| match as_well {
+        true => format!("{body}; so the drives' own effects predict as well as all that is named"),
+        false => body.to_string(),
+    };
+    bodies.iter().map(told).collect()
 }
 
 impl fmt::Display for PathStep {

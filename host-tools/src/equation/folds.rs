@@ -14,6 +14,8 @@ const LEAST_LOGS: usize = 4;
 const MOST: u64 = 32;
 /// Shortest block, µs.
 const SHORTEST_US: u64 = 500_000;
+/// The time that a log needs to be cut into folds, s.
+pub(crate) const LEAST_HELD_OUT: f64 = 1e-6 * FOLDS as f64 * SHORTEST_US as f64;
 /// Windows this soon after a block's start belong to none, µs: residuals remember that long.
 const GUARD_US: u64 = 40_000;
 

@@ -82,7 +82,8 @@ impl Motion {
             loads: Loads::default(),
         };
         motion.coarse = motion.joint.iter().any(|joint| joint.is_coarse(period));
-        let length = WINDOW.max(LEAST_PERIODS * period);
+        // Samples left out make the mean period longer than the others are: a window has no sample more for that.
+        let length = WINDOW.max((LEAST_PERIODS - 0.25) * period);
         motion.windows = motion.cut(recording.stretches(), blocks, length);
         motion
     }

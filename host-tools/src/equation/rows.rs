@@ -111,7 +111,8 @@ impl Rows {
                     own[j].extend(Some(c).filter(|_| !is_load(&columns.of_joint[j][c])));
                     continue;
                 };
-                let places = self.numbers[self.starts[j] + c..].iter_mut().step_by(width);
+                let places = self.numbers.iter_mut().skip(self.starts[j] + c);
+                let places = places.step_by(width);
                 places.zip(&*integral).for_each(|(to, from)| *to = *from);
             }
         }
@@ -130,7 +131,8 @@ impl Rows {
         let width = self.starts[columns.joints()];
         let column = |j: usize, c: usize| {
             let key = Key::of(&columns.of_joint[j][c], j, values)?;
-            let numbers = self.numbers[self.starts[j] + c..].iter().step_by(width);
+            let numbers = self.numbers.iter().skip(self.starts[j] + c);
+            let numbers = numbers.step_by(width);
             Some((key, numbers.copied().collect()))
         };
         let all = own.iter().enumerate();

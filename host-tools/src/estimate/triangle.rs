@@ -4,7 +4,7 @@
 //! columns decides which nested models can be read off. With the active columns first, a model without the rest is the leading triangle, and a model with a few of the
 //! rest needs only a small problem in the trailing rows.
 
-use proprio_core::inertia::INERTIAL;
+use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::factor::HeapFactor;
 use super::groups::weighed;
@@ -17,6 +17,22 @@ pub(crate) struct Prior {
     pub(crate) bodies: Vec<Vec<[f64; 11]>>,
     /// How many times nearer to the CAD each body is held: one, unless the data would carry it off.
     pub(crate) tightness: Vec<f64>,
+}
+
+/// The rows of a body that is known within a share of itself, as [`InertialParameters::prior`] takes it.
+pub(crate) fn prior_of_body(
+    body: &InertialParameters<f64>,
+    relative: f64,
+) -> Vec<[f64; INERTIAL + 1]> {
+    let factor = body.prior(relative);
+    let row = |k: usize| {
+        let mut row = [0.0; INERTIAL + 1];
+        if let Some(factor) = &factor {
+            row[k..].copy_from_slice(factor.row(k));
+        }
+        row
+    };
+    (0..INERTIAL).map(row).collect()
 }
 
 /// R and z of a limb, unit noise.

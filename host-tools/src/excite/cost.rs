@@ -178,15 +178,15 @@ fn separation(r: &DMatrix<f64>) -> Option<Value> {
 
 /// The triangle of rows, `known` stacked on them.
 pub(super) fn triangle(rows: &DMatrix<f64>, known: Option<&DMatrix<f64>>) -> DMatrix<f64> {
-    match known {
-        None => rows.clone().qr().unpack_r(),
-        Some(known) => {
-            let mut all = DMatrix::zeros(known.nrows() + rows.nrows(), rows.ncols());
-            all.rows_mut(0, known.nrows()).copy_from(known);
-            all.rows_mut(known.nrows(), rows.nrows()).copy_from(rows);
-            all.qr().unpack_r()
-        }
+    let before = known.map_or(0, DMatrix::nrows);
+    // Of fewer rows than columns there is a triangle too, its last rows zero.
+    let count = (before + rows.nrows()).max(rows.ncols());
+    let mut all = DMatrix::zeros(count, rows.ncols());
+    if let Some(known) = known {
+        all.rows_mut(0, before).copy_from(known);
     }
+    all.rows_mut(before, rows.nrows()).copy_from(rows);
+    all.qr().unpack_r()
 }
 
 #[cfg(test)]

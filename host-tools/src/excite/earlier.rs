@@ -114,6 +114,7 @@ pub fn read(
             progress(done, total);
         }
         reader.finish()?;
+        reader.long_enough()?;
     }
     folded.iter_mut().for_each(Folded::fold);
     let known: Vec<Earlier> = folded

@@ -3,15 +3,16 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use proprio_core::tree::GRAVITY;
+use proprio_core::go2::LEGS;
 
-use super::columns::{ACC, EffectSite, WalkColumns};
+use super::columns::{EffectSite, WalkColumns};
+use super::gravity;
 use super::outside;
 use super::projection::{Equations, Projection};
 use super::rows::{
     Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
 };
-use super::sensors::{ACC_SCALE, MovedReadings};
+use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
@@ -27,8 +28,6 @@ const LEAST_BLOCKS: f64 = 12.0;
 const ROUNDS: usize = 3;
 /// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
 pub(super) const MANY: f64 = 0.02;
-/// How far gravity is from 9.81 m/s² where a robot may be: 9.78 at the equator and 9.83 at the poles (GRS 80), less on mountains.
-const LOCAL_GRAVITY: f64 = 0.015;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -68,7 +67,7 @@ pub(crate) struct Part {
 
 /// What the walks say of all columns.
 pub(crate) struct Data {
-    /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity_rows`]).
+    /// What gravity's length tells of the accelerometer's bias, one row per walk ([`gravity::length_rows`]).
     pub(crate) gravity: DMatrix<f64>,
     pub(super) blocks: Vec<Block>,
     pub(crate) all: Sum,
@@ -77,7 +76,7 @@ pub(crate) struct Data {
     pub(crate) windows: Windows,
     setup: RowSetup,
     /// What moved readings leave, log after log.
-    moved: Vec<MovedReadings>,
+    moved: Arc<Vec<MovedReadings>>,
     /// When windows begin that are left out, log after log, µs in order.
     outside: Vec<Vec<u64>>,
     /// Feet that carry a force in some of these while they are taken to be in the air.
@@ -149,15 +148,15 @@ impl Data {
 
     /// The same with other nonlinear parameters of the same effects.
     pub(crate) fn with_sites(
-        self,
+        &self,
         walks: &Walks,
         sites: Vec<EffectSite>,
     ) -> Result<Self, FreeBaseError> {
         let setup = self.setup.with_columns(WalkColumns { sites });
-        let data = Self::made(walks, setup, self.outside, true, Some(self.moved))?;
+        let (outside, moved) = (self.outside.clone(), self.moved.clone());
         Ok(Self {
-            unseen: self.unseen,
-            ..data
+            unseen: self.unseen.clone(),
+            ..Self::made(walks, setup, outside, true, Some(moved))?
         })
     }
 
@@ -228,14 +227,14 @@ impl Data {
         setup: RowSetup,
         outside: Vec<Vec<u64>>,
         parts: bool,
-        moved: Option<Vec<MovedReadings>>,
+        moved: Option<Arc<Vec<MovedReadings>>>,
     ) -> Result<Self, FreeBaseError> {
         let columns = setup.columns.len();
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
         let moved = moved.unwrap_or_else(|| {
             let logs = walks.walks.iter();
-            logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup))
-                .collect()
+            let moved = logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup));
+            Arc::new(moved.collect())
         });
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let at = Linearised {
@@ -254,7 +253,7 @@ impl Data {
             return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
         Ok(Self {
-            gravity: gravity_rows(&walks.walks, columns),
+            gravity: gravity::length_rows(&walks.walks, columns),
             all: Sum::of(columns, blocks.iter()),
             parts: if parts {
                 parts_of(columns, &blocks)
@@ -346,7 +345,7 @@ impl Data {
     }
 
     /// Every equation under several models, log after log as [`Walks::starts`] puts them.
-    fn each_equation(
+    pub(crate) fn each_equation(
         &self,
         walks: &Walks,
         thetas: &[Vec<&DVector<f64>>],
@@ -362,9 +361,12 @@ impl Data {
                     *predicted = terms.sum::<f64>() / scale;
                 }
                 tell(Equation {
+                    log: n,
+                    start: row.start,
                     t: start + row.start,
                     window: stance.window_us as f64 * 1e-6,
                     coordinate: row.coordinate,
+                    loaded: row.loaded,
                     measured: row.numbers[row.numbers.len() - 1] / scale,
                     predicted: &predicted,
                 });
@@ -383,11 +385,16 @@ pub(crate) struct LeftOfWindow {
 
 /// An equation of a window, in N m (N of forces): what is measured, and what models say.
 pub(crate) struct Equation<'a> {
-    /// When its window began, s.
+    /// Of which log, and when its window began there, s.
+    pub(crate) log: usize,
+    pub(crate) start: f64,
+    /// The same as [`Walks::starts`] puts logs, s.
     pub(crate) t: f64,
     /// How long windows are there, s.
-    window: f64,
+    pub(crate) window: f64,
     pub(crate) coordinate: usize,
+    /// Which feet may carry a force.
+    pub(crate) loaded: [bool; LEGS],
     pub(crate) measured: f64,
     pub(crate) predicted: &'a [f64],
 }
@@ -468,28 +475,4 @@ fn parts_of(columns: usize, blocks: &[Block]) -> Vec<Part> {
             others: chosen(&|k| !near(k)),
         }
     })
-}
-
-/// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
-/// are taken to be of one place, whose gravity nobody has measured.
-fn gravity_rows(walks: &[(Walk, Stance)], columns: usize) -> DMatrix<f64> {
-    let told = walks.iter();
-    let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
-    let told: Vec<_> = told.collect();
-    let mut rows = DMatrix::zeros(told.len(), columns + 1);
-    for (r, gravity) in told.iter().enumerate() {
-        for n in 0..3 {
-            rows[(r, ACC + n)] = gravity.up[n];
-        }
-        rows[(r, ACC + ACC_SCALE)] = GRAVITY;
-        rows[(r, columns)] = gravity.excess;
-    }
-    let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {
-        let own = if r == c { told[r].std.powi(2) } else { 0.0 };
-        own + LOCAL_GRAVITY.powi(2)
-    });
-    // Each has a deviation of its own, so there is a root.
-    let root = covariance.cholesky();
-    root.and_then(|root| root.l().solve_lower_triangular(&rows))
-        .unwrap_or_else(|| DMatrix::zeros(0, columns + 1))
 }

@@ -5,8 +5,12 @@
 //! with the trunk's velocity and looks like encoders that are read 0.7 ms late and like viscous friction. Where later samples
 //! are known, the mean is of both sides alike.
 
-use nalgebra::{Matrix2, Matrix2x3, Rotation3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix2x3, Rotation3, Vector2, Vector3};
+use proprio_core::tree::GRAVITY;
 
+use super::columns::ACC;
+use super::sensors::ACC_SCALE;
+use super::stance::Stance;
 use super::walk::Walk;
 
 /// The mean is under Hann's window, so far to both sides, s: of what sways or steps at 0.35 Hz or faster it leaves a hundredth, and a gyro's noise
@@ -16,6 +20,8 @@ const REACH: f64 = 4.0;
 const BIN: f64 = 0.02;
 /// After a longer pause than this (s) nothing is known of how the axes have turned.
 const LONGEST_STEP: f64 = 0.1;
+/// How far gravity is from 9.81 m/s² where a robot may be: 9.78 at the equator and 9.83 at the poles (GRS 80), less on mountains.
+const LOCAL_GRAVITY: f64 = 0.015;
 
 /// Samples put together: when, s; how many, and the sum of the specific force in axes that do not turn, m/s².
 struct Bin {
@@ -93,4 +99,28 @@ fn mean(bins: &[Bin], k: usize) -> Vector3<f64> {
     let long = near.last().map_or(0.0, |bin| bin.t) - near[0].t >= REACH;
     let line = moments.lu().solve(&sums).filter(|_| long);
     line.map_or_else(|| sums.row(0).transpose(), |line| line.row(0).transpose())
+}
+
+/// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
+/// are taken to be of one place, whose gravity nobody has measured.
+pub(super) fn length_rows(walks: &[(Walk, Stance)], columns: usize) -> DMatrix<f64> {
+    let told = walks.iter();
+    let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
+    let told: Vec<_> = told.collect();
+    let mut rows = DMatrix::zeros(told.len(), columns + 1);
+    for (r, gravity) in told.iter().enumerate() {
+        for n in 0..3 {
+            rows[(r, ACC + n)] = gravity.up[n];
+        }
+        rows[(r, ACC + ACC_SCALE)] = GRAVITY;
+        rows[(r, columns)] = gravity.excess;
+    }
+    let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {
+        let own = if r == c { told[r].std.powi(2) } else { 0.0 };
+        own + LOCAL_GRAVITY.powi(2)
+    });
+    // Each has a deviation of its own, so there is a root.
+    let root = covariance.cholesky();
+    root.and_then(|root| root.l().solve_lower_triangular(&rows))
+        .unwrap_or_else(|| DMatrix::zeros(0, columns + 1))
 }

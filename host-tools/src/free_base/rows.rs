@@ -181,14 +181,17 @@ impl RowSetup {
             let terms = row.as_flattened().iter().zip(&self.theta);
             *left += terms.map(|(a, x)| a * x).sum::<f64>();
         }
+        let effects = self.columns.effects();
+        let mut valued = effects.filter(|(k, ..)| self.theta[*k] != 0.0).peekable();
+        // A projector at each sample is most of the work: of a model without effects it is not asked for.
+        if valued.peek().is_none() {
+            return left;
+        }
         let projection = seen.projection(self);
-        for (k, site, linear) in self.columns.effects() {
-            let value = self.theta[k];
-            if value != 0.0 {
-                let column = projection.column(site, &linear.column);
-                let terms = left.iter_mut().zip(column);
-                terms.for_each(|(left, x)| *left += value * x);
-            }
+        for (k, site, linear) in valued {
+            let column = projection.column(site, &linear.column);
+            let terms = left.iter_mut().zip(column);
+            terms.for_each(|(left, x)| *left += self.theta[k] * x);
         }
         left
     }
@@ -222,6 +225,8 @@ pub(super) struct Row<'a> {
     pub(super) rank: usize,
     /// Which coordinate's equation, times [`RowSetup::scale`].
     pub(super) coordinate: usize,
+    /// Which feet may carry a force.
+    pub(super) loaded: [bool; LEGS],
     /// All columns, then the right-hand side.
     pub(super) numbers: &'a mut [f64],
 }
@@ -278,6 +283,7 @@ pub(super) fn each_row(
                 start: start_us as f64 * 1e-6,
                 rank: std::mem::take(&mut rank),
                 coordinate: c,
+                loaded: told.loaded,
                 numbers: &mut row,
             });
         }
@@ -285,7 +291,8 @@ pub(super) fn each_row(
         kept.held += u64::from(told.held);
         kept.equations += told.equations as u64;
         kept.resting += told.resting as u64;
-        kept.by_feet[told.feet] += 1;
+        let feet = told.loaded.iter().filter(|loaded| **loaded).count();
+        kept.by_feet[feet] += 1;
     });
     counts.plus(&kept)
 }
@@ -368,7 +375,8 @@ struct Told {
     equations: usize,
     /// Joints that friction may hold.
     resting: usize,
-    feet: usize,
+    /// Which feet may carry a force.
+    loaded: [bool; LEGS],
     held: bool,
 }
 
@@ -400,7 +408,7 @@ impl Told {
             coordinates,
             equations,
             resting: rows.resting.iter().filter(|resting| **resting).count(),
-            feet: loaded.iter().filter(|loaded| **loaded).count(),
+            loaded,
             held,
         }
     }

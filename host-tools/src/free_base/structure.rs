@@ -6,9 +6,9 @@ use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
 use proprio_core::inertia::InertialParameters;
 
 use super::FreeBaseError;
-use super::columns::{EffectSite, FIXED, WalkColumns, all_places, is_judged};
+use super::columns::{EffectSite, FIXED, WalkColumns, all_places, body_of, is_judged};
 use super::sensors;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, Values};
 use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
 use crate::model::{BASE, Model};
@@ -80,22 +80,26 @@ impl ModelStructure {
         if !names.eq(JOINT_NAMES) {
             return Err(FreeBaseError::NotAGo2);
         }
+        let mut bodies = known(model);
         let mut effects = Vec::new();
         for own in model.effects() {
             let place = (own.effect, own.joint);
-            // A load is in what its body is found to be.
             let is_load = own.effect.description().form == Form::Inertia;
-            if !is_judged(own.effect) || is_load || own.joint == BASE {
+            if !is_judged(own.effect) || own.joint == BASE {
                 return Err(FreeBaseError::Effect {
                     effect: own.effect.name(),
                     place: model.joint_name(own.joint).to_owned(),
                 });
             }
+            // A load is in what its body is found to be.
+            if is_load {
+                bodies[body_of(own.joint)].loaded = true;
+                continue;
+            }
             effects.push(EffectSite::of(model, place, Constraint::Physical));
         }
-        let bodies = std::iter::once(BASE).chain(0..JOINTS);
         Ok(Self {
-            bodies: bodies.map(|body| known(model, body)).collect(),
+            bodies,
             effects,
             constraint: Constraint::Physical,
             hold_bodies: true,
@@ -126,6 +130,14 @@ impl ModelStructure {
     /// Whether it has an effect at a joint.
     pub(crate) fn has(&self, place: Place) -> bool {
         self.effects.iter().any(|site| site.place == place)
+    }
+
+    /// Whether it has an effect at a joint, or lets its body carry a load.
+    pub(crate) fn has_or_carries(&self, place: Place) -> bool {
+        match place.0.description().form {
+            Form::Inertia => self.bodies[body_of(place.1)].loaded,
+            _ => self.has(place),
+        }
     }
 
     /// The same with an effect that it does not have.
@@ -191,17 +203,31 @@ impl ModelStructure {
     }
 }
 
-/// What a model knows of a body.
-fn known(model: &Model, body: usize) -> BodyPrior {
-    let cad = match body {
-        BASE => BARE_TRUNK,
-        _ => model.cad_uncertainty(body),
+/// What a model knows of the bodies, the base first, with the loads that it gives them.
+fn known(model: &Model) -> Vec<BodyPrior> {
+    let robot = model.robot();
+    let loaded = robot.limbs().into_iter().flat_map(|limb| {
+        let com = |b: usize| {
+            let cad = &robot.bodies()[b].inertia;
+            cad.first_moment() / cad.mass()
+        };
+        let coms: Vec<_> = limb.bodies.clone().map(com).collect();
+        Values::given(model, &limb).loaded(&coms)
+    });
+    let bodies = std::iter::once(BASE).chain(0..JOINTS);
+    let inertias = std::iter::once(*model.inertia(BASE)).chain(loaded);
+    let of = |(body, inertia): (usize, InertialParameters<f64>)| {
+        let cad = match body {
+            BASE => BARE_TRUNK,
+            _ => model.cad_uncertainty(body),
+        };
+        let mass = model.inertia(body).mass();
+        let identified = model.inertia_std(body).map(|std| std[0] / mass);
+        BodyPrior {
+            inertia,
+            relative: identified.map_or(cad, |relative| relative.min(cad).max(BEST_KNOWN)),
+            loaded: false,
+        }
     };
-    let inertia = *model.inertia(body);
-    let identified = model.inertia_std(body).map(|std| std[0] / inertia.0[0]);
-    BodyPrior {
-        inertia,
-        relative: identified.map_or(cad, |relative| relative.min(cad).max(BEST_KNOWN)),
-        loaded: false,
-    }
+    bodies.zip(inertias).map(of).collect()
 }

@@ -165,7 +165,7 @@ impl Walk {
     }
 
     /// The first sample at this time or later; the number of samples if there is none.
-    pub(super) fn index_at(&self, seconds: f64) -> usize {
+    pub(crate) fn index_at(&self, seconds: f64) -> usize {
         self.time_us
             .partition_point(|t| (*t as f64) < seconds * 1e6)
     }

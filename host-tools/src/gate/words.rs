@@ -66,6 +66,9 @@ const TOLERATED_LAG: f64 = 2e-3;
 /// 0.01), which no model notices: friction needs the displacement, not the integral of the velocity.
 const TOLERATED_OFFSET: f64 = 0.05;
 
+/// A clock that is off by more than this share is none that drifts or jitters.
+const OTHER_UNIT: f64 = 0.5;
+
 /// Saturation beyond this share of samples, %, is worth a word.
 const NOTABLE_SATURATION: f64 = 0.1;
 
@@ -164,7 +167,10 @@ fn clock(joints: &[JointReport]) -> Option<(f64, Finding)> {
         side(gain),
         100.0 * (gain - 1.0).abs()
     );
-    let remedy = "the time stamps are the likely cause: stamp samples where they are measured";
+    let remedy = match (gain - 1.0).abs() < OTHER_UNIT {
+        true => "the time stamps are the likely cause: stamp samples where they are measured",
+        false => "the velocities are in another unit, or the stamps are not in s",
+    };
     Some((gain, finding(Gate::Clock, None, what, remedy)))
 }
 

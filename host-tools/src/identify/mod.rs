@@ -4,8 +4,10 @@
 //! 2. `runs`: several logs, each on its own, and where they disagree.
 //! 3. `bus`: samples as a device receives them over the motor bus.
 //! 4. `to_model`: estimates into a model file.
-//! 5. `free_base`: the same questions of a Go2 on a floating base.
+//! 5. `bodies`: bodies that are not the CAD's.
+//! 6. `free_base`: the same questions of a Go2 on a floating base.
 
+mod bodies;
 mod bus;
 mod free_base;
 pub(crate) mod model_fit;
@@ -16,11 +18,13 @@ use std::path::PathBuf;
 
 use proprio_core::effect::EffectKind;
 
-use crate::detect::mismatch::mismatches;
+use crate::detect::mismatch::{MismatchKind, mismatches};
 pub use crate::estimate::Method;
 pub use crate::estimate::stages::{Stage, StageParameter};
 use crate::model::{Model, Robot};
 use crate::recording::{Recording, RecordingError};
+pub(crate) use bodies::other_bodies;
+pub use bodies::{BodyQuantity, OtherBody};
 pub use bus::received;
 pub(crate) use free_base::walk_parameters;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
@@ -75,13 +79,21 @@ pub fn identify(
         }
         fitted.compare_runs(each, &fits);
     }
-    let walks = match *model.robot() == Robot::go2() {
-        true => "; of a Go2 that walks or stands: proprio identify --free-base",
-        false => "",
-    };
+    let is_go2 = *model.robot() == Robot::go2();
     let wrong = mismatches(&recording, &model);
-    let wrong = wrong.iter().map(|wrong| format!("{wrong}{walks}"));
+    let wrong = wrong.iter().map(|wrong| {
+        let may_walk = is_go2 && matches!(wrong.kind, MismatchKind::NoBetterThanNothing(_));
+        let walks = match may_walk {
+            true => "; of a Go2 that walks or stands: proprio identify --free-base",
+            false => "",
+        };
+        format!("{wrong}{walks}")
+    });
     fitted.warnings.extend(wrong);
+    let other = fitted.other_bodies(&model);
+    fitted
+        .warnings
+        .extend(other.iter().map(ToString::to_string));
     Ok(Identified {
         recording,
         model,

@@ -15,6 +15,7 @@ use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
+use crate::log::LEAST_DURATION;
 use crate::model::{Model, ModelEffect};
 use crate::recording::{Recording, RecordingError};
 pub use result::{Fitted, FittedJoint, FittedParameter, Where};
@@ -46,9 +47,7 @@ pub fn fit_model(
 ) -> Result<Fitted, RecordingError> {
     let data = robot::data(recording, model);
     if data.is_empty() {
-        return Err(RecordingError::TooShort {
-            duration: recording.duration,
-        });
+        return Err(RecordingError::too_short(recording, LEAST_DURATION));
     }
     if data
         .iter()
@@ -64,9 +63,7 @@ pub fn fit_model(
     let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
     let (mut fits, shared) = robot::fit(&data, &places, &how);
     if fits.is_empty() {
-        return Err(RecordingError::TooShort {
-            duration: recording.duration,
-        });
+        return Err(RecordingError::too_short(recording, LEAST_DURATION));
     }
     let stages = if options.stages {
         go_through_stages(&mut fits)

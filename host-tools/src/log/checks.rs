@@ -24,6 +24,12 @@ pub const GAP_PERIODS: f64 = 2.5;
 /// Nor is one of this length, s: over it a robot's motion is still followed. [`proprio_core::window::Settings::max_gap_us`] by default.
 pub const GAP: f64 = 0.01;
 
+/// A joint's motion is followed over lost messages that leave a silence no longer than this, s: half a period of what a leg does at 10 Hz.
+pub const BRIDGED: f64 = 0.05;
+
+/// A shorter log, s, has less than a block of motion: a hundred unknowns of a limb stand against fewer windows of 20 ms.
+pub const LEAST_DURATION: f64 = 0.5;
+
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;
 
@@ -41,6 +47,8 @@ pub struct Checks {
     longest: (f64, u64),
     /// Of each recorded joint.
     limits: Vec<LimitCheck>,
+    /// Slots of motion, and whether any row has held a number there.
+    numbers: Vec<(usize, bool)>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +59,7 @@ struct LimitCheck {
     upper: f64,
     outside: u64,
     surely_degrees: u64,
+    other_way: u64,
     first: Option<(u64, f64)>,
 }
 
@@ -69,6 +78,9 @@ impl Checks {
             limits: columns
                 .joints()
                 .map(|j| LimitCheck::of(columns, j))
+                .collect(),
+            numbers: (columns.joints())
+                .flat_map(|j| Channel::MOTION.map(|channel| (columns.slots.of(channel, j), false)))
                 .collect(),
         }
     }
@@ -100,6 +112,9 @@ impl Checks {
                 self.first_slow.get_or_insert(row.line);
             }
             self.periods.add(gap);
+        }
+        for (slot, seen) in &mut self.numbers {
+            *seen |= !row.at(*slot).is_nan();
         }
         let q = row.q();
         for limits in &mut self.limits {
@@ -137,7 +152,17 @@ impl Checks {
         let error = |problem| LogError::new(path, problem);
         if self.rows < 2 {
             let place = self.place(self.previous_row.max(1));
-            return Err(error(Problem::TooShort { rows: self.rows }).at(Some(place)));
+            return Err(self.too_short(path).at(Some(place)));
+        }
+        if self.duration() == 0.0 {
+            let (rows, stamp) = (self.rows, self.first);
+            return Err(error(Problem::OneStamp { rows, stamp }));
+        }
+        if let Some((slot, _)) = self.numbers.iter().find(|(_, seen)| !seen) {
+            let rows = self.rows;
+            let cell = columns.cell[*slot].unwrap_or_default();
+            let error = error(Problem::NoNumbers { rows });
+            return Err(error.at_column(cell, columns.column_name(cell)));
         }
         let period = self.periods.median();
         // The median is known to 1 %: a log of exactly the least rate passes.
@@ -161,6 +186,14 @@ impl Checks {
             }
         }
         Ok(self.warnings())
+    }
+
+    pub(super) fn too_short(&self, path: &Path) -> LogError {
+        let problem = Problem::TooShort {
+            rows: self.rows,
+            least: LEAST_DURATION,
+        };
+        LogError::new(path, problem)
     }
 
     fn warnings(&self) -> Vec<Warning> {
@@ -192,6 +225,7 @@ impl LimitCheck {
             upper,
             outside: 0,
             surely_degrees: 0,
+            other_way: 0,
             first: None,
         }
     }
@@ -200,6 +234,7 @@ impl LimitCheck {
         if !self.is_within(q) {
             self.outside += 1;
             self.surely_degrees += u64::from(self.is_surely_degrees(q));
+            self.other_way += u64::from(self.is_within(-q));
             self.first.get_or_insert((line, q));
         }
     }
@@ -228,6 +263,8 @@ impl LimitCheck {
                 percent: 100.0 * self.outside as f64 / rows as f64,
                 value,
                 degrees: degrees && self.turns,
+                // All but a glitch, so that a wrong zero is not taken for a wrong sign.
+                other_way: 20 * self.other_way > 19 * self.outside,
             },
         ))
     }

@@ -291,6 +291,12 @@ pub enum Problem {
     /// Text where a number belongs.
     #[error("`{0}` is not a number")]
     NotANumber(String),
+    /// A column that every message should fill has no number at all.
+    #[error("the column holds no number in any of {rows} rows")]
+    NoNumbers {
+        /// How many rows.
+        rows: u64,
+    },
     /// A number that is not finite.
     #[error("the value is {0}; every value must be finite")]
     NotFinite(f64),
@@ -310,11 +316,33 @@ pub enum Problem {
         /// The last row before it.
         before: Place,
     },
-    /// A header and at most one row.
-    #[error("the log has {rows} sample{}; motion needs at least two", if *.rows == 1 { "" } else { "s" })]
+    /// Too few rows to say anything.
+    #[error("too short: {rows} sample{}; at least {least} s are needed", if *.rows == 1 { "" } else { "s" })]
     TooShort {
         /// Rows after the header.
         rows: u64,
+        /// What is needed, s.
+        least: f64,
+    },
+    /// All rows have one time stamp.
+    #[error("all {rows} samples have the same time stamp, {stamp} s")]
+    OneStamp {
+        /// Rows.
+        rows: u64,
+        /// Their time, s.
+        stamp: f64,
+    },
+    /// Rows of two publishers by turns, of which neither is known to be the robot's.
+    #[error(
+        "positions jump and come back in {count} of {rows} samples (column {column}): two publishers on one topic"
+    )]
+    TwoPublishers {
+        /// Rows that jump.
+        count: u64,
+        /// Of how many.
+        rows: u64,
+        /// The column that shows it.
+        column: String,
     },
     /// Sampled more slowly than the dynamics.
     #[error("the log is sampled at {rate:.0} Hz; identification needs at least {least} Hz")]
@@ -328,7 +356,11 @@ pub enum Problem {
     #[error(
         "{joint} is outside its limits ({lower:.3} to {upper:.3} {unit}) in {percent:.0} % of the samples, \
          {value} here{}",
-        if *.degrees { "; the values look like degrees" } else { "" }
+        match (*.degrees, *.other_way) {
+            (true, _) => "; the values look like degrees",
+            (false, true) => "; counted the other way they are within",
+            (false, false) => "",
+        }
     )]
     OutsideLimits {
         /// The joint.
@@ -345,6 +377,8 @@ pub enum Problem {
         value: f64,
         /// The values fall within the limits when read as degrees.
         degrees: bool,
+        /// The values fall within the limits with the other sign.
+        other_way: bool,
     },
 }
 

@@ -18,6 +18,7 @@
 //!
 //! Files beside:
 //!
+//! - `admission`: which rows of a log are let in: the one gate that all commands read through
 //! - `channel`: the signals of a joint, and what their columns are called
 //! - `checks`: what can only be judged over a whole log: its rate, its gaps, its units
 //! - `columns`: from the names of a file's cells to the place of each channel in a row
@@ -33,6 +34,7 @@
 //! - `warning`: what a user should know about a log that can still be used
 //! - `writer`: writing a log
 
+mod admission;
 mod channel;
 mod checks;
 mod columns;
@@ -52,8 +54,11 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
+pub use admission::Cause;
 pub use channel::Channel;
-pub use checks::{Checks, GAP, GAP_PERIODS, LEAST_RATE, LONGEST_GAP, Periods};
+pub use checks::{
+    BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods,
+};
 pub use columns::{Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
 pub use provenance::sha256;

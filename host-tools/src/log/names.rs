@@ -56,6 +56,20 @@ const STATES: [(&str, Channel); 4] = [
     ("command", Channel::QDes),
 ];
 
+/// What LeRobot says of an element after its joint's name, and the signal of a joint's state that it is: `shoulder_pan.pos`.
+pub(super) const SUFFIXES: [(&str, &str); 10] = [
+    (".pos", "position"),
+    (".position", "position"),
+    (".q", "position"),
+    (".vel", "velocity"),
+    (".velocity", "velocity"),
+    (".dq", "velocity"),
+    (".effort", "effort"),
+    (".torque", "effort"),
+    (".tau", "effort"),
+    (".current", "current"),
+];
+
 /// The signals of Unitree's `MotorState`, as ROS 2 and ROS 1 spell them.
 const MOTOR: [(&str, Channel); 7] = [
     ("q", Channel::Q),
@@ -102,7 +116,7 @@ pub(super) fn meaning(name: &str) -> Option<Meaning<'_>> {
             return Some(Meaning::Foot(foot));
         }
     }
-    joint_state(name)
+    joint_state(name).or_else(|| element_of_state(name))
 }
 
 fn motor<'a>(name: &'a str, array: &str) -> Option<Meaning<'a>> {
@@ -117,6 +131,28 @@ fn joint_state(name: &str) -> Option<Meaning<'_>> {
     let (_, channel) = STATES.iter().find(|(known, _)| *known == signal)?;
     let joint = path.rsplit('/').next()?;
     (!joint.is_empty()).then_some(Meaning::Joint(*channel, Which::Name(joint)))
+}
+
+/// `shoulder_pan.pos`, `observation.state.shoulder_pan.pos`, as LeRobot calls them.
+fn element_of_state(name: &str) -> Option<Meaning<'_>> {
+    let (joint, signal) = SUFFIXES
+        .iter()
+        .find_map(|(suffix, signal)| Some((name.strip_suffix(suffix)?, *signal)))?;
+    let (_, channel) = STATES.iter().find(|(known, _)| *known == signal)?;
+    let (channel, joint) = match joint.strip_prefix("action.") {
+        Some(joint) => (Channel::QDes, joint),
+        None => (*channel, joint),
+    };
+    let joint = joint.rsplit(['/', '.']).next()?;
+    (!joint.is_empty()).then_some(Meaning::Joint(channel, Which::Name(joint)))
+}
+
+/// A joint's name without what LeRobot says after it.
+pub(super) fn without_suffix(joint: &str) -> &str {
+    let bare = SUFFIXES
+        .iter()
+        .find_map(|(suffix, _)| joint.strip_suffix(suffix));
+    bare.filter(|bare| !bare.is_empty()).unwrap_or(joint)
 }
 
 /// What follows a part of a path.
@@ -175,6 +211,13 @@ mod tests {
         let arm = meaning("/joint_states/shoulder.pan/effort");
         assert_eq!(arm, name(Channel::Tau, "shoulder.pan"));
         assert_eq!(meaning("elbow/position"), name(Channel::Q, "elbow"));
+        for lerobot in ["elbow.pos", "observation.state.elbow.pos"] {
+            assert_eq!(meaning(lerobot), name(Channel::Q, "elbow"), "{lerobot}");
+        }
+        assert_eq!(meaning("action.elbow.pos"), name(Channel::QDes, "elbow"));
+        assert_eq!(meaning("elbow.current"), None);
+        assert_eq!(without_suffix("elbow.pos"), "elbow");
+        assert_eq!(without_suffix("elbow"), "elbow");
         assert_eq!(meaning("%time"), Some(Meaning::Time(1e-9)));
         let gyro = Meaning::Imu(Sensor::Gyroscope, 2);
         assert_eq!(meaning("/lowstate/imu_state/gyroscope[2]"), Some(gyro));

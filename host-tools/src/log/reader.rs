@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::checks::Checks;
+use super::admission::{Admission, Step};
+use super::checks::{Checks, LEAST_DURATION};
 use super::columns::{Columns, Selection};
 use super::error::{LogError, Place, Problem};
 use super::row::Row;
@@ -29,7 +30,12 @@ pub struct LogReader {
     path: PathBuf,
     source: Box<dyn Source>,
     columns: Columns,
+    /// The row that was read last, and the one that is given.
+    read: Vec<f64>,
     row: Row,
+    admission: Admission,
+    /// The file has no more rows, or what is wrong with the next one.
+    end: Option<Option<LogError>>,
     checks: Checks,
 }
 
@@ -53,7 +59,10 @@ impl LogReader {
         let columns = Columns::new(path, source.header(), names, selection, robot)?;
         Ok(Self {
             path: path.to_owned(),
+            read: vec![f64::NAN; columns.slots.count()],
             row: Row::new(columns.slots),
+            admission: Admission::new(&columns, source.unit()),
+            end: None,
             checks: Checks::new(&columns, source.unit()),
             columns,
             source,
@@ -70,21 +79,19 @@ impl LogReader {
         self.source.progress()
     }
 
-    /// The next row, or none at the end.
+    /// The next row that a robot can have produced ([`super::Cause`] tells why others are left out), or none at the end.
     ///
     /// # Errors
     /// [`Problem::Read`], [`Problem::Ragged`] to [`Problem::TimeJump`].
     pub fn next_row(&mut self) -> Result<Option<&Row>, LogError> {
-        let next = self.source.next(&self.columns.wanted, &mut self.row.values);
-        let next =
-            next.map_err(|fault| fault.error(&self.path, self.source.unit(), &self.columns.names))?;
-        let Some(number) = next else {
-            return Ok(None);
+        self.row.line = loop {
+            self.read_ahead();
+            match self.admission.next(&mut self.row.values) {
+                Step::Row(number) => break number,
+                Step::LeftOut => {}
+                Step::End => return self.end.take().flatten().map_or(Ok(None), Err),
+            }
         };
-        self.row.line = number;
-        if let Some(motors) = &self.columns.motors {
-            motors.apply(&mut self.row.values);
-        }
         if let Err(problem) = self.checks.row(&self.row) {
             return Err(self.time_error(problem));
         }
@@ -92,14 +99,49 @@ impl LogReader {
         Ok(Some(&self.row))
     }
 
+    /// Reads what the next row is judged by. What is wrong with a row is told when it is its turn.
+    fn read_ahead(&mut self) {
+        while self.end.is_none() && self.admission.wants_more() {
+            match self.source.next(&self.columns.wanted, &mut self.read) {
+                Ok(Some(number)) => {
+                    if let Some(motors) = &self.columns.motors {
+                        motors.apply(&mut self.read);
+                    }
+                    self.admission.push(number, &self.read);
+                }
+                Ok(None) => self.end = Some(None),
+                Err(fault) => {
+                    let unit = self.source.unit();
+                    let error = fault.error(&self.path, unit, &self.columns.names);
+                    self.end = Some(Some(error));
+                }
+            }
+        }
+    }
+
     /// Judges the log as a whole; call it after the last row.
     ///
     /// # Errors
-    /// [`Problem::TooShort`], [`Problem::TooSlow`], [`Problem::OutsideLimits`].
+    /// [`Problem::TwoPublishers`], [`Problem::TooShort`], [`Problem::TooSlow`], [`Problem::OutsideLimits`].
     pub fn finish(&self) -> Result<Vec<Warning>, LogError> {
         let mut warnings = self.source.warnings();
+        if let Some((place, problem)) = self.admission.problem(&self.columns) {
+            return Err(LogError::new(&self.path, problem).at(Some(place)));
+        }
+        warnings.extend(self.admission.warnings(&self.columns));
         warnings.extend(self.checks.finish(&self.path, &self.columns)?);
         Ok(warnings)
+    }
+
+    /// Whether it is long enough for any question of dynamics; call it after the last row.
+    ///
+    /// # Errors
+    /// [`Problem::TooShort`].
+    pub fn long_enough(&self) -> Result<(), LogError> {
+        match self.checks.duration() < LEAST_DURATION {
+            true => Err(self.checks.too_short(&self.path)),
+            false => Ok(()),
+        }
     }
 
     /// What was noticed so far.

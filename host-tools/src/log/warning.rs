@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::admission::{Cause, words};
 use super::error::Place;
 use crate::model::significant;
 
@@ -30,6 +31,23 @@ pub enum Warning {
     Cut {
         /// The last message that is whole.
         last: u64,
+    },
+    /// Rows that no robot can have produced.
+    LeftOut {
+        /// Why.
+        cause: Cause,
+        /// How many.
+        count: u64,
+        /// How many more because they follow them closely.
+        also: u64,
+        /// Of how many rows.
+        rows: u64,
+        /// The first.
+        first: Place,
+        /// What shows it there: a column.
+        column: String,
+        /// What it holds there.
+        value: f64,
     },
     /// A bag has more than one topic of joint states.
     OtherTopics {
@@ -68,6 +86,21 @@ impl fmt::Display for Warning {
                     "{count} of {rows} rows repeat the time stamp of the row above and are skipped"
                 )
             }
+            Self::LeftOut {
+                cause,
+                count,
+                also,
+                rows,
+                first,
+                column,
+                value,
+            } => f.write_str(&words(
+                *cause,
+                [*count, *also, *rows],
+                *first,
+                column,
+                *value,
+            )),
             Self::Cut { last } => write!(
                 f,
                 "the file was cut short: its {last} whole messages are read"

@@ -208,6 +208,19 @@ pub enum RobotProblem {
     /// A joint that is to be held does not exist.
     #[error(transparent)]
     UnknownHeld(UnknownName),
+    /// Xacro has not been run.
+    #[error("`{what}` on line {line} is for xacro to replace: this is no finished URDF")]
+    Xacro {
+        /// What is left of it.
+        what: String,
+        /// Where.
+        line: u32,
+    },
+    /// Links have shapes, and none a mass.
+    #[error(
+        "no link has a mass: without <inertial> elements nothing is known of the robot's dynamics"
+    )]
+    NoMasses,
     /// Nothing moves.
     #[error("no joint moves")]
     NothingMoves,

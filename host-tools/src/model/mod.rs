@@ -94,6 +94,7 @@ pub use conventions::LogConventions;
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use limb::ModelParameter;
+pub(crate) use physical::other_unit;
 pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
 pub(crate) use possible::significant;

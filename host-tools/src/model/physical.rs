@@ -41,6 +41,16 @@ impl Unphysical {
     }
 }
 
+/// No link's mass lies farther from its centre than this on the mean, m: what does is stated in g and mm. Booms of cranes have 5 m.
+const LARGEST_RADIUS: f64 = 10.0;
+
+/// Mass (kg) and radius of gyration (m) of a body whose moments of inertia are in another unit than its mass.
+pub(crate) fn other_unit(phi: &InertialParameters<f64>) -> Option<[f64; 2]> {
+    let (mass, _, inertia) = about_com(phi);
+    let radius = (0.5 * inertia.trace() / mass).sqrt();
+    (mass > 0.0 && radius > LARGEST_RADIUS).then_some([mass, radius])
+}
+
 impl fmt::Display for Unphysical {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {

@@ -2,13 +2,14 @@
 //!
 //! [`elements`] reads links and joints out of the XML, [`links`] makes a tree of them, [`holds`] says which joints stay where they are, [`parts`]
 //! lumps what is fixed into what moves, [`complete`] gives bodies what their links leave out. The text itself is kept for the lines of errors
-//! and, in [`super::export`], for writing into.
+//! and, in [`super::export`], for writing into; [`text`] reads it in whatever encoding it is.
 
 mod complete;
 mod elements;
 mod holds;
 mod links;
 mod parts;
+mod text;
 
 use std::path::{Path, PathBuf};
 
@@ -36,7 +37,7 @@ pub(super) struct Description {
 impl Description {
     /// Reads a file; the joints named are held at these positions, rad or m.
     pub(super) fn read(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {
-        let text = std::fs::read_to_string(path).map_err(|error| RobotError {
+        let text = text::read(path).map_err(|error| RobotError {
             path: path.to_owned(),
             line: None,
             problem: Box::new(RobotProblem::Read(error)),
@@ -135,9 +136,50 @@ fn line_of(text: &str, tag: &str, name: &str) -> Option<u32> {
 fn parts(text: &str, held: &[(String, f64)]) -> Result<(String, Parts), Box<Fault>> {
     let syntax = |message| Fault::boxed("robot", "", RobotProblem::Syntax(message));
     let document = roxmltree::Document::parse(text).map_err(|e| syntax(e.to_string()))?;
+    if let Some(fault) = unexpanded(&document) {
+        return Err(fault);
+    }
     let elements = Elements::of(&document)?;
+    if elements.lack_masses() {
+        return Err(Fault::boxed("robot", "", RobotProblem::NoMasses));
+    }
     let parts = Parts::of(&Links::new(&elements)?, held)?;
     Ok((elements.name.to_owned(), parts))
+}
+
+/// What xacro would have replaced: an element of its own, or an expression in what a link or a joint states of dynamics.
+fn unexpanded(document: &roxmltree::Document) -> Option<Box<Fault>> {
+    let robot = document.root_element();
+    let is_call = |node: &roxmltree::Node| {
+        let space = node.tag_name().namespace();
+        space.is_some_and(|space| space.trim_end_matches('/').ends_with("/xacro"))
+    };
+    if let Some(call) = robot.descendants().find(is_call) {
+        let what = format!("xacro:{}", call.tag_name().name());
+        let line = document.text_pos_at(call.range().start).row;
+        return Some(Fault::boxed(
+            "robot",
+            "",
+            RobotProblem::Xacro { what, line },
+        ));
+    }
+    let own = |node: &roxmltree::Node| node.has_tag_name("link") || node.has_tag_name("joint");
+    let shapes =
+        |node: &roxmltree::Node| node.has_tag_name("visual") || node.has_tag_name("collision");
+    let elements = robot
+        .children()
+        .filter(own)
+        .flat_map(|node| node.descendants());
+    let stated = elements.filter(|node| !node.ancestors().any(|above| shapes(&above)));
+    let mut all = stated.flat_map(|node| node.attributes().map(move |attribute| (node, attribute)));
+    let (node, attribute) = all.find(|(_, attribute)| attribute.value().contains("${"))?;
+    let what = attribute.value().to_owned();
+    let line = document.text_pos_at(node.range().start).row;
+    Some(Fault::boxed(
+        "robot",
+        "",
+        RobotProblem::Xacro { what, line },
+    ))
 }
 
 #[cfg(test)]

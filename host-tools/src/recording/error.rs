@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::Recording;
 use crate::log::LogError;
-use crate::model::Limb;
+use crate::model::{Limb, significant};
 
 /// Why a recording tells nothing of a model.
 #[derive(Debug, thiserror::Error)]
@@ -27,13 +27,17 @@ pub enum RecordingError {
         /// Its limit, N m.
         effort: f64,
     },
-    /// There is too little to hold anything out.
-    #[error(
-        "{duration:.1} s of samples are too short to be cut into blocks that are held out in turn"
-    )]
+    /// There is too little to say anything, or to hold anything out.
+    #[error("{}: too short: {samples} samples, {} s; at least {least} s are needed", names(.logs), significant(*.duration, 3))]
     TooShort {
+        /// The logs.
+        logs: Vec<PathBuf>,
+        /// Samples of the logs together.
+        samples: u64,
         /// Length of the logs together, s.
         duration: f64,
+        /// What is needed, s.
+        least: f64,
     },
     /// No joint moves: rows of one at rest say nothing.
     #[error("{}: no joint moves", names(.logs))]
@@ -55,6 +59,20 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// Too short for what needs this time, s.
+    pub(crate) fn too_short(recording: &Recording, least: f64) -> Self {
+        Self::TooShort {
+            logs: recording.logs.clone(),
+            samples: recording
+                .gates
+                .iter()
+                .map(|of| of.report.sampling.samples)
+                .sum(),
+            duration: recording.duration,
+            least,
+        }
+    }
+
     pub(crate) fn at_rest(recording: &Recording) -> Self {
         Self::AtRest {
             logs: recording.logs.clone(),

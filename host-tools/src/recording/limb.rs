@@ -5,15 +5,14 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use crate::log::Periods;
+use crate::log::{BRIDGED, Periods};
 use crate::once::made_once;
 use crate::trajectory::{Stretch, Trajectory};
 
 /// s.
 const NO_PERIOD: f64 = 0.02;
-/// A joint's motion is followed over gaps no longer than this, µs: half a period of what a leg does at 10 Hz. Begun anew after each few
-/// messages that were lost, it would not be known there at first.
-const BRIDGED_US: u64 = 50_000;
+/// [`BRIDGED`] in µs. Begun anew after each few messages that were lost, a motion would not be known there at first.
+const BRIDGED_US: u64 = (1e6 * BRIDGED) as u64;
 
 /// What was recorded of one limb: samples of all its joints, repeats left out, logs one after the other.
 #[derive(Debug, Clone, Default)]
@@ -154,6 +153,15 @@ impl LimbRecording {
         for k in 0..self.q.len() {
             let own = [self.q[k], self.dq[k], self.tau[k]];
             [self.q[k], self.dq[k], self.tau[k]] = with(k % self.joints, own);
+        }
+    }
+
+    /// Replaces position, velocity and torque of one joint, sample by sample.
+    pub(crate) fn replace_joint(&mut self, joint: usize, with: impl Fn(usize) -> [f64; 3]) {
+        self.trajectories = Trajectories::default();
+        for k in 0..self.len() {
+            let at = k * self.joints + joint;
+            [self.q[at], self.dq[at], self.tau[at]] = with(k);
         }
     }
 

@@ -16,8 +16,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::gate::{DataGates, GateReport, Joint, Reading};
-use crate::log::{LogReader, Row, Selection, Warning};
+use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
+use crate::summary::wrapped;
 pub use error::RecordingError;
 pub use limb::LimbRecording;
 use pieces::Pieces;
@@ -68,7 +69,7 @@ impl Recording {
     /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
     ///
     /// # Errors
-    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left.
+    /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left; [`RecordingError::TooShort`].
     pub fn read(
         logs: &[PathBuf],
         model: &Model,
@@ -95,6 +96,14 @@ impl Recording {
                 logs: logs.to_vec(),
                 limbs: too_large,
             });
+        }
+        // Silences are no motion; a joint that rests is recorded though its samples repeat.
+        let recorded = |(_, limb): &(Limb, LimbRecording)| {
+            (limb.len() as u64 + limb.repeated) as f64 * limb.period()
+        };
+        let recorded = recording.limbs.iter().map(recorded).fold(0.0, f64::max);
+        if recording.duration.min(recorded) < LEAST_DURATION {
+            return Err(RecordingError::too_short(&recording, LEAST_DURATION));
         }
         let limbs = recording.limbs.iter_mut();
         limbs.for_each(|(_, limb)| limb.shrink());
@@ -421,6 +430,19 @@ fn left_out(limb: &Limb) -> String {
         limb.name,
         limb.bodies.len()
     )
+}
+
+/// What is wrong with the samples, for a first screen: the first finding, and how many more there are; nothing if nothing is wrong.
+pub fn first_gate_words(gates: &[LogGates]) -> String {
+    let mut all = gates.iter().flat_map(|one| &one.report.findings);
+    let Some(first) = all.next() else {
+        return String::new();
+    };
+    let more = match all.count() {
+        0 => String::new(),
+        more => format!(" (and {more} more)"),
+    };
+    wrapped(&format!("Data: {first}{more}"), "", "  ")
 }
 
 /// What is wrong with the samples, a line each; that nothing is, if so.

@@ -2,6 +2,7 @@
 
 use super::candidate::{Candidate, Member};
 use super::criteria::step::{HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step};
+use super::fitted::Fitted;
 use super::gain_bound::size_worth;
 use super::score_test::Screen;
 use super::state::{State, held_out_with_shape, how_near, how_with};

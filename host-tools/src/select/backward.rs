@@ -1,12 +1,11 @@
 //! The way back: what a model does without again.
 
 use super::candidate::Member;
-use super::criteria::step::{does_without, is_held};
-use super::state::{State, Step};
-use crate::estimate::limb_data::LimbData;
+use super::criteria::step::is_held;
+use super::fitted::{Fitted, Step};
 
 /// What steps have added and has become nothing beside the others, the smallest first. What makes a `drive` stays where it was missing.
-pub(super) fn nothing(model: &State, steps: &[Step], drive: bool) -> Vec<Member> {
+pub(super) fn nothing<M: Fitted>(model: &M, steps: &[Step<M>], drive: bool) -> Vec<Member> {
     let added = steps.iter().flat_map(|step| step.members.clone());
     let mut small: Vec<(f64, Member)> = added
         .filter(|(_, place)| !(drive && place.0.description().is_plain()))
@@ -20,8 +19,8 @@ pub(super) fn nothing(model: &State, steps: &[Step], drive: bool) -> Vec<Member>
 }
 
 /// What was taken at a joint before another effect there: it may only have resembled that.
-pub(super) fn superseded(steps: &[Step]) -> Vec<Member> {
-    let own = |step: &Step| match step.members[..] {
+pub(super) fn superseded<M: Fitted>(steps: &[Step<M>]) -> Vec<Member> {
+    let own = |step: &Step<M>| match step.members[..] {
         [member] if !step.removed && !step.effect.description().is_plain() => Some(member),
         _ => None,
     };
@@ -37,18 +36,4 @@ pub(super) fn superseded(steps: &[Step]) -> Vec<Member> {
         .map(|(_, member)| member)
         .filter(|(_, place)| !place.0.description().is_limit())
         .collect()
-}
-
-/// The model without an effect, if it does without it; of what is `nothing` more is asked than of what another one stands for.
-pub(super) fn without<'a>(
-    data: &'a [LimbData<'a>],
-    model: &State<'a>,
-    member: Member,
-    nothing: bool,
-) -> Option<State<'a>> {
-    let mut places = model.places();
-    places[member.0].retain(|place| *place != member.1);
-    let without = model.with(data, &places, &model.values(), &[])?;
-    let before = model.held_out(model);
-    does_without(&without.held_out(model), &before, nothing).then_some(without)
 }

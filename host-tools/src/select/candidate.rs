@@ -76,15 +76,22 @@ pub(crate) struct Candidate {
     pub(crate) trials: Vec<(usize, Trial)>,
 }
 
+/// The equations that effects enter.
+pub(crate) struct Felt {
+    /// Held-out sum of squares without them, in units of the noise.
+    pub(crate) squares: f64,
+    /// Sum of squares of the torque, (N m)².
+    pub(crate) torque: f64,
+    /// How many neighbouring windows say the same thing.
+    pub(crate) memory: f64,
+}
+
 /// How a trial predicts each fold, and the rows that feel it.
 pub(crate) struct Scores {
     /// As [`Trial`] has them.
     pub(crate) gains: Vec<f64>,
     pub(crate) falls: Vec<f64>,
-    pub(crate) felt: f64,
-    pub(crate) torque: f64,
-    /// How many neighbouring windows of those rows say the same thing.
-    pub(crate) memory: f64,
+    pub(crate) felt: Felt,
 }
 
 impl Trial {
@@ -97,7 +104,7 @@ impl Trial {
         own: &[TriangleTrial],
         scores: Scores,
     ) -> Self {
-        let memory = scores.memory;
+        let memory = scores.felt.memory;
         let (mut std, mut inflation) = (Vec::new(), 1.0f64);
         for (n, (value, independent)) in all.value.iter().zip(&all.std).enumerate() {
             let looser = own.iter().map(|trial| trial.std[n] / independent);
@@ -113,8 +120,8 @@ impl Trial {
             findings: Vec::new(),
             gains: scores.gains,
             falls: scores.falls,
-            felt: scores.felt,
-            torque: scores.torque,
+            felt: scores.felt.squares,
+            torque: scores.felt.torque,
             value: all.value,
             std,
             by_fold: values.to_vec(),

@@ -7,12 +7,11 @@ use super::accept::Context;
 use super::candidate::Candidate;
 use super::criteria::choice::{handicap, may_be_transmission};
 use super::criteria::step::{LEAST_SHARE, is_held, is_less, is_resolved, is_structure};
+use super::fitted::Fitted;
 use super::gain_bound::may_be_worth;
 use super::refused::Refused;
+use super::source::Tried;
 use super::state::State;
-
-/// A candidate, and the model with it if one could be fitted.
-pub(super) type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
 
 /// A candidate that takes a sure part of a joint's error, and the model with it; or a spring or a play there with which the model
 /// predicts better. With the springs and plays that were found to be none.
@@ -20,11 +19,11 @@ pub(super) type Tried<'c, 'a> = (&'c Candidate, Option<State<'a>>);
 /// The `first` look tells what the best one would be, taken or not.
 pub(super) fn best_by_trying<'c, 'a>(
     context: &Context<'_, 'a>,
-    refused: &Refused<'a>,
+    refused: &Refused<State<'a>>,
     best: &'c Candidate,
     all: &'c [Candidate],
     is_first: bool,
-) -> (Tried<'c, 'a>, Vec<&'c Candidate>) {
+) -> (Tried<'c, State<'a>>, Vec<&'c Candidate>) {
     let now = context.now();
     let may_be_worth = |c: &Candidate, share: f64| may_be_worth(context.screens, c, share, now);
     let weighted = |after: &State| after.weighted(context.model);
@@ -36,7 +35,7 @@ pub(super) fn best_by_trying<'c, 'a>(
     if !is_loose && !may_be_transmission(best, keeps) {
         return (first, Vec::new());
     }
-    let error = |(c, after): &Tried| {
+    let error = |(c, after): &Tried<State>| {
         let error = after.as_ref().map_or(f64::INFINITY, weighted);
         error + handicap(c, best) * now
     };
@@ -69,9 +68,9 @@ pub(super) fn best_by_trying<'c, 'a>(
 }
 
 /// Springs and plays at the joint of a candidate; of several joints at the one where most is gained.
-fn transmission_at<'c>(
-    context: &Context,
-    refused: &Refused,
+fn transmission_at<'c, 'a>(
+    context: &Context<'_, 'a>,
+    refused: &Refused<State<'a>>,
     best: &Candidate,
     all: &'c [Candidate],
 ) -> Vec<&'c Candidate> {
@@ -95,7 +94,7 @@ fn transmission_at<'c>(
 /// it takes away a share of that joint's error that no sampling makes.
 pub(super) fn transmission_of_largest_error<'c, 'a>(
     context: &Context<'_, 'a>,
-    refused: &Refused<'a>,
+    refused: &Refused<State<'a>>,
     all: &'c [Candidate],
 ) -> Option<(&'c Candidate, State<'a>, bool)> {
     let model = context.model;
@@ -120,6 +119,9 @@ pub(super) fn transmission_of_largest_error<'c, 'a>(
         let error = |after: &State| after.weighted(model);
         error(&a.1).total_cmp(&error(&b.1))
     })?;
-    let is_sure = is_structure(model.total() - after.total(), square);
+    let is_sure = is_structure(
+        State::total(&model.squares) - State::total(&after.squares),
+        square,
+    );
     Some((candidate, after, is_sure))
 }

@@ -31,11 +31,11 @@ pub(crate) fn drifts(limb: &Screen) -> Vec<Drift> {
 fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
     // Of what residuals remember only their noise's part counts: what changes makes them remember longer.
     let square = limb.fit.noise[joint].powi(2) * limb.noise_memory[joint];
-    let left: f64 = limb.base.iter().map(|fold| fold[joint]).sum();
+    let left: f64 = limb.factors.base.iter().map(|fold| fold[joint]).sum();
     let watched = catalogue::effects().filter(|effect| effect.description().drifts);
     let judged = watched.filter_map(|effect| {
-        let entry = *limb.columns.of_effect(effect, joint).first()?;
-        let changes: Vec<(f64, f64)> = (0..limb.theta.len())
+        let entry = *limb.factors.columns.of_effect(effect, joint).first()?;
+        let changes: Vec<(f64, f64)> = (0..limb.factors.theta.len())
             .map(|fold| change(limb, joint, fold, entry))
             .collect();
         let fall: f64 = changes.iter().map(|(_, fall)| fall).sum();
@@ -59,11 +59,11 @@ fn drift(limb: &Screen, joint: usize) -> Option<Drift> {
 
 /// By how much an entry of θ differs in a fold, and what that takes from the fold's sum of squares, (N m)².
 fn change(limb: &Screen, joint: usize, fold: usize, entry: usize) -> (f64, f64) {
-    let mut theta = limb.theta[fold].clone();
+    let mut theta = limb.factors.theta[fold].clone();
     let at = theta[entry];
     let mut squares = |by: f64| {
         theta[entry] = at + by;
-        limb.left_of((joint, fold), &theta)
+        limb.factors.left_of((joint, fold), &theta)
     };
     // A parabola: three points are exact.
     let [here, ahead, behind] = [0.0, 1.0, -1.0].map(&mut squares);

@@ -5,6 +5,7 @@ use proprio_core::effect::{EffectKind, Reach};
 use super::candidate::{Candidate, Trial};
 use super::criteria::statistics::Squared;
 use super::score_test::Screen;
+use super::trial_factors::ScoreTest;
 use crate::catalogue;
 use crate::equation::motion::is_shared;
 use crate::equation::values::Place;

@@ -1,13 +1,16 @@
 //! What a diagnosis names first.
 
 use super::candidate::Member;
+use super::fitted::{Fitted, Step};
 use super::ranking::Judged;
-use super::state::{State, Step};
-use crate::estimate::limb_data::Squares;
 
 /// What is told of the first candidate is of the fit with it: what a column says of a value is true to first order, and of what was found
 /// by trying not even that it is there.
-pub(super) fn with_values(mut first: Vec<Judged>, after: &State, by_trying: bool) -> Vec<Judged> {
+pub(super) fn with_values<M: Fitted>(
+    mut first: Vec<Judged>,
+    after: &M,
+    by_trying: bool,
+) -> Vec<Judged> {
     if let Some(first) = first.first_mut() {
         first.parameters = values(&first.candidate.members, after);
         if by_trying {
@@ -18,20 +21,18 @@ pub(super) fn with_values(mut first: Vec<Judged>, after: &State, by_trying: bool
 }
 
 /// What was judged of the model as it was given, as it is told in the end.
-pub(super) fn kept(
+pub(super) fn kept<M: Fitted>(
     first: Vec<Judged>,
-    start: &[Squares],
-    steps: &[Step],
-    end: &State,
+    start: &M::Errors,
+    steps: &[Step<M>],
+    end: &M,
 ) -> Vec<Judged> {
     with_values_at_end(with_largest_first(first, start, steps, end), end)
 }
 
 /// What the model has in the end is told with its value there; but a limit, which the rest of the model does not tell, as it was found.
-fn with_values_at_end(mut first: Vec<Judged>, end: &State) -> Vec<Judged> {
-    let there = end.places();
-    let stays =
-        |(limb, place): &Member| !place.0.description().is_limit() && there[*limb].contains(place);
+fn with_values_at_end<M: Fitted>(mut first: Vec<Judged>, end: &M) -> Vec<Judged> {
+    let stays = |member: &Member| !member.1.0.description().is_limit() && end.has(member);
     for told in &mut first {
         let members = &told.candidate.members;
         if members.iter().all(stays) {
@@ -43,25 +44,23 @@ fn with_values_at_end(mut first: Vec<Judged>, end: &State) -> Vec<Judged> {
 
 /// The headline is what takes most torque error away of what the model has in the end: a candidate that was refused or taken out again
 /// only resembled that. Where nothing was taken nothing is named.
-fn with_largest_first(
+fn with_largest_first<M: Fitted>(
     mut first: Vec<Judged>,
-    start: &[Squares],
-    steps: &[Step],
-    end: &State,
+    start: &M::Errors,
+    steps: &[Step<M>],
+    end: &M,
 ) -> Vec<Judged> {
-    let there = end.places();
-    let stays = |(limb, place): &Member| there[*limb].contains(place);
-    let total = |squares: &[Squares]| squares.iter().map(Squares::total).sum::<f64>();
-    let is_it = |j: &Judged, step: &Step| {
+    let stays = |member: &Member| end.has(member);
+    let is_it = |j: &Judged, step: &Step<M>| {
         (j.candidate.effect, &j.candidate.members) == (step.effect, &step.members)
     };
     let before = [start]
         .into_iter()
-        .chain(steps.iter().map(|step| &step.squares[..]));
-    let kept: Vec<(f64, &Step)> = before
+        .chain(steps.iter().map(|step| &step.errors));
+    let kept: Vec<(f64, &Step<M>)> = before
         .zip(steps)
         .filter(|(_, step)| !step.removed && step.members.iter().any(stays))
-        .map(|(before, step)| (total(before) - total(&step.squares), step))
+        .map(|(before, step)| (M::total(before) - M::total(&step.errors), step))
         .collect();
     if kept.is_empty() {
         first.iter_mut().for_each(|j| j.significant = false);
@@ -91,7 +90,7 @@ fn with_largest_first(
     first
 }
 
-fn values(members: &[Member], model: &State) -> Vec<Vec<(f64, f64)>> {
+fn values<M: Fitted>(members: &[Member], model: &M) -> Vec<Vec<(f64, f64)>> {
     members
         .iter()
         .map(|member| model.parameters(member))

@@ -12,6 +12,7 @@ use super::candidate::Candidate;
 use super::criteria::feasible::{NEAR, REACH};
 use super::criteria::presence::is_there;
 use super::score_test::Screen;
+use super::trial_factors::ScoreTest;
 use crate::equation::values::{LEAST_LOAD, Place, Values};
 
 impl Screen<'_> {

@@ -1,20 +1,17 @@
 //! What every effect would add to a limb's model, read off the factors of its data with all candidates' columns.
 //!
-//! The columns are derivatives of the predictor at the present fit. Of each fold two triangles suffice: one of the data of all other
-//! folds, active columns first, from which any few candidates are solved for by a small problem in the trailing rows; and the fold's
-//! own, in which the solution is scored.
+//! The columns are derivatives of the predictor at the present fit.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form, Reach};
-use proprio_core::inertia::INERTIAL;
 use rayon::prelude::*;
 
-use super::candidate::{Finding, Scores, Trial};
+use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
 use super::criteria::statistics::{autocorrelation_time, noise_lags, noise_memory};
 use super::gain_bound::GainBounds;
+use super::trial_factors::{ScoreTest, TrialFactors};
 use crate::catalogue;
 use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
@@ -25,27 +22,17 @@ use crate::estimate::fit::{LimbFit, SAME_CORRELATION};
 use crate::estimate::folding::Folding;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::shapes::Scan;
-use crate::estimate::triangle::{Prior, Trial as TriangleTrial, Triangle, misfit};
+use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
 use crate::model::BASE;
 
 /// The factors of a limb's data over the columns of its model and of all that the model might lack.
 pub(crate) struct Screen<'a> {
     pub(crate) fit: Arc<LimbFit<'a>>,
-    pub(crate) columns: Columns,
+    /// Joint by joint, whitened.
+    pub(crate) factors: TrialFactors,
     /// Where the columns were made; candidates' shapes among them.
     at: Values,
-    /// How many of its entries are the model's, which come first.
-    active: usize,
-    /// Each fold's own data, joint by joint.
-    tests: Vec<Vec<HeapFactor>>,
-    /// Of all data, and of all folds but one.
-    all: Triangle,
-    trains: Vec<Triangle>,
-    /// θ of the model fitted to all folds but one, and the sums of squares of that one's own data under it, joint by joint,
-    /// whitened, (N m)².
-    pub(crate) theta: Vec<Vec<f64>>,
-    pub(crate) base: Vec<Vec<f64>>,
     /// How many neighbouring windows of each joint say the same thing.
     memory: Vec<f64>,
     /// The same as far as their noise remembers.
@@ -59,8 +46,6 @@ pub(crate) struct Screen<'a> {
     pub(crate) floor: Vec<f64>,
     /// What springs and plays can take away at most.
     pub(super) bounds: GainBounds,
-    /// What was asked for already: a step at one limb leaves the others' screens as they are.
-    trials: Mutex<HashMap<Vec<Place>, Option<Trial>>>,
 }
 
 /// How often columns of loads are made again: the second trial's place is as near as its error.
@@ -79,8 +64,8 @@ impl<'a> Screen<'a> {
             if !screen.move_loads(possible, &mut at) {
                 break;
             }
-            rows.put_loads(&data.body, &at, &screen.columns);
-            let made = (screen.columns, &rows);
+            rows.put_loads(&data.body, &at, &screen.factors.columns);
+            let made = (screen.factors.columns, &rows);
             screen = Self::made(screen.fit, screen.predicted, made, at.clone());
         }
         screen
@@ -128,25 +113,15 @@ impl<'a> Screen<'a> {
             };
         }
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
-        let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();
-        let score = |(test, theta): (&Vec<HeapFactor>, &Vec<f64>)| {
-            squares(&columns, test, theta, order.active)
-        };
+        let kinds = (columns, order.active);
         Self {
-            base: folds.blocks.iter().zip(&theta).map(score).collect(),
-            active: order.active,
-            trials: Mutex::default(),
-            theta,
             memory: left.memory,
             noise_memory: left.noise_memory,
             torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
             floor: left.floor,
             predicted,
-            all,
-            tests: folds.blocks,
-            trains,
+            factors: TrialFactors::new(kinds, fit.noise.clone(), all, trains, folds.blocks),
             fit: own.clone(),
-            columns,
             at,
             bounds: GainBounds::default(),
         }
@@ -163,162 +138,6 @@ impl<'a> Screen<'a> {
     /// What the model predicts in each window, joint by joint, N m.
     pub(super) fn predicted(&self) -> &[f64] {
         &self.predicted
-    }
-
-    /// What θ leaves of a joint's own data in a fold, (N m)².
-    pub(super) fn left_of(&self, (joint, fold): (usize, usize), theta: &[f64]) -> f64 {
-        let test = &self.tests[fold][joint];
-        misfit(&self.columns, (joint, test), theta, self.active)
-    }
-
-    /// The held-out sum of squares of the model, in units of the joints' noise.
-    pub(crate) fn error(&self) -> f64 {
-        let noise = &self.fit.noise;
-        let of = |fold: &Vec<f64>| -> f64 {
-            (fold.iter().zip(noise))
-                .map(|(square, noise)| square / (noise * noise))
-                .sum()
-        };
-        self.base.iter().map(of).sum()
-    }
-
-    /// What the effects at `places` would add together; `None` if nothing determines them.
-    pub(crate) fn trial(&self, places: &[Place]) -> Option<Trial> {
-        let known = || self.trials.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(trial) = known().get(places) {
-            return trial.clone();
-        }
-        let trial = self.new_trial(places);
-        known().insert(places.to_vec(), trial.clone());
-        trial
-    }
-
-    fn new_trial(&self, places: &[Place]) -> Option<Trial> {
-        let entries = self.entries(places);
-        let by_fold = self.by_fold(&entries)?;
-        let values: Vec<Vec<f64>> = by_fold.iter().map(|trial| trial.value.clone()).collect();
-        self.scored(places, self.all.trial(&entries)?, &values, &by_fold)
-    }
-
-    /// What the data without each fold tell of entries.
-    fn by_fold(&self, entries: &[usize]) -> Option<Vec<TriangleTrial>> {
-        let trains = self.trains.iter();
-        trains.map(|train| train.trial(entries)).collect()
-    }
-
-    /// The same where the value is another one's to say: that by all data, and for each fold that by the others.
-    pub(crate) fn trial_of(
-        &self,
-        places: &[Place],
-        value: &[f64],
-        by_fold: &[Vec<f64>],
-    ) -> Option<Trial> {
-        let entries = self.entries(places);
-        let own = self.all.trial(&entries)?;
-        let far = |(own, value): (f64, &f64)| own - value;
-        let away: Vec<f64> = own.value.iter().copied().zip(value).map(far).collect();
-        let lost: f64 = away
-            .iter()
-            .zip(&own.std)
-            .map(|(away, std)| (away / std).powi(2))
-            .sum();
-        let trial = TriangleTrial {
-            value: value.to_vec(),
-            fall: (own.fall - lost).max(0.0),
-            std: own.std,
-        };
-        self.scored(places, trial, by_fold, &self.by_fold(&entries)?)
-    }
-
-    fn entries(&self, places: &[Place]) -> Vec<usize> {
-        places
-            .iter()
-            .flat_map(|&(effect, joint)| self.columns.of_effect(effect, joint))
-            .collect()
-    }
-
-    /// Scores a trial by the `values` that each fold is told by the others, which know them as well as their `own` trials do.
-    fn scored(
-        &self,
-        places: &[Place],
-        all: TriangleTrial,
-        values: &[Vec<f64>],
-        own: &[TriangleTrial],
-    ) -> Option<Trial> {
-        let entries = self.entries(places);
-        let (mut gains, mut falls) = (Vec::new(), Vec::new());
-        for ((fold, train), value) in self.trains.iter().enumerate().zip(values) {
-            let with: Vec<(usize, f64)> =
-                entries.iter().copied().zip(value.iter().copied()).collect();
-            let theta = train.solve(&with);
-            let after = squares(&self.columns, &self.tests[fold], &theta, self.active);
-            let fall = |scaled: bool| -> f64 {
-                let joints = self.base[fold].iter().zip(&after).zip(&self.fit.noise);
-                joints
-                    .map(|((before, after), noise)| {
-                        (before - after) / if scaled { noise * noise } else { 1.0 }
-                    })
-                    .sum()
-            };
-            gains.push(fall(true));
-            falls.push(fall(false));
-        }
-        let felt: Vec<usize> = (0..self.fit.data.joints())
-            .filter(|&j| entries.iter().any(|&e| self.columns.place(j, e).is_some()))
-            .collect();
-        let memory = felt.iter().map(|&j| self.memory[j]).fold(1.0, f64::max);
-        let noise = &self.fit.noise;
-        let torque = felt.iter().map(|&j| self.torque[j]).sum();
-        let felt = self
-            .base
-            .iter()
-            .flat_map(|fold| felt.iter().map(|&j| fold[j] / (noise[j] * noise[j])));
-        let scores = Scores {
-            gains,
-            falls,
-            felt: felt.sum(),
-            torque,
-            memory,
-        };
-        let mut trial = Trial::of((places, entries), all, values, own, scores);
-        trial.findings = self.findings(&trial);
-        Some(trial)
-    }
-
-    /// What the effects at `places` would add to the model with the candidates `others` in it.
-    pub(crate) fn trial_beside(&self, places: &[Place], others: &[Place]) -> Option<Trial> {
-        let before = self.trial(others)?;
-        Some(self.trial(&[others, places].concat())?.beside(&before))
-    }
-
-    /// What a trial says of the parameters at each of its places, as the catalogue means them.
-    pub(super) fn findings(&self, trial: &Trial) -> Vec<Finding> {
-        let data = self.fit.data;
-        let mut theta = self.columns.theta(&self.at);
-        for (&e, value) in trial.entries.iter().zip(&trial.value) {
-            theta[e] = *value;
-        }
-        let told = |place: Place, parameter: usize| {
-            let at = trial.entries.iter().position(|&e| {
-                let entry = &self.columns.entries[e];
-                (entry.effect, entry.joint, entry.parameter) == (Some(place.0), place.1, parameter)
-            })?;
-            let value = data.value(&self.at, &self.columns, trial.entries[at], &theta);
-            Some((value, trial.std[at]))
-        };
-        let of = |&place: &Place| {
-            let parameters = 0..place.0.description().parameters.len();
-            Finding {
-                place,
-                parameters: parameters.clone().map(|n| told(place, n)).collect(),
-                prior: parameters.map(|n| data.prior(place, n)).collect(),
-                nonlinear: self.at.shape(place),
-                period: data.recording.period(),
-                beyond_limit: (place.0.description().is_limit())
-                    .then(|| self.shown_beyond(place.1, self.at.shape(place))),
-            }
-        };
-        trial.places.iter().map(of).collect()
     }
 
     /// Of each N m that a joint reports beyond a limit how much the motion shows: the slope of the predicted on the reported torque there.
@@ -365,6 +184,59 @@ impl<'a> Screen<'a> {
             }
         }
         values
+    }
+}
+
+impl ScoreTest for Screen<'_> {
+    fn factors(&self) -> &TrialFactors {
+        &self.factors
+    }
+
+    fn felt(&self, _: &[Place], entries: &[usize]) -> Felt {
+        let factors = &self.factors;
+        let feels = |j: usize| {
+            let mut entries = entries.iter();
+            entries.any(|&e| factors.columns.place(j, e).is_some())
+        };
+        let felt: Vec<usize> = (0..self.fit.data.joints()).filter(|&j| feels(j)).collect();
+        let squares = factors.base.iter().flat_map(|fold| {
+            let own = felt.iter();
+            own.map(|&j| fold[j] / (self.fit.noise[j] * self.fit.noise[j]))
+        });
+        Felt {
+            squares: squares.sum(),
+            torque: felt.iter().map(|&j| self.torque[j]).sum(),
+            memory: felt.iter().map(|&j| self.memory[j]).fold(1.0, f64::max),
+        }
+    }
+
+    fn findings(&self, trial: &Trial) -> Vec<Finding> {
+        let (data, columns) = (self.fit.data, &self.factors.columns);
+        let mut theta = columns.theta(&self.at);
+        for (&e, value) in trial.entries.iter().zip(&trial.value) {
+            theta[e] = *value;
+        }
+        let told = |place: Place, parameter: usize| {
+            let at = trial.entries.iter().position(|&e| {
+                let entry = &columns.entries[e];
+                (entry.effect, entry.joint, entry.parameter) == (Some(place.0), place.1, parameter)
+            })?;
+            let value = data.value(&self.at, columns, trial.entries[at], &theta);
+            Some((value, trial.std[at]))
+        };
+        let of = |&place: &Place| {
+            let parameters = 0..place.0.description().parameters.len();
+            Finding {
+                place,
+                parameters: parameters.clone().map(|n| told(place, n)).collect(),
+                prior: parameters.map(|n| data.prior(place, n)).collect(),
+                nonlinear: self.at.shape(place),
+                period: data.recording.period(),
+                beyond_limit: (place.0.description().is_limit())
+                    .then(|| self.shown_beyond(place.1, self.at.shape(place))),
+            }
+        };
+        trial.places.iter().map(of).collect()
     }
 }
 
@@ -461,13 +333,6 @@ fn with_shapes(
     at
 }
 
-/// Each joint's sum of squares under θ, of which few entries beyond the first `active` are not zero, (N m)².
-fn squares(columns: &Columns, test: &[HeapFactor], theta: &[f64], active: usize) -> Vec<f64> {
-    (test.iter().enumerate())
-        .map(|joint| misfit(columns, joint, theta, active))
-        .collect()
-}
-
 /// How many columns are the model's, which come first, and what is known of all before data.
 struct Order {
     prior: Prior,
@@ -496,15 +361,7 @@ impl Order {
 pub(crate) fn cad_prior(data: &LimbData) -> Prior {
     let body = |b: usize| {
         let cad = &data.model.robot().bodies()[b].inertia;
-        let factor = cad.prior(data.model.cad_uncertainty(b));
-        let row = |k: usize| {
-            let mut row = [0.0; INERTIAL + 1];
-            if let Some(factor) = &factor {
-                row[k..].copy_from_slice(factor.row(k));
-            }
-            row
-        };
-        (0..INERTIAL).map(row).collect()
+        prior_of_body(cad, data.model.cad_uncertainty(b))
     };
     let bodies: Vec<_> = data.limb.bodies.clone().map(body).collect();
     Prior {

@@ -1,4 +1,4 @@
-//! From a model as it is given to one that lacks nothing the data can tell: forward and backward selection over all limbs.
+//! From a model as it is given to one that lacks nothing the data can tell: forward and backward selection, whatever the source of rows.
 //!
 //! A step is judged on the user's path: the model with it is fitted to all folds but one, by the estimator that writes model files,
 //! and predicts that one by the predictor that scores them. A step stays if the held-out error falls, no log's rises, and its values
@@ -7,54 +7,56 @@
 //! A search is a state machine: a [`Phase`] says which edits of the model are looked for, the other files of this room make them, and
 //! [`Search::apply`] alone changes the model.
 
-use super::accept::Context;
 use super::candidate::{Candidate, Member};
 use super::criteria::choice::Look;
 use super::criteria::feasible::is_feasible;
 use super::criteria::presence::is_structure;
 use super::criteria::step::{
-    LEAST_SHARE, bears_a_drive, begins_below, does_as_well, goes_on, may_take_away,
+    LEAST_SHARE, bears_a_drive, begins_below, does_as_well, does_without, goes_on, may_take_away,
 };
-use super::drift::{Drift, drifts};
-use super::limits::{Sought, with_limit};
-use super::look::Screens;
+use super::fitted::{Fitted, Step};
 use super::ranking::{Judged, judge, judged};
 use super::refused::Refused;
-use super::score_test::Screen;
-use super::state::{State, Step};
-use super::{backward, compliance_scan, headline, restart};
-use crate::equation::values::Place;
-use crate::estimate::limb_data::{LimbData, Squares};
+use super::source::{Source, Tried};
+use super::{backward, headline, restart};
+use proprio_core::effect::EffectKind;
+
+use crate::model::BASE;
 
 /// What a search has found.
-pub(crate) struct Found<'a> {
+pub(crate) struct Found<S: Source> {
+    /// The source, after a look at the model at the end.
+    pub(crate) source: S,
     /// What each candidate would add to the model as it was given: the best first, if one is there.
     pub(crate) first: Vec<Judged>,
-    /// Held-out sums of squares of the model as it was given, limb by limb.
-    pub(crate) start: Vec<Squares>,
-    pub(crate) steps: Vec<Step>,
+    /// How the model as it was given predicts what it has not seen.
+    pub(crate) start: Errors<S>,
+    pub(crate) steps: Vec<Step<S::Model>>,
     /// The model at the end.
-    pub(crate) end: State<'a>,
+    pub(crate) end: S::Model,
     /// What the catalogue might still take away at the end, its values impossible.
     pub(crate) unphysical: Vec<Judged>,
-    /// What the model at the end and the whole catalogue leave of each limb's joints, N m.
-    pub(crate) floor: Vec<Vec<f64>>,
-    /// What each limb's parameters do from fold to fold.
-    pub(crate) drifts: Vec<Vec<Drift>>,
 }
 
-/// Searches from the limbs' effects `given`.
+type Errors<S> = <<S as Source>::Model as Fitted>::Errors;
+
+/// Searches from the model as the source was given it.
 ///
 /// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, and with one cause
-/// where it took two.
-pub(crate) fn search<'a>(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Option<Found<'a>> {
-    let start = State::of(data, given)?;
-    let mut search = Search::new(data, given, start).run(Phase::Limits);
+/// where it took two; and with the `causes` that all joints share and that a reading of the log has shown.
+pub(crate) fn search<S: Source>(source: S, causes: &[EffectKind]) -> Option<Found<S>> {
+    let start = source.start()?;
+    let mut search = Search::new(source, start).run(Phase::Limits);
     if let Some(other) = search.with_drive() {
         search = other;
     }
     if let Some(other) = search.with_one_cause() {
         search = other;
+    }
+    for cause in causes {
+        if let Some(other) = search.with_shared(*cause) {
+            search = other;
+        }
     }
     Some(search.finish())
 }
@@ -88,38 +90,32 @@ impl Phase {
 }
 
 /// A change of the model.
-struct Edit<'a> {
+struct Edit<M> {
     members: Vec<Member>,
     /// Whether they are taken out.
     removed: bool,
-    after: State<'a>,
+    after: M,
 }
 
 /// A search on its way.
-struct Search<'a> {
-    data: &'a [LimbData<'a>],
-    given: Vec<Vec<Place>>,
-    start: Vec<Squares>,
-    model: State<'a>,
-    steps: Vec<Step>,
+struct Search<S: Source> {
+    source: S,
+    start: Errors<S>,
+    model: S::Model,
+    steps: Vec<Step<S::Model>>,
     first: Vec<Judged>,
-    screens: Screens<'a>,
-    refused: Refused<'a>,
-    limits: Sought<'a>,
+    refused: Refused<S::Model>,
 }
 
-impl<'a> Search<'a> {
-    fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>], model: State<'a>) -> Self {
+impl<S: Source> Search<S> {
+    fn new(source: S, model: S::Model) -> Self {
         Self {
-            data,
-            given: given.to_vec(),
-            start: model.squares.clone(),
+            source,
+            start: model.errors().clone(),
             model,
             steps: Vec::new(),
             first: Vec::new(),
-            screens: Screens::default(),
             refused: Refused::default(),
-            limits: Sought::default(),
         }
     }
 
@@ -138,17 +134,17 @@ impl<'a> Search<'a> {
     }
 
     /// Changes the model: the only place that does.
-    fn apply(&mut self, edit: Edit<'a>) {
+    fn apply(&mut self, edit: Edit<S::Model>) {
         self.model = edit.after;
         self.steps.push(Step {
             effect: edit.members[0].1.0,
             members: edit.members,
-            squares: self.model.squares.clone(),
+            errors: self.model.errors().clone(),
             removed: edit.removed,
         });
     }
 
-    fn add(&mut self, members: &[Member], after: State<'a>) {
+    fn add(&mut self, members: &[Member], after: S::Model) {
         self.apply(Edit {
             members: members.to_vec(),
             removed: false,
@@ -156,39 +152,27 @@ impl<'a> Search<'a> {
         });
     }
 
-    /// What steps work from, after a look.
-    fn context(&self) -> Context<'_, 'a> {
-        Context {
-            data: self.data,
-            model: &self.model,
-            screens: &self.screens.of_limbs,
-        }
-    }
-
     fn look(&mut self) -> Vec<Candidate> {
-        self.screens.look(&self.model, &self.given)
+        self.source.look(&mut self.model)
     }
 
     /// What a look has shown, for the rules.
     fn with_look<T>(&self, all: &[Candidate], rule: impl FnOnce(&Look) -> T) -> T {
         rule(&Look {
             all,
-            windows: self.screens.windows(),
-            beside: &|candidate, other| {
-                candidate.beside(other, &|limb, places, others| {
-                    self.screens.of_limbs[limb].trial_beside(places, others)
-                })
-            },
+            windows: self.source.windows(),
+            beside: &|candidate, other| self.source.beside(candidate, other),
         })
     }
 
     /// Takes limits of torques into the model that the data tell.
     fn take_limits(&mut self) -> bool {
         let mut taken = false;
-        for (member, limit) in self.limits.limits(&self.model) {
-            let Some(after) = with_limit(self.data, &self.model, member, &limit) else {
+        for found in self.source.limits(&self.model) {
+            let Some(after) = self.source.with_limit(&self.model, &found) else {
                 continue;
             };
+            let (member, limit) = found;
             if self.steps.is_empty() {
                 let candidates = self.look();
                 let own = candidates.iter().find(|c| c.members == [member]);
@@ -211,7 +195,7 @@ impl<'a> Search<'a> {
             return false;
         }
         let candidates = self.look();
-        let taken = self.take_best(&candidates) || self.take_transmission(&candidates);
+        let taken = self.take_best(&candidates) || self.take_unseen(&candidates);
         if taken && restart::lacks_a_drive(&self.steps) {
             self.complete_drive();
         }
@@ -220,7 +204,7 @@ impl<'a> Search<'a> {
 
     /// Takes the best candidate that is not refused.
     fn take_best(&mut self, candidates: &[Candidate]) -> bool {
-        let base: f64 = self.screens.of_limbs.iter().map(Screen::error).sum();
+        let base = self.source.error();
         let mut open: Vec<&Candidate> = (candidates.iter())
             .filter(|c| may_take_away(c.gain().0, LEAST_SHARE, base))
             .filter(|c| !self.refused.has(c, &self.model))
@@ -232,7 +216,8 @@ impl<'a> Search<'a> {
         let mut refused = 0;
         while goes_on(self.steps.len(), refused) {
             refused += 1;
-            let Some(mut next) = self.with_look(candidates, |look| look.best(&open)) else {
+            let best = self.with_look(candidates, |look| self.source.best(look, &open));
+            let Some(mut next) = best else {
                 return false;
             };
             if !self.refused.promises_no_more(next) {
@@ -241,7 +226,8 @@ impl<'a> Search<'a> {
                     _ => self.try_best(next, candidates, false),
                 };
                 next = told;
-                let accepted = after.and_then(|after| self.context().accepted(next, after));
+                let accepted =
+                    after.and_then(|after| self.source.accepted(&self.model, next, after));
                 if let Some(after) = accepted {
                     self.add(&next.members, after);
                     return true;
@@ -258,9 +244,10 @@ impl<'a> Search<'a> {
     fn look_first<'c>(
         &mut self,
         candidates: &'c [Candidate],
-    ) -> Option<(&'c Candidate, compliance_scan::Tried<'c, 'a>)> {
+    ) -> Option<(&'c Candidate, Tried<'c, S::Model>)> {
         let all: Vec<&Candidate> = candidates.iter().collect();
-        let Some(best) = self.with_look(candidates, |look| look.best(&all)) else {
+        let best = self.with_look(candidates, |look| self.source.best(look, &all));
+        let Some(best) = best else {
             self.first = self.with_look(candidates, |look| judge(look, None));
             return None;
         };
@@ -273,31 +260,29 @@ impl<'a> Search<'a> {
         Some((best, (told, after)))
     }
 
-    /// The best candidate, or what lies between motor and link there, and the model with it.
+    /// The best candidate, or what it only resembles, and the model with it.
     fn try_best<'c>(
         &mut self,
         best: &'c Candidate,
         all: &'c [Candidate],
         is_first: bool,
-    ) -> compliance_scan::Tried<'c, 'a> {
-        let context = self.context();
+    ) -> Tried<'c, S::Model> {
         let (told, useless) =
-            compliance_scan::best_by_trying(&context, &self.refused, best, all, is_first);
+            (self.source).try_best(&self.model, &self.refused, best, all, is_first);
         for candidate in useless {
             self.refused.add(candidate, &self.model);
         }
         told
     }
 
-    /// Takes what lies between motor and link at the joint with the largest error, where no column shows anything that helps.
-    fn take_transmission(&mut self, all: &[Candidate]) -> bool {
-        let found =
-            compliance_scan::transmission_of_largest_error(&self.context(), &self.refused, all);
+    /// Takes what no column shows, where none shows anything that helps.
+    fn take_unseen(&mut self, all: &[Candidate]) -> bool {
+        let found = self.source.unseen(&self.model, &self.refused, all);
         let Some((candidate, told, is_sure)) = found else {
             return false;
         };
         let accepted = is_sure
-            .then(|| self.context().accepted(candidate, told.clone()))
+            .then(|| self.source.accepted(&self.model, candidate, told.clone()))
             .flatten();
         let Some(after) = accepted else {
             self.refused.add(candidate, &self.model);
@@ -314,11 +299,8 @@ impl<'a> Search<'a> {
     /// Where two plain effects were missing at many joints, the others are there too and at all joints, whether or not this log moves
     /// fast enough to tell: a model without them fails on one that does.
     fn complete_drive(&mut self) {
-        for members in restart::lacking_of_drive(self.data, &self.model) {
-            let places = self.model.places_with(&members);
-            let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
-            let start = self.model.values();
-            let Some(after) = self.model.with(self.data, &places, &start, &new) else {
+        for members in self.source.lacking_of_drive(&self.model) {
+            let Some(after) = self.source.with_drive(&self.model, &members) else {
                 continue;
             };
             let before = self.model.held_out(&self.model);
@@ -341,7 +323,12 @@ impl<'a> Search<'a> {
     }
 
     fn do_without(&mut self, member: Member, nothing: bool) {
-        if let Some(after) = backward::without(self.data, &self.model, member, nothing) {
+        let Some(after) = self.source.without(&self.model, member) else {
+            return;
+        };
+        let before = self.model.held_out(&self.model);
+        // Of what is nothing more is asked than of what another one stands for.
+        if does_without(&after.held_out(&self.model), &before, nothing) {
             self.apply(Edit {
                 members: vec![member],
                 removed: true,
@@ -355,7 +342,7 @@ impl<'a> Search<'a> {
         if self.steps.is_empty() {
             return None;
         }
-        let lacks = |search: &Self| restart::lacking_of_drive(self.data, &search.model);
+        let lacks = |search: &Self| self.source.lacking_of_drive(&search.model);
         if lacks(self).is_empty() {
             return None;
         }
@@ -363,10 +350,8 @@ impl<'a> Search<'a> {
         for members in lacks(&other) {
             other.begin_with(&members)?;
         }
-        let torque: f64 = (self.data.iter())
-            .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
-            .sum();
-        if !begins_below(other.model.total(), self.model.total(), torque) {
+        let [begin, end] = [&other, self].map(|search| S::Model::total(search.model.errors()));
+        if !begins_below(begin, end, self.source.torque()) {
             return None;
         }
         other.take_limits();
@@ -375,7 +360,7 @@ impl<'a> Search<'a> {
 
     /// A search that begins with one cause where this one has found two, if it does as well: one cause before two.
     fn with_one_cause(&self) -> Option<Self> {
-        let causes = restart::one_cause(self.data, &self.steps);
+        let causes = restart::one_cause(&self.steps);
         if causes.is_empty() {
             return None;
         }
@@ -384,28 +369,44 @@ impl<'a> Search<'a> {
             other.begin_with(&members)?;
         }
         let other = other.run(Phase::ForwardAgain);
-        let error = |search: &Self| search.model.weighted(&self.model);
+        let error = |search: &Self| search.model.held_out(&self.model).weighted;
+        does_as_well(error(&other), error(self)).then_some(other)
+    }
+
+    /// A search that begins with a cause that all joints share, if this one has not found it and that one does as well.
+    fn with_shared(&self, cause: EffectKind) -> Option<Self> {
+        let limbs = 0..self.source.limbs();
+        let mut members: Vec<Member> = limbs.map(|limb| (limb, (cause, BASE))).collect();
+        members.retain(|member| !self.model.has(member));
+        if members.is_empty() {
+            return None;
+        }
+        let mut other = self.anew()?;
+        other.first.clear();
+        other.begin_with(&members)?;
+        let other = other.run(Phase::Forward);
+        let error = |search: &Self| search.model.held_out(&self.model).weighted;
         does_as_well(error(&other), error(self)).then_some(other)
     }
 
     /// A search that has taken nothing yet, its headline known.
     fn anew(&self) -> Option<Self> {
-        let start = State::of(self.data, &self.given)?;
-        let mut other = Self::new(self.data, &self.given, start);
+        let source = self.source.anew();
+        let start = source.start()?;
+        let mut other = Self::new(source, start);
         other.first.clone_from(&self.first);
         Some(other)
     }
 
     /// Takes effects into the model untried.
     fn begin_with(&mut self, members: &[Member]) -> Option<()> {
-        let after = State::of(self.data, &self.model.places_with(members))?;
+        let after = self.source.begun(&self.model, members)?;
         self.add(members, after);
         Some(())
     }
 
-    fn finish(mut self) -> Found<'a> {
+    fn finish(mut self) -> Found<S> {
         let candidates = self.look();
-        let screens = &self.screens.of_limbs;
         let mut unphysical: Vec<Judged> = Vec::new();
         for c in candidates.iter().filter(|c| c.members.len() == 1) {
             let known = unphysical.iter().any(|j| j.candidate.meets(c));
@@ -415,8 +416,7 @@ impl<'a> Search<'a> {
         }
         Found {
             first: headline::kept(self.first, &self.start, &self.steps, &self.model),
-            floor: screens.iter().map(|screen| screen.floor.clone()).collect(),
-            drifts: screens.iter().map(drifts).collect(),
+            source: self.source,
             unphysical,
             start: self.start,
             steps: self.steps,

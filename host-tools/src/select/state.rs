@@ -1,12 +1,13 @@
 //! A model of all limbs, and how it predicts what it has not seen: what a search compares.
 
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
-use proprio_core::effect::{EffectKind, Enters};
+use proprio_core::effect::Enters;
 use rayon::prelude::*;
 
-use super::candidate::Member;
+use super::candidate::{Candidate, Member};
 use super::criteria::step::{HeldOut, LEAST_VALUE};
+use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::{LimbData, Squares};
@@ -16,16 +17,6 @@ use crate::estimate::shapes::{Scan, shape_parameter};
 
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;
-
-/// One step of a search.
-#[derive(Debug, Clone)]
-pub(crate) struct Step {
-    pub(crate) effect: EffectKind,
-    pub(crate) members: Vec<Member>,
-    /// Held-out sums of squares after it, limb by limb.
-    pub(crate) squares: Vec<Squares>,
-    pub(crate) removed: bool,
-}
 
 /// A model of all limbs, and how it predicts what it has not seen.
 #[derive(Clone)]
@@ -130,12 +121,39 @@ impl<'a> State<'a> {
         squares.map_or(f64::INFINITY, |s| s.weighted(&noise.fits[limb].noise))
     }
 
-    pub(super) fn total(&self) -> f64 {
-        self.squares.iter().map(Squares::total).sum()
+    /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.
+    pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
+        let fit = &self.fits[limb];
+        place.0.description().without_shape.is_none()
+            || fit.values.shape(place) >= LEAST_VALUE * fit.known_shape(place)
+    }
+}
+
+impl<'a> Fitted for State<'a> {
+    type Fit = LimbFit<'a>;
+    /// Of each limb.
+    type Errors = Vec<Squares>;
+
+    fn errors(&self) -> &Vec<Squares> {
+        &self.squares
     }
 
-    /// How it predicts what it has not seen, in units of the joints' noise under `noise`'s model.
-    pub(super) fn held_out(&self, noise: &Self) -> HeldOut {
+    fn total(errors: &Vec<Squares>) -> f64 {
+        errors.iter().map(Squares::total).sum()
+    }
+
+    fn fits_of(&self, candidate: &Candidate) -> Vec<Weak<LimbFit<'a>>> {
+        let limbs = candidate.trials.iter();
+        limbs
+            .map(|(limb, _)| Arc::downgrade(&self.fits[*limb]))
+            .collect()
+    }
+
+    fn has(&self, &(limb, place): &Member) -> bool {
+        self.fits[limb].values.has(place)
+    }
+
+    fn held_out(&self, noise: &Self) -> HeldOut {
         let is_by_log = self.fits.iter().all(|fit| fit.data.blocks.by_log);
         let folds = (self.squares.iter()).map(|s| s.cells.len()).max();
         let log = |f: usize| {
@@ -146,7 +164,7 @@ impl<'a> State<'a> {
         };
         let by_log = match is_by_log {
             true => (0..folds.unwrap_or(0)).map(log).collect(),
-            false => vec![self.total()],
+            false => vec![Self::total(&self.squares)],
         };
         HeldOut {
             weighted: self.weighted(noise),
@@ -155,8 +173,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// An effect's parameters and their standard deviations.
-    pub(super) fn parameters(&self, &(limb, (effect, joint)): &Member) -> Vec<(f64, f64)> {
+    fn parameters(&self, &(limb, (effect, joint)): &Member) -> Vec<(f64, f64)> {
         let fit = &self.fits[limb];
         let entries = fit.columns.of_effect(effect, joint);
         let parameter = |n: usize| {
@@ -180,15 +197,7 @@ impl<'a> State<'a> {
             .collect()
     }
 
-    /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.
-    pub(super) fn tells_shape(&self, &(limb, place): &Member) -> bool {
-        let fit = &self.fits[limb];
-        place.0.description().without_shape.is_none()
-            || fit.values.shape(place) >= LEAST_VALUE * fit.known_shape(place)
-    }
-
-    /// The largest of an effect's parameters in units of its standard deviation.
-    pub(super) fn size(&self, &(limb, (effect, joint)): &Member) -> f64 {
+    fn size(&self, &(limb, (effect, joint)): &Member) -> f64 {
         let fit = &self.fits[limb];
         if let Some(one) = self
             .shared

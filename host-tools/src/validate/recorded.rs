@@ -5,13 +5,14 @@ use std::path::Path;
 
 use super::{Candidate, Feedback, Sums, ValidateError, feedback};
 use crate::excite::Foresight;
-use crate::log::{LogReader, Selection};
+use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
 
 /// Samples on either side of the one in the middle that velocity and acceleration are taken from, and the longest time they may
-/// span, s: five at 500 Hz are the 20 ms that the identification looks at.
+/// span, s: five at 500 Hz are the 20 ms that the identification looks at. Of slower logs it is as many as the time holds, three at least.
 const SIDE: usize = 5;
 const SPAN: f64 = 0.04;
+const LEAST: usize = 3;
 
 /// One row of a log, of one limb.
 #[derive(Debug, Clone)]
@@ -23,7 +24,8 @@ struct Sample {
     asked: Vec<f64>,
 }
 
-/// The feedback torque of `log` with each candidate, all of one robot; limbs that the log does not have are left out.
+/// The feedback torque of `log` with each candidate, all of one robot, and what a user should know about the log; limbs that the log does not
+/// have are left out.
 ///
 /// # Errors
 /// [`ValidateError`].
@@ -32,7 +34,7 @@ pub fn recorded(
     log: &Path,
     candidates: &[Candidate],
     mut progress: impl FnMut(u64, u64),
-) -> Result<Vec<Feedback>, ValidateError> {
+) -> Result<(Vec<Feedback>, Vec<Warning>), ValidateError> {
     let mut reader = LogReader::open_of(log, Selection::Everything, robot.robot())?;
     let mut limbs = Vec::new();
     for limb in robot.robot().limbs() {
@@ -56,7 +58,8 @@ pub fn recorded(
         let (done, total) = reader.progress();
         progress(done, total);
     }
-    reader.finish()?;
+    let warnings = reader.finish()?;
+    reader.long_enough()?;
     let names = |of: &OfLimb| -> Vec<String> {
         of.limb
             .bodies
@@ -74,7 +77,7 @@ pub fn recorded(
             .flat_map(|of| names(of).into_iter().zip(of.sums[c].iter().cloned()));
         feedback(&candidates[c].name, &joints.collect::<Vec<_>>())
     };
-    Ok((0..candidates.len()).map(of_candidate).collect())
+    Ok(((0..candidates.len()).map(of_candidate).collect(), warnings))
 }
 
 struct OfLimb {
@@ -127,17 +130,26 @@ impl OfLimb {
             return;
         }
         self.window.push_back(sample);
-        if self.window.len() > 2 * SIDE + 1 {
+        // Stamps have microseconds.
+        let is_long = |span: f64| span > SPAN + 1e-6;
+        while self.window.len() > 2 * SIDE + 1 || self.window.len() > LEAST && is_long(self.span())
+        {
             self.window.pop_front();
         }
         self.since += 1;
-        let span = match (self.window.front(), self.window.back()) {
-            (Some(first), Some(last)) => last.t - first.t,
-            _ => 0.0,
-        };
-        if self.window.len() == 2 * SIDE + 1 && self.since > SIDE && span <= SPAN {
+        let (count, span) = (self.window.len(), self.span());
+        let is_full = count == 2 * SIDE + 1 || count >= LEAST && span > 0.5 * SPAN;
+        if is_full && self.since > count / 2 && !is_long(span) {
             self.since = 0;
             self.judge();
+        }
+    }
+
+    /// Time from the window's first sample to its last, s.
+    fn span(&self) -> f64 {
+        match (self.window.front(), self.window.back()) {
+            (Some(first), Some(last)) => last.t - first.t,
+            _ => 0.0,
         }
     }
 

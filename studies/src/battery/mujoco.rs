@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use proprio_core::effect::EffectKind;
 use proprio_host::compare::{ValuesFrom, compare};
 use proprio_host::diagnose::diagnose;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
 use serde::Deserialize;
 
 use proprio_tests::battery::case::Group;

@@ -19,14 +19,14 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use proprio_core::effect::Prior;
+use proprio_core::estimator::EFFECTS;
+use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_host::estimate::Status;
 use proprio_host::identifiability::BaseParameter;
 use proprio_host::identify::{FitOptions, fit_model};
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::Prior;
-use proprio_core::estimator::EFFECTS;
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{HiddenEffect, HiddenKind, Sensors, SimulatedSample, Simulation};
 use proprio_studies::information::{self, TorqueNoise};

@@ -6,6 +6,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use proprio_core::Real;
+use proprio_core::effect::EffectKind;
+use proprio_core::estimator::{EFFECTS, LegPrior, LegSolver};
+use proprio_core::go2::Leg;
 use proprio_host::compare::ValuesFrom;
 use proprio_host::compare::compare;
 use proprio_host::diagnose::diagnose;
@@ -13,10 +17,6 @@ use proprio_host::estimate::Constraint;
 use proprio_host::identify::{FitOptions, Fitted, fit_model};
 use proprio_host::model::{Model, Provenance};
 use proprio_host::recording::Recording;
-use proprio_core::Real;
-use proprio_core::effect::EffectKind;
-use proprio_core::estimator::{EFFECTS, LegPrior, LegSolver};
-use proprio_core::go2::Leg;
 use proprio_studies::ladder::ladder;
 use proprio_tests::command::recorded_logs;
 use proprio_tests::device_fit::{ConsistentFit, Failure, STARTS, factors};

@@ -12,11 +12,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use clap::Parser;
-use proprio_host::device::names::words_of;
-use proprio_host::device::{BusStep, DeviceError, Qemu, image};
 use proprio_core::estimator::LEG_INERTIAL;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{ChangeKind, Counters, Estimate};
+use proprio_host::device::names::words_of;
+use proprio_host::device::{BusStep, DeviceError, Qemu, image};
 use proprio_tests::changing::{ExactRobot, Listener, robot};
 
 /// Hears an unchanged robot for long

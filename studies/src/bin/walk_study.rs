@@ -16,12 +16,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{JOINT_NAMES, JOINTS};
 use proprio_host::diagnose::{FreeBaseDiagnosis, Verdict, diagnose_free_base};
 use proprio_host::estimate::{Constraint, Status};
 use proprio_host::identify::{FreeBaseIdentification, identify_free_base};
 use proprio_host::model::Model;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JOINT_NAMES, JOINTS};
 use serde_json::Value;
 
 const GAITS: [&str; 6] = ["trot", "load", "flying", "hop", "sway", "swung"];
@@ -225,7 +225,8 @@ fn told(walk: &Walk, model: &Model, expected: Option<(&str, &str, &[f64])>) -> O
     };
     let first = found.path.first();
     let right = first.is_some_and(|step| step.effect == effect && step.joints == [place]);
-    let is = |c: &&proprio_host::diagnose::CandidateReport| c.effect == effect && c.joints == [place];
+    let is =
+        |c: &&proprio_host::diagnose::CandidateReport| c.effect == effect && c.joints == [place];
     let parameters = &found.candidates.iter().find(is)?.parameters;
     let off = |n: usize| parameters[n].value - truth[n];
     Some(Told {

@@ -162,7 +162,7 @@ pub fn chirps() -> Result<String, Failure> {
     );
     for (log, all) in logs.iter().zip(&judged) {
         let cell = |name: &str| {
-            let own = all.iter().find(|f| f.model == name);
+            let own = all.0.iter().find(|f| f.model == name);
             own.map_or_else(String::new, |f| {
                 format!("{:.3} ({:.1} %)", f.rms, f.share_percent)
             })

@@ -5,14 +5,14 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
 use proprio_host::excite::output::{Gains, write_csv};
 use proprio_host::excite::{Foresight, Goal, LimbDesign, Settings};
 use proprio_host::identify::{FitOptions, Fitted, fit_model};
 use proprio_host::log::LogWriter;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{Followed, Simulation};
 

@@ -4,12 +4,12 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::{JOINTS_PER_LEG, JointId};
 use proprio_host::diagnose::{Diagnosis, diagnose};
 use proprio_host::excite::Goal;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::{JOINTS_PER_LEG, JointId};
 use proprio_simulator::{Followed, HiddenKind, Simulation, Sizes};
 
 use super::condition::designed;

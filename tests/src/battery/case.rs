@@ -3,9 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use proprio_host::model::Model;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{ACTUATORS, JointId, Leg};
+use proprio_host::model::Model;
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{HiddenEffect, HiddenKind, SIZES, Scope, Sensors, Simulation, Sizes};
 

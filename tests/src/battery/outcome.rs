@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
+use proprio_core::go2::{JointId, Leg};
 use proprio_host::compare::{ValuesFrom, compare};
 use proprio_host::detect::mismatch::mismatches;
 use proprio_host::diagnose::Verdict;
 use proprio_host::diagnose::{Diagnosis, diagnose};
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::go2::{JointId, Leg};
 use proprio_simulator::{HiddenEffect, HiddenKind, SimulatedSample, Sizes};
 
 use super::bound::{Bound, Noise, Signature, noise};

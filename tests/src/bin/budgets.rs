@@ -9,12 +9,12 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use object::{Object, ObjectSection, SectionFlags, elf};
-use proprio_host::device::image::{self, Scalar};
-use proprio_host::device::replay::{bus_step, replay};
-use proprio_host::device::{Device, Qemu, qemu};
 use proprio_core::go2::{JOINTS_PER_LEG, Leg};
 use proprio_core::window::Sample;
 use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Load};
+use proprio_host::device::image::{self, Scalar};
+use proprio_host::device::replay::{bus_step, replay};
+use proprio_host::device::{Device, Qemu, qemu};
 use proprio_tests::{motion, walks};
 use serde::{Deserialize, Serialize};
 

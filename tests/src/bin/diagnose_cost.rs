@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
+use proprio_core::effect::EffectKind;
+use proprio_core::go2::Leg;
 use proprio_host::diagnose::diagnose;
 use proprio_host::log::LogWriter;
 use proprio_host::model::Model;
 use proprio_host::recording::Recording;
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::Leg;
 use proprio_simulator::hidden::typical;
 use proprio_simulator::{Hide, Simulation};
 use proprio_tests::command::binary;

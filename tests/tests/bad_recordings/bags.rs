@@ -237,9 +237,17 @@ fn each_bad_bag_is_refused_with_its_place_and_the_fix() {
         ),
         (
             "a clock that was set",
-            spoilt(220, &|data| {
-                data[1100..1104].copy_from_slice(&7u32.to_le_bytes())
-            }),
+            mcap(
+                &[("/lowstate", GO)],
+                &states(&|k| {
+                    let since = u32::try_from(k).unwrap();
+                    low_state(if since < 220 {
+                        2 * since
+                    } else {
+                        2 * since - 433
+                    })
+                }),
+            ),
             "time runs backwards",
         ),
     ];

@@ -148,7 +148,7 @@ fn each_bad_text_is_refused_with_its_place_and_the_fix() {
             rows(&motors(3), &|k, _| {
                 format!("{}{}", 0.002 * k as f64, ",".repeat(9))
             }),
-            "0 samples",
+            "holds no number in any of 400 rows",
         ),
     ];
     for (what, text, expected) in cases {

@@ -127,7 +127,7 @@ fn fit(here: &Path) {
     let told = done(
         here,
         &[
-            "identify", "log.csv", "--model", "fit.toml", "-o", "fit.toml",
+            "identify", "log.csv", "--model", "fit.toml", "-o", "fit.toml", "--base",
         ],
     );
     // What the log could not tell closes the words, with the command for the motion that would.
@@ -136,7 +136,10 @@ fn fit(here: &Path) {
             && told.contains("proprio excite -m fit.toml --legs FR --for "),
         "{told}"
     );
-    let told = done(here, &["diagnose", "log.csv", "--model", "fit.toml"]);
+    let told = done(
+        here,
+        &["diagnose", "log.csv", "--model", "fit.toml", "--verbose"],
+    );
     assert!(told.contains("What these logs could not tell"), "{told}");
 }
 

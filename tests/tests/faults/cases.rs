@@ -1,10 +1,10 @@
 //! What goes wrong: on a bus, with the clock, at the host.
 
-use proprio_host::device::replay::cycle;
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, Mode, Reply};
 use proprio_core::go2::{ACTUATORS, Leg};
 use proprio_core::wire::{Action, EffectAt, Estimate, HostMessage, LegCounters, Losses, Request};
+use proprio_host::device::replay::cycle;
 use proprio_tests::motion::{self, SAMPLE_US};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! The same faults heard by the firmware's image on the emulated board: it says what the desktop says.
 
-use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio_core::wire::{Counters, DeviceMessage};
+use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 
 use super::cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
 use super::{SILENT, adds_up, finite, friction_off, others, play};

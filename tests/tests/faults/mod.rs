@@ -5,13 +5,13 @@ mod cases;
 mod emulated;
 
 use cases::{BAD, Case, Fault, GOOD, Outcome, cases, good, host_cases};
-use proprio_host::device::replay::cycle;
 use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::estimator::LEG_INERTIAL;
 use proprio_core::go2::Leg;
 use proprio_core::wire::{
     DeviceMessage, Estimate, HostMessage, LegCounters, Losses, MAX_FRAME, Receiver, Sender,
 };
+use proprio_host::device::replay::cycle;
 use proprio_tests::motion::{self, FRICTION};
 use proprio_tests::walks;
 

@@ -77,7 +77,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         folder.path(),
         &[&["diagnose", "--free-base", "--apply", &with], &file[..]].concat(),
     );
-    assert!(screen.contains("missing: payload (base)"), "{screen}");
+    assert!(screen.contains("Missing: payload (base)"), "{screen}");
     assert!(screen.contains("$ proprio compare --free-base"), "{screen}");
     let after = compared("go2.toml");
     println!("{before} → {after} N m");
@@ -220,12 +220,10 @@ fn a_page_shows_the_feet_and_the_torques() {
         }
     }
     // Every window has an equation of the base, and at least one joint's.
-    assert!(told.series.iter().map(|own| own.t.len()).sum::<usize>() > told.windows.used as usize);
-    for own in &told.series {
-        assert_eq!(
-            [own.measured.len(), own.cad.len(), own.model.len()],
-            [own.t.len(); 3]
-        );
+    let series = &told.comparison.series;
+    assert!(series.iter().map(|own| own.t.len()).sum::<usize>() > told.windows.used as usize);
+    for own in series {
+        assert_eq!([own.tau.len(), own.predicted.len()], [own.t.len(); 2]);
     }
 }
 

@@ -85,6 +85,10 @@ fn of_robot_problem(problem: &RobotProblem) -> Option<String> {
             "give it an <inertial> with the mass from the CAD, or make the joint `fixed`".to_owned()
         }
         RobotProblem::Unphysical { fault, .. } => of_unphysical(fault),
+        RobotProblem::Xacro { .. } => "run xacro first: `xacro FILE > robot.urdf`, and name robot.urdf".to_owned(),
+        RobotProblem::NoMasses => {
+            "take the URDF of the maker's `_description` package that has <inertial> elements, or export it again from the CAD with masses".to_owned()
+        }
         RobotProblem::NothingMoves => "at least one joint must be revolute, continuous or prismatic".to_owned(),
     })
 }

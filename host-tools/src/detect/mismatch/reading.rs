@@ -1,9 +1,13 @@
 //! A limb's log beside what the model gives and the plainest friction.
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
 use rayon::prelude::*;
+
+use proprio_core::spatial::Transform;
+use proprio_core::tree::GRAVITY;
 
 use crate::equation::dot::dot;
 use crate::equation::values::Values;
@@ -21,6 +25,8 @@ pub(super) struct Reading {
     pub(super) joints: Vec<JointReading>,
     /// The time between samples, s.
     pub(super) period: f64,
+    /// Gravity in the base's axes as the model has it, m/s².
+    pub(super) gravity: Vector3<f64>,
 }
 
 /// A joint's windows in which it moves.
@@ -32,6 +38,12 @@ pub(super) struct JointReading {
     pub(super) left_at: BTreeMap<i64, f64>,
     /// What the model gives, its bodies and the effects that have a value, N m.
     pub(super) predicted: Vec<f64>,
+    /// What of it gravity gives, N m.
+    pub(super) weight: Vec<f64>,
+    /// What gravity of 1 m/s² along the base's x, y and z gives, N m.
+    pub(super) by_gravity: [Vec<f64>; 3],
+    /// What of it centrifugal and Coriolis forces give, N m.
+    pub(super) centrifugal: Vec<f64>,
     /// Mean velocity (rad/s), mean direction (−1 to 1), mean acceleration (rad/s²).
     friction: [Vec<f64>; 3],
     /// Their scalar products.
@@ -53,20 +65,29 @@ impl Reading {
             true => shifts(period).collect(),
             false => Vec::new(),
         };
-        let joint =
-            |(j, name): (usize, String)| JointReading::of(&data, j, name, &predicted, &times);
+        let parts = Parts::of(&data);
+        let joint = |(j, name): (usize, String)| {
+            JointReading::of(&data, j, name, (&predicted, &parts), &times)
+        };
         let names: Vec<(usize, String)> = data.joint_names().into_iter().enumerate().collect();
         let joints = names.into_par_iter().map(joint);
         let joints = joints.filter(|joint| joint.torque.len() >= LEAST_WINDOWS);
         Some(Self {
             joints: joints.collect(),
             period,
+            gravity: parts.gravity,
         })
     }
 }
 
 impl JointReading {
-    fn of(data: &LimbData, j: usize, name: String, predicted: &[f64], times: &[i64]) -> Self {
+    fn of(
+        data: &LimbData,
+        j: usize,
+        name: String,
+        (predicted, parts): (&[f64], &Parts),
+        times: &[i64],
+    ) -> Self {
         let (n, samples, motion) = (data.joints(), data.recording, &data.motion);
         let windows: Vec<usize> = (0..motion.windows.len())
             .filter(|w| data.counts(*w, j))
@@ -94,6 +115,13 @@ impl JointReading {
             torque: mean(&|k| samples.tau[k * n + j]),
             left_at: BTreeMap::new(),
             predicted: windows.iter().map(|w| predicted[w * n + j]).collect(),
+            weight: windows.iter().map(|w| parts.weight(w * n + j)).collect(),
+            by_gravity: (parts.by_gravity.each_ref())
+                .map(|own| windows.iter().map(|w| own[w * n + j]).collect()),
+            centrifugal: windows
+                .iter()
+                .map(|w| parts.centrifugal[w * n + j])
+                .collect(),
             products: [0, 1, 2].map(|a| [0, 1, 2].map(|b| product(a, b))),
             friction,
         };
@@ -111,10 +139,30 @@ impl JointReading {
 
     /// The same of another torque, which is the model's so many times.
     pub(super) fn left_of(&self, torque: &[f64], times: f64) -> f64 {
+        self.left_by(torque, times, &self.predicted)
+    }
+
+    /// The same of the torque that was measured, where the bodies give another one.
+    pub(super) fn left_beside(&self, predicted: &[f64]) -> f64 {
+        self.left_by(&self.torque, 1.0, predicted)
+    }
+
+    /// A torque without what friction explains of it: what is left where columns' shares of it are taken away, friction of any sign.
+    pub(super) fn without_friction(&self, x: &[f64]) -> Vec<f64> {
+        let columns = self.friction.each_ref().map(Vec::as_slice);
+        let (found, _) = least_squares(&columns, x);
+        let mut left = x.to_vec();
+        for (column, size) in columns.iter().zip(found.iter()) {
+            left.iter_mut()
+                .zip(*column)
+                .for_each(|(x, c)| *x -= size * c);
+        }
+        left
+    }
+
+    fn left_by(&self, torque: &[f64], times: f64, predicted: &[f64]) -> f64 {
         let total = dot(torque, torque);
-        let beyond: Vec<f64> = torque
-            .iter()
-            .zip(&self.predicted)
+        let beyond: Vec<f64> = (torque.iter().zip(predicted))
             .map(|(x, p)| x / times - p)
             .collect();
         let right: Vec<f64> = self.friction.iter().map(|x| dot(x, &beyond)).collect();
@@ -142,6 +190,67 @@ impl JointReading {
         let (found, _) = least_squares(&columns, &self.torque);
         found[3]
     }
+}
+
+/// What parts of the bodies' torque are, window by window, joint by joint, N m, by the motion in the window's middle.
+struct Parts {
+    gravity: Vector3<f64>,
+    by_gravity: [Vec<f64>; 3],
+    centrifugal: Vec<f64>,
+}
+
+impl Parts {
+    fn of(data: &LimbData) -> Self {
+        let (n, samples, motion) = (data.joints(), data.recording, &data.motion);
+        let values = Values::given(data.model, data.limb);
+        let body = data.body.loaded(&values);
+        let base = data.body.base(&values);
+        let at = |w: usize| {
+            let [first, last] = motion.windows[w].samples;
+            let middle = (first + last) / 2 * n;
+            middle..middle + n
+        };
+        let zero = vec![0.0; n];
+        let torque = |base: &Transform<f64>, w: usize, dq: &[f64]| {
+            let mut torque = vec![0.0; n];
+            body.inverse_dynamics(base, [&samples.q[at(w)], dq, &zero], &mut torque);
+            torque
+        };
+        let windows = || 0..motion.windows.len();
+        let weight = |base: &Transform<f64>| -> Vec<f64> {
+            windows().flat_map(|w| torque(base, w, &zero)).collect()
+        };
+        let along = |axis: usize| {
+            let base = Transform {
+                rotation: falling_along(axis),
+                translation: base.translation,
+            };
+            weight(&base).into_iter().map(|x| x / GRAVITY).collect()
+        };
+        let moving = windows().flat_map(|w| torque(&base, w, &samples.dq[at(w)]));
+        let centrifugal = moving.zip(weight(&base)).map(|(all, weight)| all - weight);
+        Self {
+            gravity: base.rotation.transpose() * Vector3::new(0.0, 0.0, -GRAVITY),
+            by_gravity: [along(0), along(1), along(2)],
+            centrifugal: centrifugal.collect(),
+        }
+    }
+
+    fn weight(&self, at: usize) -> f64 {
+        (0..3)
+            .map(|axis| self.gravity[axis] * self.by_gravity[axis][at])
+            .sum()
+    }
+}
+
+/// The attitude of a base along whose axis gravity acts.
+fn falling_along(axis: usize) -> Matrix3<f64> {
+    let mut along = Vector3::zeros();
+    along[axis] = 1.0;
+    let turn = Rotation3::rotation_between(&along, &-Vector3::z());
+    // Opposite ones are half a turn about any axis across them apart.
+    let half = || Rotation3::from_axis_angle(&Vector3::x_axis(), PI);
+    *turn.unwrap_or_else(half).matrix()
 }
 
 /// Shifts in samples at which a torque may be late or early.

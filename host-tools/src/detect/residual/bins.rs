@@ -1,6 +1,7 @@
 //! The residual binned by a variable.
 
 use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::cluster::{batches, correlation_time};
 use super::series::{Runs, square};
@@ -36,6 +37,8 @@ pub(super) struct Binned {
     pub(super) bins: Vec<Bin>,
     /// The bin of each window; none where the variable is not known.
     pub(super) of: Vec<Option<usize>>,
+    /// Probability that all means differ as much by chance; none where bins are too few or too short to say.
+    pub(super) p: Option<f64>,
 }
 
 /// Cuts `x` into bins of equally many windows; fewer where values are equal. No bins where `x` does not change.
@@ -71,14 +74,16 @@ pub(super) fn bin(x: &[f64], residual: &[f64], runs: &Runs) -> Binned {
         bin.centre /= bin.n.max(1) as f64;
         bin.mean /= bin.n.max(1) as f64;
     }
+    let mut p = None;
     if !upper.is_empty() {
-        errors(&mut bins, &of, residual, runs);
+        let variances = errors(&mut bins, &of, residual, runs);
+        p = all_alike(&bins, &variances);
     }
     bins.retain(|bin| bin.n > 0);
     if upper.is_empty() {
         bins.clear();
     }
-    Binned { bins, of }
+    Binned { bins, of, p }
 }
 
 /// Greatest values of all bins but the last.
@@ -102,8 +107,9 @@ fn edges(x: &[f64]) -> Vec<f64> {
     edges
 }
 
-/// Standard errors of the bins' means: ratio estimates over batches.
-fn errors(bins: &mut [Bin], of: &[Option<usize>], residual: &[f64], runs: &Runs) {
+/// Standard errors of the bins' means: ratio estimates over batches. Returns the variances of means by the number of windows and their correlation time,
+/// with that number of independent ones.
+fn errors(bins: &mut [Bin], of: &[Option<usize>], residual: &[f64], runs: &Runs) -> Vec<[f64; 2]> {
     let left: Vec<f64> = residual
         .iter()
         .zip(of)
@@ -140,4 +146,47 @@ fn errors(bins: &mut [Bin], of: &[Option<usize>], residual: &[f64], runs: &Runs)
             }
         }
     }
+    let independent = |b: usize| bins[b].n as f64 / time;
+    (0..bins.len())
+        .map(|b| {
+            let variance = squares[b] / bins[b].n.max(1) as f64;
+            [variance / independent(b), independent(b)]
+        })
+        .collect()
+}
+
+/// Fewer independent windows in a bin than this say nothing of its variance.
+const LEAST_INDEPENDENT: f64 = 3.0;
+
+/// Welch's analysis of variance (1951): whether all means are alike, of bins whose noise differs. A mean's variance is the larger of the two that are
+/// known: by the residual's correlation time, and by the spread over batches. A single bin's error needs several batches in it, and a short log
+/// has few: all bins together tell a pattern that each of them leaves open.
+fn all_alike(bins: &[Bin], variances: &[[f64; 2]]) -> Option<f64> {
+    let known = bins.iter().zip(variances);
+    let known: Vec<(f64, f64, f64)> = known
+        .filter(|(_, [_, independent])| *independent >= LEAST_INDEPENDENT)
+        .map(|(bin, [variance, independent])| {
+            let batches = bin.std_error.map_or(0.0, |std| std * std);
+            (bin.mean, variance.max(batches), *independent)
+        })
+        .filter(|(_, variance, _)| *variance > 0.0)
+        .collect();
+    let k = known.len() as f64;
+    if k < 3.0 {
+        return None;
+    }
+    let total: f64 = known.iter().map(|(_, variance, _)| 1.0 / variance).sum();
+    let weighted = known.iter().map(|(mean, variance, _)| mean / variance);
+    let mean = weighted.sum::<f64>() / total;
+    let between = known
+        .iter()
+        .map(|(own, variance, _)| (own - mean).powi(2) / variance);
+    let spread: f64 = known
+        .iter()
+        .map(|(_, variance, n)| (1.0 - 1.0 / (variance * total)).powi(2) / (n - 1.0))
+        .sum();
+    let corrected = 1.0 + 2.0 * (k - 2.0) / (k * k - 1.0) * spread;
+    let statistic = between.sum::<f64>() / (k - 1.0) / corrected;
+    let freedom = (k * k - 1.0) / (3.0 * spread);
+    Some(FisherSnedecor::new(k - 1.0, freedom).ok()?.sf(statistic))
 }

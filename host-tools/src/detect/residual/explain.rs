@@ -175,14 +175,20 @@ fn strongest(
         w.p * real.len() as f64 <= FALSE_DISCOVERY && (w.shape.is_some() || !told(w))
     };
     let mut found: Vec<Where> = found.filter(beyond).collect();
-    found.sort_by(|a, b| b.share.total_cmp(&a.share));
+    // A mean comes last: what changes has one too, and says more of it.
+    let is_mean = |w: &Where| w.variable == Variable::Constant;
+    found.sort_by(|a, b| {
+        is_mean(a)
+            .cmp(&is_mean(b))
+            .then(b.share.total_cmp(&a.share))
+    });
     let (best, others) = found.split_first()?;
     let rivals = others
         .iter()
         .filter(|w| w.share >= ALMOST * best.share && best.variable != Variable::Constant);
     let rivals = rivals
         .filter_map(|w| w.shape)
-        .filter(|shape| !shape.is_periodic());
+        .filter(|shape| !shape.is_searched());
     Some(Where {
         alternatives: best.alternatives.iter().copied().chain(rivals).collect(),
         ..best.clone()

@@ -48,7 +48,7 @@ pub use pattern::{FALSE_DISCOVERY, Where};
 pub use persistence::Persistence;
 pub use scores::Scores;
 pub use series::Series;
-pub use shape::{Shape, Variable};
+pub use shape::{Changing, Shape, Variable};
 
 use series::{Held, Runs};
 use shape::Variables;

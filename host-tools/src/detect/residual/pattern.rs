@@ -1,6 +1,6 @@
 //! Which patterns of the residual are real.
 //!
-//! For each variable the residual is fitted by each named [`Shape`] and by each bin on its own, with errors that survive
+//! For each variable the residual is fitted by each named [`Shape`], by each bin on its own and by all bins together, with errors that survive
 //! autocorrelation; a variable's probability is the least of them times their number (Bonferroni). Over all variables and joints
 //! the false discovery rate is held at 1 % (Benjamini and Hochberg 1995).
 
@@ -66,7 +66,8 @@ pub(super) fn against(
     }
     let binned = bin(&variables.values(variable), residual, runs);
     let (mut fits, tests) = variables.fits(variable, residual, taken, runs);
-    let alone = each_bin(&binned, residual, runs);
+    let mut alone = each_bin(&binned, residual, runs);
+    alone.extend(binned.p);
     let tests = (tests + alone.len()) as f64;
     let least = fits
         .iter()
@@ -99,7 +100,7 @@ fn judged(
     let others = fits
         .iter()
         .skip(1)
-        .filter(|(shape, fit)| almost(fit.share) && !shape.is_periodic());
+        .filter(|(shape, fit)| almost(fit.share) && !shape.is_searched());
     Where {
         variable,
         bins,
@@ -114,8 +115,9 @@ fn judged(
 }
 
 impl Shape {
-    pub(super) fn is_periodic(self) -> bool {
-        matches!(self, Self::Periodic { .. })
+    /// Whether it is the best of a search: others that fit as well are neighbours of it.
+    pub(super) fn is_searched(self) -> bool {
+        matches!(self, Self::Periodic { .. } | Self::Change { .. })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Patterns in words: what they look like, never more.
 
 use super::pattern::Where;
-use super::shape::{Shape, Variable, Variables};
+use super::shape::{Changing, Shape, Variable, Variables};
 use crate::robust;
 
 /// One sentence for a real pattern.
@@ -70,6 +70,7 @@ fn name(shape: Shape) -> &'static str {
         Shape::Warmth => "a term proportional to temperature",
         Shape::WarmFriction => "friction that changes with temperature",
         Shape::Drift => "a drift in time",
+        Shape::Change { .. } => "a change at one moment",
         Shape::Contact => "a step at touch-down",
     }
 }
@@ -165,6 +166,31 @@ fn described_otherwise(shape: Shape, [size, std]: [f64; 2], variables: &Variable
             "drifts: it becomes {too} by {} ({up_to}): warming up, or something else that changed meanwhile",
             per("N m per s")
         ),
+        Shape::Change { of, at } => {
+            let (how, unit, looks) = match of {
+                Changing::Offset => ("", "N m", "a constant torque"),
+                Changing::Friction => (" in the direction of motion", "N m", "friction"),
+                Changing::Viscous => (
+                    " in proportion to velocity",
+                    "N m per rad/s",
+                    "viscous friction",
+                ),
+                Changing::Inertia => (
+                    " in proportion to acceleration",
+                    "N m per rad/s²",
+                    "inertia",
+                ),
+                Changing::Gain => (
+                    " in proportion to itself",
+                    "N m per N m",
+                    "the torque's scale",
+                ),
+            };
+            format!(
+                "is another from t = {at:.1} s on: {} {too}{how}, compared with before: looks like {looks} that changed",
+                per(unit)
+            )
+        }
         Shape::Contact => format!(
             "is {} {too} with the foot on the ground, against in the air: looks like a contact force the model does not know",
             per("N m")

@@ -1,31 +1,40 @@
 //! What `proprio diagnose --free-base` does: what a model of a walking robot lacks, an effect at a joint or a load on a body.
 //!
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
-//! 2. `screen`: what may be missing, and what each would take away to first order. `shapes`: nonlinear parameters.
-//! 3. `search`: the best by the rules of [`crate::select`] fitted, judged on time that the fit has not seen, added as long as anything is there.
+//! 2. `shapes`: nonlinear parameters. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
+//! 3. `search`: walks as a source of rows for the search of [`crate::select`].
 //! 4. `words`: what was found, as a [`Diagnosis`].
 
+mod model;
 mod screen;
 mod search;
 mod shapes;
 mod words;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use nalgebra::Vector3;
 use proprio_core::effect::Form;
-use proprio_core::go2::JOINT_NAMES;
+use proprio_core::go2::{self, JOINT_NAMES};
 use serde::Serialize;
 
 use super::Diagnosis;
+use super::changed::changed;
+use crate::compare::given_of_walk;
+use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
-use crate::free_base::columns::EffectSite;
+use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
-use crate::model::{BASE, Model};
-use crate::parameter;
+use crate::model::{BASE, Model, Provenance};
+use crate::parameter::{self, INERTIAL_NAMES};
+use crate::select::search::search;
+use model::WalkModel;
+use search::WalkSource;
 
 /// What `proprio diagnose --free-base` says.
 #[derive(Debug, Clone, Serialize)]
@@ -66,26 +75,64 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
-    let found = search::search(&walks, data, model, &structure).ok_or_else(unsolvable)?;
-    let diagnosis = words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
-    let data = &found.data;
+    let given = (model.has_values())
+        .then(|| data.rms(&data.with_sensors(&given_of_walk(&data, model, &structure))));
+    let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
+    let found = search(source, &[]).ok_or_else(unsolvable)?;
+    let mut diagnosis =
+        words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
+    let WalkModel {
+        structure,
+        data,
+        fit,
+        ..
+    } = &found.end;
+    let values = walk_parameters(data, fit, &data.deviations(fit));
+    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
+    diagnosis.given_rms = given;
+    if !model.provenance().is_some_and(own) {
+        diagnosis.changed = changed(model, &without_loaded(structure, &values));
+    }
     Ok(FreeBaseDiagnosis {
         diagnosis,
         windows: data.windows,
         stance: walks.stance(),
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
-        found: walk_parameters(data, &found.fit, &data.deviations(&found.fit)),
-        effects: found.structure.effects,
+        found: values,
+        effects: structure.effects.clone(),
     })
 }
 
+/// The values but for those of bodies that carry a load: that is told by itself.
+fn without_loaded(
+    structure: &ModelStructure,
+    values: &[ParameterEstimate],
+) -> Vec<ParameterEstimate> {
+    let names = std::iter::once("base").chain(JOINT_NAMES);
+    let loaded = names.zip(&structure.bodies).filter(|(_, body)| body.loaded);
+    let of_loaded = |of: &str| {
+        let names = INERTIAL_NAMES.iter();
+        names
+            .map(|(what, _)| parameter::name_at(what, of))
+            .collect::<Vec<_>>()
+    };
+    let told: Vec<String> = loaded.flat_map(|(of, _)| of_loaded(of)).collect();
+    let others = values.iter().filter(|value| !told.contains(&value.name));
+    others.cloned().collect()
+}
+
 impl FreeBaseDiagnosis {
-    /// Gives a model the bodies and effects at the end of the path, with their standard deviations.
+    /// Gives a model the bodies and effects at the end of the path, with their standard deviations. Loads that it had are in its bodies then.
     ///
     /// # Errors
     /// [`NotAModel`] if a value cannot be.
     pub fn apply(&self, model: &mut Model) -> Result<(), NotAModel> {
+        let loads = model.effects().iter().filter(|own| is_load(own.effect));
+        let loads: Vec<Place> = loads.map(|own| (own.effect, own.joint)).collect();
+        for (effect, joint) in loads {
+            model.remove_effect(effect, joint);
+        }
         let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
         for (body, of) in bodies {
             let named = |fault| NotAModel {
@@ -120,4 +167,11 @@ impl FreeBaseDiagnosis {
 /// Whether an effect is a load: on a walk its values are a mass and a place.
 fn is_load(effect: proprio_core::effect::EffectKind) -> bool {
     effect.description().form == Form::Inertia
+}
+
+/// Where the CAD has the centre of mass of the body that a joint moves, or the trunk's, from its origin, m: a load's first moment is about it.
+fn centre(joint: usize) -> Vector3<f64> {
+    let cad = go2::free::<f64>();
+    let inertia = &cad.bodies()[body_of(joint)].inertia;
+    inertia.first_moment() / inertia.mass()
 }

@@ -2,24 +2,25 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::effect::EffectKind;
-use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
+use proprio_core::go2::{JOINT_NAMES, JOINTS};
 
-use super::search::{Found, Value};
-use super::{FreeBaseDiagnosis, is_load};
+use super::model::{Value, WalkModel};
+use super::search::WalkSource;
+use super::{FreeBaseDiagnosis, centre, is_load};
 use crate::diagnose::{
-    Alternative, CandidateReport, Diagnosis, JointError, NEW_MODEL, ParameterReport, PathStep,
-    Verdict,
+    CandidateReport, Diagnosis, JointError, NEW_MODEL, ParameterReport, PathStep, Verdict,
 };
 use crate::equation::values::Place;
 use crate::free_base::Walks;
-use crate::free_base::columns::body_of;
 use crate::free_base::data::Left;
-use crate::free_base::fit::rms;
+use crate::free_base::fit::{HeldOut, rms};
 use crate::free_base::structure::ModelStructure;
 use crate::model::Robot;
+use crate::select::candidate::Member;
 use crate::select::criteria::{LEAST_Z, RESOLUTION, STRUCTURE};
+use crate::select::fitted::Fitted;
 use crate::select::ranking::Judged;
+use crate::select::search::Found;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
 use crate::table::with_std;
 
@@ -31,25 +32,27 @@ pub(super) fn diagnosis(
     logs: &[PathBuf],
     walks: &Walks,
     given: &ModelStructure,
-    found: &Found,
+    found: &Found<WalkSource<'_>>,
 ) -> Option<Diagnosis> {
-    let data = &found.data;
-    let [before, after] = [given, &found.structure].map(|structure| data.held_out(structure));
-    let (before, after) = (before?, after?);
+    let (data, after) = (&found.end.data, found.end.errors());
+    // The rows may have found other nonlinear parameters since.
+    let before = data.held_out_from(given, &found.start)?;
     let (_, floor) = data.with_all(given)?;
-    let thetas = |parts: &[crate::free_base::fit::HeldOut]| -> Vec<_> {
-        parts.iter().map(|part| part.theta.clone()).collect()
-    };
-    let all = [thetas(&before), thetas(&after), floor];
-    let floor_rms = data.rms_of_parts(&all[2]);
+    let floor_rms = data.rms_of_parts(&floor);
+    let theta = |part: &HeldOut| part.theta.clone();
+    let all: [Vec<_>; 3] = [
+        before.iter().map(theta).collect(),
+        after.iter().map(theta).collect(),
+        floor,
+    ];
     let borrowed: Vec<Vec<_>> = all.iter().map(|own| own.iter().collect()).collect();
     let left = data.by_coordinate(walks, &borrowed);
     let outside_catalogue = outside(&left[1], &walks.torque_rms());
     let candidates: Vec<CandidateReport> = (found.first.iter())
-        .map(|(judged, load)| report(judged, load.as_deref(), found.start))
+        .map(|judged| report(judged, found))
         .collect();
-    let missing = !found.path.is_empty() || !outside_catalogue.is_empty();
-    let (reason, next) = reason(found, &candidates, missing, logs);
+    let missing = candidates.iter().any(|c| c.significant) || !outside_catalogue.is_empty();
+    let (reason, next) = reason(&candidates, missing, logs);
     Some(Diagnosis {
         verdict: if missing {
             Verdict::Missing
@@ -60,22 +63,25 @@ pub(super) fn diagnosis(
         next,
         candidates,
         path: found
-            .path
+            .steps
             .iter()
             .map(|step| PathStep {
-                effect: step.places[0].0.name(),
-                joints: names(step.places.iter().copied()),
-                held_out_rms: step.rms,
+                effect: step.effect.name(),
+                joints: names(&step.members),
+                held_out_rms: rms(&step.errors),
                 log_rms: Vec::new(),
                 removed: step.removed,
             })
             .collect(),
-        held_out_rms: found.start_rms,
+        given_rms: None,
+        changed: Vec::new(),
+        held_out_rms: rms(&found.start),
         log_rms: Vec::new(),
         // A model of everything learns some of the noise by heart.
-        noise_floor_rms: floor_rms.min(rms(&after)),
+        noise_floor_rms: floor_rms.min(rms(after)),
         joints: joints(&left, data.windows.used),
         second_encoder: Vec::new(),
+        bodies: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
         warnings: [walks.warnings.clone(), data.warnings()].concat(),
@@ -83,19 +89,15 @@ pub(super) fn diagnosis(
 }
 
 /// Joints, or the bodies that they move; `base` is the trunk.
-fn names(places: impl Iterator<Item = Place>) -> Vec<String> {
-    let name = |(_, joint): Place| JOINT_NAMES.get(joint).map_or("base", |name| *name);
-    places.map(|place| name(place).to_owned()).collect()
+fn names(members: &[Member]) -> Vec<String> {
+    let name = |joint: usize| JOINT_NAMES.get(joint).map_or("base", |name| *name);
+    let members = members.iter();
+    members.map(|(_, place)| name(place.1).to_owned()).collect()
 }
 
 /// Why the verdict, and what to do next.
-fn reason(
-    found: &Found,
-    candidates: &[CandidateReport],
-    missing: bool,
-    logs: &[PathBuf],
-) -> (String, String) {
-    let Some(step) = found.path.first() else {
+fn reason(candidates: &[CandidateReport], missing: bool, logs: &[PathBuf]) -> (String, String) {
+    let Some(best) = candidates.iter().find(|c| c.significant) else {
         return if missing {
             (
                 "something is missing that no effect of the catalogue explains".to_owned(),
@@ -108,15 +110,9 @@ fn reason(
             )
         };
     };
-    let all = JOINT_NAMES.map(str::to_owned);
-    let (effect, joints) = (step.places[0].0, names(step.places.iter().copied()));
-    let of = candidates
-        .first()
-        .filter(|own| own.effect == effect.name() && own.joints == joints);
-    let told = of.map_or(String::new(), |own| format!(": {}", values(effect, own)));
-    let places = joints_in_words(&joints, &all);
+    let places = joints_in_words(&best.joints, &JOINT_NAMES.map(str::to_owned));
     (
-        format!("{}, {places}, is missing{told}", effect.name()),
+        format!("{}, {places}, is missing: {}", best.effect, values(best)),
         format!(
             "proprio diagnose --free-base {} -m MODEL --apply, then compare --free-base",
             typed(logs, None)
@@ -153,63 +149,34 @@ fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
     told.collect()
 }
 
-/// What a candidate would add; `load` is the mass and the place of one that was fitted.
-fn report(judged: &Judged, load: Option<&[Value]>, start: f64) -> CandidateReport {
-    let (c, effect) = (&judged.candidate, judged.candidate.effect);
-    let (gain, error) = c.held_out_gain();
-    let first = c.members[0].1;
-    let described = effect.description().parameters.iter();
-    let named: Vec<((&'static str, &'static str), Value)> = if is_load(effect) {
-        let own = load.map_or_else(|| placed(first, &judged.parameters[0]), <[Value]>::to_vec);
-        LOAD.into_iter().zip(own).collect()
-    } else {
-        let names = described.map(|p| (p.symbol, p.unit));
-        names.zip(judged.parameters[0].iter().copied()).collect()
+/// What a candidate would add; a load as its mass and its place.
+fn report(judged: &Judged, found: &Found<WalkSource<'_>>) -> CandidateReport {
+    let total = WalkModel::total(&found.start);
+    let told = crate::diagnose::report::candidate(judged, total, &names);
+    let (member, effect) = (judged.candidate.members[0], judged.candidate.effect);
+    if !is_load(effect) {
+        return told;
+    }
+    let own = match found.end.has(&member) {
+        true => found.end.load(member.1.1),
+        false => placed(member.1, &judged.parameters[0]),
     };
-    let parameters = named
-        .iter()
-        .map(|((symbol, unit), (value, std))| ParameterReport {
-            symbol,
-            unit,
-            value: *value,
-            std: *std,
-        });
-    let members = judged.parameters.len() as f64;
-    let (value, std) = if members > 1.0 {
-        let firsts = || judged.parameters.iter().map(|own| own[0]);
-        let squares: f64 = firsts().map(|(_, std)| std * std).sum();
-        (
-            firsts().map(|(value, _)| value).sum::<f64>() / members,
-            squares.sqrt() / members,
-        )
-    } else {
-        named[0].1
-    };
-    let alternative = |(effect, members): &(EffectKind, Vec<(usize, Place)>)| Alternative {
-        effect: effect.name(),
-        joints: names(members.iter().map(|(_, place)| *place)),
-    };
-    CandidateReport {
-        effect: effect.name(),
-        joints: names(c.members.iter().map(|(_, place)| *place)),
-        held_out_gain: gain,
-        held_out_gain_error: error,
-        z: c.z(),
+    let parameters = LOAD.into_iter().zip(own);
+    let parameters = parameters.map(|((symbol, unit), (value, std))| ParameterReport {
+        symbol,
+        unit,
         value,
         std,
+    });
+    CandidateReport {
         parameters: parameters.collect(),
-        torque_error_percent: 100.0 * c.torque_error_taken() / start.max(f64::MIN_POSITIVE),
-        in_bounds: judged.possible,
-        significant: judged.significant,
-        alternatives: judged.alternatives.iter().map(alternative).collect(),
+        ..told
     }
 }
 
 /// A load's mass and place from its mass and its first moment about its body's centre of mass.
 fn placed(place: Place, told: &[Value]) -> Vec<Value> {
-    let cad = go2::free::<f64>();
-    let inertia = &cad.bodies()[body_of(place.1)].inertia;
-    let com = inertia.first_moment() / inertia.mass();
+    let com = centre(place.1);
     let (mass, std) = told[0];
     let at = |axis: usize| {
         let (moment, moment_std) = told[1 + axis];
@@ -221,22 +188,19 @@ fn placed(place: Place, told: &[Value]) -> Vec<Value> {
 }
 
 /// A candidate's values in words.
-fn values(effect: EffectKind, report: &CandidateReport) -> String {
+fn values(report: &CandidateReport) -> String {
     let told: Vec<String> = (report.parameters.iter())
         .map(|own| with_std(own.value, own.std))
         .collect();
-    match told.as_slice() {
-        [mass, x, y, z] if is_load(effect) => {
+    let [first, ..] = &report.parameters[..] else {
+        return String::new();
+    };
+    match (told.as_slice(), report.joints.len()) {
+        ([mass, x, y, z], _) if report.parameters[1].symbol == LOAD[1].0 => {
             format!("{mass} kg at x {x}, y {y}, z {z} m from the body's origin")
         }
-        [value, ..] => {
-            let unit = report.parameters[0].unit;
-            match report.joints.len() {
-                1 => format!("{value} {unit}"),
-                _ => format!("{value} {unit} at {}", report.joints[0]),
-            }
-        }
-        [] => String::new(),
+        (_, 1) => format!("{} {}", told[0], first.unit),
+        _ => format!("{} {} at {}", told[0], first.unit, report.joints[0]),
     }
 }
 

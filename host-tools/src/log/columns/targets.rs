@@ -86,6 +86,7 @@ impl Columns {
             known.insert(format!("foot/{}", limb.name), plain(slot));
         }
         self.joint_suffix(&mut known);
+        self.lerobot_suffix(&mut known);
         known
     }
 
@@ -108,6 +109,18 @@ impl Columns {
         }
     }
 
+    /// The same joints as LeRobot lists them: `q/elbow.pos`, `dq/elbow.pos` where one list names all arrays.
+    fn lerobot_suffix(&self, known: &mut HashMap<String, Target>) {
+        for name in &self.names {
+            let bare = names::without_suffix(name);
+            if bare != name
+                && let Some(target) = known.get(bare).copied()
+            {
+                known.entry(name.clone()).or_insert(target);
+            }
+        }
+    }
+
     /// What other recorders' names mean.
     fn others(&self) -> Result<Targets, Fault> {
         let order = self.robot.motor_order();
@@ -117,7 +130,9 @@ impl Columns {
             let slot = match names::meaning(name) {
                 None | Some(Meaning::Time(_)) => continue,
                 Some(Meaning::Joint(channel, Which::Name(joint))) => {
-                    let Some(joint) = self.robot.joint_as_recorded(joint) else {
+                    let known = |name| self.robot.joint_as_recorded(name);
+                    let bare = || known(names::without_suffix(joint));
+                    let Some(joint) = known(joint).or_else(bare) else {
                         unknown.get_or_insert((cell, joint.to_owned()));
                         continue;
                     };

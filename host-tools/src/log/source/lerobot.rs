@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::Value;
 
 use crate::log::error::Problem;
+use crate::log::names::SUFFIXES;
 
 /// The names of the elements of a data set's lists.
 pub(super) struct Info {
@@ -21,20 +22,6 @@ const LISTS: [(&str, &str); 8] = [
     ("observation.effort", "effort"),
     ("observation.torque", "effort"),
     ("action", "command"),
-];
-
-/// What is said of an element after its joint's name: `shoulder_pan.pos`.
-const SUFFIXES: [(&str, &str); 10] = [
-    (".pos", "position"),
-    (".position", "position"),
-    (".q", "position"),
-    (".vel", "velocity"),
-    (".velocity", "velocity"),
-    (".dq", "velocity"),
-    (".effort", "effort"),
-    (".torque", "effort"),
-    (".tau", "effort"),
-    (".current", "current"),
 ];
 
 impl Info {

@@ -13,12 +13,16 @@ use super::input::Input;
 use super::records::Records;
 use super::{Empty, Fault, Source, Wanted};
 use crate::log::error::{LogError, Place, Problem, Unit};
+use crate::log::slots::TIME;
 
 /// Longer than any header; what has no line end by then is no text.
 const LONGEST_HEADER: u64 = 1 << 22;
 
 /// What some spreadsheets begin UTF-8 with.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+/// Rows whose stamps lie no farther apart, s, are parts of one message: PlotJuggler exports a row per stamp, and stamps of one message's
+/// fields differ by rounding; the fastest logs have 200 µs between messages.
+const ONE_MESSAGE: f64 = 1e-5;
 
 /// What separates columns where commas do not.
 const SEPARATORS: [u8; 2] = [b';', b'\t'];
@@ -31,6 +35,12 @@ struct Text {
     /// The first row, where it was looked at for names.
     looked_at: bool,
     separator: u8,
+    /// The wanted cells of rows before that are parts of a message.
+    part: Option<Vec<f64>>,
+    /// Whether each wanted cell has held a number, and how many rows there were, until one is whole.
+    filled: Vec<bool>,
+    rows: u64,
+    has_whole: bool,
     read: Rc<Cell<u64>>,
     size: u64,
 }
@@ -84,6 +94,10 @@ pub(super) fn open(path: &Path, input: Input, gzip: bool) -> Result<Box<dyn Sour
         names,
         looked_at: false,
         separator,
+        part: None,
+        filled: Vec::new(),
+        rows: 0,
+        has_whole: false,
         read,
         size: input.size,
     };
@@ -153,14 +167,28 @@ impl Text {
         Ok(())
     }
 
+    /// What is wrong with a table none of whose rows is whole: the first column without a number.
+    fn never_filled(&mut self, wanted: &[Wanted]) -> Option<Fault> {
+        let rows = std::mem::take(&mut self.rows);
+        if self.has_whole || rows == 0 || self.filled.len() != wanted.len() {
+            return None;
+        }
+        let must = wanted.iter().zip(&self.filled);
+        let mut never = must.filter(|(w, filled)| w.empty == Empty::Skip && !**filled);
+        let (w, _) = never.next()?;
+        Some(Fault::at(self.header, w.cell, Problem::NoNumbers { rows }))
+    }
+
     fn read_record(&mut self) -> Result<bool, Fault> {
         let here = self.records.next_line();
         let more = self.records.read();
         more.map_err(|error| Fault::new(here, Problem::Read(error)))
     }
 
-    /// Reads the wanted cells of the present row; false if the row is to be skipped.
+    /// Reads the wanted cells of the present row; false if one is empty that every message has: the row holds a part of a message, or
+    /// another one.
     fn cells(&self, wanted: &[Wanted], values: &mut [f64]) -> Result<bool, Fault> {
+        let mut is_whole = true;
         for w in wanted {
             // A row has as many cells as the header.
             let text = self.records.get(w.cell).unwrap_or_default();
@@ -172,11 +200,40 @@ impl Text {
                     let text = String::from_utf8_lossy(text).into_owned();
                     return Err(at(Problem::NotANumber(text)));
                 }
-                (_, Empty::Skip) => return Ok(false),
-                _ => f64::NAN,
+                (_, empty) => {
+                    is_whole &= empty != Empty::Skip;
+                    f64::NAN
+                }
             };
         }
-        Ok(true)
+        Ok(is_whole)
+    }
+
+    /// Adds the present row's cells to those of the rows before that are of the same message; true if it is whole then.
+    fn join(&mut self, wanted: &[Wanted], values: &mut [f64]) -> bool {
+        self.filled.resize(wanted.len(), false);
+        for (filled, w) in self.filled.iter_mut().zip(wanted) {
+            *filled |= !values[w.slot].is_nan();
+        }
+        self.rows += 1;
+        let joins = |part: &&Vec<f64>| (values[TIME] - part[TIME]).abs() <= ONE_MESSAGE;
+        if let Some(part) = self.part.as_ref().filter(joins) {
+            let cells = wanted.iter().map(|w| w.slot);
+            for slot in cells.filter(|slot| *slot != TIME) {
+                if values[slot].is_nan() {
+                    values[slot] = part[slot];
+                }
+            }
+            // The message is that of its first row.
+            values[TIME] = part[TIME];
+        }
+        let must = wanted.iter().filter(|w| w.empty == Empty::Skip);
+        let is_whole = must.clone().all(|w| !values[w.slot].is_nan());
+        let says = must
+            .filter(|w| w.slot != TIME)
+            .any(|w| !values[w.slot].is_nan());
+        self.part = (says && !is_whole && !values[TIME].is_nan()).then(|| values.to_vec());
+        is_whole
     }
 
     fn number(&self, text: &[u8]) -> Result<f64, ()> {
@@ -217,14 +274,20 @@ impl Source for Text {
     fn next(&mut self, wanted: &[Wanted], values: &mut [f64]) -> Result<Option<u64>, Fault> {
         loop {
             if !std::mem::take(&mut self.looked_at) && !self.read_record()? {
-                return Ok(None);
+                return match self.never_filled(wanted) {
+                    Some(fault) => Err(fault),
+                    None => Ok(None),
+                };
             }
             let line = self.records.line();
             let (found, expected) = (self.records.len(), self.names.len());
             if found != expected {
                 return Err(Fault::new(line, Problem::Ragged { found, expected }));
             }
-            if self.cells(wanted, values)? {
+            let is_whole = self.cells(wanted, values)?;
+            if is_whole || self.join(wanted, values) {
+                self.part = None;
+                self.has_whole = true;
                 return Ok(Some(line));
             }
         }

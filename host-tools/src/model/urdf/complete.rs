@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Vector3};
 use proprio_core::inertia::InertialParameters;
 
-use crate::model::{Robot, about_com};
+use crate::model::{Robot, about_com, other_unit, significant};
 
 /// Mass of a speck, of the mass of the lightest body of the robot that has any.
 const SPECK: f64 = 1e-3;
@@ -35,6 +35,13 @@ pub(super) fn robot(robot: Robot, shapes: &[bool]) -> Robot {
     let mut completed = Vec::new();
     let mut notes = Vec::new();
     for (b, body) in robot.bodies().iter().enumerate() {
+        if let Some([mass, radius]) = other_unit(&body.inertia) {
+            notes.push(format!(
+                "link {} has the moments of inertia of {mass} kg at {} m: state them in kg m², not in g mm² or kg mm²",
+                body.link_name,
+                significant(radius, 2)
+            ));
+        }
         let (mass, com, inertia) = about_com(&body.inertia);
         let is_frame = !shapes[b] && body.inertia.0.iter().all(|x| *x == 0.0);
         if is_frame && lightest.is_finite() {

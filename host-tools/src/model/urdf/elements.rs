@@ -95,6 +95,15 @@ impl<'a> Elements<'a> {
     }
 }
 
+impl Elements<'_> {
+    /// Whether joints move, and no link has a mass or a moment of inertia.
+    pub(super) fn lack_masses(&self) -> bool {
+        let moves = |joint: &Joint| joint.kind != JointType::Fixed;
+        let weightless = |link: &Link| link.inertia == InertialParameters::zero();
+        self.joints.iter().any(moves) && self.links.iter().all(weightless)
+    }
+}
+
 impl<'a> Link<'a> {
     fn of(link: Element<'a>) -> Result<Self, Box<Fault>> {
         let inertia = match link.child("inertial") {

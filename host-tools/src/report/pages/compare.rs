@@ -102,7 +102,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
 }
 
 /// From nothing over the baselines to the model.
-fn ladder(comparison: &Comparison) -> Vec<Step> {
+pub(super) fn ladder(comparison: &Comparison) -> Vec<Step> {
     let step = |label: &str, rms| Step {
         label: label.to_owned(),
         rms,

@@ -1,13 +1,14 @@
 //! The pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`.
 
+use std::path::Path;
+
 use super::diagnose::{bars, ladder};
 use super::identify::row;
-use super::{Unreadable, header};
-use crate::compare::{CoordinateError, FreeBaseComparison, WalkSeries};
+use super::{Unreadable, compare, header, torques};
+use crate::compare::{CoordinateError, FreeBaseComparison};
 use crate::diagnose::FreeBaseDiagnosis;
 use crate::identify::FreeBaseIdentification;
 use crate::report::parameters::{self, ParameterRow};
-use crate::report::torque::{self, TorqueSeries};
 use crate::report::{Page, Section, stance, waterfall};
 use crate::summary::Summary;
 
@@ -15,27 +16,26 @@ use crate::summary::Summary;
 ///
 /// # Errors
 /// If a log cannot be read any more.
-pub fn walk(comparison: &FreeBaseComparison) -> Result<Page, Unreadable> {
+pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Unreadable> {
     let of = |own: &CoordinateError| {
         format!(
             "{}: {:.3} {} is left, {:.3} with the CAD alone, {:.3} of nothing.",
             own.name, own.rms, own.unit, own.cad_rms, own.zero_rms
         )
     };
-    let mut worst: Vec<_> = comparison.coordinates.iter().skip(6).collect();
-    worst.sort_by(|a, b| b.rms.total_cmp(&a.rms));
-    let base = comparison.coordinates.iter().take(6);
-    let mut findings: Vec<String> = worst.into_iter().chain(base).map(of).collect();
-    findings.extend(comparison.warnings.iter().cloned());
-    let mut header = header("A walk against the model", findings, &comparison.logs)?;
-    header.headline = format!(
-        "{:.3} N m where the CAD alone leaves {:.3}, in the {} equations of {} windows that contact forces leave",
-        comparison.rms, comparison.cad_rms, comparison.windows.equations, comparison.windows.used
-    );
-    Ok(Page {
-        header,
-        sections: feet_and_torques(comparison).into(),
-    })
+    let summary = found.summary(model);
+    let mut findings = summary.points;
+    findings.extend(found.coordinates.iter().take(6).map(of));
+    findings.extend(found.comparison.warnings.iter().cloned());
+    let mut header = header("A walk against the model", findings, &found.comparison.logs)?;
+    header.headline = summary.headline;
+    header.next = summary.next;
+    let mut sections = vec![stance::section(&found.feet)];
+    sections.extend(compare::sections(
+        &found.comparison,
+        &compare::ladder(&found.comparison),
+    ));
+    Ok(Page { header, sections })
 }
 
 /// What was identified of a robot that walks; `comparison` is that of the model that the fit became.
@@ -96,21 +96,10 @@ pub fn walk_diagnosis(
 }
 
 /// When each foot was taken to carry a force, and each joint's torque over time.
-fn feet_and_torques(comparison: &FreeBaseComparison) -> [Section; 2] {
-    let series = comparison
-        .series
-        .iter()
-        .map(|own: &WalkSeries| TorqueSeries {
-            joint: own.joint.clone(),
-            t: own.t.clone(),
-            measured: own.measured.clone(),
-            predicted: vec![
-                ("the CAD alone".to_owned(), own.cad.clone()),
-                ("the model".to_owned(), own.model.clone()),
-            ],
-        });
+fn feet_and_torques(found: &FreeBaseComparison) -> [Section; 2] {
+    let comparison = &found.comparison;
     [
-        stance::section(&comparison.feet),
-        torque::section(&series.collect::<Vec<_>>()),
+        stance::section(&found.feet),
+        torques(&comparison.series, &comparison.baselines, "model"),
     ]
 }

@@ -17,4 +17,4 @@ mod table;
 
 pub(crate) use presence::{RESOLUTION, STRUCTURE};
 pub(crate) use statistics::{LEAST_Z, NOISE_MEMORY, Squared, least_z, sum_and_error};
-pub(crate) use step::{LEAST_SHARE, LEAST_VALUE, SAME};
+pub(crate) use step::LEAST_VALUE;

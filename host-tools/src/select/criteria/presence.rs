@@ -61,9 +61,8 @@ pub(crate) fn moves(speeds: impl ExactSizeIterator<Item = f64>, limit: f64) -> b
 /// Whether a candidate is there beyond chance.
 pub(crate) fn is_beyond_chance(candidate: &Candidate) -> bool {
     let (gain, error) = candidate.gain();
-    // More than all of it is no share: equations of other joints change as well, where contact forces are projected out.
     let share = gain / candidate.felt;
-    let most = (MOST_BY_CHANCE..=1.0).contains(&share) && gain > LEAST_OF_MOST * error;
+    let most = share >= MOST_BY_CHANCE && gain > LEAST_OF_MOST * error;
     // Both tests are needed: z is of the data that the value is fitted to, the gain of data that it has not seen.
     most || (candidate.z() >= least_z(candidate.tried) && gain > error)
 }

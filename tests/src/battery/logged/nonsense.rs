@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
+use proprio_core::effect::EffectKind;
 use proprio_host::log::{Channel, LogWriter};
 use proprio_host::model::Model;
-use proprio_core::effect::EffectKind;
 use proprio_simulator::{HiddenEffect, SimulatedSample};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

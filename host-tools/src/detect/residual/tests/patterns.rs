@@ -199,3 +199,61 @@ fn empty_and_silent_series_are_no_trouble() {
         }
     }
 }
+
+/// Friction that is another from one moment on has no mean and no pattern throughout: it is found with its moment.
+#[test]
+fn a_change_at_one_moment_is_found() {
+    type Change = (Changing, fn(&Joint, usize) -> f64, f64);
+    let changes: [Change; 3] = [
+        (Changing::Friction, |j, k| 0.2 * j.dq[k].signum(), 0.2),
+        (Changing::Viscous, |j, k| 0.4 * j.dq[k], 0.4),
+        (Changing::Offset, |_, _| 0.2, 0.2),
+    ];
+    for (of, error, size) in changes {
+        for (share, noise) in [(0.3, HALF), (0.55, COLOURED), (0.7, WHITE)] {
+            let mut joint = Joint::new(1000, 7, noise);
+            // A motion that is the same throughout: in a chirp a change of viscous friction is one of speed as well.
+            joint.q = joint.t.iter().map(|t| 0.3 * (2.3 * t).sin()).collect();
+            joint.dq = joint.t.iter().map(|t| 0.69 * (2.3 * t).cos()).collect();
+            let begun = 20.0 * share;
+            // As a fit of the whole log leaves it: less what is usual before and after.
+            let changed = |joint: &Joint, k: usize| {
+                let later = f64::from(u8::from(joint.t[k] > begun));
+                error(joint, k) * (later - (1.0 - share))
+            };
+            let values: Vec<f64> = (0..joint.t.len()).map(|k| changed(&joint, k)).collect();
+            for (k, value) in values.into_iter().enumerate() {
+                joint.residual[k] += value;
+                joint.tau[k] += value;
+            }
+            let criticism = joint.criticise();
+            let found = criticism.patterns.iter().find_map(|p| match p.shape {
+                Some(Shape::Change { of, at }) => Some((of, at, p.size.unwrap())),
+                _ => None,
+            });
+            let Some((what, at, [value, std])) = found else {
+                panic!("{of:?} at {begun}: {criticism}");
+            };
+            assert_eq!(what, of, "{criticism}");
+            assert!((at - begun).abs() < 0.05 * 20.0, "{at} for {begun}");
+            assert!(
+                (value - size).abs() < 5.0 * std + 0.05 * size,
+                "{value} ± {std}"
+            );
+        }
+    }
+}
+
+/// A short log, whose single bins have few batches: all of them together show what each leaves open.
+#[test]
+fn a_curved_pattern_of_a_short_log_is_found() {
+    let error = |joint: &Joint, k: usize| 0.5 * (30.0 * joint.q[k]).sin();
+    let criticism = Joint::new(150, 3, WHITE).with(error).criticise();
+    assert!(
+        criticism
+            .patterns
+            .iter()
+            .any(|p| p.variable == Variable::Position),
+        "{criticism}"
+    );
+}

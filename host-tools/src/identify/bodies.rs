@@ -1,0 +1,133 @@
+//! Bodies that are not the CAD's: masses, centres of mass and moments of inertia that the logs put beyond what was known of them.
+
+use std::fmt;
+
+use proprio_core::inertia::INERTIAL;
+use serde::Serialize;
+
+use super::{Fitted, FittedParameter, Where};
+use crate::model::{Model, significant};
+
+/// A body is another one if it is so many standard deviations, of prior and fit together, from what the CAD says: of 30 numbers of three
+/// bodies one in ten of complete robots would show two, one in a hundred three.
+const FAR: f64 = 3.0;
+/// What the logs say must be surer than the prior: the fit's standard deviation is at most this share of it.
+const SURE: f64 = 0.7;
+
+/// What of a body is not the CAD's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyQuantity {
+    /// Mass, kg.
+    Mass,
+    /// Centre of mass along x, y or z of the joint frame, m.
+    CentreOfMass(usize),
+    /// Moment of inertia about x, y or z of the joint frame, kg m².
+    Inertia(usize),
+}
+
+/// A body that is not the CAD's.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct OtherBody {
+    /// Its link.
+    pub link: String,
+    /// What differs most.
+    pub quantity: BodyQuantity,
+    /// By the logs, and its standard deviation.
+    pub value: [f64; 2],
+    /// By the model, and its standard deviation.
+    pub stated: [f64; 2],
+    /// The difference in units of both standard deviations.
+    pub z: f64,
+}
+
+impl fmt::Display for OtherBody {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let axis = |n: usize| ["x", "y", "z"][n];
+        let (what, unit) = match self.quantity {
+            BodyQuantity::Mass => ("mass".to_owned(), "kg"),
+            BodyQuantity::CentreOfMass(n) => (format!("centre of mass along {}", axis(n)), "m"),
+            BodyQuantity::Inertia(n) => (format!("moment of inertia about {}", axis(n)), "kg m²"),
+        };
+        let with_std = |[value, std]: [f64; 2]| {
+            format!("{} ± {} {unit}", significant(value, 3), significant(std, 2))
+        };
+        write!(
+            f,
+            "{}: {what} {}, the URDF says {}: a load, or a wrong URDF",
+            self.link,
+            with_std(self.value),
+            with_std(self.stated)
+        )
+    }
+}
+
+impl Fitted {
+    /// The bodies that these logs put beyond what was known of them, each with what differs most; the farthest first.
+    pub fn other_bodies(&self, model: &Model) -> Vec<OtherBody> {
+        other_bodies(&self.parameters, model)
+    }
+}
+
+/// The bodies that a fit's parameters put beyond what was known of them, the farthest first.
+pub(crate) fn other_bodies(parameters: &[FittedParameter], model: &Model) -> Vec<OtherBody> {
+    let bodies = model.robot().bodies().iter().enumerate();
+    let mut found: Vec<OtherBody> = bodies
+        .filter_map(|(b, body)| other_body(parameters, b, &body.link_name))
+        .collect();
+    found.sort_by(|a, b| b.z.total_cmp(&a.z));
+    found
+}
+
+fn other_body(parameters: &[FittedParameter], body: usize, link: &str) -> Option<OtherBody> {
+    let mut fitted = [[0.0; 2]; INERTIAL];
+    let mut stated = [[0.0; 2]; INERTIAL];
+    let mut known = 0;
+    for parameter in parameters {
+        if let Where::Body(at, n) = parameter.place
+            && at == body
+        {
+            let own = &parameter.estimate;
+            fitted[n] = [own.value, own.std];
+            stated[n] = [own.prior, own.prior_std];
+            known += 1;
+        }
+    }
+    if known < INERTIAL {
+        return None;
+    }
+    let other = |quantity: BodyQuantity| {
+        let (value, stated) = (quantity.of(&fitted)?, quantity.of(&stated)?);
+        let z = (value[0] - stated[0]).abs() / value[1].hypot(stated[1]);
+        let sure = value[1] < SURE * stated[1];
+        (sure && z > FAR).then(|| OtherBody {
+            link: link.to_owned(),
+            quantity,
+            value,
+            stated,
+            z,
+        })
+    };
+    // A mass that is another one moves the others too.
+    let mass = other(BodyQuantity::Mass);
+    let rest = (0..3)
+        .flat_map(|n| [BodyQuantity::CentreOfMass(n), BodyQuantity::Inertia(n)])
+        .filter_map(other);
+    mass.or_else(|| rest.max_by(|a, b| a.z.total_cmp(&b.z)))
+}
+
+impl BodyQuantity {
+    /// Value and standard deviation by those of a body's ten parameters.
+    fn of(self, phi: &[[f64; 2]; INERTIAL]) -> Option<[f64; 2]> {
+        let [mass, std] = phi[0];
+        match self {
+            Self::Mass => Some(phi[0]),
+            Self::CentreOfMass(n) => {
+                let [h, h_std] = phi[1 + n];
+                (mass > 0.0).then(|| [h / mass, h_std.hypot(h / mass * std) / mass])
+            }
+            // Ixx, Iyy and Izz among Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
+            Self::Inertia(n) => Some(phi[4 + [0, 3, 5][n]]),
+        }
+    }
+}

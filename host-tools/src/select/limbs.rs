@@ -1,0 +1,175 @@
+//! The limbs of a base that is held, as a search asks them.
+
+use proprio_core::effect::EffectKind;
+
+use super::accept::Context;
+use super::candidate::{Candidate, Member};
+use super::compliance_scan;
+use super::drift::{Drift, drifts};
+use super::limits::{Sought, with_limit};
+use super::look::Screens;
+use super::refused::Refused;
+use super::source::{Source, Tried};
+use super::state::State;
+use super::trial_factors::ScoreTest;
+use crate::equation::values::Place;
+use crate::estimate::limb_data::LimbData;
+use crate::estimate::limit::Limit;
+
+/// The limbs' data, and what was seen of them.
+pub(crate) struct Limbs<'a> {
+    data: &'a [LimbData<'a>],
+    /// Each limb's effects as they were given.
+    given: Vec<Vec<Place>>,
+    screens: Screens<'a>,
+    limits: Sought<'a>,
+}
+
+impl<'a> Limbs<'a> {
+    pub(crate) fn new(data: &'a [LimbData<'a>], given: &[Vec<Place>]) -> Self {
+        Self {
+            data,
+            given: given.to_vec(),
+            screens: Screens::default(),
+            limits: Sought::default(),
+        }
+    }
+
+    /// What the model that was looked at and the whole catalogue leave of each of a limb's joints, N m.
+    pub(crate) fn floor(&self, limb: usize) -> &[f64] {
+        &self.screens.of_limbs[limb].floor
+    }
+
+    /// What a limb's parameters do from fold to fold.
+    pub(crate) fn drifts(&self, limb: usize) -> Vec<Drift> {
+        drifts(&self.screens.of_limbs[limb])
+    }
+
+    /// What steps work from, after a look.
+    fn context<'s>(&'s self, model: &'s State<'a>) -> Context<'s, 'a> {
+        Context {
+            data: self.data,
+            model,
+            screens: &self.screens.of_limbs,
+        }
+    }
+}
+
+impl<'a> Source for Limbs<'a> {
+    type Model = State<'a>;
+
+    fn start(&self) -> Option<State<'a>> {
+        State::of(self.data, &self.given)
+    }
+
+    fn anew(&self) -> Self {
+        Self::new(self.data, &self.given)
+    }
+
+    fn limbs(&self) -> usize {
+        self.data.len()
+    }
+
+    fn look(&mut self, model: &mut State<'a>) -> Vec<Candidate> {
+        self.screens.look(model, &self.given)
+    }
+
+    fn windows(&self) -> f64 {
+        self.screens.windows()
+    }
+
+    fn beside(&self, candidate: &Candidate, other: &Candidate) -> Option<Candidate> {
+        candidate.beside(other, &|limb, places, others| {
+            self.screens.of_limbs[limb].trial_beside(places, others)
+        })
+    }
+
+    fn error(&self) -> f64 {
+        self.screens.of_limbs.iter().map(ScoreTest::error).sum()
+    }
+
+    fn begun(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
+        State::of(self.data, &model.places_with(members))
+    }
+
+    fn with(&self, model: &State<'a>, candidate: &Candidate) -> Option<State<'a>> {
+        self.context(model).with(candidate)
+    }
+
+    fn without(&self, model: &State<'a>, member: Member) -> Option<State<'a>> {
+        let mut places = model.places();
+        places[member.0].retain(|place| *place != member.1);
+        model.with(self.data, &places, &model.values(), &[])
+    }
+
+    fn try_best<'c>(
+        &self,
+        model: &State<'a>,
+        refused: &Refused<State<'a>>,
+        best: &'c Candidate,
+        all: &'c [Candidate],
+        is_first: bool,
+    ) -> (Tried<'c, State<'a>>, Vec<&'c Candidate>) {
+        compliance_scan::best_by_trying(&self.context(model), refused, best, all, is_first)
+    }
+
+    fn accepted(
+        &self,
+        model: &State<'a>,
+        candidate: &Candidate,
+        after: State<'a>,
+    ) -> Option<State<'a>> {
+        self.context(model).accepted(candidate, after)
+    }
+
+    fn unseen<'c>(
+        &self,
+        model: &State<'a>,
+        refused: &Refused<State<'a>>,
+        all: &'c [Candidate],
+    ) -> Option<(&'c Candidate, State<'a>, bool)> {
+        compliance_scan::transmission_of_largest_error(&self.context(model), refused, all)
+    }
+
+    fn limits(&mut self, model: &State<'a>) -> Vec<(Member, Limit)> {
+        self.limits.limits(model)
+    }
+
+    fn with_limit(
+        &self,
+        model: &State<'a>,
+        (member, limit): &(Member, Limit),
+    ) -> Option<State<'a>> {
+        with_limit(self.data, model, *member, limit)
+    }
+
+    fn lacking_of_drive(&self, model: &State<'a>) -> Vec<Vec<Member>> {
+        lacking_of_drive(self.data, model)
+    }
+
+    fn with_drive(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
+        let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
+        let places = model.places_with(members);
+        model.with(self.data, &places, &model.values(), &new)
+    }
+
+    fn torque(&self) -> f64 {
+        let limbs = self.data.iter();
+        limbs
+            .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
+            .sum()
+    }
+}
+
+/// Of each effect that every drive has the joints where a model lacks it.
+fn lacking_of_drive(data: &[LimbData], model: &State) -> Vec<Vec<Member>> {
+    let there = model.places();
+    let all = |effect: EffectKind| -> Vec<Member> {
+        (data.iter().enumerate())
+            .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
+            .filter(|(limb, place)| !there[*limb].contains(place))
+            .collect()
+    };
+    let lacking = EffectKind::PLAIN.map(all).into_iter();
+    lacking.filter(|members| !members.is_empty()).collect()
+}
