@@ -14,13 +14,15 @@ pub enum Error {
     /// A log cannot be read, or its numbers cannot be a robot's: which file, where in it, and why.
     #[error("{0}")]
     Log(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The logs are too short to hold out a part of them.
-    #[error(
-        "{duration:.1} s of samples are too short to be cut into blocks that are held out in turn"
-    )]
+    /// The logs are too short for what was asked.
+    #[error("too short: {samples} samples, {duration:.2} s; at least {least} s are needed")]
     TooShort {
+        /// Samples of all logs together.
+        samples: u64,
         /// Length of all logs together, s.
         duration: f64,
+        /// What is needed, s.
+        least: f64,
     },
     /// No joint moves, and one at rest tells nothing.
     #[error("no joint moves")]
@@ -58,7 +60,16 @@ pub enum Error {
 
 pub(crate) fn recording(error: RecordingError) -> Error {
     match error {
-        RecordingError::TooShort { duration } => Error::TooShort { duration },
+        RecordingError::TooShort {
+            samples,
+            duration,
+            least,
+            ..
+        } => Error::TooShort {
+            samples,
+            duration,
+            least,
+        },
         RecordingError::AtRest { .. } => Error::AtRest,
         other => Error::Log(Box::new(other)),
     }

@@ -16,18 +16,15 @@
 //! Files beside:
 //!
 //! - `before`: a trajectory as it was some time before: where torque is reported late, it belongs to an earlier motion
-//! - `covariance`: how surely a state is known: moved on, and told more
 //! - `speed`: when a joint changes its direction, to a fraction of a sample: there dry friction jumps
 
 mod before;
 mod channels;
-mod covariance;
 mod speed;
 
 pub(crate) use before::Before;
 use before::moved;
 use channels::Channels;
-use covariance::Covariance;
 
 /// A speed below so many standard deviations of an encoder's slope at the cutoff may be noise.
 const SURE: f64 = 1.0;
@@ -273,7 +270,7 @@ impl Smoother {
                 state = moved(&state, step);
                 covariance = covariance.moved_on(step, self.intensity);
                 if turns.next_if(|&&turn| turn < k).is_some() {
-                    covariance.add_acceleration(self.jump);
+                    covariance.0[2][2] += self.jump;
                 }
                 for (n, noise) in [position, self.velocity_noise].into_iter().enumerate() {
                     (channels[n].gain, channels[n].variance) = covariance.observed(n, noise);
@@ -338,6 +335,61 @@ impl Smoother {
             adjoint.reverse();
         }
         smooth
+    }
+}
+
+/// The covariance of a state: symmetric, so that the entries on and above the diagonal are all that is kept up.
+#[derive(Clone, Copy)]
+struct Covariance([State; 4]);
+
+impl Covariance {
+    fn diagonal(variance: f64) -> Self {
+        let entry = |i, j| if i == j { variance } else { 0.0 };
+        Self(std::array::from_fn(|i| {
+            std::array::from_fn(|j| entry(i, j))
+        }))
+    }
+
+    /// After a time h without a measurement: F P Fᵀ + Q with F the motion of constant jerk and Q what white snap of this intensity adds,
+    /// ∫ g gᵀ dt with g the motion after a unit of jerk.
+    fn moved_on(&self, h: f64, intensity: f64) -> Self {
+        let columns: [State; 4] = std::array::from_fn(|j| moved(&self.column(j), h));
+        let row = |i: usize| moved(&columns.map(|column| column[i]), h);
+        let mut next: [State; 4] = std::array::from_fn(row);
+        let (q, h2) = (intensity * h, h * h);
+        let (h3, h4) = (h * h2, h2 * h2);
+        let noise = [
+            [h2 * h4 / 252.0, h * h4 / 72.0, h4 / 30.0, h3 / 24.0],
+            [0.0, h4 / 20.0, h3 / 8.0, h2 / 6.0],
+            [0.0, 0.0, h2 / 3.0, h / 2.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        for (row, noise) in next.iter_mut().zip(noise) {
+            row.iter_mut().zip(noise).for_each(|(x, n)| *x += q * n);
+        }
+        Self(next)
+    }
+
+    /// Takes in a measurement of entry n with this noise; its gain, and the variance of its innovation.
+    fn observed(&mut self, n: usize, noise: f64) -> (State, f64) {
+        let column = self.column(n);
+        let variance = column[n] + noise;
+        let gain = column.map(|c| c / variance);
+        for i in 0..4 {
+            for j in i..4 {
+                self.0[i][j] -= gain[i] * column[j];
+            }
+        }
+        (gain, variance)
+    }
+
+    fn times(&self, x: &State) -> State {
+        std::array::from_fn(|i| self.column(i).iter().zip(x).map(|(p, x)| p * x).sum())
+    }
+
+    /// A column, or a row.
+    fn column(&self, n: usize) -> State {
+        std::array::from_fn(|i| self.0[i.min(n)][i.max(n)])
     }
 }
 
