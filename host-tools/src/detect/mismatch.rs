@@ -106,7 +106,11 @@ fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
     let now = share(&as_is, &|joint| joint.left());
     if now < FITS {
         // One joint of many hardly shows in what all leave.
-        let gravity = plainest([dynamics::incomplete(&as_is), dynamics::orientation(&as_is)]);
+        // Of twice the torque a quarter of the square is left, and friction takes some of it.
+        let unit = unit(&as_is).filter(|(left, _)| *left < FAR_BETTER * now);
+        let parts = [dynamics::incomplete(&as_is), dynamics::orientation(&as_is)];
+        let [incomplete, orientation] = parts;
+        let gravity = plainest([unit, incomplete, orientation]);
         let found = sign(&as_is).into_iter().chain(gravity);
         return (found.chain(late(&as_is, now)))
             .map(|(_, reading)| reading)

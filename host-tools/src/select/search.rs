@@ -386,7 +386,10 @@ impl<S: Source> Search<S> {
         other.begin_with(&members)?;
         let other = other.run(Phase::Forward);
         let error = |search: &Self| search.model.held_out(&self.model).weighted;
-        does_as_well(error(&other), error(self)).then_some(other)
+        let (with, without) = (error(&other), error(self));
+        // One cause for all has to stand for others, or to predict better: as well beside them is none.
+        let is_worth = other.steps.len() < self.steps.len() || !does_as_well(without, with);
+        (is_worth && does_as_well(with, without)).then_some(other)
     }
 
     /// A search that has taken nothing yet, its headline known.

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use proprio_core::tree::GRAVITY;
 
 use super::reading::{JointReading, Reading};
-use super::{FAR_BETTER, GOOD, KNOWN_UNIT, MismatchKind, share};
+use super::{FAR_BETTER, GOOD, KNOWN_UNIT, MismatchKind, PLAINER, share};
 use crate::equation::dot::dot;
 use crate::robust;
 
@@ -109,7 +109,10 @@ pub(super) fn orientation(readings: &[Reading]) -> Option<(f64, MismatchKind)> {
             .map(|joint| of(joint).min(1.0))
             .sum()
     };
-    let is_better = sum(&beside) < FAR_BETTER * sum(&JointReading::left);
+    // Nor do offsets of torques, of which a limb that hardly turns about has as many as gravity has axes.
+    let left = sum(&beside);
+    let is_better = left < FAR_BETTER * sum(&JointReading::left)
+        && left < PLAINER * sum(&JointReading::left_with_offset);
     (angle > LEAST_ANGLE && is_better).then(|| {
         let kind = MismatchKind::Orientation {
             angle,

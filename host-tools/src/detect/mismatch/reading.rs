@@ -160,6 +160,17 @@ impl JointReading {
         left
     }
 
+    /// Share of the torque's square that model, friction of any sign and a constant torque leave.
+    pub(super) fn left_with_offset(&self) -> f64 {
+        let beyond = self.torque.iter().zip(&self.predicted).map(|(x, p)| x - p);
+        let beyond: Vec<f64> = beyond.collect();
+        let constant = vec![1.0; beyond.len()];
+        let friction = self.friction.iter().map(Vec::as_slice);
+        let columns: Vec<&[f64]> = friction.chain([constant.as_slice()]).collect();
+        let (_, left) = least_squares(&columns, &beyond);
+        left / dot(&self.torque, &self.torque).max(f64::MIN_POSITIVE)
+    }
+
     fn left_by(&self, torque: &[f64], times: f64, predicted: &[f64]) -> f64 {
         let total = dot(torque, torque);
         let beyond: Vec<f64> = (torque.iter().zip(predicted))
