@@ -183,7 +183,8 @@ fn units_and_signs_of_the_torque_are_named() {
         let times = factor.map_or(1.0, |factor| factor / constant(&joint));
         assert!((times - 1.0).abs() < 0.15, "{joint} {factor:?}");
     }
-    for times in [0.5, 2.0, 0.1, 1000.0] {
+    // A torque beyond what the motors give is refused as such before it is read otherwise.
+    for times in [0.5, 2.0, 0.1] {
         let found = scaled(&|_| times);
         let Some(MismatchKind::Unit(factor)) = found else {
             panic!("{times}: {found:?}");

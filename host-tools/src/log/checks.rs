@@ -27,8 +27,8 @@ pub const GAP: f64 = 0.01;
 /// A joint's motion is followed over lost messages that leave a silence no longer than this, s: half a period of what a leg does at 10 Hz.
 pub const BRIDGED: f64 = 0.05;
 
-/// A shorter log, s, has less than a block of motion: a hundred unknowns of a limb stand against fewer windows of 20 ms.
-pub const LEAST_DURATION: f64 = 0.5;
+/// A shorter log, s, has fewer than ten windows of 20 ms.
+pub const LEAST_DURATION: f64 = 0.2;
 
 /// How far beyond a joint's limit a sample may lie, rad or m: encoder zero and compliance of the stop.
 const LIMIT_MARGIN: f64 = 0.2;

@@ -20,6 +20,8 @@ const LONGEST_TIMES: f64 = 2.0;
 /// Stamps of a recorder that falls behind come in bursts: a joint may have moved, at its reported speed, for its time between stamps and so
 /// many periods more.
 const BURST: f64 = 3.0;
+/// Rows closer than this share of their mean distance are of one burst; where half of them are, stamps are of reception.
+const CLOSE: f64 = 0.2;
 /// A jump is so many times what half of the rows ahead move by, and differ by from their velocities.
 const TIMES: f64 = 20.0;
 /// Most rows after which what jumped comes back.
@@ -183,11 +185,17 @@ impl Positions {
     }
 }
 
-/// Mean time between the rows ahead, s.
+/// Mean time between the rows ahead, s; where stamps come in bursts, which hide how long ago rows were measured, the longest that is judged.
 fn period(ahead: &VecDeque<Raw>) -> f64 {
     let ends = ahead.front().zip(ahead.back());
     let span = ends.map_or(0.0, |(first, last)| last.t() - first.t());
-    span.max(0.0) / (ahead.len().max(2) - 1) as f64
+    let mean = span.max(0.0) / (ahead.len().max(2) - 1) as f64;
+    let steps = ahead.iter().zip(ahead.iter().skip(1));
+    let close = steps.filter(|(row, next)| next.t() - row.t() < CLOSE * mean);
+    match 2 * close.count() > ahead.len() {
+        true => mean.max(LONGEST / BURST),
+        false => mean,
+    }
 }
 
 impl Joint {
