@@ -103,11 +103,11 @@ impl Diagnosis {
             errors[0] += " refitted";
             errors.insert(0, format!("{} as given", torque(given)));
         }
-        let floor = torque(self.noise_floor_rms);
-        text + &format!(
-            "Held-out error {} N m (noise floor {floor})",
-            errors.join(" → ")
-        )
+        let (errors, floor) = (errors.join(" → "), torque(self.noise_floor_rms));
+        text + &match self.given_rms {
+            Some(_) => format!("Held-out error, N m: {errors} (noise floor {floor})"),
+            None => format!("Held-out error {errors} N m (noise floor {floor})"),
+        }
     }
 
     /// The values of the file that the logs contradict, the surest by name.

@@ -121,6 +121,39 @@ fn of_a_complete_walking_robot_nothing_is_missing() {
     }
 }
 
+/// What has moved since the file was written is named with both values, whatever the fit makes of the rest.
+#[test]
+fn a_value_that_has_changed_is_named() {
+    let folder = empty_folder();
+    let run = |arguments: &str| done(folder.path(), &arguments.split(' ').collect::<Vec<_>>());
+    let walk = "simulate --walk trot --typical --inertia-error 0.03 --seed 7";
+    run(&format!("{walk} -o monday.csv"));
+    run("identify --free-base --physical monday.csv -o monday.toml");
+    run(&format!(
+        "{walk} --hide coulomb:RR_thigh=0.62 -o tuesday.csv"
+    ));
+    let screen = run("diagnose --free-base tuesday.csv -m monday.toml");
+    assert!(
+        screen.starts_with("Missing: nothing. Changed: 1 value of the file."),
+        "{screen}"
+    );
+    let said = json(&run(
+        "diagnose --free-base tuesday.csv -m monday.toml --json",
+    ));
+    let changed = said["changed"].as_array().unwrap();
+    assert_eq!(changed.len(), 1, "{changed:?}");
+    assert_eq!(changed[0]["name"], "coulomb:RR_thigh");
+    let error = number(&changed[0]["is"]) - 0.62;
+    assert!(
+        error.abs() < 3.0 * number(&changed[0]["std"]),
+        "{changed:?}"
+    );
+    assert!(
+        number(&said["given_rms"]) > 5.0 * number(&said["held_out_rms"]),
+        "{said}"
+    );
+}
+
 /// Effects beyond the four of every drive, hidden one at a time from a robot whose drives are known: each is named first, alone, with its value.
 #[test]
 fn effects_of_the_whole_catalogue_are_named() {

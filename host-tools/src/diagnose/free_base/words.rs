@@ -210,10 +210,14 @@ impl FreeBaseDiagnosis {
     pub fn summary(&self, robot: &Robot, model: Option<&Path>, written: bool) -> Summary {
         let mut summary = self.diagnosis.summary(robot, model);
         if self.diagnosis.path.is_empty() {
-            summary.next = vec![format!(
-                "proprio compare --free-base {}",
-                typed(&self.diagnosis.logs, model)
-            )];
+            let logs = &self.diagnosis.logs;
+            summary.next = vec![match self.diagnosis.changed.is_empty() {
+                true => format!("proprio compare --free-base {}", typed(logs, model)),
+                false => {
+                    let logs = typed(logs, None);
+                    format!("proprio identify --free-base --physical {logs} -o refitted.toml")
+                }
+            }];
             return summary;
         }
         // What is missing, the step that takes most of it away, and what is left at the end.
