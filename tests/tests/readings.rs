@@ -1,6 +1,6 @@
 //! Logs of an arm that are another's by how they are read: each is named with its number, and what looks like it is not.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::fs;
 use std::path::Path;
 
@@ -137,7 +137,7 @@ fn the_mounting_of_the_base_is_named() {
         [FRAC_PI_2, 0.0],
         [0.0, FRAC_PI_2],
         [-FRAC_PI_2, 0.0],
-        [3.1415, 0.0],
+        [PI, 0.0],
         [0.9, 0.6],
     ];
     for [roll, pitch] in mountings {
@@ -369,11 +369,9 @@ fn a_refusal_names_what_is_the_case() {
     ]);
     let lerobot = named(["J.pos", "J.vel", "J.effort"]);
     let recorder = Recorder::new(arm.clone());
-    write(path, &recorder, &plotjuggler, |head, x| {
-        match torque(head) {
-            Some(_) => f64::NAN,
-            None => x,
-        }
+    write(path, &recorder, plotjuggler, |head, x| match torque(head) {
+        Some(_) => f64::NAN,
+        None => x,
     });
     let said = refused("other.toml");
     assert!(

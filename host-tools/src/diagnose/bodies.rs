@@ -37,15 +37,14 @@ pub(super) fn of(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> (Vec
         .fits
         .iter()
         .any(|fit| fit.tightness.iter().any(|t| *t > 1.0));
-    if pulled || found.steps.iter().any(|step| beyond(&step.effect)) {
-        if let Some((mut bodies, squares)) = with_free_bodies(data, model)
-            && squares < AS_WELL * end
-            && squares < PREDICTS * torque
-        {
-            bodies.retain(|body| body.z > INSTEAD);
-            if !bodies.is_empty() {
-                return (bodies, true);
-            }
+    if (pulled || found.steps.iter().any(|step| beyond(&step.effect)))
+        && let Some((mut bodies, squares)) = with_free_bodies(data, model)
+        && squares < AS_WELL * end
+        && squares < PREDICTS * torque
+    {
+        bodies.retain(|body| body.z > INSTEAD);
+        if !bodies.is_empty() {
+            return (bodies, true);
         }
     }
     if pulled || end > PREDICTS * torque {
