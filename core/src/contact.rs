@@ -17,10 +17,7 @@
 
 use crate::spatial::Motion;
 use crate::tree::{Joint, Placements, Tree};
-use crate::{
-    Real,
-    scalar::{dot, real},
-};
+use crate::{Real, scalar::real};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 mod gravity;
@@ -180,6 +177,10 @@ impl<T: Real, const V: usize, const R: usize> Default for Projector<T, V, R> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+    a.iter().zip(b).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
 }
 
 #[cfg(test)]

@@ -35,7 +35,7 @@
 //! # Ok::<(), FactorError>(())
 //! ```
 
-use crate::{Real, scalar::dot};
+use crate::Real;
 
 /// How many numbers a factor of `columns` parameters keeps: (p + 1)(p + 2)/2, the right-hand side and ρ included.
 pub const fn packed_len(columns: usize) -> usize {
@@ -287,6 +287,10 @@ impl<T: Real, S: AsRef<[T]>> Factor<T, S> {
 pub(crate) const fn row_start(columns: usize, k: usize) -> usize {
     // Rows before it have columns + 1, columns, … entries.
     k * (2 * columns + 3 - if k <= columns { k } else { columns + 1 }) / 2
+}
+
+fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+    a.iter().zip(b).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
 }
 
 mod arrow;

@@ -48,11 +48,6 @@ pub(crate) fn sqrt<T: Real>(x: T) -> T {
     x * x.inverse_sqrt()
 }
 
-/// The scalar product, as far as both reach.
-pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    a.iter().zip(b).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
-}
-
 /// A literal as a [`Real`].
 pub(crate) fn real<T: Real>(value: f64) -> T {
     nalgebra::convert(value)
