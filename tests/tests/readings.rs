@@ -184,6 +184,24 @@ fn units_and_signs_of_the_torque_are_named() {
         assert!((times - 1.0).abs() < 0.15, "{joint} {factor:?}");
     }
     // A torque beyond what the motors give is refused as such before it is read otherwise.
+    let folder = folder();
+    let arm = robot(folder.path());
+    write(
+        folder.path(),
+        &Recorder::new(arm.clone()),
+        as_is,
+        |head, x| torque(head).map_or(x, |_| 1e3 * x),
+    );
+    let read = Recording::read(
+        &[folder.path().join("log.csv")],
+        &Model::new(arm),
+        |_, _| (),
+    );
+    let refused = read
+        .err()
+        .map(|error| error.to_string())
+        .unwrap_or_default();
+    assert!(refused.contains("more than the robot can do"), "{refused}");
     for times in [0.5, 2.0, 0.1] {
         let found = scaled(&|_| times);
         let Some(MismatchKind::Unit(factor)) = found else {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use proprio_core::effect::Form;
 
 use super::ValuesFrom;
-use crate::model::{Model, ModelEffect, Provenance};
+use crate::model::{Model, ModelEffect};
 
 /// What is to be compared.
 pub(super) struct Asked {
@@ -69,8 +69,7 @@ fn unvalued(recorded: &dyn Fn(usize) -> bool, model: &Model) -> Vec<ModelEffect>
 fn valued_by(logs: &[PathBuf], model: &Model) -> Vec<ModelEffect> {
     let last = model.effects().iter().filter(|e| e.just_added);
     let last: Vec<ModelEffect> = last.copied().collect();
-    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
-    match !last.is_empty() && model.provenance().is_some_and(own) {
+    match !last.is_empty() && model.is_of(logs) {
         true => last,
         false => Vec::new(),
     }

@@ -31,7 +31,7 @@ pub(super) fn of(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> (Vec
         .map(|limb| limb.squares(&vec![0.0; limb.torque.len()]).total())
         .sum();
     let end: f64 = found.end.squares.iter().map(|own| own.total()).sum();
-    let beyond = |effect: &EffectKind| !EffectKind::PLAIN.contains(effect);
+    let beyond = |effect: &EffectKind| !effect.description().is_plain();
     let pulled = found
         .end
         .fits

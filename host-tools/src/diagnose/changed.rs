@@ -55,7 +55,8 @@ impl ChangedValue {
 /// A value that a model gives, and its standard deviation.
 type Given = (f64, Option<f64>);
 
-/// The values that `model` gives and `fitted` contradicts beyond chance, the surest first; none of a model that was fitted to these very logs.
+/// The values that `model` gives and `fitted` contradicts beyond chance, the surest first; of logs that the model's values are not of
+/// ([`Model::is_of`]).
 pub(super) fn changed(model: &Model, fitted: &[ParameterEstimate]) -> Vec<ChangedValue> {
     let given = given(model);
     let compared: Vec<ChangedValue> = (fitted.iter())

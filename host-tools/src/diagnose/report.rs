@@ -20,7 +20,6 @@ use crate::estimate::ParameterEstimate;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::side_by_side;
 use crate::identify::model_fit::parameters;
-use crate::model::Provenance;
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -174,7 +173,6 @@ impl Diagnosed<'_> {
     /// those of these very logs.
     fn as_given(&self) -> (Option<f64>, Vec<ChangedValue>) {
         let model = self.model;
-        let own = |provenance: &Provenance| provenance.is_of(&self.recording.logs).unwrap_or(false);
         if !model.has_values() || self.judged.is_empty() {
             return (None, Vec::new());
         }
@@ -182,7 +180,7 @@ impl Diagnosed<'_> {
         let squares = side_by_side(&limbs, |limb| {
             limb.squares(&limb.predicted(&Values::given(model, limb.limb), &|_| true))
         });
-        let values = match model.provenance().is_some_and(own) {
+        let values = match model.is_of(&self.recording.logs) {
             true => Vec::new(),
             false => side_by_side(&self.found.end.fits, |fit| parameters(fit)),
         };

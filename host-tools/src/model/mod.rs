@@ -81,7 +81,7 @@ mod provenance;
 mod robot;
 mod urdf;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
 use proprio_core::effect::{EffectKind, Prior};
@@ -327,6 +327,12 @@ impl Model {
     pub fn set_motor(&mut self, joint: usize, motor: Motor) {
         self.motors[joint] = Some(motor);
         self.robot.set_motor(joint, Some(motor));
+    }
+
+    /// Whether its values are those of these very logs (by what is in them, SHA-256); no where one cannot be read.
+    pub fn is_of(&self, logs: &[PathBuf]) -> bool {
+        let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
+        self.provenance().is_some_and(own)
     }
 
     /// Where the values come from, if they were identified.

@@ -30,7 +30,7 @@ use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
 use crate::log::Samples;
-use crate::model::{BASE, Model, Provenance};
+use crate::model::{BASE, Model};
 use crate::parameter::{self, INERTIAL_NAMES};
 use crate::select::search::search;
 use model::WalkModel;
@@ -88,9 +88,8 @@ pub fn diagnose_free_base(
         ..
     } = &found.end;
     let values = walk_parameters(data, fit, &data.deviations(fit));
-    let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
     diagnosis.given_rms = given;
-    if !model.provenance().is_some_and(own) {
+    if !model.is_of(logs) {
         diagnosis.changed = changed(model, &without_loaded(structure, &values));
     }
     Ok(FreeBaseDiagnosis {
