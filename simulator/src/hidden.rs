@@ -52,27 +52,24 @@ pub enum HiddenError {
     Walking(&'static str),
 }
 
-/// The effects that a robot on its feet can have: those of a joint's own motion, of its sensors, and loads.
-pub const WALKING: [HiddenKind; 15] = [
-    HiddenKind::Viscous,
-    HiddenKind::Coulomb,
-    HiddenKind::Armature,
-    HiddenKind::Bias,
-    HiddenKind::AsymmetricCoulomb,
-    HiddenKind::AsymmetricViscous,
-    HiddenKind::Stribeck,
-    HiddenKind::QuadraticDrag,
-    HiddenKind::SaturatingViscous,
-    HiddenKind::Spring,
-    HiddenKind::Cogging,
-    HiddenKind::TorqueGain,
-    HiddenKind::VelocityGain,
-    HiddenKind::EncoderOffset,
-    HiddenKind::Payload,
+/// The effects that a robot on its feet is not simulated with: its gears are rigid, its motors have no temperature, its feet stand on the
+/// ground, and nothing holds its base.
+const NOT_WALKING: [HiddenKind; 6] = [
+    HiddenKind::ThermalViscous,
+    HiddenKind::TorqueConstantDrift,
+    HiddenKind::Elasticity,
+    HiddenKind::Backlash,
+    HiddenKind::Contact,
+    HiddenKind::BaseTilt,
 ];
 
-fn walking() -> String {
-    WALKING.map(HiddenKind::name).join(", ")
+/// The names of the effects that a robot on its feet can have.
+pub fn walking() -> String {
+    let all = HiddenKind::ALL
+        .iter()
+        .filter(|kind| !NOT_WALKING.contains(kind));
+    let names: Vec<&str> = all.map(|kind| kind.name()).collect();
+    names.join(", ")
 }
 
 /// `name` was looked for in `known`.
@@ -249,7 +246,7 @@ impl Hide {
     /// # Errors
     /// [`HiddenError`], such as [`HiddenError::Walking`].
     pub fn on_walker(&self) -> Result<Vec<HiddenEffect>, HiddenError> {
-        if !WALKING.contains(&self.kind) {
+        if NOT_WALKING.contains(&self.kind) {
             return Err(HiddenError::Walking(self.kind.name()));
         }
         self.places(&Leg::ALL)

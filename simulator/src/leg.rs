@@ -1,6 +1,5 @@
 //! One pinned leg: its mechanics, its motors with their controller, and what the bus reports of them.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::{Rotation3, Vector3};
@@ -15,6 +14,7 @@ use super::follow::Followed;
 use super::hidden::HiddenEffect;
 use super::motion::{Reference, Wanted, centre};
 use super::plant::{Plant, PlantJoint, State};
+use super::report::ReportedTorque;
 use super::{Diverged, Simulation};
 
 /// Period of the controller, s: 4 kHz, between whose ticks the torque is held.
@@ -36,14 +36,11 @@ pub(super) struct SimulatedLeg {
     /// What the controller believes: the CAD, and how the base is said to be mounted.
     cad: Tree<f64, JOINTS, JOINTS>,
     mount: Transform<f64>,
-    delay: [f64; JOINTS],
     /// Ticks of the controller so far.
     ticks: u64,
-    /// The torque as the motors report it now, and the one they give, N m.
-    reported: Vector3<f64>,
+    reported: ReportedTorque<JOINTS>,
+    /// The torque that the motors give now, N m.
     given: Vector3<f64>,
-    /// Middles of the last holds, s, and what was reported in them: as many as the longest delay needs.
-    history: VecDeque<(f64, Vector3<f64>)>,
 }
 
 /// A leg's motors and what they report, at one instant.
@@ -68,7 +65,7 @@ impl SimulatedLeg {
             let effects: &Vec<Box<dyn Effect>> = &joint.effects;
             *body = effects.iter().fold(*body, |sum, e| sum + e.load());
         }
-        let delay = [0, 1, 2].map(|j: usize| joints[j].effects.iter().map(|e| e.delay()).sum());
+        let reported = ReportedTorque::new(PERIOD, |j| &joints[j].effects);
         let [roll, pitch] = simulation.tilt();
         let base = mount.compose(&turned(Rotation3::from_euler_angles(roll, pitch, 0.0)));
         let follow = simulation.follow.clone();
@@ -82,11 +79,9 @@ impl SimulatedLeg {
             follow,
             cad: go2::leg(leg),
             mount,
-            delay,
             ticks: 0,
-            reported: Vector3::zeros(),
+            reported,
             given: Vector3::zeros(),
-            history: VecDeque::new(),
         };
         leg.control();
         leg.plant.begin(&leg.state, &leg.given);
@@ -96,7 +91,7 @@ impl SimulatedLeg {
     /// What the bus tells of the leg now, before noise and quanta.
     pub(super) fn report(&self) -> Report {
         let (q, dq) = self.measured();
-        let tau = Vector3::from_fn(|j, _| self.late(j));
+        let tau = self.reported.at(self.state.t);
         Report {
             q,
             dq,
@@ -157,23 +152,20 @@ impl SimulatedLeg {
         let (q, dq) = self.measured();
         let (wanted, forward, [gain_p, gain_d]) = self.asked(t);
         let back = (wanted.q - q).component_mul(&gain_p) + (wanted.dq - dq).component_mul(&gain_d);
+        let mut reported = Vector3::zeros();
         for j in 0..JOINTS {
             let effort = ACTUATORS[j].effort;
-            self.reported[j] = (forward[j] + back[j]).clamp(-effort, effort);
+            reported[j] = (forward[j] + back[j]).clamp(-effort, effort);
             let seen = self.plant.seen(j, 0, &self.state, 0.0);
             let effects = self.plant.joints[j].effects.iter();
-            self.given[j] = effects.fold(self.reported[j], |tau, e| e.true_torque(tau, &seen));
+            self.given[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
         }
         let middle = if self.ticks == 0 {
             0.0
         } else {
             t + PERIOD / 2.0
         };
-        self.history.push_back((middle, self.reported));
-        let longest = self.delay.iter().fold(0.0f64, |most, d| most.max(*d));
-        while self.history.len() > 2 && self.history[1].0 < t - longest - PERIOD {
-            self.history.pop_front();
-        }
+        self.reported.hold(t, middle, reported);
         self.ticks += 1;
     }
 
@@ -186,21 +178,6 @@ impl SimulatedLeg {
             }
         }
         (q, dq)
-    }
-
-    /// The torque that joint `j` reports now: that of some time ago, between the middles of two holds.
-    fn late(&self, j: usize) -> f64 {
-        if self.delay[j] == 0.0 {
-            return self.reported[j];
-        }
-        let t = self.state.t - self.delay[j];
-        let after = self.history.partition_point(|(middle, _)| *middle <= t);
-        let at = |n: usize| self.history.get(n);
-        match (after.checked_sub(1).and_then(at), at(after)) {
-            (Some((t0, a)), Some((t1, b))) => a[j] + (b[j] - a[j]) * (t - t0) / (t1 - t0),
-            (Some((_, held)), None) | (None, Some((_, held))) => held[j],
-            (None, None) => self.reported[j],
-        }
     }
 }
 

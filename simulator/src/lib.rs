@@ -15,6 +15,7 @@ mod inertia_error;
 mod leg;
 mod motion;
 mod plant;
+mod report;
 mod sensors;
 mod sizes;
 #[cfg(test)]

@@ -10,12 +10,10 @@ use proprio_core::spatial::{Motion, Transform};
 use proprio_core::tree::{Kinematics, Tree};
 
 use super::dry;
-use super::effect::{Effect, JointState, Transmission};
+use super::effect::{Effect, JointState, MEMORIES, Transmission, with_slots};
 
 /// The foot in the calf's frame, m (go2.md).
 const FOOT: Vector3<f64> = Vector3::new(0.0, 0.0, -0.213);
-/// Most effects of one joint that have a memory: as many as there are such effects.
-const MEMORIES: usize = 3;
 
 /// What one joint has beyond the rigid bodies.
 pub(super) struct PlantJoint {
@@ -32,7 +30,7 @@ pub(super) struct PlantJoint {
 }
 
 /// The four entries of a matrix that a rotor adds to which turns with the sum of two coordinates.
-fn pairs(a: usize, b: usize) -> [(usize, usize); 4] {
+pub(super) fn pairs(a: usize, b: usize) -> [(usize, usize); 4] {
     [(a, a), (b, b), (a, b), (b, a)]
 }
 
@@ -147,12 +145,7 @@ impl Plant {
 
     /// The effects of joint `j`, each with the place of its memory.
     fn effects(&self, j: usize) -> impl Iterator<Item = (&dyn Effect, usize)> {
-        let mut next = 0;
-        self.joints[j].effects.iter().map(move |effect| {
-            let slot = next;
-            next += usize::from(effect.has_memory());
-            (effect.as_ref(), slot.min(MEMORIES - 1))
-        })
+        with_slots(&self.joints[j].effects)
     }
 
     /// What an effect at joint `j` sees.

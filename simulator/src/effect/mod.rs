@@ -150,6 +150,21 @@ pub(crate) trait Effect: Send {
     }
 }
 
+/// Most effects of one joint that have a memory: as many as there are such effects.
+pub(crate) const MEMORIES: usize = 3;
+
+/// The effects of a joint, each with the place of its memory.
+pub(crate) fn with_slots(
+    effects: &[Box<dyn Effect>],
+) -> impl Iterator<Item = (&dyn Effect, usize)> {
+    let mut next = 0;
+    effects.iter().map(move |effect| {
+        let slot = next;
+        next += usize::from(effect.has_memory());
+        (effect.as_ref(), slot.min(MEMORIES - 1))
+    })
+}
+
 /// One parameter of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {

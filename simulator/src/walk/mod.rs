@@ -47,7 +47,7 @@ pub struct Walk {
     pub duration: f64,
     /// Samples per second.
     pub rate: f64,
-    /// What is added to the rigid bodies, of the kinds of [`WALKING`](super::hidden::WALKING); of several entries for one effect and
+    /// What is added to the rigid bodies, of the kinds of [`walking`](super::hidden::walking); of several entries for one effect and
     /// place the last holds.
     pub effects: Vec<HiddenEffect>,
     /// How far the bodies are off the CAD, as of [`Simulation`](super::Simulation::inertia_error).

@@ -15,7 +15,8 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::{Joint, Kinematics, Tree};
 
 use super::super::dry;
-use super::super::effect::{Effect, JointState};
+use super::super::effect::{Effect, JointState, MEMORIES, with_slots};
+use super::super::plant::pairs;
 use super::ground::{Ground, Meeting};
 
 /// Bodies and velocity coordinates.
@@ -26,6 +27,8 @@ const TRUNK: usize = 6;
 /// Passes of a step at most, and the change of v̄ (rad/s, m/s) that ends them.
 const PASSES: usize = 12;
 const SETTLED: f64 = 1e-6;
+/// The same of transmitted torques, N m, where dry friction depends on them.
+const SETTLED_TORQUE: f64 = 1e-3;
 
 pub(super) type Coordinates = SVector<f64, COORDINATES>;
 pub(super) type Torques = SVector<f64, JOINTS>;
@@ -44,6 +47,8 @@ pub(super) struct State {
     pub(super) v: Coordinates,
     /// How far each foot's bristle is bent, m.
     pub(super) bent: [Vector2<f64>; LEGS],
+    /// Of the joints' effects.
+    memory: [[f64; MEMORIES]; JOINTS],
 }
 
 impl State {
@@ -56,6 +61,7 @@ impl State {
             q,
             v: Coordinates::zeros(),
             bent: [Vector2::zeros(); LEGS],
+            memory: [[0.0; MEMORIES]; JOINTS],
         }
     }
 
@@ -101,7 +107,12 @@ pub(super) struct Plant {
     /// What each joint has beyond the rigid bodies.
     pub(super) effects: [Vec<Box<dyn Effect>>; JOINTS],
     pub(super) ground: Ground,
-    armature: [f64; JOINTS],
+    /// What rotors add to the inertia.
+    rotors: SMatrix<f64, JOINTS, JOINTS>,
+    /// Whether some dry friction depends on the transmitted torque.
+    load_matters: bool,
+    /// Torques that the gears hand to the links in the last step, N m.
+    transmitted: Torques,
     /// Accelerations of the last step, rad/s² and m/s²: where the next one's passes begin.
     last: Coordinates,
     /// Forces on the feet in the world in the last step, N.
@@ -113,6 +124,8 @@ struct Loads {
     inertia: SMatrix<f64, COORDINATES, COORDINATES>,
     /// All smooth forces but the motors', N m and N.
     smooth: Coordinates,
+    /// The part of these that is not the joints' effects.
+    rigid: Coordinates,
     /// Sizes of dry friction in positive and negative motion, N m.
     dry: [[f64; 2]; COORDINATES],
     /// Of the feet.
@@ -126,8 +139,11 @@ impl Plant {
         effects: [Vec<Box<dyn Effect>>; JOINTS],
         ground: Ground,
     ) -> Self {
+        let all = || effects.iter().flatten();
         Self {
-            armature: std::array::from_fn(|j| effects[j].iter().map(|e| e.armature()).sum()),
+            rotors: rotors(&effects),
+            load_matters: all().any(|effect| effect.depends_on_load()),
+            transmitted: Torques::zeros(),
             tree,
             effects,
             ground,
@@ -139,6 +155,12 @@ impl Plant {
     /// The mean acceleration over the last step, rad/s² and m/s²: the derivative of [`State::v`].
     pub(super) fn acceleration(&self) -> &Coordinates {
         &self.last
+    }
+
+    /// Torques that the gears hand to the links in the last step, N m.
+    #[cfg(test)]
+    pub(super) fn transmitted(&self) -> &Torques {
+        &self.transmitted
     }
 
     /// Forces on the feet in the world in the middle of the last step, N.
@@ -154,53 +176,94 @@ impl Plant {
         for _ in 0..PASSES {
             let loads = self.loads(state, &((before + after) / 2.0), h);
             let mut inertia = loads.inertia;
+            let mut own = inertia.fixed_view_mut::<JOINTS, JOINTS>(TRUNK, TRUNK);
+            own += self.rotors;
             let mut forces = loads.smooth;
-            for j in 0..JOINTS {
-                inertia[(TRUNK + j, TRUNK + j)] += self.armature[j];
-                forces[TRUNK + j] += tau[j];
-            }
+            let mut motors = forces.fixed_rows_mut::<JOINTS>(TRUNK);
+            motors += tau;
             let right = inertia * before + forces * h;
             let sizes = loads.dry.map(|sizes| sizes.map(|size| size * h));
             let found = dry::hold(&inertia, &right, &sizes, &after)?;
             let change = (found - after).amax() / 2.0;
             (after, bending, self.forces) = (found, loads.bending, loads.forces);
-            if change < SETTLED {
+            // What moves the links, but for the ground and the bodies' own forces, the gears hand to them.
+            let links = loads.inertia * ((after - before) / h) - loads.rigid;
+            let transmitted: Torques = links.fixed_rows::<JOINTS>(TRUNK).into();
+            let shift = (transmitted - self.transmitted).amax();
+            self.transmitted = transmitted;
+            if change < SETTLED && (!self.load_matters || shift < SETTLED_TORQUE) {
                 break;
             }
         }
         self.last = (after - before) / h;
-        *state = state.moved(&((before + after) / 2.0), h);
-        state.v = after;
+        let mean = (before + after) / 2.0;
+        let memory = self.remembered(state, &mean, h, 1.0);
+        *state = state.moved(&mean, h);
+        (state.v, state.memory) = (after, memory);
         for (bent, rate) in state.bent.iter_mut().zip(bending) {
             *bent += rate * h;
         }
         Some(())
     }
 
+    /// The effects' memories after a `share` of what a step of `h` at velocities `v` changes them.
+    fn remembered(
+        &self,
+        state: &State,
+        v: &Coordinates,
+        h: f64,
+        share: f64,
+    ) -> [[f64; MEMORIES]; JOINTS] {
+        let mut all = state.memory;
+        for (j, own) in all.iter_mut().enumerate() {
+            let remembering = with_slots(&self.effects[j]).filter(|(e, _)| e.has_memory());
+            for (effect, slot) in remembering {
+                let after = effect.remember(own[slot], v[TRUNK + j], h);
+                own[slot] += share * (after - own[slot]);
+            }
+        }
+        all
+    }
+
     /// What acts half a step on from `state` at the velocities `mean`.
     fn loads(&self, state: &State, mean: &Coordinates, h: f64) -> Loads {
-        let middle = state.moved(mean, h / 2.0);
+        let middle = State {
+            memory: self.remembered(state, mean, h, 0.5),
+            ..state.moved(mean, h / 2.0)
+        };
         let base = middle.base();
         let k = self.tree.kinematics(&base, &positions(&middle.q), mean);
         let bias = self.tree.inverse_dynamics(&k, mean, &Coordinates::zeros());
         let mut loads = Loads {
             inertia: self.tree.inertia_matrix(&k),
-            smooth: -bias,
+            smooth: Coordinates::zeros(),
+            rigid: -bias,
             dry: [[0.0; 2]; COORDINATES],
             forces: [Vector3::zeros(); LEGS],
             bending: [Vector2::zeros(); LEGS],
         };
+        self.stand(&mut loads, &k, &state.bent, h);
+        loads.smooth = loads.rigid;
         for j in 0..JOINTS {
-            let seen = seen(middle.t, middle.q[j], mean[TRUNK + j]);
-            for effect in &self.effects[j] {
+            let carrier = (!j.is_multiple_of(JOINTS_PER_LEG)).then(|| j - 1);
+            for (effect, slot) in with_slots(&self.effects[j]) {
+                let seen = JointState {
+                    transmitted: self.transmitted[j],
+                    memory: middle.memory[j][slot],
+                    ..seen(middle.t, middle.q[j], mean[TRUNK + j])
+                };
                 loads.smooth[TRUNK + j] -= effect.motor_torque(&seen) + effect.link_torque(&seen);
+                if let Some(carrier) = carrier {
+                    let [own, other] = [j, carrier].map(|j| mean[TRUNK + j]);
+                    loads.smooth[TRUNK + j] -= effect.coupled_torque(own, other);
+                    loads.smooth[TRUNK + carrier] -= effect.coupled_torque(other, own);
+                }
                 let sizes = effect.dry_friction(&seen);
                 for (sum, size) in loads.dry[TRUNK + j].iter_mut().zip(sizes) {
                     *sum += size;
                 }
             }
         }
-        self.stand(&mut loads, &k, &state.bent, h);
         loads
     }
 
@@ -220,7 +283,7 @@ impl Plant {
             loads.forces[leg] = answer.force;
             loads.bending[leg] = answer.bending;
             if answer.force != Vector3::zeros() {
-                loads.smooth += generalised(&self.tree, &frames, leg, &point, &answer.force);
+                loads.rigid += generalised(&self.tree, &frames, leg, &point, &answer.force);
             }
         }
     }
@@ -247,6 +310,23 @@ impl Plant {
         };
         (point, meeting)
     }
+}
+
+/// What rotors add to the joints' inertia: each to its own, and those that turn with the sum of two joints to both, kg m².
+fn rotors(effects: &[Vec<Box<dyn Effect>>; JOINTS]) -> SMatrix<f64, JOINTS, JOINTS> {
+    let mut all = SMatrix::zeros();
+    for (j, own) in effects.iter().enumerate() {
+        for effect in own {
+            all[(j, j)] += effect.armature();
+            let coupled = effect.coupled_inertia();
+            if coupled != 0.0 {
+                pairs(j - 1, j)
+                    .into_iter()
+                    .for_each(|at| all[at] += coupled);
+            }
+        }
+    }
+    all
 }
 
 /// The body that carries a leg's foot.

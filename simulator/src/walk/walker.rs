@@ -6,6 +6,7 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use rand_chacha::ChaCha8Rng;
 
+use super::super::report::ReportedTorque;
 use super::gait::{HEIGHT, Reference};
 use super::plant::{
     BODIES, COORDINATES, Plant, State, Torques, frames, generalised, lowest, positions, seen,
@@ -34,8 +35,8 @@ pub(super) struct Walker {
     ticks: u64,
     /// What is wanted at the tick to come.
     next: (Torques, [f64; LEGS]),
-    /// The torque as the motors report it now, and the one they give, N m.
-    reported: Torques,
+    reported: ReportedTorque<JOINTS>,
+    /// The torque that the motors give now, N m.
     given: Torques,
 }
 
@@ -59,11 +60,11 @@ impl Walker {
         Self {
             state: State::new(-SETTLE, HEIGHT, wanted.q),
             next: (wanted.q, wanted.shares),
+            reported: ReportedTorque::new(PERIOD, |j| &plant.effects[j]),
             plant,
             reference,
             cad: go2::free(),
             ticks: 0,
-            reported: Torques::zeros(),
             given: Torques::zeros(),
         }
     }
@@ -108,13 +109,16 @@ impl Walker {
         let speed = (self.next.0 - wanted) / PERIOD;
         let asked = (wanted - q) * GAIN_P + (speed - dq) * GAIN_D + self.forward(&wanted, &shares);
         let own = self.state.dq();
+        let mut reported = Torques::zeros();
         for j in 0..JOINTS {
             let effort = ACTUATORS[j % JOINTS_PER_LEG].effort;
-            self.reported[j] = asked[j].clamp(-effort, effort);
+            reported[j] = asked[j].clamp(-effort, effort);
             let seen = seen(self.state.t, self.state.q[j], own[j]);
             let effects = self.plant.effects[j].iter();
-            self.given[j] = effects.fold(self.reported[j], |tau, e| e.true_torque(tau, &seen));
+            self.given[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
         }
+        let t = self.state.t;
+        self.reported.hold(t, t + PERIOD / 2.0, reported);
         self.ticks += 1;
     }
 
@@ -166,7 +170,7 @@ impl Walker {
         Ok(Truth {
             q,
             dq,
-            tau: self.reported,
+            tau: self.reported.at(self.state.t),
             gyro: angular,
             acc: own + turning.cross(&at) + angular.cross(&angular.cross(&at)) - gravity,
             normal,

@@ -1,6 +1,6 @@
 //! What `proprio simulate --help` says beyond its arguments.
 
-use proprio_simulator::hidden::WALKING;
+use proprio_simulator::hidden::walking;
 use proprio_simulator::{Description, HiddenKind, Scope};
 
 pub(super) const EXAMPLES: &str = "Examples:
@@ -25,7 +25,7 @@ pub(super) fn long_help() -> String {
             text += &usage(effect);
         }
     }
-    let walking = WALKING.map(HiddenKind::name).join(", ");
+    let walking = walking();
     text += &format!("With --walk: {walking}; payload:base is one on the trunk.");
     text
 }
