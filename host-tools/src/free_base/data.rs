@@ -9,8 +9,10 @@ use super::columns::{EffectSite, WalkColumns};
 use super::gravity;
 use super::outside;
 use super::projection::{Equations, Projection};
+use super::residual::WindowSamples;
 use super::rows::{
     Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
+    windows_of,
 };
 use super::sensors::MovedReadings;
 use super::stance::Stance;
@@ -98,10 +100,12 @@ impl Data {
             sites: structure.effects.iter().cloned().chain(torques).collect(),
         });
         let mut setup = RowSetup::cad(judged.clone());
+        // Which samples are a window's no parameter tells.
+        let windows = windows_of_all(walks, &setup);
         let mut outside = vec![Vec::new(); walks.walks.len()];
         let mut parts = None;
         for _ in 0..ROUNDS {
-            let data = Self::made(walks, setup, outside.clone(), true, None)?;
+            let data = Self::made(walks, setup, outside.clone(), true, Moved::Of(&windows))?;
             let (theta, thetas) = match candidates {
                 [] => {
                     let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
@@ -128,7 +132,7 @@ impl Data {
                 sites: sites.collect(),
             });
         }
-        let mut data = Self::made(walks, setup, outside, true, None)?;
+        let mut data = Self::made(walks, setup, outside, true, Moved::Of(&windows))?;
         if data.windows.outside > 0 {
             let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
             data.unseen = unseen::feet(walks, &data, fit.theta());
@@ -143,7 +147,8 @@ impl Data {
     ) -> Result<Self, FreeBaseError> {
         let outside = vec![Vec::new(); walks.walks.len()];
         let setup = RowSetup::cad(Arc::new(structure.columns()));
-        Self::made(walks, setup, outside, false, None)
+        let windows = windows_of_all(walks, &setup);
+        Self::made(walks, setup, outside, false, Moved::Of(&windows))
     }
 
     /// The same with other nonlinear parameters of the same effects.
@@ -156,7 +161,7 @@ impl Data {
         let (outside, moved) = (self.outside.clone(), self.moved.clone());
         Ok(Self {
             unseen: self.unseen.clone(),
-            ..Self::made(walks, setup, outside, true, Some(moved))?
+            ..Self::made(walks, setup, outside, true, Moved::Known(moved))?
         })
     }
 
@@ -227,15 +232,20 @@ impl Data {
         setup: RowSetup,
         outside: Vec<Vec<u64>>,
         parts: bool,
-        moved: Option<Arc<Vec<MovedReadings>>>,
+        moved: Moved,
     ) -> Result<Self, FreeBaseError> {
         let columns = setup.columns.len();
         let (mut blocks, mut windows) = (Vec::new(), Windows::default());
-        let moved = moved.unwrap_or_else(|| {
-            let logs = walks.walks.iter();
-            let moved = logs.map(|(walk, stance)| MovedReadings::of(walk, stance, &setup));
-            Arc::new(moved.collect())
-        });
+        let moved = match moved {
+            Moved::Known(moved) => moved,
+            Moved::Of(windows) => {
+                let logs = walks.walks.iter().zip(windows);
+                let moved = logs.map(|((walk, stance), windows)| {
+                    MovedReadings::of(walk, stance, &setup, windows)
+                });
+                Arc::new(moved.collect())
+            }
+        };
         for (n, (walk, stance)) in walks.walks.iter().enumerate() {
             let at = Linearised {
                 setup: &setup,
@@ -373,6 +383,18 @@ impl Data {
             });
         }
     }
+}
+
+/// What moved readings leave: known of rows at the same parameters, or to be made of these windows, log after log.
+enum Moved<'a> {
+    Known(Arc<Vec<MovedReadings>>),
+    Of(&'a [Vec<WindowSamples>]),
+}
+
+fn windows_of_all(walks: &Walks, setup: &RowSetup) -> Vec<Vec<WindowSamples>> {
+    let logs = walks.walks.iter();
+    logs.map(|(walk, stance)| windows_of(walk, stance, setup))
+        .collect()
 }
 
 /// What parameters leave of a window's equations, as rows are scaled; not a number of an equation that is left out.

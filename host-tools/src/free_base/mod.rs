@@ -7,7 +7,7 @@
 //!    `held`: whether something beyond them carries the robot.
 //! 3. `columns`: which column is what. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
 //!    `projection`: columns of any effect's torque in them.
-//!    `sensors`: what these get wrong, in columns of their own.
+//!    `sensors`: what these get wrong, in columns of their own. `residual`: what windows leave at known parameters, which these are differences of.
 //! 4. `data`: the rows as one factor per block of time.
 //!    `outside`: windows that no model of the catalogue explains. `unseen`: those of a foot that is taken to be in the air and is not.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
@@ -21,6 +21,7 @@ mod gravity;
 mod held;
 mod outside;
 pub(crate) mod projection;
+mod residual;
 mod rest;
 pub(crate) mod rows;
 pub(crate) mod sensors;

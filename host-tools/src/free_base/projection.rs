@@ -21,7 +21,7 @@ use crate::equation::column::Column;
 use crate::equation::presliding::Way;
 
 /// The coordinate of the first joint.
-const FIRST: usize = COORDINATES - JOINTS;
+pub(super) const FIRST: usize = COORDINATES - JOINTS;
 /// A joint's bristles are followed over gaps no longer than this, s, as those of a robot on a fixed base.
 const BRIDGED: f64 = 0.05;
 
@@ -37,12 +37,61 @@ pub(super) type Contact<'a> = (
 /// What a window's samples make of a joint's torque in each equation.
 pub(crate) struct Projection<'a> {
     states: &'a JointStates<'a>,
-    samples: Vec<usize>,
+    span: Span,
     /// P D S_j, sample by sample and joint by joint.
     passes: Vec<[Equations; JOINTS]>,
+}
+
+/// The samples of a window.
+pub(super) struct Span {
+    pub(super) samples: Vec<usize>,
     /// Half the time from the sample before, and to the one after, s, within the window.
-    halves: Vec<[f64; 2]>,
-    seconds: f64,
+    pub(super) halves: Vec<[f64; 2]>,
+    pub(super) seconds: f64,
+}
+
+impl Span {
+    pub(super) fn of(walk: &Walk, samples: &[usize]) -> Self {
+        let times: Vec<f64> = samples.iter().map(|&n| walk.seconds(n)).collect();
+        let half = |k: usize| 0.5 * (times[k + 1] - times[k]);
+        let last = times.len() - 1;
+        let halves = (0..=last).map(|k| {
+            let before = if k > 0 { half(k - 1) } else { 0.0 };
+            [before, if k < last { half(k) } else { 0.0 }]
+        });
+        Self {
+            halves: halves.collect(),
+            seconds: times[last] - times[0],
+            samples: samples.to_vec(),
+        }
+    }
+
+    /// What a torque gives at each sample, N m s: the halves of what its boundary term changes by to both sides, and its rate over the time that the
+    /// sample stands for.
+    pub(super) fn impulses(&self, term: impl Fn(usize) -> Term<f64>) -> Vec<f64> {
+        let mut last: Option<f64> = None;
+        let mut half_before = 0.0;
+        let mut all = vec![0.0; self.samples.len()];
+        for (k, &n) in self.samples.iter().enumerate() {
+            let Term { boundary, rate } = term(n);
+            if let Some(last) = last {
+                half_before = 0.5 * (boundary - last);
+                all[k - 1] += half_before;
+            }
+            let [before, after] = self.halves[k];
+            all[k] += half_before + rate * (before + after);
+            last = Some(boundary);
+        }
+        all
+    }
+}
+
+/// What equations are multiplied by: nothing where a joint may rest.
+pub(super) fn scale(resting: &[bool; JOINTS]) -> Equations {
+    std::array::from_fn(|c| match c.checked_sub(FIRST) {
+        Some(joint) if resting[joint] => 0.0,
+        _ => SCALE[c],
+    })
 }
 
 impl<'a> Projection<'a> {
@@ -54,10 +103,7 @@ impl<'a> Projection<'a> {
         resting: &[bool; JOINTS],
     ) -> Self {
         let walk = states.walk;
-        let scale: Equations = std::array::from_fn(|c| match c.checked_sub(FIRST) {
-            Some(joint) if resting[joint] => 0.0,
-            _ => SCALE[c],
-        });
+        let scale = scale(resting);
         let imu = super::imu();
         let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
         let passes = samples.iter().map(|&n| {
@@ -73,17 +119,8 @@ impl<'a> Projection<'a> {
             })
         });
         let passes = passes.collect();
-        let times: Vec<f64> = samples.iter().map(|&n| walk.seconds(n)).collect();
-        let half = |k: usize| 0.5 * (times[k + 1] - times[k]);
-        let last = times.len() - 1;
-        let halves = (0..=last).map(|k| {
-            let before = if k > 0 { half(k - 1) } else { 0.0 };
-            [before, if k < last { half(k) } else { 0.0 }]
-        });
         Self {
-            halves: halves.collect(),
-            seconds: times[last] - times[0],
-            samples: samples.to_vec(),
+            span: Span::of(walk, samples),
             passes,
             states,
         }
@@ -91,23 +128,10 @@ impl<'a> Projection<'a> {
 
     /// Adds the mean of a torque at a joint over the window to its equations; `term` tells it sample by sample.
     pub(crate) fn add(&self, joint: usize, term: impl Fn(usize) -> Term<f64>, to: &mut Equations) {
-        let mut last: Option<f64> = None;
-        let mut half_before = 0.0;
-        let mut shares = vec![0.0; self.samples.len()];
-        for (k, &n) in self.samples.iter().enumerate() {
-            let Term { boundary, rate } = term(n);
-            if let Some(last) = last {
-                half_before = 0.5 * (boundary - last);
-                shares[k - 1] += half_before;
-            }
-            let [before, after] = self.halves[k];
-            shares[k] += half_before + rate * (before + after);
-            last = Some(boundary);
-        }
-        for (share, passes) in shares.into_iter().zip(&self.passes) {
-            let share = share / self.seconds;
+        for (impulse, passes) in self.span.impulses(term).into_iter().zip(&self.passes) {
+            let mean = impulse / self.span.seconds;
             for (to, pass) in to.iter_mut().zip(&passes[joint]) {
-                *to += share * pass;
+                *to += mean * pass;
             }
         }
     }
@@ -120,34 +144,9 @@ impl<'a> Projection<'a> {
     /// A column of an effect, per unit of its parameter; nothing for what is no torque at a joint.
     pub(crate) fn column(&self, site: usize, column: &Column) -> Equations {
         let mut all = [0.0; COORDINATES];
-        let states = self.states;
-        match *column {
-            Column::Own {
-                joint,
-                effect,
-                shape,
-                n,
-            } => {
-                let term = |k: usize| effect.terms(&states.joint(k, joint, site), shape)[n];
-                self.add(joint, term, &mut all);
-            }
-            Column::Coupled { joint, effect, n } => {
-                for (own, other) in [joint, joint - 1].into_iter().zip([joint - 1, joint]) {
-                    let state = |k: usize, j: usize| states.joint(k, j, site);
-                    let term = |k: usize| effect.coupled(&state(k, own), &state(k, other))[n];
-                    self.add(own, term, &mut all);
-                }
-            }
-            // The equations are of true torques: g times what is reported.
-            Column::Scale(joint) => {
-                let term = |k: usize| Term {
-                    boundary: 0.0,
-                    rate: -states.walk.tau[k][joint],
-                };
-                self.add(joint, term, &mut all);
-            }
-            _ => {}
-        }
+        self.states.each_torque(site, column, |joint, term| {
+            self.add(joint, term, &mut all);
+        });
         all
     }
 }
@@ -167,20 +166,60 @@ pub(crate) struct JointStates<'a> {
 }
 
 impl<'a> JointStates<'a> {
-    pub(super) fn of(walk: &'a Walk, columns: &WalkColumns) -> Self {
-        let bristles = |site: &EffectSite| {
-            (site.place.0.description().input == Input::Bristles)
-                .then(|| bristles(walk, site.place.1, site.shape))
+    /// As the effects of columns that are `wanted`, by their numbers, see them.
+    pub(super) fn of(
+        walk: &'a Walk,
+        columns: &WalkColumns,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Self {
+        let asks =
+            |n: usize, input| wanted(n) && columns.sites[n].place.0.description().input == input;
+        let bristles = |(n, site): (usize, &EffectSite)| {
+            asks(n, Input::Bristles).then(|| bristles(walk, site.place.1, site.shape))
         };
-        let asks = |site: &EffectSite| site.place.0.description().input == Input::TransmittedTorque;
+        let mut all = 0..columns.sites.len();
         Self {
-            bristles: columns.sites.iter().map(bristles).collect(),
-            load: if columns.sites.iter().any(asks) {
+            bristles: columns.sites.iter().enumerate().map(bristles).collect(),
+            load: if all.any(|n| asks(n, Input::TransmittedTorque)) {
                 smoothed_torque(walk)
             } else {
                 Vec::new()
             },
             walk,
+        }
+    }
+
+    /// Tells the joints at which a column of an effect is a torque, and that torque per unit of its parameter sample by sample; nothing for what is
+    /// none.
+    pub(super) fn each_torque(
+        &self,
+        site: usize,
+        column: &Column,
+        mut tell: impl FnMut(usize, &dyn Fn(usize) -> Term<f64>),
+    ) {
+        match *column {
+            Column::Own {
+                joint,
+                effect,
+                shape,
+                n,
+            } => tell(joint, &|k| {
+                effect.terms(&self.joint(k, joint, site), shape)[n]
+            }),
+            Column::Coupled { joint, effect, n } => {
+                for (own, other) in [joint, joint - 1].into_iter().zip([joint - 1, joint]) {
+                    let state = |k: usize, j: usize| self.joint(k, j, site);
+                    tell(own, &|k| {
+                        effect.coupled(&state(k, own), &state(k, other))[n]
+                    });
+                }
+            }
+            // The equations are of true torques: g times what is reported.
+            Column::Scale(joint) => tell(joint, &|k| Term {
+                boundary: 0.0,
+                rate: -self.walk.tau[k][joint],
+            }),
+            _ => {}
         }
     }
 

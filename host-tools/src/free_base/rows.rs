@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::columns::{ACC, FIXED, WalkColumns};
 use super::projection::{Equations, JointStates, Projection};
+use super::residual::WindowSamples;
 use super::sensors::{MOVED, MovedReadings, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
@@ -132,7 +133,7 @@ pub(super) struct RowSetup {
     pub(super) tree: Tree<f64, BODIES, COORDINATES>,
     pub(super) sensors: Sensors,
     /// All parameters.
-    theta: DVector<f64>,
+    pub(super) theta: DVector<f64>,
 }
 
 impl RowSetup {
@@ -174,28 +175,6 @@ impl RowSetup {
         Self::at(Arc::new(columns), theta)
     }
 
-    /// What the equations of a window leave, with the sensors as they are here.
-    pub(super) fn left(&self, seen: &SeenWindow<'_>) -> Equations {
-        let mut left = seen.rows.torque.map(|measured| -measured);
-        for (left, row) in left.iter_mut().zip(&seen.rows.inertial) {
-            let terms = row.as_flattened().iter().zip(&self.theta);
-            *left += terms.map(|(a, x)| a * x).sum::<f64>();
-        }
-        let effects = self.columns.effects();
-        let mut valued = effects.filter(|(k, ..)| self.theta[*k] != 0.0).peekable();
-        // A projector at each sample is most of the work: of a model without effects it is not asked for.
-        if valued.peek().is_none() {
-            return left;
-        }
-        let projection = seen.projection(self);
-        for (k, site, linear) in valued {
-            let column = projection.column(site, &linear.column);
-            let terms = left.iter_mut().zip(column);
-            terms.for_each(|(left, x)| *left += self.theta[k] * x);
-        }
-        left
-    }
-
     fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
         Window::new(self.tree, [], core_setup(walk, stance, sensors))
     }
@@ -207,7 +186,7 @@ pub(super) struct SeenWindow<'a> {
     states: &'a JointStates<'a>,
     stance: &'a Stance,
     sensors: &'a Sensors,
-    samples: &'a [usize],
+    pub(super) samples: &'a [usize],
 }
 
 impl SeenWindow<'_> {
@@ -261,7 +240,7 @@ pub(super) fn each_row(
         let effects: Vec<Equations> = effects
             .map(|(_, site, linear)| projection.column(site, &linear.column))
             .collect();
-        let moved = moved.columns(start_us, || setup.left(seen));
+        let moved: Vec<(usize, &Equations)> = moved.columns(start_us).collect();
         let mut rank = told.equations;
         for c in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
             row[..ACC].copy_from_slice(rows.inertial[c].as_flattened());
@@ -313,7 +292,7 @@ pub(super) fn each_window(
     mut tell: impl FnMut(&SeenWindow<'_>),
 ) -> Windows {
     let walk = &sensors.corrected(walk);
-    let states = &JointStates::of(walk, &setup.columns);
+    let states = &JointStates::of(walk, &setup.columns, |_| true);
     let mut window = Box::new(setup.window(walk, stance, sensors));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
@@ -366,6 +345,19 @@ pub(super) fn each_window(
         }
     }
     counts
+}
+
+/// The windows of a walk.
+pub(super) fn windows_of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Vec<WindowSamples> {
+    let mut all = Vec::new();
+    each_window(walk, stance, setup, &setup.sensors, |seen| {
+        all.push(WindowSamples {
+            start_us: seen.rows.span_us[0],
+            samples: seen.samples.to_vec(),
+            resting: seen.rows.resting,
+        });
+    });
+    all
 }
 
 /// Which of a window's equations are of use.

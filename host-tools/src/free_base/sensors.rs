@@ -20,7 +20,8 @@ use proprio_core::go2::{self, JOINTS, LEGS};
 
 use super::columns::{ACC, WalkColumns};
 use super::projection::Equations;
-use super::rows::{RowSetup, each_window};
+use super::residual::{WindowSamples, residuals};
+use super::rows::RowSetup;
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::equation::column::Column;
@@ -171,18 +172,21 @@ fn offsets(columns: &WalkColumns) -> impl Iterator<Item = (usize, usize)> {
 
 /// What each equation leaves if the readings are moved: of each column that is a difference, window by window.
 #[derive(Default)]
-pub(super) struct MovedReadings(Vec<MovedColumn>);
-
-/// Its number, how far readings were moved, and what is left of the windows that begin then, µs.
-struct MovedColumn {
-    column: usize,
-    step: f64,
-    windows: Vec<(u64, Equations)>,
+pub(super) struct MovedReadings {
+    /// When the windows begin, µs in order.
+    starts: Vec<u64>,
+    /// The columns' numbers, and what they have in each of the windows.
+    columns: Vec<(usize, Vec<Equations>)>,
 }
 
 impl MovedReadings {
-    /// At the parameters that rows are made at.
-    pub(super) fn of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Self {
+    /// Of these windows, at the parameters that rows are made at.
+    pub(super) fn of(
+        walk: &Walk,
+        stance: &Stance,
+        setup: &RowSetup,
+        windows: &[WindowSamples],
+    ) -> Self {
         let at = setup.sensors;
         let sensors = (MOVED..SENSORS).map(|k| {
             let mut moved = at;
@@ -195,36 +199,25 @@ impl MovedReadings {
             (k, OFFSET_STEP, moved)
         });
         let all: Vec<(usize, f64, Sensors)> = sensors.chain(encoders).collect();
-        Self(side_by_side(&all, |(column, step, sensors)| {
-            let mut windows = Vec::new();
-            each_window(walk, stance, setup, sensors, |seen| {
-                windows.push((seen.rows.span_us[0], setup.left(seen)));
-            });
-            MovedColumn {
-                column: *column,
-                step: *step,
-                windows,
-            }
-        }))
+        let left = |sensors: &Sensors| residuals(walk, stance, setup, sensors, windows);
+        let as_read = left(&at);
+        let column = |(column, step, sensors): &(usize, f64, Sensors)| {
+            let moved = left(sensors).into_iter().zip(&as_read);
+            let slope = |(there, here): (Equations, &Equations)| {
+                std::array::from_fn(|c| (there[c] - here[c]) / step)
+            };
+            (*column, moved.map(slope).collect())
+        };
+        Self {
+            starts: windows.iter().map(|window| window.start_us).collect(),
+            columns: side_by_side(&all, column),
+        }
     }
 
-    /// The columns of the equations of a window that began then, each with its number; nothing without any readings moved. `left` tells what the
-    /// window leaves as the readings are.
-    pub(super) fn columns(
-        &self,
-        start_us: u64,
-        left: impl FnOnce() -> Equations,
-    ) -> Vec<(usize, Equations)> {
-        if self.0.is_empty() {
-            return Vec::new();
-        }
-        let left = left();
-        let of = |moved: &MovedColumn| {
-            let at = (moved.windows).binary_search_by_key(&start_us, |(start, _)| *start);
-            let there = &moved.windows[at.ok()?].1;
-            let column = std::array::from_fn(|c| (there[c] - left[c]) / moved.step);
-            Some((moved.column, column))
-        };
-        self.0.iter().filter_map(of).collect()
+    /// The columns of the equations of a window that began then, each with its number; nothing without any readings moved.
+    pub(super) fn columns(&self, start_us: u64) -> impl Iterator<Item = (usize, &Equations)> {
+        let at = self.starts.binary_search(&start_us);
+        let all = self.columns.iter();
+        all.filter_map(move |(column, windows)| Some((*column, &windows[at.ok()?])))
     }
 }

@@ -13,12 +13,21 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::gravity;
+use super::columns::WalkColumns;
+use super::residual::residuals;
 use super::rest::Rest;
-use super::rows::{BODIES, COORDINATES, RowSetup, core_setup, each_window, sample};
+use super::rows::{
+    BODIES, COORDINATES, Linearised, RowSetup, core_setup, each_row, each_window, sample,
+    windows_of,
+};
+use super::sensors::MovedReadings;
 use super::speed::quieten;
 use super::stance::Stance;
+use super::structure::ModelStructure;
 use super::walk::Walk;
+use super::{Walks, gravity};
+use crate::estimate::Constraint;
+use crate::model::Model;
 
 /// Samples of a robot that hangs still in the pose of standing, 500 Hz.
 fn still(count: usize) -> Walk {
@@ -52,6 +61,13 @@ fn hold(walk: &mut Walk, n: usize, forces: [f64; 4]) {
         torque -= jacobian.tr_mul(&(Vector3::z() * force));
     }
     walk.tau[n] = std::array::from_fn(|j| torque[6 + j]);
+}
+
+/// MuJoCo's trot.
+fn trot() -> Walks {
+    let path =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle/walk/trot.csv.gz");
+    Walks::read(&[path], |_, _| ()).unwrap()
 }
 
 fn imu() -> Transform<f64> {
@@ -263,11 +279,9 @@ fn gravitys_length_tells_the_accelerometers_bias_along_it() {
 /// these windows falls to that of the others.
 #[test]
 fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
-    let path =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle/walk/trot.csv.gz");
-    let mut walks = super::Walks::read(&[path], |_, _| ()).unwrap();
-    let structure = super::structure::ModelStructure::whole(crate::estimate::Constraint::Physical);
-    let unseen = |walks: &super::Walks| {
+    let mut walks = trot();
+    let structure = ModelStructure::whole(Constraint::Physical);
+    let unseen = |walks: &Walks| {
         let data = super::data::Data::of(walks, &structure, &[]).unwrap();
         (data.unseen.clone(), data.warnings())
     };
@@ -296,11 +310,9 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
 /// Torques of effects that the core knows have its own columns, whatever feet may carry a force and whichever joints rest.
 #[test]
 fn projected_torques_are_the_cores() {
-    let path =
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle/walk/trot.csv.gz");
-    let walks = super::Walks::read(&[path], |_, _| ()).unwrap();
+    let walks = trot();
     let (walk, stance) = &walks.walks[0];
-    let structure = super::structure::ModelStructure::whole(crate::estimate::Constraint::Physical);
+    let structure = ModelStructure::whole(Constraint::Physical);
     let setup = RowSetup::cad(Arc::new(structure.columns()));
     let mut ours = HashMap::new();
     each_window(walk, stance, &setup, &setup.sensors, |seen| {
@@ -344,4 +356,47 @@ fn projected_torques_are_the_cores() {
     }
     println!("{windows} windows, {loaded} with few equations, {resting} with joints at rest");
     assert!(windows > 20 && loaded > 5 && resting > 10);
+}
+
+/// What a window leaves at known parameters is what its rows times these leave: at bodies, effects and sensors that are not the CAD's.
+#[test]
+fn residuals_are_the_rows_times_their_parameters() {
+    let walks = trot();
+    let (walk, stance) = &walks.walks[0];
+    let model = Model::default();
+    let structure = ModelStructure::of(&model).unwrap();
+    let sites = structure.candidates(&model);
+    let columns = Arc::new(WalkColumns { sites });
+    let mut theta = RowSetup::cad(columns.clone()).theta;
+    // As far off as what sensors get wrong may be: thousandths.
+    let values = theta.iter_mut().enumerate();
+    values.for_each(|(k, x)| *x += 1e-3 * (1.0 + k as f64).sin());
+    let loads: Vec<usize> = columns.loads().iter().map(|(k, ..)| *k).collect();
+    loads.iter().for_each(|k| theta[*k] = 0.0);
+    let setup = RowSetup::at(columns.clone(), theta.clone());
+    let windows = windows_of(walk, stance, &setup);
+    let left = residuals(walk, stance, &setup, &setup.sensors, &windows);
+    let moved = MovedReadings::default();
+    let at = Linearised {
+        setup: &setup,
+        moved: &moved,
+    };
+    let (mut own, mut compared) = (0, 0);
+    each_row(walk, stance, at, &[], |row| {
+        let start_us = (row.start * 1e6).round() as u64;
+        while windows[own].start_us < start_us {
+            own += 1;
+        }
+        // Sensors are taken off by the readings, and have no columns here but the accelerometer's.
+        let right = row.numbers[theta.len()];
+        let others = (0..theta.len()).map(|k| row.numbers[k] * theta[k]);
+        let expected = others.sum::<f64>() - right;
+        let found = left[own][row.coordinate];
+        assert!(
+            (found - expected).abs() < 1e-9 * (1.0 + right.abs()),
+            "{found} {expected}"
+        );
+        compared += 1;
+    });
+    assert!(compared > 1000, "{compared}");
 }
