@@ -3,8 +3,7 @@
 use proprio_core::effect::{EffectKind, Enters, Form, JointState, Term};
 use proprio_core::inertia::INERTIAL;
 
-use super::motion::is_shared;
-use super::values::{Place, Values};
+use super::values::{Place, Values, is_shared};
 
 /// One parameter of a limb: an entry of θ.
 ///
@@ -57,6 +56,13 @@ pub(crate) enum Column {
     Delay,
     /// What a sensor of a moving base gets wrong, by its number among them.
     Sensor(usize),
+}
+
+impl Column {
+    /// Whether it is one of a load.
+    pub(super) fn is_load(&self) -> bool {
+        matches!(self, Self::Load { .. })
+    }
 }
 
 /// The columns of a limb.

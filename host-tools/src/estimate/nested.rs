@@ -11,9 +11,8 @@ use super::limb_data::LimbData;
 use super::parameter_estimate::Constraint;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
-use crate::equation::motion::is_shared;
 use crate::equation::rows::Rows;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, is_shared};
 
 /// Windows of a joint that are drawn, spread evenly over time.
 const DRAWN: usize = 400;

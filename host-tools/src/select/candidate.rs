@@ -3,8 +3,7 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria::statistics::{Squared, jackknife, sum_and_error};
-use crate::equation::motion::is_shared;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, is_shared};
 use crate::estimate::shapes;
 use crate::estimate::triangle::Trial as TriangleTrial;
 
