@@ -69,7 +69,10 @@ pub fn fit_model(
     } else {
         Vec::new()
     };
-    Ok(Fitted::new(recording, model, &fits, &shared, stages))
+    let parameters = fits.iter().flat_map(parameters).collect();
+    Ok(Fitted::new(
+        recording, model, &fits, parameters, &shared, stages,
+    ))
 }
 
 /// A model file that predicts otherwise than the fit that it was written from.
