@@ -218,6 +218,12 @@ impl Columns {
         self.entries.iter().map(of).collect()
     }
 
+    /// Whether they are other ones at other values.
+    pub(crate) fn depend_on_values(&self) -> bool {
+        let mut effects = self.entries.iter().filter_map(|e| e.effect);
+        effects.any(depends_on_values)
+    }
+
     /// The entries of an effect at a joint, in the order of its parameters.
     pub(crate) fn of_effect(&self, effect: EffectKind, joint: usize) -> Vec<usize> {
         let is = |e: &Entry| e.effect == Some(effect) && e.joint == joint;
@@ -225,6 +231,14 @@ impl Columns {
             .filter(|&k| is(&self.entries[k]))
             .collect()
     }
+}
+
+/// Whether an effect's columns are other ones at other values.
+pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
+    let description = effect.description();
+    description.is_derivative()
+        || description.depends_on_torque()
+        || description.form == Form::Inertia
 }
 
 /// The joint that carries another one of a limb; `None` for the first.
