@@ -92,7 +92,6 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 
 pub use crate::name::UnknownName;
-pub use conventions::LogConventions;
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use limb::ModelParameter;
@@ -101,7 +100,7 @@ pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
 use possible::{deviation, positive};
 pub use provenance::{LogRecord, Provenance};
-pub use robot::{Body, JointKind, Limb, Motor, Robot, Source};
+pub use robot::{Body, JointKind, Limb, LogConventions, Motor, Robot, Source};
 use rounding::rounded;
 pub(crate) use rounding::significant;
 
