@@ -18,7 +18,7 @@ use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Column, Columns, Entry, columns_of};
-use crate::equation::load::Load;
+use crate::equation::load_cache::Load;
 use crate::equation::motion::Motion;
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::share::{Share, shares};

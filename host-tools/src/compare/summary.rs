@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use super::words::named;
+use super::words::{NO_STRUCTURE, named};
 use super::{Comparison, black_box};
-use crate::detect::residual::Criticism;
-use crate::robust;
 use crate::summary::{Summary, torque, typed};
 
 /// Points of a summary.
@@ -15,51 +13,7 @@ const LEAST_PERCENT: f64 = 1.0;
 /// Share of the square error above the noise from which on a model is worth a diagnosis, %.
 const WORTH_A_DIAGNOSIS: f64 = 20.0;
 
-/// Of a residual in which no test finds anything.
-pub(super) const NO_STRUCTURE: &str = "The residual has no structure above the noise: it follows no position, velocity, acceleration, load, temperature or time";
-/// A joint of whose squared error patterns explain less is not explained.
-const EXPLAINED: f64 = 0.5;
-/// A joint with so much of all joints' squared error is worth a sentence though no pattern explains it, %.
-const OUTSTANDING_PERCENT: f64 = 20.0;
-/// So many times the median joint's error stands out where a log is too short for the tests: normal noise of twelve joints alike is within 1.5 of their
-/// median, and motors of one robot differ by less in size.
-const STANDS_OUT: f64 = 4.0;
-
 impl Comparison {
-    /// Joints with much of the error that no pattern explains, a sentence each: those whose residual is structured, or far larger than other joints'.
-    pub(super) fn unexplained(&self) -> Vec<String> {
-        let square = |c: &Criticism| c.scores.rms.powi(2) * c.scores.n as f64;
-        let all: f64 = self.criticism.iter().map(square).sum();
-        let told = |c: &&Criticism| {
-            let explained: f64 = c.patterns.iter().map(|pattern| pattern.share).sum();
-            let others = self.criticism.iter().filter(|o| o.joint != c.joint);
-            let usual = robust::median(others.map(|o| o.scores.rms)).unwrap_or(f64::INFINITY);
-            let structured =
-                c.structure() > EXPLAINED || c.whiteness.as_ref().is_some_and(|w| !w.white);
-            explained < EXPLAINED
-                && 100.0 * square(c) >= OUTSTANDING_PERCENT * all
-                && (structured || c.scores.rms > STANDS_OUT * usual)
-        };
-        let words = |c: &Criticism| {
-            let share = 100.0 * square(c) / all.max(f64::MIN_POSITIVE);
-            let structure = match c.structure() {
-                structure if structure > 0.0 => {
-                    format!("{:.0} % of it is structure", 100.0 * structure)
-                }
-                _ if c.whiteness.as_ref().is_some_and(|w| !w.white) => {
-                    "its residual is not white".to_owned()
-                }
-                _ => "far more than the other joints leave".to_owned(),
-            };
-            format!(
-                "{share:.0} % of the square error: {}, {} N m rms: {structure}, and no simple pattern explains it",
-                c.joint,
-                torque(c.scores.rms)
-            )
-        };
-        self.criticism.iter().filter(told).map(words).collect()
-    }
-
     /// The first screen: how large the error is, where it lives, and what to ask next.
     pub fn summary(&self, model: Option<&Path>) -> Summary {
         let mut points: Vec<String> = self.contact_sentences().into_iter().take(1).collect();

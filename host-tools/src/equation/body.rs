@@ -1,11 +1,10 @@
 //! A limb's rigid body under a model: its loads, its base, the inertia that a joint moves.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
 use super::rigid_body::{self, RigidBody};
-use super::rows::turned;
 use super::values::Values;
 use crate::model::{Limb, Model};
 
@@ -42,5 +41,13 @@ impl<'a> LimbBody<'a> {
         let [roll, pitch] = values.tilt();
         let rolled = turned(&self.model.base(), &Vector3::new(roll, 0.0, 0.0));
         turned(&rolled, &Vector3::new(0.0, pitch, 0.0))
+    }
+}
+
+/// A base turned about its own axes by a small rotation vector, rad.
+fn turned(base: &Transform<f64>, by: &Vector3<f64>) -> Transform<f64> {
+    Transform {
+        rotation: base.rotation * Rotation3::new(*by).matrix(),
+        translation: base.translation,
     }
 }

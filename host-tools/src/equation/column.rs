@@ -3,8 +3,7 @@
 use proprio_core::effect::{EffectKind, Enters, Form, JointState, Term};
 use proprio_core::inertia::INERTIAL;
 
-use super::motion::is_shared;
-use super::values::{Place, Values};
+use super::values::{Place, Values, is_shared};
 
 /// One parameter of a limb: an entry of θ.
 ///
@@ -57,6 +56,13 @@ pub(crate) enum Column {
     Delay,
     /// What a sensor of a moving base gets wrong, by its number among them.
     Sensor(usize),
+}
+
+impl Column {
+    /// Whether it is one of a load.
+    pub(super) fn is_load(&self) -> bool {
+        matches!(self, Self::Load { .. })
+    }
 }
 
 /// The columns of a limb.
@@ -212,6 +218,12 @@ impl Columns {
         self.entries.iter().map(of).collect()
     }
 
+    /// Whether they are other ones at other values.
+    pub(crate) fn depend_on_values(&self) -> bool {
+        let mut effects = self.entries.iter().filter_map(|e| e.effect);
+        effects.any(depends_on_values)
+    }
+
     /// The entries of an effect at a joint, in the order of its parameters.
     pub(crate) fn of_effect(&self, effect: EffectKind, joint: usize) -> Vec<usize> {
         let is = |e: &Entry| e.effect == Some(effect) && e.joint == joint;
@@ -219,6 +231,14 @@ impl Columns {
             .filter(|&k| is(&self.entries[k]))
             .collect()
     }
+}
+
+/// Whether an effect's columns are other ones at other values.
+pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
+    let description = effect.description();
+    description.is_derivative()
+        || description.depends_on_torque()
+        || description.form == Form::Inertia
 }
 
 /// The joint that carries another one of a limb; `None` for the first.

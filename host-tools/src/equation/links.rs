@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use proprio_core::effect::Transmission;
 
-use super::load::Load;
+use super::load_cache::Load;
 use super::motion::Motion;
 use super::play::play;
 use super::spring::{Gear, spring};

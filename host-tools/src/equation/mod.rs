@@ -1,7 +1,7 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
 //! 1. `motion`: a limb's motion without any torque, cut into windows of time; `states`: with `links` (`play`, `spring`) and `presliding`,
-//!    what effects see of it under a model; `load`, what its gears transmit.
+//!    what effects see of it under a model; `load`, what its gears transmit, smoothed by a `local_line` and kept in `load_cache`.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
 //!    to a torque.
@@ -17,7 +17,8 @@ pub(crate) mod integrals;
 pub(crate) mod jump;
 mod links;
 pub(crate) mod load;
-pub(crate) mod load_columns;
+pub(crate) mod load_cache;
+pub(crate) mod local_line;
 pub(crate) mod motion;
 mod play;
 pub(crate) mod presliding;

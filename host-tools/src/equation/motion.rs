@@ -6,10 +6,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::folds::Blocks;
-use super::load::{Loads, REACH, around, local_line};
+use super::load_cache::Loads;
+use super::local_line::{REACH, around, local_line};
 use super::presliding::Way;
 use super::values::Values;
-use crate::model::BASE;
 use crate::recording::LimbRecording;
 use crate::trajectory::{Stretch, Trajectory};
 
@@ -245,9 +245,4 @@ fn link(
         &stretches.iter().map(of).collect::<Vec<_>>(),
         period,
     ))
-}
-
-/// Whether an effect is one of all joints at `joint`.
-pub(crate) fn is_shared(joint: usize) -> bool {
-    joint == BASE
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::body::LimbBody;
-use super::load::Load;
+use super::load_cache::Load;
 use super::motion::Motion;
 use super::rigid_body::Slopes;
 use super::states::States;

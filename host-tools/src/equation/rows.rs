@@ -10,7 +10,6 @@
 //! motion (encoder_offset, elasticity, backlash, delay) or gravity (base_tilt) is in the motion that the columns are made of;
 //! its own column is the derivative of the prediction there. No measured torque enters.
 
-use nalgebra::{Rotation3, Vector3};
 use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
@@ -20,11 +19,10 @@ use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
-use super::load_columns::is_load;
 use super::motion::Motion;
 use super::rigid_body::{RigidBody, Slopes};
 use super::states::States;
-use super::values::Values;
+use super::values::{Values, load};
 
 /// Windows whose rows are made one after the other; parts are made side by side.
 const PART: usize = 128;
@@ -108,7 +106,7 @@ impl Rows {
                 .collect();
             for (c, integral) in known.get(at, &keys).into_iter().enumerate() {
                 let Some(integral) = integral else {
-                    own[j].extend(Some(c).filter(|_| !is_load(&columns.of_joint[j][c])));
+                    own[j].extend(Some(c).filter(|_| !columns.of_joint[j][c].is_load()));
                     continue;
                 };
                 let places = self.numbers.iter_mut().skip(self.starts[j] + c);
@@ -140,6 +138,30 @@ impl Rows {
             at,
             all.flat_map(|(j, own)| own.iter().filter_map(move |&c| column(j, c))),
         );
+    }
+
+    /// Writes the columns of loads where a model has them, each a sum of its body's own, which are there.
+    pub(crate) fn put_loads(&mut self, body: &LimbBody, values: &Values, columns: &Columns) {
+        for (j, own) in columns.of_joint.iter().enumerate() {
+            let sum = |(c, column): (usize, &Column)| match *column {
+                Column::Load { body: b, n } => {
+                    let first = own.iter().position(|c| *c == Column::Inertial(b, 0))?;
+                    let at = values.load_at(b, &body.coms[b]);
+                    Some((c, first, load(&at, n)))
+                }
+                _ => None,
+            };
+            let sums: Vec<_> = own.iter().enumerate().filter_map(sum).collect();
+            if sums.is_empty() {
+                continue;
+            }
+            for w in 0..self.windows() {
+                let row = self.row_mut(w, j);
+                for (c, first, load) in &sums {
+                    row[*c] = dot(load, &row[*first..first + INERTIAL]);
+                }
+            }
+        }
     }
 
     /// Puts a row of true torques to the scale of the reported one, and writes the column of that scale: the derivative of
@@ -435,13 +457,5 @@ impl<'a> Pass<'a> {
                 | Column::Sensor(_) => (0.0, 0.0),
             };
         }
-    }
-}
-
-/// A base turned about its own axes by a small rotation vector, rad.
-pub(crate) fn turned(base: &Transform<f64>, by: &Vector3<f64>) -> Transform<f64> {
-    Transform {
-        rotation: base.rotation * Rotation3::new(*by).matrix(),
-        translation: base.translation,
     }
 }

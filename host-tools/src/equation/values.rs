@@ -4,11 +4,15 @@ use nalgebra::Vector3;
 use proprio_core::effect::{EffectKind, Form, MAX_PARAMETERS, Moved, Transmission};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
-use super::load_columns::load;
 use crate::model::{BASE, Limb, Model};
 
 /// An effect at a joint of a limb, counted from the limb's first; [`BASE`] for what all joints share.
 pub(crate) type Place = (EffectKind, usize);
+
+/// Whether an effect is one of all joints at `joint`.
+pub(crate) fn is_shared(joint: usize) -> bool {
+    joint == BASE
+}
 
 /// A load lighter than this is nowhere in particular, kg.
 pub(crate) const LEAST_LOAD: f64 = 0.01;
@@ -206,4 +210,33 @@ fn neutral(effect: EffectKind) -> [f64; MAX_PARAMETERS] {
         };
     }
     numbers
+}
+
+/// The inertial parameters of a point mass of 1 kg at `com` (n = 0), or how they change with its first moment (1 kg m) along
+/// x, y or z (n = 1 to 3), or the same inertia about all axes (n = 4).
+pub(crate) fn load(com: &Vector3<f64>, n: usize) -> [f64; INERTIAL] {
+    if n == 4 {
+        return [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0];
+    }
+    let (mass, away) = match n {
+        0 => (1.0, *com),
+        n => (0.0, Vector3::ith(n - 1, 1.0)),
+    };
+    // The inertia |c|² 1 − c cᵀ, or its derivative along `away`.
+    let share = if n == 0 { 0.5 } else { 1.0 };
+    let spread = com * away.transpose() + away * com.transpose();
+    let inertia = (nalgebra::Matrix3::identity() * spread.trace() - spread) * share;
+    let i = |r: usize, c: usize| inertia[(r, c)];
+    [
+        mass,
+        away.x,
+        away.y,
+        away.z,
+        i(0, 0),
+        i(0, 1),
+        i(0, 2),
+        i(1, 1),
+        i(1, 2),
+        i(2, 2),
+    ]
 }

@@ -13,8 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-use super::bounded::inverse;
-use super::fit::LimbFit;
+use super::bounded::{Problem, Solution, inverse};
 
 /// The least share of a direction's information that is taken to be outside a block: below it, rounding.
 const LEAST_REST: f64 = 1e-9;
@@ -31,11 +30,11 @@ pub(crate) struct Deviations {
 }
 
 impl Deviations {
-    pub(crate) fn of(fit: &LimbFit) -> Self {
-        let independent = inverse(&fit.solution.factor);
-        let prior = fit.problem.prior_information(&fit.solution.theta);
-        let scores: Vec<BlockScore> = fit.block_scores().map(|(_, score)| score).collect();
-        let blocks = sandwich(&independent, &scores, &prior);
+    /// Of a problem at its solution, whose blocks have these scores.
+    pub(crate) fn of(problem: &Problem, solution: &Solution, scores: &[BlockScore]) -> Self {
+        let independent = inverse(&solution.factor);
+        let prior = problem.prior_information(&solution.theta);
+        let blocks = sandwich(&independent, scores, &prior);
         Self {
             independent,
             blocks,

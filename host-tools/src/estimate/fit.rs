@@ -8,7 +8,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use proprio_core::effect::{EffectKind, Enters, Form};
+use proprio_core::effect::{EffectKind, Enters};
 use proprio_core::inertia::INERTIAL;
 use proprio_solve::group::noises;
 use proprio_solve::nested::NOISE_ROUNDS;
@@ -21,7 +21,7 @@ use super::limb_data::LimbData;
 use super::limit::Limit;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
-use super::shapes::{self, Searched};
+use super::shapes::{self, Scan, Searched};
 use super::spread::Spread;
 use super::whitening::neighbour_correlation;
 use crate::equation::column::Columns;
@@ -115,14 +115,14 @@ impl<'a> LimbFit<'a> {
             .as_ref()
             .map(|weights| weights.correlation.clone());
         let mut correlation = given.unwrap_or_else(|| vec![0.0; data.joints()]);
-        let mut noise = typical_noise(data);
+        let mut noise = data.typical_noise();
         let mut rows: Option<(Columns, Rows)> = None;
         let passes = how.passes.unwrap_or(MOST_PASSES);
         for pass in 1..=passes {
             let columns = data.columns(&values, &fitted, &[]);
             // Rows of a linear model do not depend on its values.
             let made = match rows.take() {
-                Some((known, made)) if known == columns && !depend_on_values(&columns) => made,
+                Some((known, made)) if known == columns && !columns.depend_on_values() => made,
                 _ => data.rows(&values, &columns),
             };
             let mut fit = Self::at(
@@ -140,7 +140,10 @@ impl<'a> LimbFit<'a> {
             let is_told = |place: &Place| limits.iter().any(|(told, _)| told == place);
             let searched = |place: &Place| is_searched(place, how) && !is_told(place);
             let scanned = match pass <= SHAPE_PASSES.min(passes - 1) {
-                true => shapes::better(&fit, &made, &searched, how.near || pass > 1),
+                true => {
+                    let places = fit.places.iter().copied().filter(searched).collect();
+                    shapes::better(places, || fit.scan(&made), how.near || pass > 1)
+                }
                 false => Searched::Same,
             };
             let scanned = match scanned {
@@ -190,7 +193,7 @@ impl<'a> LimbFit<'a> {
             let Some(fit) = LimbFit::of(data, &known, &how) else {
                 break;
             };
-            let limit = Limit::of(&fit, &fit.predicted(), place.1);
+            let limit = fit.limit(&fit.predicted(), place.1);
             if let Some(limit) = limit {
                 known.push(place);
                 told.push((place, limit.std));
@@ -198,6 +201,21 @@ impl<'a> LimbFit<'a> {
             }
         }
         (start.filter(|_| !told.is_empty()), told)
+    }
+
+    /// The limit of a joint's drive, where these data tell one and the fit predicts so.
+    pub(crate) fn limit(&self, predicted: &[f64], joint: usize) -> Option<Limit> {
+        let refit = |data: &LimbData, start: &Values| {
+            let how = How {
+                start: Some(start.clone()),
+                shapes: Some(Vec::new()),
+                hold_bodies: true,
+                passes: Some(2),
+                ..How::default()
+            };
+            Some(LimbFit::of(data, &self.places, &how)?.values)
+        };
+        Limit::of((self.data, &self.values), predicted, joint, &refit)
     }
 
     /// The fit over rows that were made at `at`.
@@ -313,18 +331,26 @@ impl<'a> LimbFit<'a> {
         Some(Self { limits, ..fit })
     }
 
+    /// What is left of a window's torque at a joint, by the rows that the fit was made of, N m.
+    fn residual(&self, rows: &Rows) -> impl Fn(usize, usize) -> f64 {
+        let (data, own) = (
+            self.data,
+            self.columns.combined(self.solution.theta.as_slice()),
+        );
+        move |w, j| data.torque[w * data.joints() + j] - dot(&own[j], rows.row(w, j))
+    }
+
+    /// The residuals by those rows, ready to be searched for shapes.
+    fn scan(&self, rows: &Rows) -> Scan<'_> {
+        let at = [&self.values, &self.at];
+        Scan::new(self.data, &self.columns, at, &self.residual(rows))
+    }
+
     /// The correlation of neighbouring residuals of each joint.
     fn noise_kind(&self, rows: &Rows) -> Vec<f64> {
-        let data = self.data;
-        let own = self.columns.combined(self.solution.theta.as_slice());
+        let (data, residual) = (self.data, self.residual(rows));
         let of = |j: usize| {
-            let residual = |w: usize| {
-                let torque = data.torque[w * data.joints() + j];
-                (
-                    data.motion.windows[w].samples,
-                    torque - dot(&own[j], rows.row(w, j)),
-                )
-            };
+            let residual = |w: usize| (data.motion.windows[w].samples, residual(w, j));
             let windows = (0..data.motion.windows.len()).filter(|&w| data.counts(w, j));
             neighbour_correlation(&windows.map(residual).collect::<Vec<_>>())
         };
@@ -333,7 +359,7 @@ impl<'a> LimbFit<'a> {
 
     /// Whether nothing that columns depend on has moved by much since they were made.
     fn is_steady(&self) -> bool {
-        if !depend_on_values(&self.columns) {
+        if !self.columns.depend_on_values() {
             return true;
         }
         let std = self.solution.std();
@@ -434,33 +460,6 @@ fn without_limits(places: &[Place], how: &How) -> How {
 /// Whether an effect's shape is searched.
 fn is_searched(place: &Place, how: &How) -> bool {
     how.shapes.as_ref().is_none_or(|own| own.contains(place))
-}
-
-/// Whether columns are other ones at other values.
-pub(super) fn depend_on_values(columns: &Columns) -> bool {
-    let mut effects = columns.entries.iter().filter_map(|e| e.effect);
-    effects.any(depends_on_values)
-}
-
-/// Whether an effect's columns are other ones at other values.
-pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
-    let description = effect.description();
-    description.is_derivative()
-        || description.depends_on_torque()
-        || description.form == Form::Inertia
-}
-
-/// Noise of each joint's windows before there is a fit, N m: a twentieth of its torque, as well as models of drives do. It is for
-/// weighing doubts in the first pass alone.
-fn typical_noise(data: &LimbData) -> Vec<f64> {
-    const SHARE: f64 = 0.05;
-    let zero = vec![0.0; data.torque.len()];
-    let squares = data.squares(&zero).by_joint();
-    let rms = squares
-        .iter()
-        .zip(data.windows())
-        .map(|(square, n)| (square / n.max(1.0)).sqrt());
-    rms.map(|rms| (SHARE * rms).max(1e-9)).collect()
 }
 
 pub(super) fn found_by_trying(effect: EffectKind, joint: usize, at: &Values) -> bool {

@@ -3,7 +3,6 @@
 use proprio_core::effect::{EffectKind, Enters, Grid};
 
 use super::limb_data::LimbData;
-use super::shapes::{Scan, possible, shape_parameter};
 use crate::equation::values::{Place, Values};
 
 /// Multiples of the gear ratio that harmonics are looked for at.
@@ -33,6 +32,17 @@ const RESONANCES: i32 = 14;
 /// same.
 const DIFFERENT: f64 = 4.0;
 
+/// Which of an effect's parameters is searched.
+pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
+    effect.description().searched().map_or(0, |(n, _)| n)
+}
+
+/// The shape next to this one that an effect may have.
+pub(crate) fn possible(effect: EffectKind, shape: f64) -> f64 {
+    let parameter = &effect.description().parameters[shape_parameter(effect)];
+    shape.clamp(parameter.lower, parameter.upper)
+}
+
 /// Whether the best value of an effect's grid stands alone: between two of them the torque is another one.
 pub(super) fn is_narrow(effect: EffectKind) -> bool {
     matches!(effect.description().searched(), Some((_, Grid::Harmonics)))
@@ -49,58 +59,65 @@ pub(crate) fn tried(effect: EffectKind) -> f64 {
     }
 }
 
-impl Scan<'_> {
-    /// The shapes to try, within what is physical.
-    pub(super) fn grid(&self, place: Place) -> Vec<f64> {
-        let all = self.tried_shapes(place).into_iter();
-        all.map(|shape| possible(place.0, shape)).collect()
-    }
+/// The shapes of an effect to try, within what is physical; `torque` is what its joint's drive gives at a sample, N m.
+pub(super) fn grid(
+    data: &LimbData,
+    values: &Values,
+    place: Place,
+    torque: &dyn Fn(usize) -> f64,
+) -> Vec<f64> {
+    let all = tried_shapes(data, values, place, torque).into_iter();
+    all.map(|shape| possible(place.0, shape)).collect()
+}
 
-    fn tried_shapes(&self, place: Place) -> Vec<f64> {
-        let (effect, joint) = place;
-        let trajectory = &self.data.motion.joint[joint];
-        let Some((_, grid)) = effect.description().searched() else {
-            return Vec::new();
-        };
-        match grid {
-            Grid::Torques => {
-                let samples = 0..self.data.motion.time.len();
-                let torques = samples.map(|k| self.states().joint(k, joint).tau);
-                let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
-                (LIMITS / 4..LIMITS)
-                    .map(|k| most * k as f64 / LIMITS as f64)
-                    .collect()
-            }
-            Grid::Gaps | Grid::Resonances => values_to_try(self.data, self.values, place),
-            _ => {
-                let q = || trajectory.state.iter().map(|state| state[0]);
-                let speeds = trajectory.speed.iter();
-                let reach = Reach {
-                    gear: self.gear(joint),
-                    travel: q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min),
-                    least_displacement: self.least_displacement(place),
-                    fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
-                    speed_noise: trajectory.speed_noise,
-                };
-                values(grid, &reach).unwrap_or_default()
-            }
+fn tried_shapes(
+    data: &LimbData,
+    model: &Values,
+    place: Place,
+    torque: &dyn Fn(usize) -> f64,
+) -> Vec<f64> {
+    let (effect, joint) = place;
+    let trajectory = &data.motion.joint[joint];
+    let Some((_, grid)) = effect.description().searched() else {
+        return Vec::new();
+    };
+    match grid {
+        Grid::Torques => {
+            let torques = (0..data.motion.time.len()).map(torque);
+            let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
+            (LIMITS / 4..LIMITS)
+                .map(|k| most * k as f64 / LIMITS as f64)
+                .collect()
+        }
+        Grid::Gaps | Grid::Resonances => values_to_try(data, model, place),
+        _ => {
+            let q = || trajectory.state.iter().map(|state| state[0]);
+            let speeds = trajectory.speed.iter();
+            let reach = Reach {
+                gear: gear(data, joint),
+                travel: q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min),
+                least_displacement: least_displacement_of(data, place),
+                fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
+                speed_noise: trajectory.speed_noise,
+            };
+            values(grid, &reach).unwrap_or_default()
         }
     }
+}
 
-    /// The least displacement that an effect may have and a joint's samples resolve, rad.
-    fn least_displacement(&self, (effect, joint): Place) -> f64 {
-        let state = &self.data.motion.joint[joint].state;
-        let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
-        let acceleration = (square / state.len().max(1) as f64).sqrt();
-        least_displacement(acceleration, self.data.recording.period())
-            .max(effect.description().parameters[shape_parameter(effect)].lower)
-    }
+/// The least displacement that an effect may have and a joint's samples resolve, rad.
+fn least_displacement_of(data: &LimbData, (effect, joint): Place) -> f64 {
+    let state = &data.motion.joint[joint].state;
+    let square: f64 = state.iter().map(|state| state[2] * state[2]).sum();
+    let acceleration = (square / state.len().max(1) as f64).sqrt();
+    least_displacement(acceleration, data.recording.period())
+        .max(effect.description().parameters[shape_parameter(effect)].lower)
+}
 
-    /// A joint's gear ratio; one where the motor is not known.
-    pub(super) fn gear(&self, joint: usize) -> f64 {
-        let body = &self.data.model.robot().bodies()[self.data.limb.bodies.start + joint];
-        body.motor.map_or(1.0, |motor| motor.gear)
-    }
+/// A joint's gear ratio; one where the motor is not known.
+pub(super) fn gear(data: &LimbData, joint: usize) -> f64 {
+    let body = &data.model.robot().bodies()[data.limb.bodies.start + joint];
+    body.motor.map_or(1.0, |motor| motor.gear)
 }
 
 /// What of a joint's motion a grid is made of.

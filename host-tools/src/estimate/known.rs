@@ -3,7 +3,7 @@
 
 use proprio_core::effect::{EffectKind, Transmission};
 
-use super::deviation::Deviations;
+use super::deviation::{BlockScore, Deviations};
 use super::fit::{LimbFit, found_by_trying};
 use super::spread::Spread;
 use crate::once::made_once;
@@ -20,12 +20,21 @@ const SWING: f64 = 0.09;
 impl LimbFit<'_> {
     /// How surely the parameters are known by the data.
     pub(crate) fn deviations(&self) -> &Deviations {
-        made_once(&self.deviations, || Deviations::of(self))
+        let made = || {
+            let scores: Vec<BlockScore> = self.block_scores().map(|(_, score)| score).collect();
+            Deviations::of(&self.problem, &self.solution, &scores)
+        };
+        made_once(&self.deviations, made)
     }
 
     /// By how much the parameters differ from stretch to stretch.
     pub(crate) fn spread(&self) -> &Spread {
-        made_once(&self.spread, || Spread::of(self, self.deviations()))
+        let made = || {
+            let solved = (&self.problem, &self.solution);
+            let (blocks, scores) = (&self.data.blocks, self.block_scores());
+            Spread::of(solved, blocks, scores, self.deviations())
+        };
+        made_once(&self.spread, made)
     }
 
     /// Standard deviation of entry k's value, as the catalogue means it, all told.

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 
 use super::bounded::Problem;
 use super::deviation::BlockScore;
-use super::fit::{LimbFit, depends_on_values};
+use super::fit::LimbFit;
 use super::groups::{Group, stacked};
 use super::limb_data::LimbData;
 use super::method::Method;
+use crate::equation::column::depends_on_values;
 use crate::equation::dot::dot;
 use crate::equation::jump::DryFriction;
 use crate::equation::values::{Place, Values};

@@ -7,7 +7,7 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::fit::{How, LimbFit};
+use super::limb_data::LimbData;
 use crate::equation::values::Values;
 use crate::robust::{MEDIAN_OF_NORMAL, median};
 
@@ -52,8 +52,13 @@ pub(crate) struct Limit {
 impl Limit {
     /// The limit of a joint whose drive a fit, which predicts so, takes to give what it reports; `None` if there is none that these data
     /// tell.
-    pub(crate) fn of(fit: &LimbFit, predicted: &[f64], joint: usize) -> Option<Self> {
-        let joint = Joint::of(fit, joint);
+    pub(crate) fn of(
+        (data, values): (&LimbData, &Values),
+        predicted: &[f64],
+        joint: usize,
+        refit: &Refit,
+    ) -> Option<Self> {
+        let joint = Joint::of((data, values), joint, refit);
         if !joint.is_suspected(predicted) {
             return None;
         }
@@ -72,29 +77,40 @@ impl Limit {
     }
 }
 
-/// A joint of a fit's limb, and the windows in which it is judged.
+/// Values of a limb's model fitted to other data of it, from these on; `None` if there is no such fit.
+type Refit<'a> = dyn Fn(&LimbData, &Values) -> Option<Values> + 'a;
+
+/// A joint of a limb under a model, and the windows in which it is judged.
 struct Joint<'a> {
-    fit: &'a LimbFit<'a>,
+    data: &'a LimbData<'a>,
+    values: &'a Values,
+    refit: &'a Refit<'a>,
     joint: usize,
     counted: Vec<usize>,
 }
 
 impl<'a> Joint<'a> {
-    fn of(fit: &'a LimbFit<'a>, joint: usize) -> Self {
-        let windows = 0..fit.data.motion.windows.len();
+    fn of(
+        (data, values): (&'a LimbData<'a>, &'a Values),
+        joint: usize,
+        refit: &'a Refit<'a>,
+    ) -> Self {
+        let windows = 0..data.motion.windows.len();
         Self {
-            fit,
+            data,
+            values,
+            refit,
             joint,
-            counted: windows.filter(|&w| fit.data.counts(w, joint)).collect(),
+            counted: windows.filter(|&w| data.counts(w, joint)).collect(),
         }
     }
 
     fn at(&self, window: usize) -> usize {
-        window * self.fit.data.joints() + self.joint
+        window * self.data.joints() + self.joint
     }
 
     fn reported(&self, window: usize) -> f64 {
-        self.fit.data.torque[self.at(window)]
+        self.data.torque[self.at(window)]
     }
 
     fn is_suspected(&self, predicted: &[f64]) -> bool {
@@ -127,7 +143,7 @@ impl<'a> Joint<'a> {
 
     /// The model fitted again until no outliers are left in its data, and what it predicts.
     fn without_outliers(&self, predicted: &[f64]) -> Option<(Values, Vec<f64>)> {
-        let (mut values, mut predicted) = (self.fit.values.clone(), predicted.to_vec());
+        let (mut values, mut predicted) = (self.values.clone(), predicted.to_vec());
         let mut out: Vec<usize> = Vec::new();
         for _ in 0..ROUNDS {
             let found = self.outliers(&predicted, UNUSUAL);
@@ -196,23 +212,16 @@ impl<'a> Joint<'a> {
         })
     }
 
-    /// The fit's model fitted again without some windows, and what it predicts in all of them; `None` where they are too many.
+    /// The model fitted again without some windows, and what it predicts in all of them; `None` where they are too many.
     fn without(&self, values: &Values, out: &[usize]) -> Option<(Values, Vec<f64>)> {
-        let (fit, data) = (self.fit, self.fit.data);
+        let data = self.data;
         if out.len() as f64 > MOST_OUT * self.counted.len() as f64 {
             return None;
         }
         let mut left_out = data.left_out.clone();
         out.iter().for_each(|&w| left_out[w] = true);
         let rest = data.clone().leaving_out(&left_out);
-        let how = How {
-            start: Some(values.clone()),
-            shapes: Some(Vec::new()),
-            hold_bodies: true,
-            passes: Some(2),
-            ..How::default()
-        };
-        let values = LimbFit::of(&rest, &fit.places, &how)?.values;
+        let values = (self.refit)(&rest, values)?;
         let predicted = data.predicted(&values, &|_| true);
         Some((values, predicted))
     }

@@ -14,7 +14,7 @@ use proprio_core::spatial::Transform;
 use super::groups::{Group, Groups};
 use super::limb_data::LimbData;
 use crate::equation::column::{Column, Columns};
-use crate::equation::load::local_line;
+use crate::equation::local_line::local_line;
 use crate::equation::motion::Window;
 use crate::equation::rigid_body::RigidBody;
 use crate::equation::states::States;

@@ -5,15 +5,15 @@ use proprio_core::inertia::INERTIAL;
 use proprio_solve::nested::{NestedJoint, NestedLimb};
 
 use super::factor::HeapFactor;
-use super::fit::{How, LimbFit, depends_on_values, others};
+use super::fit::{How, LimbFit, others};
 use super::folding::Weights;
 use super::limb_data::LimbData;
 use super::parameter_estimate::Constraint;
 use crate::equation::column::Columns;
+use crate::equation::column::depends_on_values;
 use crate::equation::dot::dot;
-use crate::equation::motion::is_shared;
 use crate::equation::rows::Rows;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, is_shared};
 
 /// Windows of a joint that are drawn, spread evenly over time.
 const DRAWN: usize = 400;

@@ -6,8 +6,7 @@ use proprio_core::effect::EffectKind;
 
 use super::fit::{How, LimbFit};
 use super::limb_data::LimbData;
-use crate::equation::motion::is_shared;
-use crate::equation::values::{Place, Values};
+use crate::equation::values::{Place, Values, is_shared};
 use crate::model::{BASE, Model};
 use crate::recording::Recording;
 

@@ -11,8 +11,9 @@
 //! and by how much each of them moves is a part of its own standard deviation.
 
 use super::fit::LimbFit;
+use super::grid::{possible, shape_parameter};
 use super::groups::{Groups, stacked};
-use super::shapes::{orthonormal, possible, shape_parameter};
+use super::shapes::orthonormal;
 use crate::equation::dot::dot;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};

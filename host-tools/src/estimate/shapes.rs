@@ -12,14 +12,11 @@ use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS};
 use rayon::prelude::*;
 
 use super::directions::{Kept, Key, Span, Vectors};
-use super::fit::LimbFit;
-pub(crate) use super::grid::tried;
-use super::grid::{MULTIPLES, is_narrow};
+use super::grid::{MULTIPLES, gear, grid, is_narrow, shape_parameter};
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
 use crate::equation::presliding::Way;
-use crate::equation::rows::Rows;
 use crate::equation::states::States;
 use crate::equation::values::{Place, Values};
 use crate::once::made_once;
@@ -46,35 +43,30 @@ pub(crate) enum Searched {
     Nothing,
 }
 
-/// Looks for better shapes of a fit, plays and springs `again` near those that an earlier pass has found.
-pub(crate) fn better(
-    fit: &LimbFit,
-    rows: &Rows,
-    searched: &dyn Fn(&Place) -> bool,
+/// Looks for better shapes of these effects on what a fit leaves, plays and springs `again` near those that an earlier pass has found.
+pub(crate) fn better<'a>(
+    places: Vec<Place>,
+    scan: impl FnOnce() -> Scan<'a>,
     again: bool,
 ) -> Searched {
     let is_sought = |place: &Place| place.0.description().searched().is_some();
-    let shaped = fit.places.iter().copied().filter(is_sought);
-    let places: Vec<Place> = shaped.filter(searched).collect();
+    let places: Vec<Place> = places.into_iter().filter(is_sought).collect();
     if places.is_empty() {
         return Searched::Same;
     }
-    let own = fit.columns.combined(fit.solution.theta.as_slice());
-    let mut scan = Scan::new(fit.data, &fit.columns, [&fit.values, &fit.at], &|w, j| {
-        fit.data.torque[w * fit.data.joints() + j] - dot(&own[j], rows.row(w, j))
-    });
+    let mut scan = scan();
     scan.is_near = again;
     let best: Vec<Option<f64>> = (places.par_iter())
         .map(|&place| scan.closest(place))
         .collect();
-    let (mut values, mut moved, mut nothing) = (fit.values.clone(), false, false);
+    let (mut values, mut moved, mut nothing) = (scan.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
         let Some(best) = best else {
             nothing |= place.0.description().is_compliant();
             continue;
         };
         let n = shape_parameter(place.0);
-        let before = fit.at.get(place, n);
+        let before = scan.at.get(place, n);
         if (best - before).abs() > SAME * before.abs() {
             values.set(place, n, best);
             moved = true;
@@ -85,17 +77,6 @@ pub(crate) fn better(
         (false, true) => Searched::Nothing,
         (false, false) => Searched::Same,
     }
-}
-
-/// Which of its parameters is searched.
-pub(crate) fn shape_parameter(effect: EffectKind) -> usize {
-    effect.description().searched().map_or(0, |(n, _)| n)
-}
-
-/// The shape next to this one that an effect may have.
-pub(crate) fn possible(effect: EffectKind, shape: f64) -> f64 {
-    let parameter = &effect.description().parameters[shape_parameter(effect)];
-    shape.clamp(parameter.lower, parameter.upper)
 }
 
 /// The residuals of a limb's model, ready to be searched for shapes.
@@ -198,7 +179,8 @@ impl<'a> Scan<'a> {
         let basis = || -> &Span { made_once(&basis, || self.basis(&windows, joint)) };
         let span = |shape: f64| self.span(&windows, place, shape, &basis);
         let fall = |shape: f64| explained(&span(shape), &residual);
-        let grid = self.grid(place);
+        let torque = |k: usize| self.states().joint(k, joint).tau;
+        let grid = grid(self.data, self.values, place, &torque);
         let is_known = |shape: &f64| self.known(&windows, place, *shape).is_some();
         if is_narrow(effect) && !grid.iter().all(is_known) {
             let harmonics = self.harmonics(&windows, place);
@@ -373,7 +355,7 @@ impl<'a> Scan<'a> {
     /// The columns, sine and cosine, at the multiples of the gear ratio that are in a grid of harmonics. Those of each multiple come
     /// from those of the one before (angle addition), so that a sample costs one evaluation and not one for each multiple.
     fn harmonics(&self, windows: &[usize], (effect, joint): Place) -> Vec<Vectors> {
-        let gear = self.gear(joint);
+        let gear = gear(self.data, joint);
         // They are kept: no more room than they take.
         let room = || (0..2).map(|_| Vec::with_capacity(windows.len())).collect();
         let mut columns: Vec<Vectors> = (0..MULTIPLES).map(|_| room()).collect();

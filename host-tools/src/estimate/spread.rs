@@ -10,9 +10,9 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::bounded::{inverse, triangle};
-use super::deviation::Deviations;
-use super::fit::LimbFit;
+use super::bounded::{Problem, Solution, inverse, triangle};
+use super::deviation::{BlockScore, Deviations};
+use crate::equation::folds::Blocks;
 use crate::robust;
 
 /// How improbable it must be that noise alone makes the folds differ so: of a hundred parameters that do not, one is said to.
@@ -29,12 +29,18 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    pub(crate) fn of(fit: &LimbFit, deviations: &Deviations) -> Self {
-        let prior = fit.problem.prior_information(&fit.solution.theta);
-        let n = fit.solution.theta.len();
-        let mut folds = vec![(prior, DVector::zeros(n)); fit.data.blocks.folds];
-        for (block, score) in fit.block_scores() {
-            let (rows, gradient) = &mut folds[fit.data.blocks.fold(block)];
+    /// Of a problem at its solution, with these deviations: each block of time with its score.
+    pub(crate) fn of(
+        (problem, solution): (&Problem, &Solution),
+        blocks: &Blocks,
+        scores: impl Iterator<Item = (usize, BlockScore)>,
+        deviations: &Deviations,
+    ) -> Self {
+        let prior = problem.prior_information(&solution.theta);
+        let n = solution.theta.len();
+        let mut folds = vec![(prior, DVector::zeros(n)); blocks.folds];
+        for (block, score) in scores {
+            let (rows, gradient) = &mut folds[blocks.fold(block)];
             let before = rows.nrows();
             *rows = std::mem::replace(rows, DMatrix::zeros(0, 0))
                 .resize_vertically(before + score.rows.nrows(), 0.0);

@@ -74,7 +74,7 @@ pub fn identify(
         for log in logs {
             let own = read(std::slice::from_ref(log), &mut |_, _| ())?;
             let fitted = fit_model(&own, &model, options)?;
-            each.push(Run::of(&own, &fitted));
+            each.push(Run::of(&own, fitted.rms, fitted.held_out_rms));
             fits.push(fitted);
         }
         fitted.compare_runs(each, &fits);

@@ -7,8 +7,7 @@ use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;
 
 use crate::detect::twist::told_by_encoders;
-use crate::equation::motion::is_shared;
-use crate::equation::values::{Place, Values, places};
+use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
@@ -70,7 +69,10 @@ pub fn fit_model(
     } else {
         Vec::new()
     };
-    Ok(Fitted::new(recording, model, &fits, &shared, stages))
+    let parameters = fits.iter().flat_map(parameters).collect();
+    Ok(Fitted::new(
+        recording, model, &fits, parameters, &shared, stages,
+    ))
 }
 
 /// A model file that predicts otherwise than the fit that it was written from.

@@ -9,8 +9,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::model_fit::Fitted;
-use crate::estimate::Status;
+use crate::estimate::{ParameterEstimate, Status};
 use crate::recording::Recording;
 
 /// Chance of any disagreement among runs that agree.
@@ -66,7 +65,8 @@ pub struct RunValue {
 }
 
 impl Run {
-    pub(crate) fn of(recording: &Recording, fitted: &Fitted) -> Self {
+    /// Of a recording, and what its fit leaves: root mean square of the residuals, also on stretches that the fit has not seen, N m.
+    pub(super) fn of(recording: &Recording, rms: f64, held_out_rms: Option<f64>) -> Self {
         let size = |of: &dyn Fn(&crate::recording::LimbRecording) -> &[f64]| {
             let (sum, n) = recording
                 .limbs
@@ -86,8 +86,8 @@ impl Run {
             .fold((0.0, 0u64), |(sum, n), t| (sum + t, n + 1));
         Self {
             log: recording.logs.first().cloned().unwrap_or_default(),
-            rms: fitted.rms,
-            held_out_rms: fitted.held_out_rms,
+            rms,
+            held_out_rms,
             temperature: (n > 0).then(|| sum / n as f64),
             speed: size(&|limb| &limb.dq),
             torque: size(&|limb| &limb.tau),
@@ -96,20 +96,20 @@ impl Run {
     }
 }
 
-/// Compares runs parameter by parameter; those that fewer than two runs identify are left out. The worst first.
-pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
+/// Compares runs parameter by parameter; those that fewer than two runs identify are left out. The worst first. Of each run its estimates, each
+/// with by how much its value differs within the run (standard deviation).
+pub(super) fn compare(runs: &[Vec<(&ParameterEstimate, f64)>]) -> Vec<Consistency> {
     let Some(first) = runs.first() else {
         return Vec::new();
     };
     let mut all = Vec::new();
-    for parameter in &first.parameters {
-        let name = &parameter.estimate.name;
+    for (parameter, _) in first {
+        let name = &parameter.name;
         let told: Vec<RunValue> = runs
             .iter()
             .enumerate()
-            .filter_map(|(run, fitted)| {
-                let parameter = fitted.fitted(name)?;
-                let estimate = &parameter.estimate;
+            .filter_map(|(run, own)| {
+                let (estimate, within) = own.iter().find(|(own, _)| own.name == *name)?;
                 // An effect that one run shows to be absent differs from one that another run shows.
                 let counts = estimate.status != Status::Unexcited
                     && estimate.std <= 0.5 * estimate.prior_std
@@ -119,7 +119,7 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
                     run,
                     value: estimate.value,
                     // What differs within a run is no reason to take less notice of what differs between runs.
-                    std: (estimate.std.powi(2) - parameter.std_between.powi(2)).sqrt(),
+                    std: (estimate.std.powi(2) - within.powi(2)).sqrt(),
                 })
             })
             .collect();
@@ -129,7 +129,7 @@ pub(crate) fn compare(runs: &[Fitted]) -> Vec<Consistency> {
         if let Some((differs, sigma)) = most.filter(|_| told.len() > 1) {
             all.push(Consistency {
                 parameter: name.clone(),
-                unit: parameter.estimate.unit,
+                unit: parameter.unit,
                 differs: told[differs].run,
                 runs: told,
                 sigma,

@@ -259,15 +259,19 @@ fn runs_of_one_robot_agree_and_one_with_other_friction_does_not() {
         )
         .unwrap()
     };
+    let compare = |fits: &[Fitted]| {
+        let estimates: Vec<_> = fits.iter().map(Fitted::estimates).collect();
+        runs::compare(&estimates)
+    };
     let mut fits = vec![fit(&[], 1), fit(&[], 2)];
-    let agree = runs::compare(&fits);
+    let agree = compare(&fits);
     assert!(
         agree.len() > 6 && agree.iter().all(|c| c.consistent),
         "{:?}",
         agree.first()
     );
     fits.push(fit(&["coulomb:FR_calf=0.9"], 3));
-    let disagree = runs::compare(&fits);
+    let disagree = compare(&fits);
     assert_eq!(
         (
             disagree[0].parameter.as_str(),

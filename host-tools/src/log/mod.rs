@@ -54,7 +54,6 @@ use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JointId, LEGS, Leg};
 
-pub use admission::Cause;
 pub use channel::Channel;
 pub use checks::{
     BRIDGED, Checks, GAP, GAP_PERIODS, LEAST_DURATION, LEAST_RATE, LONGEST_GAP, Periods,
@@ -67,7 +66,7 @@ pub use row::Row;
 pub use samples::Samples;
 pub use source::files;
 pub(crate) use source::open_bytes;
-pub use warning::Warning;
+pub use warning::{Cause, Warning};
 pub use writer::{CanonicalWriter, LogWriter, WalkWriter};
 
 /// A Go2's log held whole.

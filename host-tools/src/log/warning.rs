@@ -2,9 +2,11 @@
 
 use std::fmt;
 
-use super::admission::{Cause, words};
 use super::error::Place;
 use crate::model::significant;
+
+/// Positions that jump and come back in so many rows are no damaged messages: another program publishes its own states.
+pub(super) const PUBLISHER: u64 = 3;
 
 /// What a user should know about a log that can still be used.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +67,23 @@ pub enum Warning {
     },
 }
 
+/// Why a row is left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// Its stamp is not between those of the rows about it.
+    Stamp,
+    /// A value that no robot reaches for a moment.
+    Impossible,
+    /// Zeros before the first state of a joint.
+    ZerosFirst,
+    /// Its positions are elsewhere, and those of the rows after it are not.
+    Jump,
+    /// Its positions are elsewhere for good: another recording begins.
+    Seam,
+    /// It follows a seam closely.
+    AfterSeam,
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -94,7 +113,7 @@ impl fmt::Display for Warning {
                 first,
                 column,
                 value,
-            } => f.write_str(&words(
+            } => f.write_str(&left_out(
                 *cause,
                 [*count, *also, *rows],
                 *first,
@@ -115,5 +134,51 @@ impl fmt::Display for Warning {
                 "{count} of {of} messages tell of other joints and are left out"
             ),
         }
+    }
+}
+
+/// What was left out, in words.
+fn left_out(
+    cause: Cause,
+    [count, also, rows]: [u64; 3],
+    first: Place,
+    column: &str,
+    value: f64,
+) -> String {
+    let value = match value.abs() {
+        1e-3..1e6 => significant(value, 4).to_string(),
+        0.0 => "0".to_owned(),
+        _ => format!("{value:.2e}"),
+    };
+    let samples = match count {
+        1 => format!("1 of {rows} samples is left out"),
+        count => format!("{count} of {rows} samples are left out"),
+    };
+    match cause {
+        Cause::Stamp => format!(
+            "{samples}: the time stamp is not between those before and after it (the first at {first}: {value} s)"
+        ),
+        Cause::Impossible => format!(
+            "{samples}: {column} is {value} at {first}, many times any sample about it: a damaged message"
+        ),
+        Cause::ZerosFirst => format!(
+            "{}: zeros before the first state ({first} on, {column})",
+            match count + also {
+                1 => format!("1 of {rows} samples is left out"),
+                count => format!("{count} of {rows} samples are left out"),
+            }
+        ),
+        Cause::Jump if count >= PUBLISHER => format!(
+            "{samples}: positions jump and come back (the first at {first}: {column} {value}): two publishers on one topic; \
+             stop one, or record the other's topic alone"
+        ),
+        Cause::Jump => format!(
+            "{samples}: positions jump and come back (the first at {first}: {column} {value})"
+        ),
+        Cause::Seam | Cause::AfterSeam => format!(
+            "positions jump and stay at {count} place{} ({first}: {column} {value}): logs joined? No window bridges a seam, and \
+             {also} of {rows} samples after it are left out",
+            if count == 1 { "" } else { "s" }
+        ),
     }
 }

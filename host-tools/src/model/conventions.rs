@@ -2,26 +2,7 @@
 
 use proprio_core::go2::JOINT_NAMES;
 
-use super::Robot;
-
-/// What messages leave open: which motor is which, and on which side of the gear it is recorded.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LogConventions {
-    /// The joint of each motor, by the motor's number in messages; if not stated, as the maker numbers them.
-    pub motors: Option<Vec<usize>>,
-    /// Whether messages tell position, velocity, torque of the motor and not of the joint.
-    pub at_motor: [bool; 3],
-    /// For each motor that a row is stated of: its turns per turn of each joint that it moves.
-    pub transmission: Vec<(usize, Vec<(usize, f64)>)>,
-}
-
-impl LogConventions {
-    /// A motor's turns per turn of joints, if stated.
-    pub fn transmission_of(&self, motor: usize) -> Option<&[(usize, f64)]> {
-        let found = self.transmission.iter().find(|(of, _)| *of == motor);
-        found.map(|(_, ratios)| ratios.as_slice())
-    }
-}
+use super::robot::{Body, Robot};
 
 /// Order of the motors of Unitree's G1 in `unitree_hg/LowState`, its joints without `_joint` (unitree_sdk2, `G1JointIndex`).
 const G1: [&str; 29] = [
@@ -83,7 +64,7 @@ impl Robot {
     /// The joint that a log calls `name`: by its name, its name in the URDF, either with or without `_joint`.
     pub fn joint_as_recorded(&self, name: &str) -> Option<usize> {
         let short = |name: &str| name.strip_suffix("_joint").unwrap_or(name).to_owned();
-        let exact = |body: &super::Body| body.name == name || body.joint_name == name;
+        let exact = |body: &Body| body.name == name || body.joint_name == name;
         let bodies = self.bodies();
         let found = bodies.iter().position(exact);
         found.or_else(|| {

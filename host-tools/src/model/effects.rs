@@ -3,7 +3,8 @@
 use proprio_core::effect::{EffectKind, MAX_PARAMETERS, Prior};
 use proprio_core::estimator::EffectPrior;
 
-use super::possible::{Impossible, deviation, in_bounds, possible, rounded};
+use super::possible::{Impossible, deviation, in_bounds, possible};
+use super::rounding::rounded;
 use super::{Estimate, Model};
 use crate::catalogue;
 

@@ -64,9 +64,10 @@
 //! - `error`: why a model file, or a robot's description, is refused
 //! - `limb`: a limb of a model as the core takes it: tree, columns, prior, parameters
 //! - `physical`: which inertial parameters a body can have, and what is wrong with those it cannot
-//! - `possible`: values that a model may hold, and their rounding
+//! - `possible`: values that a model may hold
 //! - `priors`: what an effect's parameters are taken to be before any data, at a joint of any robot: zero, within what the joint's limits
 //!   and the robot's own size leave room for
+//! - `rounding`: numbers to so many significant digits
 
 mod conventions;
 mod effects;
@@ -79,6 +80,7 @@ mod possible;
 mod priors;
 mod provenance;
 mod robot;
+mod rounding;
 mod urdf;
 
 use std::path::{Path, PathBuf};
@@ -90,17 +92,17 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 
 pub use crate::name::UnknownName;
-pub use conventions::LogConventions;
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use limb::ModelParameter;
 pub(crate) use physical::other_unit;
 pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
-pub(crate) use possible::significant;
-use possible::{deviation, positive, rounded};
+use possible::{deviation, positive};
 pub use provenance::{LogRecord, Provenance};
-pub use robot::{Body, JointKind, Limb, Motor, Robot, Source};
+pub use robot::{Body, JointKind, Limb, LogConventions, Motor, Robot, Source};
+use rounding::rounded;
+pub(crate) use rounding::significant;
 
 use crate::output::{self, WriteError};
 

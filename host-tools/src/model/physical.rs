@@ -5,7 +5,7 @@ use std::fmt;
 use nalgebra::Matrix3;
 use proprio_core::inertia::InertialParameters;
 
-use super::significant;
+use super::rounding::significant;
 
 /// Why no body of positive density has these inertial parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,8 +1,8 @@
-//! Values that a model may hold, and their rounding.
+//! Values that a model may hold.
 
 use proprio_core::effect::{EffectKind, Prior};
 
-use super::Unphysical;
+use super::physical::Unphysical;
 
 /// A value that no body, no friction and no prior can have.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -25,17 +25,6 @@ pub enum Impossible {
     /// A body that cannot exist.
     #[error(transparent)]
     Body(#[from] Unphysical),
-}
-
-/// `value` to twelve significant digits: what a file predicts is then what was fitted, to 1e-10 of a torque.
-pub(super) fn rounded(value: f64) -> f64 {
-    significant(value, 12)
-}
-
-/// `value` to so many significant digits.
-pub(crate) fn significant(value: f64, digits: usize) -> f64 {
-    let text = format!("{value:.*e}", digits.saturating_sub(1));
-    text.parse().unwrap_or(value)
 }
 
 pub(super) fn in_bounds(

@@ -6,7 +6,7 @@
 //! no limb feels another, so that each is identified on its own.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use nalgebra::Vector3;
 use proprio_core::effect::{EffectKind, Form, Reach};
@@ -16,9 +16,6 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::{self, Joint, Tree};
 
 use super::BASE;
-use super::conventions::LogConventions;
-use super::error::RobotError;
-use super::urdf;
 use crate::catalogue;
 use crate::name::UnknownName;
 
@@ -102,6 +99,25 @@ impl Limb {
     }
 }
 
+/// What messages leave open: which motor is which, and on which side of the gear it is recorded.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LogConventions {
+    /// The joint of each motor, by the motor's number in messages; if not stated, as the maker numbers them.
+    pub motors: Option<Vec<usize>>,
+    /// Whether messages tell position, velocity, torque of the motor and not of the joint.
+    pub at_motor: [bool; 3],
+    /// For each motor that a row is stated of: its turns per turn of each joint that it moves.
+    pub transmission: Vec<(usize, Vec<(usize, f64)>)>,
+}
+
+impl LogConventions {
+    /// A motor's turns per turn of joints, if stated.
+    pub fn transmission_of(&self, motor: usize) -> Option<&[(usize, f64)]> {
+        let found = self.transmission.iter().find(|(of, _)| *of == motor);
+        found.map(|(_, ratios)| ratios.as_slice())
+    }
+}
+
 /// A robot on a fixed base.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
@@ -150,26 +166,6 @@ impl Robot {
             .collect();
         let base_inertia = go2::free::<f64>().bodies()[0].inertia;
         Self::new("go2", Source::Go2, "base", base_inertia, bodies)
-    }
-
-    /// The robot of a URDF file, its root link fixed to the world.
-    ///
-    /// A joint's name is the URDF's, but `FR_hip_joint` and its eleven siblings are called what the Go2's logs call them:
-    /// `FR_hip`. A robot that has all twelve is taken for a Go2 and gets its motors.
-    ///
-    /// # Errors
-    /// [`RobotError`] with file, line and what is wrong.
-    pub fn from_urdf(path: &Path) -> Result<Self, RobotError> {
-        Self::from_urdf_held(path, &[])
-    }
-
-    /// [`from_urdf`](Self::from_urdf), with joints that do not move: held at these positions, rad or m, what they carry is part
-    /// of the body that carries them.
-    ///
-    /// # Errors
-    /// [`RobotError`] with file, line and what is wrong.
-    pub fn from_urdf_held(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {
-        urdf::Description::read(path, held)?.checked()
     }
 
     /// A robot of bodies numbered depth first.

@@ -34,6 +34,28 @@ pub(super) struct Description {
     path: PathBuf,
 }
 
+impl Robot {
+    /// The robot of a URDF file, its root link fixed to the world.
+    ///
+    /// A joint's name is the URDF's, but `FR_hip_joint` and its eleven siblings are called what the Go2's logs call them:
+    /// `FR_hip`. A robot that has all twelve is taken for a Go2 and gets its motors.
+    ///
+    /// # Errors
+    /// [`RobotError`] with file, line and what is wrong.
+    pub fn from_urdf(path: &Path) -> Result<Self, RobotError> {
+        Self::from_urdf_held(path, &[])
+    }
+
+    /// [`from_urdf`](Self::from_urdf), with joints that do not move: held at these positions, rad or m, what they carry is part
+    /// of the body that carries them.
+    ///
+    /// # Errors
+    /// [`RobotError`] with file, line and what is wrong.
+    pub fn from_urdf_held(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {
+        Description::read(path, held)?.checked()
+    }
+}
+
 impl Description {
     /// Reads a file; the joints named are held at these positions, rad or m.
     pub(super) fn read(path: &Path, held: &[(String, f64)]) -> Result<Self, RobotError> {

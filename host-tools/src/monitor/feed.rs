@@ -8,14 +8,13 @@ use std::time::{Duration, Instant};
 use proprio_core::go2::Leg;
 use proprio_core::wire::{Action, DeviceMessage, Hello, HostMessage};
 
-use super::journal::{Entry, JournalError, JournalReader};
+use super::error::FeedError;
+use super::journal::{Entry, JournalReader};
 use super::robot::Robot;
 use crate::device::pull::Pull;
-use crate::device::replay::ReplayError;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Device, DeviceError, Requests};
 use crate::factors::Factors;
-use proprio_simulator::Diverged;
 
 /// Messages that may wait for who reads them. A device is never kept waiting by more: a board drops what its host does not take.
 const WAITING: usize = 4096;
@@ -25,23 +24,6 @@ const LOOK_US: u64 = 10_000;
 const LOOK: Duration = Duration::from_millis(20);
 /// Time between two attempts to open a port that is gone.
 const REOPEN: Duration = Duration::from_millis(500);
-
-/// Why messages end.
-#[derive(Debug, thiserror::Error)]
-pub enum FeedError {
-    /// The device.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// A value of the simulated robot that does not fit a frame.
-    #[error(transparent)]
-    Replay(#[from] ReplayError),
-    /// The simulated robot.
-    #[error(transparent)]
-    Diverged(#[from] Diverged),
-    /// A recording of messages.
-    #[error(transparent)]
-    Journal(#[from] JournalError),
-}
 
 /// Who speaks.
 pub enum Source {

@@ -2,12 +2,14 @@
 //!
 //! Files beside:
 //!
+//! - `error`: why messages end
 //! - `feed`: where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked
 //! - `journal`: all that came from a device, in a file
 //! - `residual`: a joint's residual of the last second against what it was before
 //! - `robot`: a simulated robot on four motor buses, for devices that have none
 //! - `web`: the view as a page: a server for browsers on this machine, which streams what is known
 
+mod error;
 mod feed;
 mod journal;
 mod residual;
@@ -16,7 +18,8 @@ mod screen;
 mod view;
 pub mod web;
 
-pub use feed::{Ask, Feed, FeedError, Source, Told};
+pub use error::FeedError;
+pub use feed::{Ask, Feed, Source, Told};
 pub use journal::{Entry, JournalError, JournalReader, JournalWriter};
 pub use residual::{Band, Residual};
 pub use robot::Robot;

@@ -3,7 +3,7 @@
 use proprio_core::go2::Leg;
 use proprio_core::window::Sample;
 
-use super::feed::FeedError;
+use super::error::FeedError;
 use crate::device::BusStep;
 use crate::device::replay::{Instant, bus_step};
 use proprio_simulator::{HiddenEffect, SimulatedSample, Simulation};

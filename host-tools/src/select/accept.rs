@@ -1,9 +1,10 @@
 //! A candidate fitted, and accepted if the model with it keeps what the candidate promised.
 
 use super::candidate::{Candidate, Member};
-use super::criteria::step::{HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step};
+use super::criteria::step::{
+    HeldOut, LEAST_SHARE, are_most, is_better, is_held, is_worth_a_step, may_take_away,
+};
 use super::fitted::Fitted;
-use super::gain_bound::size_worth;
 use super::score_test::Screen;
 use super::state::{State, held_out_with_shape, how_near, how_with};
 use crate::equation::values::{Place, Values};
@@ -44,8 +45,9 @@ impl<'a> Context<'_, 'a> {
             [(limb, place)] => self
                 .screens
                 .get(limb)
-                .and_then(|screen| size_worth(screen, place, LEAST_SHARE, self.now()))
-                .map(|size| (limb, place, size)),
+                .and_then(|screen| screen.most_of_one(place))
+                .filter(|(fall, _)| may_take_away(*fall, LEAST_SHARE, self.now()))
+                .map(|(_, size)| (limb, place, size)),
             _ => None,
         };
         let Some((limb, place, size)) = near else {

@@ -3,9 +3,8 @@
 use proprio_core::effect::EffectKind;
 
 use super::criteria::statistics::{Squared, jackknife, sum_and_error};
-use crate::equation::motion::is_shared;
-use crate::equation::values::Place;
-use crate::estimate::shapes;
+use crate::equation::values::{Place, is_shared};
+use crate::estimate::grid;
 use crate::estimate::triangle::Trial as TriangleTrial;
 
 /// An effect at a joint of a limb, the limb by its place among those recorded.
@@ -114,7 +113,7 @@ impl Trial {
             inflation = inflation.max(spread / independent);
             std.push(independent.max(spread));
         }
-        let tried: f64 = places.iter().map(|place| shapes::tried(place.0)).product();
+        let tried: f64 = places.iter().map(|place| grid::tried(place.0)).product();
         Self {
             places: places.to_vec(),
             findings: Vec::new(),
@@ -147,7 +146,7 @@ impl Trial {
             .iter_mut()
             .for_each(|values| drop(values.drain(..known)));
         let fall = (self.fall - before.fall).max(0.0);
-        let tried = self.places.iter().map(|place| shapes::tried(place.0));
+        let tried = self.places.iter().map(|place| grid::tried(place.0));
         self.sure = Squared {
             size: self.sure.size * fall / self.fall.max(f64::MIN_POSITIVE),
             freedom: self.entries.len() as f64,

@@ -4,12 +4,14 @@
 use proprio_core::effect::EffectKind;
 
 use super::accept::Context;
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Finding};
 use super::criteria::choice::{handicap, may_be_transmission};
-use super::criteria::step::{LEAST_SHARE, is_held, is_less, is_resolved, is_structure};
+use super::criteria::step::{
+    LEAST_SHARE, is_held, is_less, is_resolved, is_structure, may_take_away,
+};
 use super::fitted::Fitted;
-use super::gain_bound::may_be_worth;
 use super::refused::Refused;
+use super::score_test::Screen;
 use super::source::Tried;
 use super::state::State;
 
@@ -124,4 +126,24 @@ pub(super) fn transmission_of_largest_error<'c, 'a>(
         square,
     );
     Some((candidate, after, is_sure))
+}
+
+/// Whether a candidate may take away this share of the error `now` of all joints; where that cannot be told, it may.
+fn may_be_worth(screens: &[Screen], candidate: &Candidate, share: f64, now: f64) -> bool {
+    if !candidate.effect.description().is_compliant() {
+        return true;
+    }
+    let most = (candidate.trials.iter()).map(|(limb, trial)| {
+        let screen = &screens[*limb];
+        if let [place] = trial.places[..]
+            && candidate.members.len() == 1
+        {
+            return Some(screen.most_of_one(place)?.0);
+        }
+        let size = |told: &Finding| Some(told.parameters[0]?.0);
+        let sizes: Option<Vec<f64>> = trial.findings.iter().map(size).collect();
+        screen.most_of_several(&trial.places, &sizes?)
+    });
+    let most: Option<f64> = most.sum();
+    most.is_none_or(|most| may_take_away(most, share, now))
 }

@@ -7,8 +7,7 @@ use super::criteria::statistics::Squared;
 use super::score_test::Screen;
 use super::trial_factors::ScoreTest;
 use crate::catalogue;
-use crate::equation::motion::is_shared;
-use crate::equation::values::Place;
+use crate::equation::values::{Place, is_shared};
 use crate::model::BASE;
 
 /// All that the limbs' models may lack: every effect at every joint, families, and shared causes.

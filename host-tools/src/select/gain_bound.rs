@@ -9,11 +9,9 @@ use std::sync::{Arc, OnceLock};
 use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, Finding};
-use super::criteria::step::may_take_away;
-use super::score_test::Screen;
 use crate::equation::response::Responses;
 use crate::equation::values::Place;
+use crate::estimate::fit::LimbFit;
 use crate::estimate::left_over::LeftOver;
 use crate::estimate::looseness::values_to_try;
 use crate::once::made_once;
@@ -50,14 +48,12 @@ impl GainBounds {
             made: OnceLock::new(),
         }
     }
-}
 
-impl Screen<'_> {
-    fn links(&self) -> Option<&(Arc<Links>, LeftOver)> {
+    fn links(&self, fit: &LimbFit, predicted: &[f64]) -> Option<&(Arc<Links>, LeftOver)> {
         let made = || {
-            let (data, values) = (self.fit.data, &self.fit.values);
-            let left = LeftOver::of(&self.fit, self.predicted())?;
-            let known = self.bounds.known.clone();
+            let (data, values) = (fit.data, &fit.values);
+            let left = LeftOver::of(fit, predicted)?;
+            let known = self.known.clone();
             let known = known.filter(|links| links.responses.hold_for(&data.body, values));
             let links = known.unwrap_or_else(|| {
                 Arc::new(Links {
@@ -67,18 +63,24 @@ impl Screen<'_> {
             });
             Some((links, left))
         };
-        made_once(&self.bounds.made, made).as_ref()
+        made_once(&self.made, made).as_ref()
     }
 
-    /// How much of the sum of squares, in units of the noise, a spring or a play takes away at most, and of which size it does.
-    pub(super) fn most_of_one(&self, place: Place) -> Option<(f64, f64)> {
+    /// How much of what a fit that predicts so leaves, a sum of squares in units of the noise, a spring or a play takes away at most, and
+    /// of which size it does.
+    pub(super) fn most_of_one(
+        &self,
+        fit: &LimbFit,
+        predicted: &[f64],
+        place: Place,
+    ) -> Option<(f64, f64)> {
         let kind = EffectKind::COMPLIANT
             .iter()
             .position(|effect| *effect == place.0)?;
-        let (links, left) = self.links()?;
-        let data = self.fit.data;
+        let (links, left) = self.links(fit, predicted)?;
+        let data = fit.data;
         let Tried { sizes, responses } = made_once(&links.tried[place.1][kind], || {
-            let sizes = twice_as_many(&values_to_try(data, &self.fit.values, place));
+            let sizes = twice_as_many(&values_to_try(data, &fit.values, place));
             let of = |&size: &f64| links.responses.of_size(place, size);
             let responses = sizes.par_iter().map(of).collect();
             Tried { sizes, responses }
@@ -98,9 +100,15 @@ impl Screen<'_> {
     }
 
     /// The same of several at once, each of the size that its column tells, or all as much smaller.
-    fn most_of_several(&self, places: &[Place], sizes: &[f64]) -> Option<f64> {
-        let (links, left) = self.links()?;
-        let joints = self.fit.data.joints();
+    pub(super) fn most_of_several(
+        &self,
+        fit: &LimbFit,
+        predicted: &[f64],
+        places: &[Place],
+        sizes: &[f64],
+    ) -> Option<f64> {
+        let (links, left) = self.links(fit, predicted)?;
+        let joints = fit.data.joints();
         let mut together = vec![0.0; links.responses.len()];
         for (place, size) in places.iter().zip(sizes) {
             let own = links.responses.of_size(*place, *size);
@@ -117,35 +125,4 @@ fn twice_as_many(sizes: &[f64]) -> Vec<f64> {
     let mut all: Vec<f64> = sizes.iter().copied().chain(between).collect();
     all.sort_unstable_by(f64::total_cmp);
     all
-}
-
-/// Of which size a spring or a play may take away this share of the error `now` of all joints, in units of their noise.
-pub(super) fn size_worth(screen: &Screen, place: Place, share: f64, now: f64) -> Option<f64> {
-    let (fall, size) = screen.most_of_one(place)?;
-    may_take_away(fall, share, now).then_some(size)
-}
-
-/// Whether a candidate may take away this share of the error `now` of all joints; where that cannot be told, it may.
-pub(super) fn may_be_worth(
-    screens: &[Screen],
-    candidate: &Candidate,
-    share: f64,
-    now: f64,
-) -> bool {
-    if !candidate.effect.description().is_compliant() {
-        return true;
-    }
-    let most = (candidate.trials.iter()).map(|(limb, trial)| {
-        let screen = &screens[*limb];
-        if let [place] = trial.places[..]
-            && candidate.members.len() == 1
-        {
-            return Some(screen.most_of_one(place)?.0);
-        }
-        let size = |told: &Finding| Some(told.parameters[0]?.0);
-        let sizes: Option<Vec<f64>> = trial.findings.iter().map(size).collect();
-        screen.most_of_several(&trial.places, &sizes?)
-    });
-    let most: Option<f64> = most.sum();
-    most.is_none_or(|most| may_take_away(most, share, now))
 }

@@ -35,9 +35,7 @@ impl<'a> Sought<'a> {
             let limit = |joint: usize| {
                 let place = (effect?, joint);
                 let sought = !fit.values.has(place);
-                let limit = sought
-                    .then(|| Limit::of(fit, &predicted, joint))
-                    .flatten()?;
+                let limit = sought.then(|| fit.limit(&predicted, joint)).flatten()?;
                 Some(((*limb, place), limit))
             };
             let joints = (0..fit.data.joints()).into_par_iter();

@@ -45,7 +45,7 @@ pub(crate) struct Screen<'a> {
     /// catalogue leaves less.
     pub(crate) floor: Vec<f64>,
     /// What springs and plays can take away at most.
-    pub(super) bounds: GainBounds,
+    bounds: GainBounds,
 }
 
 /// How often columns of loads are made again: the second trial's place is as near as its error.
@@ -135,9 +135,15 @@ impl<'a> Screen<'a> {
         self
     }
 
-    /// What the model predicts in each window, joint by joint, N m.
-    pub(super) fn predicted(&self) -> &[f64] {
-        &self.predicted
+    /// How much of the sum of squares, in units of the noise, a spring or a play takes away at most, and of which size it does.
+    pub(super) fn most_of_one(&self, place: Place) -> Option<(f64, f64)> {
+        self.bounds.most_of_one(&self.fit, &self.predicted, place)
+    }
+
+    /// The same of several at once, each of the size that its column tells, or all as much smaller.
+    pub(super) fn most_of_several(&self, places: &[Place], sizes: &[f64]) -> Option<f64> {
+        self.bounds
+            .most_of_several(&self.fit, &self.predicted, places, sizes)
     }
 
     /// Of each N m that a joint reports beyond a limit how much the motion shows: the slope of the predicted on the reported torque there.

@@ -10,10 +10,11 @@ use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::grid::shape_parameter;
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
 use crate::estimate::robot::{self, Shared, side_by_side};
-use crate::estimate::shapes::{Scan, shape_parameter};
+use crate::estimate::shapes::Scan;
 
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;

@@ -5,9 +5,8 @@ use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
 use proprio_core::go2::{ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS};
 
-use crate::estimate::grid::{Reach, least_displacement, values};
+use crate::estimate::grid::{Reach, least_displacement, possible, shape_parameter, values};
 use crate::estimate::robot::side_by_side;
-use crate::estimate::shapes::{possible, shape_parameter};
 use crate::free_base::Walks;
 use crate::free_base::columns::EffectSite;
 use crate::free_base::data::{Data, LeftOfWindow};

@@ -1,6 +1,5 @@
 //! What a fit of a model says, for machines, for humans and for the model file.
 
-use std::fmt;
 use std::path::PathBuf;
 
 use nalgebra::SVector;
@@ -8,14 +7,13 @@ use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use serde::Serialize;
 
-use super::{parameters, words};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::robot::Shared;
 use crate::estimate::stages::Stage;
-use crate::estimate::{LEGEND, ParameterEstimate, Status, effect_table};
+use crate::estimate::{ParameterEstimate, Status};
 use crate::identifiability::{BaseParameter, Identifiability, NullDirection};
-use crate::identify::NotAModel;
 use crate::identify::runs::{self, Consistency, Run};
+use crate::identify::to_model::NotAModel;
 use crate::model::{BASE, Model, Provenance};
 use crate::recording::Recording;
 
@@ -129,17 +127,17 @@ impl Fitted {
         recording: &Recording,
         model: &Model,
         fits: &[LimbFit],
+        mut parameters: Vec<FittedParameter>,
         shared: &[Shared],
         stages: Vec<Stage>,
     ) -> Self {
-        let (mut parameters_of_all, mut joints) = (Vec::new(), Vec::new());
+        let mut joints = Vec::new();
         let mut identifiability = Identifiability::default();
         for fit in fits {
             identifiability.extend(Identifiability::of(fit));
-            parameters_of_all.extend(parameters(fit));
             joints.extend(joint_fits(fit));
         }
-        parameters_of_all.extend(shared.iter().map(|one| of_shared(model, one)));
+        parameters.extend(shared.iter().map(|one| of_shared(model, one)));
         let windows: f64 = joints.iter().map(|j| j.windows as f64).sum();
         let rms = |of: &dyn Fn(&FittedJoint) -> f64| {
             let squares = joints.iter().map(|j| of(j).powi(2) * j.windows as f64);
@@ -153,7 +151,7 @@ impl Fitted {
             rms: rms(&|j| j.rms),
             cad_rms: rms(&|j| j.cad_rms),
             held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
-            parameters: parameters_of_all,
+            parameters,
             joints,
             base_parameters: identifiability.base_parameters,
             null_directions: identifiability.null_directions,
@@ -167,22 +165,24 @@ impl Fitted {
 
     /// Takes in what each log gives on its own, of which `fits` are the fits: where they disagree beyond chance.
     pub(in crate::identify) fn compare_runs(&mut self, mut runs: Vec<Run>, fits: &[Self]) {
-        self.consistency = runs::compare(fits);
+        let estimates: Vec<_> = fits.iter().map(Self::estimates).collect();
+        self.consistency = runs::compare(&estimates);
         for disagreement in self.consistency.iter().filter(|c| !c.consistent) {
             runs[disagreement.differs].disagreements += 1;
         }
         self.runs = runs;
     }
 
-    /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
-    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
-        self.fitted(name).map(|p| &p.estimate)
+    /// Every estimate with by how much its value differs within the logs (standard deviation).
+    pub(in crate::identify) fn estimates(&self) -> Vec<(&ParameterEstimate, f64)> {
+        let all = self.parameters.iter();
+        all.map(|p| (&p.estimate, p.std_between)).collect()
     }
 
-    /// The same with what its errors are made of.
-    pub(crate) fn fitted(&self, name: &str) -> Option<&FittedParameter> {
-        let mut all = self.parameters.iter();
-        all.find(|p| p.estimate.name == name)
+    /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
+    pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
+        let mut all = self.parameters.iter().map(|p| &p.estimate);
+        all.find(|estimate| estimate.name == name)
     }
 
     /// `model` with these values and `provenance`.
@@ -262,45 +262,4 @@ fn of_shared(model: &Model, one: &Shared) -> FittedParameter {
         (one.value, one.std),
         known,
     )
-}
-
-/// The effects of every joint with their errors, and how much of the torque they explain.
-impl fmt::Display for Fitted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let rms =
-            |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
-        let errors = |joint: &FittedJoint| {
-            let known = |rms| (joint.windows > 0).then_some(rms);
-            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)];
-            (joint.joint.clone(), errors.map(rms))
-        };
-        let all = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
-        let rows = self.joints.iter().map(errors);
-        let rows: Vec<_> = rows.chain([("all".to_owned(), all)]).collect();
-        let headings = [["rms", "N m"], ["held-out", "N m"], ["CAD's", "N m"]];
-        let estimate = |name: &str| self.parameter(name);
-        write!(f, "{}", effect_table(estimate, headings, &rows))?;
-        words::others(
-            f,
-            &self.parameters,
-            rows.iter().map(|(joint, _)| joint.as_str()),
-        )?;
-        let inertial = || self.parameters.iter().filter(|p| p.estimate.is_inertial());
-        let identified = inertial()
-            .filter(|p| p.estimate.status == Status::Identified)
-            .count();
-        writeln!(
-            f,
-            "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give, and by how much\n\
-             values differ between stretches of time or logs;\n{}\n{}\
-             rms of the mean torque over windows, N m: of the fit, on stretches of time it has not seen, and of the CAD's \
-             rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
-            LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
-            words::between(&self.parameters),
-            inertial().count(),
-        )?;
-        words::unphysical(f, &self.parameters)?;
-        words::stages(f, &self.stages)?;
-        words::runs(f, &self.runs, &self.consistency)
-    }
 }

@@ -1,20 +1,62 @@
-//! Stages, runs and identifiability for humans.
+//! A fit of a model for humans.
 
 use std::fmt::{self, Write};
 
 use proprio_core::effect::EffectKind;
 
-use super::result::{Fitted, FittedParameter, Where};
+use super::result::{Fitted, FittedJoint, FittedParameter, Where};
 use crate::catalogue;
 use crate::estimate::stages::Stage;
+use crate::estimate::{LEGEND, Status, effect_table};
 use crate::identify::runs::{Consistency, Run};
 use crate::table::{Table, with_std};
 
 /// Most disagreements that are listed.
 const MOST_LISTED: usize = 12;
 
+/// The effects of every joint with their errors, and how much of the torque they explain.
+impl fmt::Display for Fitted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rms =
+            |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
+        let errors = |joint: &FittedJoint| {
+            let known = |rms| (joint.windows > 0).then_some(rms);
+            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)];
+            (joint.joint.clone(), errors.map(rms))
+        };
+        let all = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
+        let rows = self.joints.iter().map(errors);
+        let rows: Vec<_> = rows.chain([("all".to_owned(), all)]).collect();
+        let headings = [["rms", "N m"], ["held-out", "N m"], ["CAD's", "N m"]];
+        let estimate = |name: &str| self.parameter(name);
+        write!(f, "{}", effect_table(estimate, headings, &rows))?;
+        others(
+            f,
+            &self.parameters,
+            rows.iter().map(|(joint, _)| joint.as_str()),
+        )?;
+        let inertial = || self.parameters.iter().filter(|p| p.estimate.is_inertial());
+        let identified = inertial()
+            .filter(|p| p.estimate.status == Status::Identified)
+            .count();
+        writeln!(
+            f,
+            "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give, and by how much\n\
+             values differ between stretches of time or logs;\n{}\n{}\
+             rms of the mean torque over windows, N m: of the fit, on stretches of time it has not seen, and of the CAD's \
+             rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
+            LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
+            between(&self.parameters),
+            inertial().count(),
+        )?;
+        unphysical(f, &self.parameters)?;
+        stages(f, &self.stages)?;
+        runs(f, &self.runs, &self.consistency)
+    }
+}
+
 /// The effects that are not of every drive at one of these `joints`, with what is known of them before any data.
-pub(super) fn others<'a>(
+fn others<'a>(
     f: &mut fmt::Formatter<'_>,
     parameters: &[FittedParameter],
     joints: impl Iterator<Item = &'a str>,
@@ -47,10 +89,7 @@ pub(super) fn others<'a>(
 }
 
 /// Names the values that cannot be, by two standard deviations: those of a fit without constraints.
-pub(super) fn unphysical(
-    f: &mut fmt::Formatter<'_>,
-    parameters: &[FittedParameter],
-) -> fmt::Result {
+fn unphysical(f: &mut fmt::Formatter<'_>, parameters: &[FittedParameter]) -> fmt::Result {
     for effect in catalogue::effects() {
         let description = effect.description();
         let beyond = |p: &&FittedParameter| match p.place {
@@ -76,7 +115,7 @@ pub(super) fn unphysical(
     Ok(())
 }
 
-pub(super) fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
+fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
     if stages.is_empty() {
         return Ok(());
     }
@@ -94,7 +133,7 @@ pub(super) fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Resul
 }
 
 /// Which parameters have other values at another time, beyond chance: a line, or none.
-pub(super) fn between(parameters: &[FittedParameter]) -> String {
+fn between(parameters: &[FittedParameter]) -> String {
     let differs = |p: &&FittedParameter| p.std_between > 0.0;
     let mut differing: Vec<&FittedParameter> = parameters.iter().filter(differs).collect();
     let share = |p: &FittedParameter| p.std_between / p.estimate.std;
@@ -112,11 +151,7 @@ pub(super) fn between(parameters: &[FittedParameter]) -> String {
     )
 }
 
-pub(super) fn runs(
-    f: &mut fmt::Formatter<'_>,
-    runs: &[Run],
-    consistency: &[Consistency],
-) -> fmt::Result {
+fn runs(f: &mut fmt::Formatter<'_>, runs: &[Run], consistency: &[Consistency]) -> fmt::Result {
     if runs.is_empty() {
         return Ok(());
     }

@@ -3,26 +3,8 @@
 use super::super::columns::Columns;
 use super::super::error::{Place, Problem, Unit};
 use super::super::slots::TIME;
-use super::super::warning::Warning;
+use super::super::warning::{Cause, PUBLISHER, Warning};
 use super::Raw;
-use crate::model::significant;
-
-/// Why a row is left out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cause {
-    /// Its stamp is not between those of the rows about it.
-    Stamp,
-    /// A value that no robot reaches for a moment.
-    Impossible,
-    /// Zeros before the first state of a joint.
-    ZerosFirst,
-    /// Its positions are elsewhere, and those of the rows after it are not.
-    Jump,
-    /// Its positions are elsewhere for good: another recording begins.
-    Seam,
-    /// It follows a seam closely.
-    AfterSeam,
-}
 
 const CAUSES: [Cause; 6] = [
     Cause::Stamp,
@@ -33,8 +15,6 @@ const CAUSES: [Cause; 6] = [
     Cause::AfterSeam,
 ];
 
-/// Positions that jump and come back in so many rows are no damaged messages: another program publishes its own states.
-const PUBLISHER: u64 = 3;
 /// Where the foreign rows are more than this share, one of so many, nothing tells which of two publishers is the robot.
 const TOO_MANY: u64 = 3;
 
@@ -130,51 +110,5 @@ fn column(columns: &Columns, slot: usize) -> String {
         Some(name) => name,
         None if slot == TIME => "t".to_owned(),
         None => String::new(),
-    }
-}
-
-/// What was left out, in words.
-pub(in crate::log) fn words(
-    cause: Cause,
-    [count, also, rows]: [u64; 3],
-    first: Place,
-    column: &str,
-    value: f64,
-) -> String {
-    let value = match value.abs() {
-        1e-3..1e6 => significant(value, 4).to_string(),
-        0.0 => "0".to_owned(),
-        _ => format!("{value:.2e}"),
-    };
-    let samples = match count {
-        1 => format!("1 of {rows} samples is left out"),
-        count => format!("{count} of {rows} samples are left out"),
-    };
-    match cause {
-        Cause::Stamp => format!(
-            "{samples}: the time stamp is not between those before and after it (the first at {first}: {value} s)"
-        ),
-        Cause::Impossible => format!(
-            "{samples}: {column} is {value} at {first}, many times any sample about it: a damaged message"
-        ),
-        Cause::ZerosFirst => format!(
-            "{}: zeros before the first state ({first} on, {column})",
-            match count + also {
-                1 => format!("1 of {rows} samples is left out"),
-                count => format!("{count} of {rows} samples are left out"),
-            }
-        ),
-        Cause::Jump if count >= PUBLISHER => format!(
-            "{samples}: positions jump and come back (the first at {first}: {column} {value}): two publishers on one topic; \
-             stop one, or record the other's topic alone"
-        ),
-        Cause::Jump => format!(
-            "{samples}: positions jump and come back (the first at {first}: {column} {value})"
-        ),
-        Cause::Seam | Cause::AfterSeam => format!(
-            "positions jump and stay at {count} place{} ({first}: {column} {value}): logs joined? No window bridges a seam, and \
-             {also} of {rows} samples after it are left out",
-            if count == 1 { "" } else { "s" }
-        ),
     }
 }

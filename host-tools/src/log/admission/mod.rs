@@ -27,11 +27,9 @@ use super::checks::{BRIDGED, LONGEST_GAP};
 use super::columns::Columns;
 use super::error::{Place, Problem, Unit};
 use super::slots::{Slots, TIME};
-use super::warning::Warning;
+use super::warning::{Cause, Warning};
 use channels::Levels;
-pub use left_out::Cause;
 use left_out::LeftOut;
-pub(super) use left_out::words;
 use positions::Positions;
 
 /// Rows after the one that is judged: at the least rate of a log ([`super::LEAST_RATE`]) more than a second, at 5 kHz 13 ms, longer than

@@ -5,15 +5,13 @@ use std::path::Path;
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
+use super::whole::{self, INERTIA, dynamics_element, inertial_element, origin_element};
 use super::{
     ExportError, ExportProblem, Exported, Inertial, JointAttribute, attributes, base_note, error,
-    identified, names, number, numbers, same_axis, same_place, whole, without,
+    identified, names, number, numbers, same_axis, same_place, without,
 };
 use crate::model::urdf::Description;
 use crate::model::{Body, Model, RobotProblem, Source};
-
-/// Attributes of URDF's `<inertia>`, in the order of [`Inertial::six`].
-pub(super) const INERTIA: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// A model as URDF: written into the file `input`, else into the URDF that the model is of, else a whole file.
 ///
@@ -184,32 +182,4 @@ fn write_dynamics(edits: &mut Edits, joint: Node, effects: &[&JointAttribute]) {
     } else {
         edits.append(joint, &dynamics_element(effects));
     }
-}
-
-pub(super) fn dynamics_element(effects: &[&JointAttribute]) -> String {
-    let attributes: String = effects
-        .iter()
-        .map(|e| format!(" {}=\"{}\"", e.attribute, number(e.value)))
-        .collect();
-    format!("<dynamics{attributes}/>")
-}
-
-fn origin_element(inertial: &Inertial) -> String {
-    format!(
-        "<origin xyz=\"{}\"/>",
-        numbers(inertial.com.iter().copied())
-    )
-}
-
-pub(super) fn inertial_element(inertial: &Inertial) -> String {
-    let inertia: String = INERTIA
-        .iter()
-        .zip(inertial.six())
-        .map(|(name, value)| format!(" {name}=\"{}\"", number(value)))
-        .collect();
-    format!(
-        "<inertial>{}<mass value=\"{}\"/><inertia{inertia}/></inertial>",
-        origin_element(inertial),
-        number(inertial.mass)
-    )
 }

@@ -1,4 +1,4 @@
-//! Whole files, for a robot that has none of its own.
+//! Whole files, for a robot that has none of its own, and the elements that they are made of.
 
 use std::fmt::Write;
 
@@ -6,9 +6,11 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::urdf::{dynamics_element, inertial_element};
 use super::{Inertial, JointAttribute, escaped, number, numbers};
 use crate::model::{BASE, Body, JointKind, Model};
+
+/// Attributes of URDF's `<inertia>`, in the order of [`Inertial::six`].
+pub(super) const INERTIA: [&str; 6] = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"];
 
 /// The robot as URDF.
 pub(super) fn urdf(model: &Model, effects: &[JointAttribute]) -> String {
@@ -84,6 +86,34 @@ fn push_joint(out: &mut String, body: &Body, parent: &str, effects: &[&JointAttr
         *out += &format!("    {}\n", dynamics_element(effects));
     }
     *out += "  </joint>\n";
+}
+
+pub(super) fn dynamics_element(effects: &[&JointAttribute]) -> String {
+    let attributes: String = effects
+        .iter()
+        .map(|e| format!(" {}=\"{}\"", e.attribute, number(e.value)))
+        .collect();
+    format!("<dynamics{attributes}/>")
+}
+
+pub(super) fn origin_element(inertial: &Inertial) -> String {
+    format!(
+        "<origin xyz=\"{}\"/>",
+        numbers(inertial.com.iter().copied())
+    )
+}
+
+pub(super) fn inertial_element(inertial: &Inertial) -> String {
+    let inertia: String = INERTIA
+        .iter()
+        .zip(inertial.six())
+        .map(|(name, value)| format!(" {name}=\"{}\"", number(value)))
+        .collect();
+    format!(
+        "<inertial>{}<mass value=\"{}\"/><inertia{inertia}/></inertial>",
+        origin_element(inertial),
+        number(inertial.mass)
+    )
 }
 
 /// The robot as MJCF, its base fixed, a motor at every joint.
