@@ -18,8 +18,6 @@ use super::walk::Walk;
 const REACH: f64 = 4.0;
 /// Samples are first put together over this time, s: the mean changes slowly.
 const BIN: f64 = 0.02;
-/// After a longer pause than this (s) nothing is known of how the axes have turned.
-const LONGEST_STEP: f64 = 0.1;
 /// How far gravity is from 9.81 m/s² where a robot may be: 9.78 at the equator and 9.83 at the poles (GRS 80), less on mountains.
 const LOCAL_GRAVITY: f64 = 0.015;
 
@@ -33,11 +31,8 @@ struct Bin {
 /// Unit vectors along gravity in the IMU's axes, sample by sample.
 pub(super) fn down(walk: &Walk) -> Vec<Vector3<f64>> {
     let mut down = Vec::with_capacity(walk.len());
-    while down.len() < walk.len() {
-        let first = down.len();
-        let step = |n: &usize| walk.seconds(*n) - walk.seconds(n - 1) <= LONGEST_STEP;
-        let last = (first + 1..walk.len()).take_while(step).last();
-        stretch(walk, first, last.unwrap_or(first), &mut down);
+    for piece in walk.pieces() {
+        stretch(walk, piece.start, piece.end - 1, &mut down);
     }
     down
 }

@@ -1,5 +1,6 @@
 //! A log of the whole robot with its IMU, as the rows of a free base need it.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use proprio_core::go2::{JOINTS, LEGS, Leg};
@@ -14,6 +15,8 @@ use crate::log::{Log, Samples};
 
 /// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
 const STRETCH: f64 = 2.0;
+/// After a longer pause than this (s) nothing is known of how the IMU's axes have turned.
+const LONGEST_STEP: f64 = 0.1;
 /// Vertical velocity that a robot may have in the second in which a log begins or ends, on average, m/s: on its feet, which let it rise or sink by
 /// some centimetres, and swung by hand.
 const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
@@ -198,24 +201,43 @@ impl Walk {
             return None;
         }
         let (mut lengths, mut up, mut count) = (0.0, Vector3::zeros(), 0.0);
-        let mut first = 0;
-        while first < self.len() {
-            let last = self.index_at(self.seconds(first) + STRETCH);
-            if last >= self.len() {
-                break;
+        let mut pieces = 0.0;
+        for piece in self.pieces() {
+            let before = count;
+            let mut first = piece.start;
+            loop {
+                let last = self.index_at(self.seconds(first) + STRETCH);
+                if last >= piece.end {
+                    break;
+                }
+                let (specific, own_up) = self.stretch(first, last);
+                lengths += specific.norm();
+                up += own_up;
+                count += 1.0;
+                first = self.index_at(self.seconds(first) + STRETCH / 2.0);
             }
-            let (specific, own_up) = self.stretch(first, last);
-            lengths += specific.norm();
-            up += own_up;
-            count += 1.0;
-            first = self.index_at(self.seconds(first) + STRETCH / 2.0);
+            pieces += f64::from(u8::from(count > before));
         }
-        let speed = VERTICAL_SPEED[usize::from(held)];
+        // Each piece begins and ends with a velocity of its own.
+        let speed = VERTICAL_SPEED[usize::from(held)] * f64::sqrt(2.0 * pieces);
         (count > 0.0).then(|| GravityTold {
             up: up / count,
             excess: lengths / count - GRAVITY,
-            std: (speed * std::f64::consts::SQRT_2 / (count * STRETCH / 2.0)).hypot(SIDEWAYS),
+            std: (speed / (count * STRETCH / 2.0)).hypot(SIDEWAYS),
         })
+    }
+
+    /// The samples without a long pause between them: across one nothing tells how the axes have turned.
+    pub(super) fn pieces(&self) -> Vec<Range<usize>> {
+        let mut pieces = Vec::new();
+        let mut first = 0;
+        for n in 1..=self.len() {
+            if n == self.len() || self.seconds(n) - self.seconds(n - 1) > LONGEST_STEP {
+                pieces.push(first..n);
+                first = n;
+            }
+        }
+        pieces
     }
 
     /// Means over a stretch under Hann's window: the specific force in the axes of its beginning, and the direction up in the IMU's.
