@@ -1,5 +1,7 @@
 //! Walks that `proprio simulate --walk` makes: what went in comes out of `identify --free-base`.
 
+use std::path::Path;
+
 use proprio_tests::command::{done, folder, json, parameter, proprio, stderr};
 use serde_json::Value;
 
@@ -10,14 +12,14 @@ fn identified(arguments: &str) -> (Value, Value) {
     let fixed = ["simulate", "-o", "walk.csv", "--walk"];
     done(folder.path(), &[&fixed[..], &arguments].concat());
     let truth = std::fs::read_to_string(folder.path().join("walk.truth.json")).unwrap();
-    let identify = [
-        "identify",
-        "--free-base",
-        "--physical",
-        "--json",
-        "walk.csv",
-    ];
-    (json(&truth), json(&done(folder.path(), &identify)))
+    (json(&truth), identify(folder.path(), "walk.csv"))
+}
+
+fn identify(folder: &Path, log: &str) -> Value {
+    json(&done(
+        folder,
+        &["identify", "--free-base", "--physical", "--json", log],
+    ))
 }
 
 /// Value and standard deviation of a quantity, and its truth.
@@ -57,6 +59,47 @@ fn masses_are_those_that_were_simulated() {
             let [place, _, expected] = quantity(axis, &truth, &found);
             assert!((place - expected).abs() < 3e-3, "{gait}");
         }
+    }
+}
+
+/// Nothing is carried across a pause of the log, neither the IMU's axes nor gravity's direction in them: with pauses of any length the mass is that of
+/// the whole log, within one of its standard deviations.
+#[test]
+fn pauses_of_a_log_move_no_mass() {
+    let folder = folder();
+    let made =
+        "simulate -o walk.csv --walk trot --duration 12 --typical --inertia-error 0.03 --seed 990";
+    done(folder.path(), &made.split(' ').collect::<Vec<_>>());
+    let log = std::fs::read_to_string(folder.path().join("walk.csv")).unwrap();
+    let (header, rows) = log.split_once('\n').unwrap();
+    let mass = |pauses: &[[f64; 2]]| {
+        let is_there = |row: &&str| {
+            let t: f64 = row.split(',').next().unwrap().parse().unwrap();
+            !pauses
+                .iter()
+                .any(|[begin, end]| (*begin..*end).contains(&t))
+        };
+        let kept = rows.lines().filter(is_there).collect::<Vec<_>>().join("\n");
+        let name = "paused.csv";
+        std::fs::write(folder.path().join(name), format!("{header}\n{kept}\n")).unwrap();
+        let found = identify(folder.path(), name);
+        let all = found["quantities"].as_array().unwrap();
+        let total = all.iter().find(|q| q["name"] == "total_mass").unwrap();
+        [number(&total["value"]), number(&total["std"])]
+    };
+    let [whole, std] = mass(&[]);
+    for pauses in [
+        &[[6.41, 7.01]][..],
+        &[[5.0, 5.09]],
+        &[[3.0, 3.3], [5.0, 5.4], [8.0, 8.6]],
+        &[[4.0, 7.0]],
+    ] {
+        let [own, _] = mass(pauses);
+        println!("{pauses:?}: {own:.3} kg, whole {whole:.3} ± {std:.3} kg");
+        assert!(
+            (own - whole).abs() < std,
+            "{pauses:?}: {own} of {whole} ± {std} kg"
+        );
     }
 }
 
