@@ -5,11 +5,13 @@
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
 //!    to a torque.
+//!    `edge_noise`: what the velocities' noise makes of a window beyond the usual.
 //! 4. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
 pub(crate) mod body;
 pub(crate) mod column;
+mod edge_noise;
 pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod hysteresis;

@@ -22,6 +22,7 @@ impl Trajectory {
         Self {
             state: before.moments.iter().map(state).collect(),
             speed: before.moments.iter().map(speed).collect(),
+            velocity_std: self.velocity_std.clone(),
             ..*self
         }
     }
