@@ -153,7 +153,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
         seed,
         ..Simulation::new(&[leg])
     };
-    record_with_truth(&simulation, &files.log, &files.truth)?;
+    record_with_truth(&simulation, &files.log, Some(&files.truth))?;
 
     let mut model = Model::default();
     let joints = 0..model.robot().bodies().len();

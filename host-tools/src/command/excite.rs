@@ -130,10 +130,9 @@ impl Excite {
         write_motion(&self.output, |file| {
             write_csv(file, &model, &designs, self.gains())
         })?;
-        output::write(
-            &coefficients,
-            &json(&Coefficients::of(&model, &designs, &settings)),
-        )?;
+        if let Some(path) = &coefficients {
+            output::write(path, &json(&Coefficients::of(&model, &designs, &settings)))?;
+        }
         if let Some(page) = &self.html {
             crate::report::pages::excite::motion(&model, &designs).write(page)?;
         }
@@ -144,10 +143,11 @@ impl Excite {
         })
     }
 
-    /// Where the coefficients go.
-    fn coefficients(&self) -> PathBuf {
-        let beside = || self.output.with_extension("json");
-        self.coefficients.clone().unwrap_or_else(beside)
+    /// Where the coefficients go; nowhere of themselves where the motion goes to a stream, which nothing lies beside.
+    fn coefficients(&self) -> Option<PathBuf> {
+        let beside =
+            || (!output::is_stream(&self.output)).then(|| self.output.with_extension("json"));
+        self.coefficients.clone().or_else(beside)
     }
 
     fn gains(&self) -> Gains {

@@ -144,7 +144,7 @@ impl Identify {
         if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
             filled.save(path)?;
             if options.method == Method::Momentum {
-                check_reproduced(recording, &Model::load(path)?, fitted)?;
+                check_reproduced(recording, &filled.read_back(path)?, fitted)?;
             }
         }
         if let (Some(path), Some(filled)) = (&self.html, &filled) {

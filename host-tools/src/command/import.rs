@@ -67,12 +67,7 @@ impl Import {
         let to_stdout = self.output.as_os_str() == "-";
         if to_stdout {
             let out = std::io::BufWriter::new(std::io::stdout().lock());
-            match copy(&mut reader, out) {
-                Err(Failed::Write(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
-                    return Ok(String::new());
-                }
-                copied => copied.map_err(|failed| failed.at(&self.output))?,
-            };
+            copy(&mut reader, out).map_err(|failed| failed.at(&self.output))?;
         } else {
             let file = AtomicFile::create(&self.output)?;
             let file = copy(&mut reader, file).map_err(|failed| failed.at(&self.output))?;

@@ -107,13 +107,13 @@ pub fn main() -> ExitCode {
     }
     match run() {
         Ok(text) => match std::io::stdout().write_all(text.as_bytes()) {
-            // A reader that has seen enough (`| head`) is no failure.
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(error) if !has_seen_enough(&error) => {
                 eprintln!("error: cannot write the result: {error}");
                 ExitCode::FAILURE
             }
             _ => ExitCode::SUCCESS,
         },
+        Err(Error::Write(error)) if has_seen_enough(&error.source) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
             if let Some(hint) = hint::of(&error) {
@@ -122,6 +122,11 @@ pub fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Whether what was written to has a reader that left (`| head`): no failure.
+fn has_seen_enough(error: &std::io::Error) -> bool {
+    error.kind() == std::io::ErrorKind::BrokenPipe
 }
 
 /// What goes to standard output.

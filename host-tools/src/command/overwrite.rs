@@ -11,6 +11,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::model::Model;
+use crate::output;
 use clap::ArgMatches;
 
 use super::Error;
@@ -47,6 +48,10 @@ pub(super) fn check(command: &ArgMatches, force: bool) -> Result<Vec<String>, Er
     let logs = paths(command, &LOGS);
     let mut notes = Vec::new();
     for output in paths(command, &WRITTEN) {
+        // A device or a pipe holds nothing that writing would replace.
+        if output::is_stream(&output) {
+            continue;
+        }
         if logs.iter().any(|log| is_same(log, &output)) {
             return Err(Error::WouldReplaceLog(output));
         }
@@ -84,7 +89,6 @@ fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 fn standing(path: &Path) -> Standing {
-    // Folders, devices and pipes hold nothing that writing would replace.
     let Ok(metadata) = fs::metadata(path) else {
         return Standing::Free;
     };
