@@ -255,15 +255,18 @@ pub(crate) fn walk_parameters(
     });
     let inertial = (0..ACC).zip(inertial);
     let inertial = inertial.filter_map(|(k, (name, unit))| of(name, unit, k, 0.0));
+    let inertial = inertial.map(ParameterEstimate::unless_at_bound);
     let columns = data.columns();
     let effects = columns.effects().filter_map(|(k, n, linear)| {
         let (effect, joint) = columns.sites[n].place;
         let name = parameter::of_effect(effect, linear.parameter, JOINT_NAMES.get(joint)?);
         let unit = effect.description().parameters[linear.parameter].unit;
-        of(name, unit, k, linear.neutral)
+        let estimate = of(name, unit, k, linear.neutral)?;
+        Some(estimate.unless_absent(effect, linear.parameter))
     });
     let sensors = (ACC..FIXED).zip(NAMES);
     let sensors = sensors.filter_map(|(k, (name, unit))| of(name.to_owned(), unit, k, 0.0));
+    let sensors = sensors.map(|estimate| estimate.unless_nothing(0.0));
     inertial.chain(effects).chain(sensors).collect()
 }
 

@@ -185,12 +185,13 @@ impl Fitted {
         all.find(|p| p.estimate.name == name)
     }
 
-    /// `model` with these values and `provenance`.
+    /// `model` with these values and `provenance`, each torque once.
     ///
     /// # Errors
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut to = model.clone();
+        to.take_out_repeated();
         let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
         for FittedParameter {
             estimate, place, ..
