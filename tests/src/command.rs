@@ -105,6 +105,13 @@ pub fn parameter<'a>(file: &'a Value, name: &str) -> &'a Value {
         .unwrap_or_else(|| panic!("no parameter {name}"))
 }
 
+/// What `diagnose` added and removed: its path without the rungs that it begins from.
+pub fn steps(diagnosis: &Value) -> Vec<Value> {
+    let path = diagnosis["path"].as_array().unwrap();
+    let is_step = |rung: &&Value| rung["step"] == "add" || rung["step"] == "remove";
+    path.iter().filter(is_step).cloned().collect()
+}
+
 /// The folder of recorded logs: `$PROPRIO_SHARED/data`, or `../shared/data` beside the workspace; none, and a line that
 /// says so, where there is neither.
 pub fn recorded_logs() -> Option<PathBuf> {

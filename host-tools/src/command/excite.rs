@@ -18,6 +18,7 @@ use arguments::{Cost, LimitArguments, Separation, TrunkArguments, parse_pose, pa
 use clap::Args;
 use report::Report;
 
+use super::result::result;
 use super::{Error, json, model_or_default};
 use crate::progress::Progress;
 
@@ -137,7 +138,7 @@ impl Excite {
             crate::report::pages::excite::motion(&model, &designs).write(page)?;
         }
         Ok(if self.json {
-            json(&report)
+            result("excite", &report)
         } else {
             report.to_string()
         })

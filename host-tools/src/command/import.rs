@@ -9,7 +9,8 @@ use crate::output::{AtomicFile, WriteError};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Error, json, model_or_default};
+use super::result::result;
+use super::{Error, model_or_default};
 use crate::progress::Progress;
 
 /// Turn a recording into a CSV log
@@ -81,7 +82,7 @@ impl Import {
         }
         Ok(match (to_stdout, self.json) {
             (true, _) => String::new(),
-            (false, true) => json(&report),
+            (false, true) => result("import", &report),
             (false, false) => report.to_string(),
         })
     }

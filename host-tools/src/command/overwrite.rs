@@ -126,8 +126,10 @@ fn standing(path: &Path) -> Standing {
 fn is_result(path: &Path) -> bool {
     let text = fs::read_to_string(path).unwrap_or_default();
     let value: Option<serde_json::Value> = serde_json::from_str(&text).ok();
-    let has = |key| value.as_ref().is_some_and(|value| value.get(key).is_some());
-    has("parameters") && (has("rms") || has("simulation") || has("logs") || has("seed"))
+    let of = |key| value.as_ref().and_then(|value| value.get(key));
+    let schema = of("schema").and_then(serde_json::Value::as_str);
+    let is_truth = of("parameters").is_some() && of("seed").is_some();
+    schema.is_some_and(|schema| schema.starts_with("proprio.")) || is_truth
 }
 
 #[cfg(test)]

@@ -21,6 +21,7 @@ use proprio_simulator::{
 };
 use serde::Serialize;
 
+use super::result::result;
 use super::{Error, json};
 use crate::progress::Progress;
 use help::{EXAMPLES, long_help};
@@ -150,7 +151,7 @@ impl Simulate {
             None => self.hang()?,
         };
         Ok(if as_json {
-            json(&report)
+            result("simulate", &report)
         } else {
             report.to_string()
         })

@@ -22,6 +22,7 @@ use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::log::Samples;
 use crate::model::{BASE, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
+use crate::summary::ErrorRange;
 use crate::table::{Table, with_std};
 
 /// Identifies a Go2 from logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
@@ -106,6 +107,11 @@ impl FreeBaseIdentification {
             logs: logs.to_vec(),
             warnings: [walks.warnings, data.warnings()].concat(),
         })
+    }
+
+    /// The CAD's error, and that of the fit on time it has not seen.
+    pub fn error(&self) -> ErrorRange {
+        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.

@@ -14,7 +14,7 @@ use crate::model::{Model, significant};
 use crate::output;
 use crate::table::{Table, with_std};
 
-use super::{Error, Excite, Shown, json, write_motion};
+use super::{Error, Excite, Shown, json, result, write_motion};
 
 /// Length of a period unless another is asked for, s, and waves in it: from 0.4 to 2 Hz, which a robot on its feet follows.
 const PERIOD: f64 = 2.5;
@@ -75,7 +75,7 @@ pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<
         output::write(path, &json(&series))?;
     }
     Ok(if asked.json {
-        json(&report)
+        result("excite", &report)
     } else {
         report.to_string()
     })

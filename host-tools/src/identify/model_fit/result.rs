@@ -18,15 +18,11 @@ use crate::identify::NotAModel;
 use crate::identify::runs::{self, Consistency, Run};
 use crate::model::{BASE, Model, Provenance};
 use crate::recording::Recording;
-
-/// What the JSON object of an identification is called; the number grows when a key changes its meaning or goes.
-const SCHEMA: &str = "proprio.identify/1";
+use crate::summary::ErrorRange;
 
 /// A model's parameters with what is known of their errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct Fitted {
-    /// The format of this object as JSON.
-    schema: &'static str,
     /// Every parameter of every limb in the logs.
     pub parameters: Vec<FittedParameter>,
     /// How well each joint's torque is explained.
@@ -149,7 +145,6 @@ impl Fitted {
             .iter()
             .all(|j| j.held_out_rms.is_some() || j.windows == 0);
         Self {
-            schema: SCHEMA,
             rms: rms(&|j| j.rms),
             cad_rms: rms(&|j| j.cad_rms),
             held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
@@ -172,6 +167,11 @@ impl Fitted {
             runs[disagreement.differs].disagreements += 1;
         }
         self.runs = runs;
+    }
+
+    /// The CAD's error, and that of the fit on time it has not seen.
+    pub fn error(&self) -> ErrorRange {
+        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
     }
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
