@@ -7,6 +7,8 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::schema::Schema;
+
 /// The `proprio` binary of the profile under test; built on first use, since cargo builds a package's binaries only for
 /// that package's own tests.
 pub fn binary() -> &'static Path {
@@ -45,14 +47,26 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// Runs `proprio` with `arguments` in `folder`.
+/// Runs `proprio` with `arguments` in `folder`. What --json prints is held to the command's schema, whatever the test is about.
 pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(binary())
+    let output = Command::new(binary())
         .env_remove("COLUMNS")
         .args(arguments)
         .current_dir(folder)
         .output()
-        .expect("proprio runs")
+        .expect("proprio runs");
+    // Wrong usage has no object.
+    if arguments.contains(&"--json") && output.status.code() != Some(2) {
+        let value = json(&stdout(&output));
+        let faults = Schema::read(&schema_of(arguments[0])).faults(&value);
+        assert!(faults.is_empty(), "{arguments:?}: {faults:#?}");
+    }
+    output
+}
+
+/// The schema of what a command prints with --json.
+pub fn schema_of(command: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../docs/schema/{command}.json"))
 }
 
 /// What went to standard output.

@@ -74,12 +74,7 @@ pub fn fit_model(
         Vec::new()
     };
     let mut fitted = Fitted::new(recording, model, &fits, &shared, stages);
-    let said = |[effect, parameter]: [String; 2]| {
-        format!(
-            "{effect} is {parameter}, the same torque: it has no value of its own and leaves the model"
-        )
-    };
-    fitted.warnings.extend(repeated.into_iter().map(said));
+    fitted.warnings.extend(repeated);
     Ok(fitted)
 }
 

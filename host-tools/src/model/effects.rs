@@ -45,8 +45,8 @@ impl Model {
     }
 
     /// Takes out the effects whose torque a parameter of another one at the same joint multiplies too: no motion can tell the two apart,
-    /// so that only the other has a value. Says for which parameter each went, by name.
-    pub fn take_out_repeated(&mut self) -> Vec<[String; 2]> {
+    /// so that only the other has a value. Says of each, in words, for what it went.
+    pub fn take_out_repeated(&mut self) -> Vec<String> {
         let mut taken = Vec::new();
         for e in self.effects.clone() {
             for (n, parameter) in e.effect.description().parameters.iter().enumerate() {
@@ -54,9 +54,9 @@ impl Model {
                     && self.remove_effect(same, e.joint)
                 {
                     let joint = self.joint_name(e.joint);
-                    taken.push(
-                        [(same, 0), (e.effect, n)].map(|(effect, n)| of_effect(effect, n, joint)),
-                    );
+                    let [gone, stays] =
+                        [(same, 0), (e.effect, n)].map(|(effect, n)| of_effect(effect, n, joint));
+                    taken.push(format!("{gone} is the same torque as {stays}: it leaves the model, and {stays} has the value"));
                 }
             }
         }

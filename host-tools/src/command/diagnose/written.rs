@@ -55,6 +55,9 @@ impl Written {
                     constraint: Constraint::Physical,
                     ..FitOptions::default()
                 };
+                for said in model.take_out_repeated() {
+                    eprintln!("note: {said}");
+                }
                 let fitted = fit_model(recording, &model, options)?;
                 model = fitted.to_model(&model, provenance)?;
                 model.save(path)?;
