@@ -147,7 +147,8 @@ fn outputs_go_through_links() {
         done(folder.path(), &words(command, &link));
         assert!(at(&link).is_symlink() && at(&far).is_file(), "{kind}");
     }
-    assert_eq!(fs::read_dir(at("far")).unwrap().count(), WRITES.len() + 1);
+    // What lies beside an output lies beside its link.
+    assert_eq!(fs::read_dir(at("far")).unwrap().count(), WRITES.len());
 }
 
 /// A model file behind a link: `-m` reads and writes it where it lies.
@@ -208,7 +209,8 @@ fn outputs_go_to_devices_and_fifos() {
 
         done(folder.path(), &words(command, "file"));
         let file = fs::read(at("file")).unwrap();
-        assert_eq!(without_path(&through), without_path(&file), "{kind}");
+        // Megabytes, of which nobody wants to read both.
+        assert!(without_path(&through) == without_path(&file), "{kind}");
         for made in ["file", "file.json", "file.truth.json"] {
             let _ = fs::remove_file(at(made));
         }
@@ -272,10 +274,10 @@ fn words<'a>(command: &'a str, output: &'a str) -> Vec<&'a str> {
     command.split(' ').map(word).collect()
 }
 
-/// Without the lines that name the file itself.
+/// With another name where the file's own stands, and without the command that it is of.
 #[cfg(target_os = "linux")]
 fn without_path(bytes: &[u8]) -> Vec<String> {
-    let text = String::from_utf8_lossy(bytes);
+    let text = String::from_utf8_lossy(bytes).replace(" fifo", " file");
     let lines = text.lines().filter(|line| !line.starts_with("command = "));
     lines.map(str::to_owned).collect()
 }

@@ -72,9 +72,7 @@ fn each_command_holds_to_its_schema() {
 fn a_refusal_is_json_too() {
     let folder = folder();
     fs::write(folder.path().join("bad.csv"), "t,q/FR_hip\n0,x\n").unwrap();
-    for command in [
-        "compare", "diagnose", "identify", "advise", "show", "import",
-    ] {
+    for command in ["compare", "diagnose", "identify", "advise", "show"] {
         let refused = proprio(folder.path(), &[command, "bad.csv", "--json"]);
         assert_eq!(refused.status.code(), Some(1), "{command}");
         let told: Value = json(&stdout(&refused));

@@ -24,7 +24,14 @@ const PATIENCE: &str = "20";
 fn typed(folder: &TempDir, line: &str) -> Output {
     let path = std::env::var("PATH").unwrap_or_default();
     let ours = binary().parent().unwrap().display().to_string();
-    let patient = ["--foreground", "--preserve-status", "--signal=INT", PATIENCE, "sh", "-c"];
+    let patient = [
+        "--foreground",
+        "--preserve-status",
+        "--signal=INT",
+        PATIENCE,
+        "sh",
+        "-c",
+    ];
     Command::new("timeout")
         .args(patient)
         // Without `exec` the interrupt ends the shell alone.

@@ -107,6 +107,11 @@ fn standing(path: &Path) -> Standing {
     if start.starts_with('{') && is_result(path) {
         return Standing::Own("a result of proprio");
     }
+    // The columns of `excite` alone.
+    let header = start.lines().next().unwrap_or_default();
+    if header.starts_with("t,") && ["ddq/", "kp/", "kd/"].iter().all(|of| header.contains(of)) {
+        return Standing::Own("a designed motion");
+    }
     if path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
     }
