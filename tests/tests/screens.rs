@@ -18,7 +18,7 @@ proprio diagnose other.csv -m fitted.toml
 proprio show fitted.toml";
 
 /// Long enough for a search to have a motion, s: Ctrl-C ends it with the best so far.
-const PATIENCE: &str = "20";
+const PATIENCE: &str = "6";
 
 /// Runs a line as a shell does.
 fn typed(folder: &TempDir, line: &str) -> Output {

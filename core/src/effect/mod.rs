@@ -441,9 +441,8 @@ mod tests {
             ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
         });
         let columns = |effect: EffectKind| effect.description().form == Form::Columns;
-        let columns = EffectKind::ALL
-            .into_iter()
-            .filter(|effect| columns(*effect));
+        let all = EffectKind::ALL.iter().copied();
+        let columns = all.filter(|effect| columns(*effect));
         for effect in columns.clone() {
             let linear = effect.description().linear().enumerate();
             for (column, n) in linear {
