@@ -46,6 +46,7 @@ use crate::estimate::robot::{self, side_by_side};
 use crate::identify::model_fit::places_of;
 use crate::model::{Model, ModelEffect};
 use crate::recording::{LogGates, Recording, RecordingError};
+use crate::summary::ErrorRange;
 
 /// What `proprio compare` says.
 #[derive(Debug, Clone, Serialize)]
@@ -116,6 +117,9 @@ pub struct Yardsticks {
 pub struct JointComparison {
     /// Which.
     pub joint: String,
+    /// As [`Comparison::error`].
+    #[serde(flatten)]
+    pub error: ErrorRange,
     /// How well the model does.
     #[serde(flatten)]
     pub scores: Scores,
@@ -126,6 +130,21 @@ pub struct JointComparison {
     pub white: Option<bool>,
     /// What of the motion the error is not independent of.
     pub depends_on: Vec<Input>,
+}
+
+impl Yardsticks {
+    /// Of a model that leaves `rms`, held against what it was before, or the CAD.
+    fn error(&self, rms: f64) -> ErrorRange {
+        let before = self.before_rms.unwrap_or(self.cad_rms);
+        ErrorRange::torque(before, rms, self.noise_floor_rms)
+    }
+}
+
+impl Comparison {
+    /// The error over all joints: of what the model is held against, and of the model.
+    pub fn error(&self) -> ErrorRange {
+        self.yardsticks.error(self.rms)
+    }
 }
 
 /// Whether values are fitted.
@@ -330,17 +349,19 @@ impl JointComparison {
         let scores = Scores::of(&series.view());
         let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
         let dependent = criticism.independence.iter().filter(|i| !i.independent);
+        let yardsticks = Yardsticks {
+            zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
+            cad_rms: cad,
+            before_rms: before,
+            noise_floor_rms: criticism.noise.map(|noise| noise.rms),
+            noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
+            above_noise_percent: criticism.above_noise_percent,
+        };
         Self {
             joint: series.joint.clone(),
+            error: yardsticks.error(scores.rms),
             scores,
-            yardsticks: Yardsticks {
-                zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
-                cad_rms: cad,
-                before_rms: before,
-                noise_floor_rms: criticism.noise.map(|noise| noise.rms),
-                noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
-                above_noise_percent: criticism.above_noise_percent,
-            },
+            yardsticks,
             white: criticism.whiteness.as_ref().map(|w| w.white),
             depends_on: dependent.map(|i| i.input).collect(),
         }

@@ -31,6 +31,7 @@ use crate::recording::{Recording, RecordingError};
 use crate::select::limbs::Limbs;
 use crate::select::search::{Found, search};
 use crate::select::state::how;
+use crate::summary::ErrorRange;
 pub use changed::ChangedValue;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
 use report::report;
@@ -47,13 +48,14 @@ pub struct Diagnosis {
     pub next: String,
     /// What each effect would add to the model as it was given, best first.
     pub candidates: Vec<CandidateReport>,
-    /// Forward-backward selection: the error after each step.
+    /// Forward-backward selection: the error after each step. As JSON it is [`rungs`](Self::rungs).
+    #[serde(skip)]
     pub path: Vec<PathStep>,
     /// Error of the model file with the values that it gives, root mean square over all joints, N m; none if it gives none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given_rms: Option<f64>,
     /// Values of the model file that the logs contradict, the surest first.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(rename = "moved")]
     pub changed: Vec<ChangedValue>,
     /// Held-out error of the effects that the model was given, their values fitted anew, root mean square over all joints, N m.
     pub held_out_rms: f64,
@@ -142,7 +144,7 @@ pub struct Alternative {
 }
 
 /// One step of the selection.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct PathStep {
     /// The effect.
     pub effect: &'static str,
@@ -151,10 +153,78 @@ pub struct PathStep {
     /// Held-out error after this step, root mean square over all joints, N m.
     pub held_out_rms: f64,
     /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub log_rms: Vec<f64>,
     /// Whether the effect was taken out again.
     pub removed: bool,
+}
+
+/// What a model is at one rung of the way to a complete one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RungKind {
+    /// The model file with the values that it gives.
+    AsGiven,
+    /// The same effects, their values fitted anew.
+    Refitted,
+    /// With an effect more.
+    Add,
+    /// With an effect less.
+    Remove,
+}
+
+/// A rung of the way, as JSON has it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Rung<'a> {
+    /// What is done.
+    pub step: RungKind,
+    /// The effect that comes or goes.
+    pub effect: Option<&'static str>,
+    /// Where.
+    pub joints: &'a [String],
+    /// Error of the model then, root mean square over all joints, N m; held out but for that of values as given.
+    pub error: f64,
+    /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    pub log_errors: &'a [f64],
+}
+
+impl Diagnosis {
+    /// The way from the model file as it is given to what is complete, or the best that was found.
+    pub fn rungs(&self) -> Vec<Rung<'_>> {
+        let given = self
+            .given_rms
+            .map(|error| (RungKind::AsGiven, error, &[][..]));
+        let refitted = (RungKind::Refitted, self.held_out_rms, &self.log_rms[..]);
+        let start = given.into_iter().chain([refitted]);
+        let start = start.map(|(step, error, log_errors)| Rung {
+            step,
+            effect: None,
+            joints: &[],
+            error,
+            log_errors,
+        });
+        let steps = self.path.iter().map(|step| Rung {
+            step: match step.removed {
+                true => RungKind::Remove,
+                false => RungKind::Add,
+            },
+            effect: Some(step.effect),
+            joints: &step.joints,
+            error: step.held_out_rms,
+            log_errors: &step.log_rms,
+        });
+        start.chain(steps).collect()
+    }
+
+    /// The error at either end of the way.
+    pub fn error(&self) -> ErrorRange {
+        let before = self.given_rms.unwrap_or(self.held_out_rms);
+        let after = self
+            .path
+            .last()
+            .map_or(self.held_out_rms, |step| step.held_out_rms);
+        ErrorRange::torque(before, after, self.noise_floor_rms)
+    }
 }
 
 /// A joint's held-out errors, root mean square, N m.

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+
 /// The first screen.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Summary {
@@ -24,6 +26,35 @@ impl fmt::Display for Summary {
             writeln!(f, "\n  $ {command}")?;
         }
         Ok(())
+    }
+}
+
+/// How far a model is from the torque of a log, of all joints or of one, as JSON has it everywhere; none where the data are too short to say.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorRange {
+    /// Of what the result is held against: the model as it was, or the CAD.
+    pub before: Option<f64>,
+    /// Of the result.
+    pub after: Option<f64>,
+    /// That no model can go below.
+    pub floor: Option<f64>,
+    /// SI unit.
+    pub unit: &'static str,
+}
+
+impl ErrorRange {
+    /// Of torques, N m.
+    pub(crate) fn torque(
+        before: impl Into<Option<f64>>,
+        after: impl Into<Option<f64>>,
+        floor: impl Into<Option<f64>>,
+    ) -> Self {
+        Self {
+            before: before.into(),
+            after: after.into(),
+            floor: floor.into(),
+            unit: "N m",
+        }
     }
 }
 

@@ -7,6 +7,8 @@ use std::sync::OnceLock;
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::schema::Schema;
+
 /// The `proprio` binary of the profile under test; built on first use, since cargo builds a package's binaries only for
 /// that package's own tests.
 pub fn binary() -> &'static Path {
@@ -45,14 +47,26 @@ pub fn binary() -> &'static Path {
     })
 }
 
-/// Runs `proprio` with `arguments` in `folder`.
+/// Runs `proprio` with `arguments` in `folder`. What --json prints is held to the command's schema, whatever the test is about.
 pub fn proprio(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(binary())
+    let output = Command::new(binary())
         .env_remove("COLUMNS")
         .args(arguments)
         .current_dir(folder)
         .output()
-        .expect("proprio runs")
+        .expect("proprio runs");
+    // Wrong usage has no object.
+    if arguments.contains(&"--json") && output.status.code() != Some(2) {
+        let value = json(&stdout(&output));
+        let faults = Schema::read(&schema_of(arguments[0])).faults(&value);
+        assert!(faults.is_empty(), "{arguments:?}: {faults:#?}");
+    }
+    output
+}
+
+/// The schema of what a command prints with --json.
+pub fn schema_of(command: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../docs/schema/{command}.json"))
 }
 
 /// What went to standard output.
@@ -103,6 +117,13 @@ pub fn parameter<'a>(file: &'a Value, name: &str) -> &'a Value {
         .iter()
         .find(|p| p["name"] == name)
         .unwrap_or_else(|| panic!("no parameter {name}"))
+}
+
+/// What `diagnose` added and removed: its path without the rungs that it begins from.
+pub fn steps(diagnosis: &Value) -> Vec<Value> {
+    let path = diagnosis["path"].as_array().unwrap();
+    let is_step = |rung: &&Value| rung["step"] == "add" || rung["step"] == "remove";
+    path.iter().filter(is_step).cloned().collect()
 }
 
 /// The folder of recorded logs: `$PROPRIO_SHARED/data`, or `../shared/data` beside the workspace; none, and a line that

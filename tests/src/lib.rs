@@ -12,4 +12,5 @@ pub mod oracle;
 pub mod prior_reach;
 pub mod recorder;
 pub mod report_example;
+pub mod schema;
 pub mod walks;

@@ -51,6 +51,8 @@ mod report;
 mod round_trip;
 mod same_numbers;
 mod scale;
+mod schemas;
+mod screens;
 mod second_encoder;
 mod walking;
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use proprio_tests::command::{binary, done, folder, proprio, simulated, stderr};
+use proprio_tests::command::{binary, done, folder, json, proprio, simulated, stderr};
 
 #[test]
 fn output_files_hold_what_json_prints() {
@@ -121,4 +121,166 @@ fn a_physical_fit_becomes_a_model_that_exports() {
         written.contains("frictionloss") && written.contains("armature"),
         "{xml}"
     );
+}
+
+/// Each kind of output through a link to a file in another folder: the link stays one, and the file keeps who may read it.
+#[cfg(unix)]
+#[test]
+fn outputs_go_through_links() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let folder = simulated("--legs FR --duration 5");
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    done(folder.path(), &["add", "viscous", "-m", "model.toml"]);
+    for (kind, command) in WRITES {
+        let [far, link] = [format!("far/{kind}"), kind.to_owned()];
+        fs::write(at(&far), "").unwrap();
+        fs::set_permissions(at(&far), fs::Permissions::from_mode(0o604)).unwrap();
+        symlink(&far, at(&link)).unwrap();
+        done(folder.path(), &words(command, &link));
+        assert!(at(&link).is_symlink(), "{kind}");
+        let written = fs::metadata(at(&far)).unwrap();
+        assert!(written.len() > 0, "{kind}");
+        assert_eq!(written.permissions().mode() & 0o777, 0o604, "{kind}");
+        // A link to nothing yet, and one that a failing command leaves alone.
+        fs::remove_file(at(&far)).unwrap();
+        done(folder.path(), &words(command, &link));
+        assert!(at(&link).is_symlink() && at(&far).is_file(), "{kind}");
+    }
+    // What lies beside an output lies beside its link.
+    assert_eq!(fs::read_dir(at("far")).unwrap().count(), WRITES.len());
+}
+
+/// A model file behind a link: `-m` reads and writes it where it lies.
+#[cfg(unix)]
+#[test]
+fn a_model_behind_a_link_is_changed_where_it_lies() {
+    let folder = simulated("--legs FR --typical --duration 5");
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    std::os::unix::fs::symlink("far/model.toml", at("model.toml")).unwrap();
+    for command in [
+        "add viscous -m model.toml",
+        "diagnose log.csv --apply -m model.toml",
+        "remove viscous:FR_hip -m model.toml",
+    ] {
+        let before = fs::read(at("far/model.toml")).ok();
+        done(folder.path(), &command.split(' ').collect::<Vec<_>>());
+        assert!(at("model.toml").is_symlink(), "{command}");
+        assert_ne!(fs::read(at("far/model.toml")).ok(), before, "{command}");
+    }
+}
+
+/// Each kind of output to a device, a FIFO and standard output: none is replaced by a file, and what comes out is what a file gets.
+#[cfg(target_os = "linux")]
+#[test]
+fn outputs_go_to_devices_and_fifos() {
+    use std::os::unix::fs::FileTypeExt;
+    let folder = simulated("--legs FR --duration 5");
+    let at = |name: &str| folder.path().join(name);
+    done(folder.path(), &["add", "viscous", "-m", "model.toml"]);
+    let null = fs::metadata("/dev/null").unwrap();
+    std::os::unix::fs::symlink("/dev/null", at("null")).unwrap();
+    let made = std::process::Command::new("mkfifo")
+        .arg(at("fifo"))
+        .status();
+    assert!(made.unwrap().success());
+    let files = fs::read_dir(folder.path()).unwrap().count();
+    for (kind, command) in WRITES {
+        done(folder.path(), &words(command, "/dev/null"));
+        done(folder.path(), &words(command, "null"));
+        assert!(
+            fs::metadata(at("null"))
+                .unwrap()
+                .file_type()
+                .is_char_device()
+        );
+
+        let path = at("fifo");
+        let reader = std::thread::spawn(move || fs::read(path).unwrap());
+        done(folder.path(), &words(command, "fifo"));
+        let through = reader.join().unwrap();
+        assert!(fs::metadata(at("fifo")).unwrap().file_type().is_fifo());
+        assert_eq!(
+            fs::read_dir(folder.path()).unwrap().count(),
+            files,
+            "{kind}"
+        );
+
+        done(folder.path(), &words(command, "file"));
+        let file = fs::read(at("file")).unwrap();
+        // Megabytes, of which nobody wants to read both.
+        assert!(without_path(&through) == without_path(&file), "{kind}");
+        for made in ["file", "file.truth.json"] {
+            let _ = fs::remove_file(at(made));
+        }
+        // Into a pipe, and into a file that the shell has opened: first the output, then what the command prints.
+        let piped = done(folder.path(), &words(command, "/dev/stdout"));
+        assert!(piped.len() >= file.len(), "{kind}");
+        let shell = words(command, "/dev/stdout").join(" ");
+        let shell = format!("'{}' {shell} > opened", binary().display());
+        let run = std::process::Command::new("sh");
+        let status = { run }
+            .args(["-c", &shell])
+            .current_dir(folder.path())
+            .status();
+        assert!(status.unwrap().success());
+        let opened = fs::read(at("opened")).unwrap();
+        assert_eq!(opened.len(), piped.len(), "{kind}");
+        fs::remove_file(at("opened")).unwrap();
+    }
+    // A search of seconds: once.
+    let excite = "excite --legs FR --duration 2 --starts 1 --json -o /dev/null";
+    let designed = json(&done(folder.path(), &words(excite, "")));
+    assert!(designed["coefficients"].is_null(), "{designed}");
+    assert_eq!(
+        fs::metadata("/dev/null").unwrap().file_type(),
+        null.file_type()
+    );
+}
+
+/// A file that may not be written stays, and so does one whose new content does not come to its end.
+#[cfg(unix)]
+#[test]
+fn a_file_is_replaced_whole_or_not_at_all() {
+    let folder = simulated("--legs FR --duration 5");
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("far")).unwrap();
+    fs::write(at("far/old.csv"), "old").unwrap();
+    std::os::unix::fs::symlink("far/old.csv", at("new.csv")).unwrap();
+    let log = fs::read_to_string(at("log.csv")).unwrap();
+    fs::write(at("cut.csv"), log + "not,a,row\n").unwrap();
+    let failed = proprio(
+        folder.path(),
+        &["import", "cut.csv", "-o", "new.csv", "--force"],
+    );
+    assert_eq!(failed.status.code(), Some(1));
+    assert_eq!(fs::read_to_string(at("far/old.csv")).unwrap(), "old");
+    assert_eq!(fs::read_dir(at("far")).unwrap().count(), 1);
+    assert!(at("new.csv").is_symlink());
+}
+
+/// Commands that write a file, one of each kind, with OUT where its name goes.
+#[cfg(unix)]
+const WRITES: [(&str, &str); 6] = [
+    ("log", "simulate --legs FR --duration 1 -o OUT"),
+    ("import", "import log.csv -o OUT"),
+    ("model", "identify log.csv -m model.toml -o OUT"),
+    ("page", "compare log.csv --html OUT"),
+    ("series", "compare log.csv -o OUT"),
+    ("urdf", "export -m model.toml --urdf -o OUT"),
+];
+
+#[cfg(unix)]
+fn words<'a>(command: &'a str, output: &'a str) -> Vec<&'a str> {
+    let word = |word| if word == "OUT" { output } else { word };
+    command.split(' ').map(word).collect()
+}
+
+/// With another name where the file's own stands, and without the command that it is of.
+#[cfg(target_os = "linux")]
+fn without_path(bytes: &[u8]) -> Vec<String> {
+    let text = String::from_utf8_lossy(bytes).replace(" fifo", " file");
+    let lines = text.lines().filter(|line| !line.starts_with("command = "));
+    lines.map(str::to_owned).collect()
 }

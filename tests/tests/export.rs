@@ -228,6 +228,43 @@ fn what_a_format_cannot_say_is_said() {
     assert!(report["text"].as_str().unwrap().starts_with("<mujoco"));
 }
 
+/// A fit that ends where an effect is absent has found none: the file keeps its own value. Zero that somebody states is one.
+#[test]
+fn a_zero_that_is_no_finding_is_not_written() {
+    let folder = folder();
+    model_with(folder.path(), |model| {
+        for (joint, value, std) in [
+            (3, 0.0, Some(0.002)),
+            (4, 0.0, Some(0.002)),
+            (5, 0.004, Some(0.003)),
+        ] {
+            model
+                .set_effect(EffectKind::Armature, joint, value, std)
+                .unwrap();
+        }
+        model.set_effect(EffectKind::Coulomb, 3, 0.0, None).unwrap();
+    });
+    let output = export(folder.path(), &["--mjcf", "user.xml"]);
+    let written = stdout(&output);
+    // FL_hip, which the file gives a rotor.
+    assert!(written.contains("armature = '0.01'"), "{written}");
+    assert!(
+        written.contains("frictionloss=\"0\"") && written.contains("armature=\"0.004\""),
+        "{written}"
+    );
+    assert_eq!(
+        stderr(&output),
+        "note: left as the file has it, for the fit found none: armature:FL_hip, armature:FL_thigh\n"
+    );
+    let whole = exported(folder.path(), &["--mjcf", "--json"]);
+    let whole: serde_json::Value = serde_json::from_str(&whole).unwrap();
+    assert_eq!(
+        whole["effects"],
+        serde_json::json!(["coulomb:FL_hip", "armature:FL_calf"])
+    );
+    assert!(!whole["text"].as_str().unwrap().contains("armature=\"0\""));
+}
+
 /// What is written into a URDF, whole or the user's with its fixed feet and rotors, is what is read from it.
 #[test]
 fn an_exported_urdf_reads_back() {

@@ -381,3 +381,35 @@ fn what_may_be_absent_is_not_identified() {
     }
     assert_eq!(parameter(&found, "viscous:FR_calf")["status"], "identified");
 }
+
+/// A spring's offset is a bias: a joint with both has one torque twice, and the fit says so and keeps one.
+#[test]
+fn one_torque_has_one_value() {
+    let folder = simulated("--legs FR --typical --hide spring:FR_thigh=4 --duration 8");
+    let run = |command: &str| proprio(folder.path(), &command.split(' ').collect::<Vec<_>>());
+    run("add viscous coulomb armature bias spring:FR_thigh -m model.toml");
+    let output = run("identify log.csv -m model.toml -o fitted.toml --json");
+    let said = stderr(&output);
+    assert!(
+        said.contains("warning: bias:FR_thigh is the same torque as spring.c:FR_thigh"),
+        "{said}"
+    );
+    let fitted = json(&stdout(&output));
+    let names: Vec<&str> = fitted["parameters"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| p["name"].as_str().unwrap())
+        .collect();
+    assert!(names.contains(&"spring.c:FR_thigh") && names.contains(&"bias:FR_hip"));
+    assert!(!names.contains(&"bias:FR_thigh"));
+    let shown = json(&stdout(&run("show fitted.toml --json")));
+    let effects = shown["effects"].as_array().unwrap();
+    let at_thigh = |e: &&Value| e["joint"] == "FR_thigh" && e["effect"] == "bias";
+    assert_eq!(effects.iter().filter(at_thigh).count(), 0);
+    let compared = json(&stdout(&run(
+        "compare log.csv -m fitted.toml --given --json",
+    )));
+    let [rms, fit] = [&compared["rms"], &fitted["rms"]].map(|x| x.as_f64().unwrap());
+    assert!((rms / fit - 1.0).abs() < 0.05, "{rms} {fit}");
+}

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Limb, Robot};
-use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout};
+use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout, steps};
 use proprio_tests::recorder::{Recorder, TORQUE_STEP};
 use serde_json::Value;
 
@@ -148,7 +148,7 @@ fn assert_named(folder: &Path, effect: &str, joint: &str, truth: f64) {
         &["diagnose", "log.csv", "-m", "model.toml", "--json"],
     ));
     assert_eq!(told["verdict"], "missing", "{told}");
-    let first = &told["path"][0];
+    let first = &steps(&told)[0];
     assert_eq!(
         (&first["effect"], &first["joints"]),
         (&effect.into(), &[joint].as_slice().into())

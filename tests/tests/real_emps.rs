@@ -1,6 +1,6 @@
 //! A one-axis drive (EMPS, Janot, Gautier & Brunot 2019): what is published of its friction is found from its URDF and one log.
 
-use proprio_tests::command::{done, folder, json, recorded_logs};
+use proprio_tests::command::{done, folder, json, recorded_logs, steps};
 use tempfile::TempDir;
 
 /// A folder with `m.toml`, the drive with the four plain effects, and the two logs; none where there are no recorded logs.
@@ -28,7 +28,7 @@ fn friction_that_differs_with_direction_is_named() {
         folder,
         &["diagnose", &train, "-m", "m.toml", "--json"],
     ));
-    let first = &told["path"][0];
+    let first = &steps(&told)[0];
     assert_eq!(first["effect"], "asymmetric_viscous", "{first}");
 
     let held_out = || {

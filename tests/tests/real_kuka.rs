@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use proprio_tests::command::{done, folder, json, recorded_logs};
+use proprio_tests::command::{done, folder, json, recorded_logs, steps};
 use serde_json::Value;
 
 /// What `identify` writes of these logs, as JSON.
@@ -38,12 +38,12 @@ fn a_counterbalance_is_named_and_a_wrists_rotors_are_told() {
         folder,
         &["diagnose", &a, &b, "-m", "m.toml", "--json"],
     ));
-    let first = &told["path"][0];
+    let first = &steps(&told)[0];
     assert_eq!(
         (&first["effect"], &first["joints"][0]),
         (&"spring".into(), &"A2".into())
     );
-    let [before, after] = [&told, first].map(|of| of["held_out_rms"].as_f64().unwrap());
+    let [before, after] = [&told["held_out_rms"], &first["error"]].map(|x| x.as_f64().unwrap());
     assert!(after < 0.45 * before, "{before} N m, {after} N m with it");
 
     let [a, b] = [a, b].map(|log| identified(folder, &[&log]));

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{done, folder, json};
+use proprio_tests::command::{done, folder, json, steps};
 use serde_json::Value;
 
 const TIMES: f64 = 100.0;
@@ -87,10 +87,10 @@ fn diagnosed(folder: &Path, text: &str, times: f64) -> Vec<(String, f64)> {
         &["diagnose", "log.csv", "-m", "m.toml", "--json"],
     ));
     let step = |step: &Value| {
-        let name = format!("{} {} {}", step["effect"], step["joints"], step["removed"]);
-        (name, step["held_out_rms"].as_f64().unwrap() / times)
+        let name = format!("{} {} {}", step["effect"], step["joints"], step["step"]);
+        (name, step["error"].as_f64().unwrap() / times)
     };
-    found["path"].as_array().unwrap().iter().map(step).collect()
+    steps(&found).iter().map(step).collect()
 }
 
 #[test]

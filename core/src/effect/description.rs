@@ -155,6 +155,8 @@ pub struct Parameter {
     pub shape: bool,
     /// Where it is searched; a shape always is.
     pub grid: Option<Grid>,
+    /// The effect whose torque it multiplies too: beside that one it has no value of its own.
+    pub same_as: Option<EffectKind>,
 }
 
 impl Parameter {
@@ -168,6 +170,15 @@ impl Parameter {
             neutral: 0.0,
             shape: false,
             grid: None,
+            same_as: None,
+        }
+    }
+
+    /// The same as a multiple of the torque that `effect` has as well.
+    pub const fn same_as(self, effect: EffectKind) -> Self {
+        Self {
+            same_as: Some(effect),
+            ..self
         }
     }
 

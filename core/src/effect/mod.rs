@@ -431,6 +431,34 @@ mod tests {
         }
     }
 
+    /// Two columns of one torque are told of by a fact, and only they: else a joint with both has two values for one thing.
+    #[test]
+    fn a_column_that_is_another_effects_says_so() {
+        const SHAPE: f64 = 0.7;
+        let states = [0.3, 1.1, 2.9, 4.4].map(|t: f64| JointState {
+            temperature: 50.0 + t,
+            presliding: (2.0 * t).sin(),
+            ..JointState::reported(t.sin(), t.cos(), (3.0 * t).sin())
+        });
+        let columns = |effect: EffectKind| effect.description().form == Form::Columns;
+        let all = EffectKind::ALL.iter().copied();
+        let columns = all.filter(|effect| columns(*effect));
+        for effect in columns.clone() {
+            let linear = effect.description().linear().enumerate();
+            for (column, n) in linear {
+                let is_same = |other: &EffectKind| {
+                    let same =
+                        |state| effect.terms(state, SHAPE)[column] == other.terms(state, SHAPE)[0];
+                    *other != effect
+                        && other.description().parameters.len() == 1
+                        && states.iter().all(same)
+                };
+                let said = effect.description().parameters[n].same_as;
+                assert_eq!(columns.clone().find(is_same), said, "{} {n}", effect.name());
+            }
+        }
+    }
+
     /// Terms integrate to the impulse of the torque they stand for: checked on q = sin t against the closed form.
     #[test]
     #[cfg_attr(miri, ignore = "too long to interpret")]

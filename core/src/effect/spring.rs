@@ -16,7 +16,7 @@ impl Effect for Spring {
         simpler: Some(EffectKind::Bias),
         parameters: &[
             Parameter::new("k", "N m/rad", 0.0, f64::INFINITY),
-            Parameter::new("c", "N m", f64::NEG_INFINITY, f64::INFINITY),
+            Parameter::new("c", "N m", f64::NEG_INFINITY, f64::INFINITY).same_as(EffectKind::Bias),
         ],
         words: "a torque in proportion to the position: a cable, hose or cover that pulls back",
         look_alikes: &[

@@ -8,7 +8,8 @@ use clap::Args;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// Add effects to a model file
 ///
@@ -115,7 +116,7 @@ impl Add {
             notes,
         };
         Ok(if self.json {
-            json(&report)
+            result("add", &report)
         } else {
             report.to_string()
         })

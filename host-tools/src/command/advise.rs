@@ -6,7 +6,8 @@ use crate::advise::advise;
 use clap::Args;
 
 use super::excite::chosen;
-use super::{Error, json, model_or_default};
+use super::result::result;
+use super::{Error, model_or_default};
 use crate::progress::Progress;
 
 /// Say what logs could not tell, and the motion that would
@@ -50,7 +51,7 @@ impl Advise {
         )?;
         drop(progress);
         Ok(if self.json {
-            json(&advised)
+            result("advise", &advised)
         } else {
             advised.text(self.all)
         })

@@ -18,7 +18,8 @@ use proprio_core::wire::DeviceMessage;
 use proprio_simulator::hidden::typical;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 use crate::progress::{Progress, Underway};
 
 /// Record a motor bus's raw bytes, or tell what a recording of them says
@@ -129,7 +130,7 @@ impl Capture {
             eprintln!("warning: nothing came: check the wiring, and that the robot is on");
         }
         Ok(match self.json {
-            true => json(&recorded),
+            true => result("capture", &recorded),
             false => recorded.to_string(),
         })
     }
@@ -188,7 +189,7 @@ impl Capture {
             board: Some(board),
         };
         Ok(match self.json {
-            true => json(&recorded),
+            true => result("capture", &recorded),
             false => recorded.to_string(),
         })
     }
@@ -199,7 +200,7 @@ impl Capture {
             eprintln!("warning: {}: {warning}", path.display());
         }
         Ok(match self.json {
-            true => json(&explanation),
+            true => result("capture", &explanation),
             false => Words(&explanation).to_string(),
         })
     }

@@ -10,7 +10,8 @@ use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
 
-use super::{Error, json, remove, unreadable};
+use super::result::judged;
+use super::{Error, remove, unreadable};
 use crate::progress::{Progress, Underway};
 
 /// Compare model and measurement: how well, where and when it fails
@@ -106,7 +107,7 @@ impl Compare {
                 .write(path)?;
         }
         Ok(if self.json {
-            json(&comparison)
+            judged("compare", comparison.error(), &comparison)
         } else {
             self.text(&comparison)
         })
@@ -130,7 +131,7 @@ impl Compare {
             page.write(path)?;
         }
         Ok(match (self.json, self.all || self.verbose) {
-            (true, _) => json(&comparison),
+            (true, _) => judged("compare", comparison.comparison.error(), &comparison),
             (false, true) => comparison.text(self.all),
             (false, false) => {
                 let summary = comparison.summary(model);

@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::output::{self, WriteError};
 use crate::recording::Recording;
 use crate::report::pages;
-use crate::summary::Summary;
+use crate::summary::{ErrorRange, Summary};
 use crate::table::{Table, with_std};
 use clap::Args;
 use proprio_core::effect::EffectKind;
@@ -21,8 +21,9 @@ use proprio_simulator::hidden::typical;
 use proprio_simulator::{HiddenEffect, Hide, Simulation, TrueValue};
 use serde::Serialize;
 
+use super::result::judged;
 use super::simulate::record_with_truth;
-use super::{Error, json, unreadable};
+use super::{Error, unreadable};
 
 /// Find a hidden effect in a simulated log: the tour
 ///
@@ -106,14 +107,23 @@ struct Report {
     found: Option<String>,
     value: Option<f64>,
     std: Option<f64>,
+    #[serde(skip)]
     before_rms: f64,
+    #[serde(skip)]
     after_rms: f64,
+    #[serde(skip)]
     noise_floor_rms: Option<f64>,
     /// Whether what is found is what was hidden, and the error is down to the noise.
     passed: bool,
     files: Files,
     #[serde(skip)]
     tour: Tour,
+}
+
+impl Report {
+    fn error(&self) -> ErrorRange {
+        ErrorRange::torque(self.before_rms, self.after_rms, self.noise_floor_rms)
+    }
 }
 
 /// What there is to tell.
@@ -136,7 +146,11 @@ impl Demo {
         let report = tour(files, self.seed)?;
         let text = report.to_string();
         output::write(&report.files.tour, &format!("{TOUR}\n{text}"))?;
-        Ok(if self.json { json(&report) } else { text })
+        Ok(if self.json {
+            judged("demo", report.error(), &report)
+        } else {
+            text
+        })
     }
 }
 
@@ -153,7 +167,7 @@ fn tour(files: Files, seed: u64) -> Result<Report, Error> {
         seed,
         ..Simulation::new(&[leg])
     };
-    record_with_truth(&simulation, &files.log, &files.truth)?;
+    record_with_truth(&simulation, &files.log, Some(&files.truth))?;
 
     let mut model = Model::default();
     let joints = 0..model.robot().bodies().len();

@@ -8,7 +8,9 @@ use crate::advise::{closing, pointer};
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
-use crate::diagnose::{Diagnosis, diagnose_by, diagnose_free_base, diagnose_swing};
+use crate::diagnose::{
+    Diagnosis, FreeBaseDiagnosis, Rung, diagnose_by, diagnose_free_base, diagnose_swing,
+};
 use crate::free_base::has_imu;
 use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
@@ -19,7 +21,8 @@ use clap::Args;
 use serde::Serialize;
 use written::{Values, Written};
 
-use super::{Error, json, unreadable};
+use super::result::judged;
+use super::{Error, unreadable};
 use crate::progress::{Progress, Underway};
 
 /// Say which physical effect is missing
@@ -126,11 +129,13 @@ impl Diagnose {
             _ => None,
         };
         if self.json {
-            return Ok(json(&Report {
+            let report = Report {
                 data: &recording.gates,
                 diagnosis: &diagnosis,
+                path: diagnosis.rungs(),
                 written: written.as_ref(),
-            }));
+            };
+            return Ok(judged("diagnose", diagnosis.error(), &report));
         }
         let file = self.model.as_deref();
         let wrote = written.as_ref().map(ToString::to_string);
@@ -213,7 +218,11 @@ impl Diagnose {
             page.map_err(unreadable)?.write(path)?;
         }
         if self.json {
-            return Ok(json(&diagnosis));
+            let report = WalkReport {
+                diagnosis: &diagnosis,
+                path: diagnosis.diagnosis.rungs(),
+            };
+            return Ok(judged("diagnose", diagnosis.diagnosis.error(), &report));
         }
         if self.verbose {
             return Ok(diagnosis.diagnosis.to_string());
@@ -228,6 +237,14 @@ impl Diagnose {
     }
 }
 
+/// What --json prints of a robot that walks.
+#[derive(Debug, Serialize)]
+struct WalkReport<'a> {
+    #[serde(flatten)]
+    diagnosis: &'a FreeBaseDiagnosis,
+    path: Vec<Rung<'a>>,
+}
+
 /// What --json prints.
 #[derive(Debug, Serialize)]
 struct Report<'a> {
@@ -235,6 +252,7 @@ struct Report<'a> {
     data: &'a [LogGates],
     #[serde(flatten)]
     diagnosis: &'a Diagnosis,
+    path: Vec<Rung<'a>>,
     /// What --apply has made of the model file.
     #[serde(skip_serializing_if = "Option::is_none")]
     written: Option<&'a Written>,

@@ -6,7 +6,8 @@ use clap::Args;
 use proprio_core::effect::{Description, Parameter};
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// List the effects that a model may lack
 ///
@@ -75,7 +76,7 @@ impl Effects {
             at_length,
         };
         Ok(if self.json {
-            json(&report)
+            result("effects", &report)
         } else {
             report.to_string()
         })

@@ -18,6 +18,7 @@ use arguments::{Cost, LimitArguments, Separation, TrunkArguments, parse_pose, pa
 use clap::Args;
 use report::Report;
 
+use super::result::result;
 use super::{Error, json, model_or_default};
 use crate::progress::Progress;
 
@@ -130,24 +131,24 @@ impl Excite {
         write_motion(&self.output, |file| {
             write_csv(file, &model, &designs, self.gains())
         })?;
-        output::write(
-            &coefficients,
-            &json(&Coefficients::of(&model, &designs, &settings)),
-        )?;
+        if let Some(path) = &coefficients {
+            output::write(path, &json(&Coefficients::of(&model, &designs, &settings)))?;
+        }
         if let Some(page) = &self.html {
             crate::report::pages::excite::motion(&model, &designs).write(page)?;
         }
         Ok(if self.json {
-            json(&report)
+            result("excite", &report)
         } else {
             report.to_string()
         })
     }
 
-    /// Where the coefficients go.
-    fn coefficients(&self) -> PathBuf {
-        let beside = || self.output.with_extension("json");
-        self.coefficients.clone().unwrap_or_else(beside)
+    /// Where the coefficients go; nowhere of themselves where the motion goes to a stream, which nothing lies beside.
+    fn coefficients(&self) -> Option<PathBuf> {
+        let beside =
+            || (!output::is_stream(&self.output)).then(|| self.output.with_extension("json"));
+        self.coefficients.clone().or_else(beside)
     }
 
     fn gains(&self) -> Gains {

@@ -8,7 +8,8 @@ use crate::output;
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// Write a model for simulators: URDF or MJCF
 ///
@@ -72,13 +73,16 @@ impl Export {
         if self.json {
             let text = self.output.is_none().then_some(text);
             let output = self.output;
-            return Ok(json(&Report {
-                output,
-                bodies,
-                effects,
-                notes,
-                text,
-            }));
+            return Ok(result(
+                "export",
+                &Report {
+                    output,
+                    bodies,
+                    effects,
+                    notes,
+                    text,
+                },
+            ));
         }
         notes.iter().for_each(|note| eprintln!("note: {note}"));
         Ok(match self.output {

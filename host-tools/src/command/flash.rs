@@ -8,7 +8,8 @@ use clap::Args;
 use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// Flash the firmware onto a NUCLEO-H743ZI2
 ///
@@ -66,7 +67,7 @@ impl Flash {
             image,
         };
         Ok(match self.json {
-            true => json(&report),
+            true => result("flash", &report),
             false if self.dry_run => report.commands.join("\n") + "\n",
             false => {
                 "Flashed. `proprio ports` tells the board's port; then: proprio monitor PORT\n"

@@ -15,7 +15,8 @@ use crate::output;
 use crate::report::pages;
 use clap::Args;
 
-use super::{Error, json, unreadable};
+use super::result::{judged, result};
+use super::{Error, unreadable};
 use crate::progress::Progress;
 
 /// Identify the robot from its logs
@@ -139,12 +140,12 @@ impl Identify {
             }
         };
         if let Some(path) = self.json_file() {
-            output::write(path, &json(fitted))?;
+            output::write(path, &judged("identify", fitted.error(), fitted))?;
         }
         if let (Some(path), Some(filled)) = (self.model_file(), &filled) {
             filled.save(path)?;
             if options.method == Method::Momentum {
-                check_reproduced(recording, &Model::load(path)?, fitted)?;
+                check_reproduced(recording, &filled.read_back(path)?, fitted)?;
             }
         }
         if let (Some(path), Some(filled)) = (&self.html, &filled) {
@@ -153,7 +154,7 @@ impl Identify {
             page.write(path)?;
         }
         if self.json {
-            return Ok(json(fitted));
+            return Ok(judged("identify", fitted.error(), fitted));
         }
         let told = match self.base {
             true => fitted.identifiability(),
@@ -170,29 +171,29 @@ impl Identify {
     /// The whole Go2, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
         let mut progress = Progress::new("Identifying");
-        let result = identify_free_base(&self.logs, self.constraint(), |done, total| {
+        let found = identify_free_base(&self.logs, self.constraint(), |done, total| {
             progress.set(done, total);
         })?;
         drop(progress);
-        for warning in &result.warnings {
+        for warning in &found.warnings {
             eprintln!("warning: {warning}");
         }
         if let Some(path) = self.json_file() {
-            output::write(path, &json(&result))?;
+            output::write(path, &judged("identify", found.error(), &found))?;
         }
         if let Some(path) = self.model_file() {
-            result.to_model(self.provenance()?)?.save(path)?;
+            found.to_model(self.provenance()?)?.save(path)?;
         }
         if let Some(path) = &self.html {
-            let found = result.to_model(self.provenance()?)?;
-            let comparison = compare_free_base(&self.logs, &found, ValuesFrom::Given, |_, _| ())?;
-            let page = pages::walk_identification(&result, &comparison);
+            let model = found.to_model(self.provenance()?)?;
+            let comparison = compare_free_base(&self.logs, &model, ValuesFrom::Given, |_, _| ())?;
+            let page = pages::walk_identification(&found, &comparison);
             page.map_err(unreadable)?.write(path)?;
         }
         Ok(if self.json {
-            json(&result)
+            judged("identify", found.error(), &found)
         } else {
-            result.to_string()
+            found.to_string()
         })
     }
 

@@ -9,7 +9,8 @@ use crate::output::{AtomicFile, WriteError};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Error, json, model_or_default};
+use super::result::result;
+use super::{Error, model_or_default};
 use crate::progress::Progress;
 
 /// Turn a recording into a CSV log
@@ -67,12 +68,7 @@ impl Import {
         let to_stdout = self.output.as_os_str() == "-";
         if to_stdout {
             let out = std::io::BufWriter::new(std::io::stdout().lock());
-            match copy(&mut reader, out) {
-                Err(Failed::Write(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
-                    return Ok(String::new());
-                }
-                copied => copied.map_err(|failed| failed.at(&self.output))?,
-            };
+            copy(&mut reader, out).map_err(|failed| failed.at(&self.output))?;
         } else {
             let file = AtomicFile::create(&self.output)?;
             let file = copy(&mut reader, file).map_err(|failed| failed.at(&self.output))?;
@@ -86,7 +82,7 @@ impl Import {
         }
         Ok(match (to_stdout, self.json) {
             (true, _) => String::new(),
-            (false, true) => json(&report),
+            (false, true) => result("import", &report),
             (false, false) => report.to_string(),
         })
     }

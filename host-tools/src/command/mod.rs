@@ -1,6 +1,6 @@
 //! The subcommands, one file each: `add`, `advise`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
 //! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`. `hint`: what the user can do about an error;
-//! `overwrite`: what a command would replace.
+//! `overwrite`: what a command would replace; `result`: what --json prints.
 
 mod add;
 mod advise;
@@ -22,6 +22,7 @@ mod overwrite;
 mod ports;
 mod remove;
 mod replay;
+mod result;
 mod show;
 mod simulate;
 mod validate;
@@ -105,16 +106,21 @@ pub fn main() -> ExitCode {
     if let Err(error) = crate::output::remove_on_interrupt() {
         eprintln!("warning: Ctrl-C may leave unfinished files behind: {error}");
     }
-    match run() {
+    let matches = Arguments::command().get_matches();
+    match run(&matches) {
         Ok(text) => match std::io::stdout().write_all(text.as_bytes()) {
-            // A reader that has seen enough (`| head`) is no failure.
-            Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(error) if !has_seen_enough(&error) => {
                 eprintln!("error: cannot write the result: {error}");
                 ExitCode::FAILURE
             }
             _ => ExitCode::SUCCESS,
         },
+        Err(Error::Write(error)) if has_seen_enough(&error.source) => ExitCode::SUCCESS,
         Err(error) => {
+            if let Some(command) = as_json(&matches) {
+                // What cannot be written is on standard error too.
+                let _ = std::io::stdout().write_all(result::refused(command, &error).as_bytes());
+            }
             eprintln!("error: {error}");
             if let Some(hint) = hint::of(&error) {
                 eprintln!("hint: {hint}");
@@ -124,12 +130,23 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Whether what was written to has a reader that left (`| head`): no failure.
+fn has_seen_enough(error: &std::io::Error) -> bool {
+    error.kind() == std::io::ErrorKind::BrokenPipe
+}
+
 /// What goes to standard output.
-fn run() -> Result<String, Error> {
-    let matches = Arguments::command().get_matches();
+fn run(matches: &ArgMatches) -> Result<String, Error> {
     // Clap has matched the same definition.
-    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    arguments.run(&matches)
+    let arguments = Arguments::from_arg_matches(matches).unwrap_or_else(|error| error.exit());
+    arguments.run(matches)
+}
+
+/// The command that is to print JSON, if it is.
+fn as_json(matches: &ArgMatches) -> Option<&str> {
+    let (name, command) = matches.subcommand()?;
+    let flag = command.try_get_one::<bool>("json").ok().flatten();
+    flag.is_some_and(|flag| *flag).then_some(name)
 }
 
 impl Arguments {

@@ -27,6 +27,7 @@ use session::Session;
 use settings::{Known, KnownBody};
 
 use super::Error;
+use super::result::result;
 
 /// What the simulated robot has beside a Go2's usual friction, unless --hide says otherwise: something to be found.
 const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
@@ -115,7 +116,7 @@ impl Monitor {
             (None, false) => lines::watch(&mut session, self.json)?,
         }
         Ok(match self.json {
-            true => super::json(&lines::Report::new(&session.view)),
+            true => result("monitor", &lines::Report::new(&session.view)),
             false => String::new(),
         })
     }

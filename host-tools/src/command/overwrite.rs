@@ -11,6 +11,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::model::Model;
+use crate::output;
 use clap::ArgMatches;
 
 use super::Error;
@@ -47,6 +48,10 @@ pub(super) fn check(command: &ArgMatches, force: bool) -> Result<Vec<String>, Er
     let logs = paths(command, &LOGS);
     let mut notes = Vec::new();
     for output in paths(command, &WRITTEN) {
+        // A device or a pipe holds nothing that writing would replace.
+        if output::is_stream(&output) {
+            continue;
+        }
         if logs.iter().any(|log| is_same(log, &output)) {
             return Err(Error::WouldReplaceLog(output));
         }
@@ -84,7 +89,6 @@ fn is_same(a: &Path, b: &Path) -> bool {
 }
 
 fn standing(path: &Path) -> Standing {
-    // Folders, devices and pipes hold nothing that writing would replace.
     let Ok(metadata) = fs::metadata(path) else {
         return Standing::Free;
     };
@@ -102,6 +106,11 @@ fn standing(path: &Path) -> Standing {
     }
     if start.starts_with('{') && is_result(path) {
         return Standing::Own("a result of proprio");
+    }
+    // The columns of `excite` alone.
+    let header = start.lines().next().unwrap_or_default();
+    if header.starts_with("t,") && ["ddq/", "kp/", "kd/"].iter().all(|of| header.contains(of)) {
+        return Standing::Own("a designed motion");
     }
     if path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
@@ -122,8 +131,10 @@ fn standing(path: &Path) -> Standing {
 fn is_result(path: &Path) -> bool {
     let text = fs::read_to_string(path).unwrap_or_default();
     let value: Option<serde_json::Value> = serde_json::from_str(&text).ok();
-    let has = |key| value.as_ref().is_some_and(|value| value.get(key).is_some());
-    has("parameters") && (has("rms") || has("simulation") || has("logs") || has("seed"))
+    let of = |key| value.as_ref().and_then(|value| value.get(key));
+    let schema = of("schema").and_then(serde_json::Value::as_str);
+    let is_truth = of("parameters").is_some() && of("seed").is_some();
+    schema.is_some_and(|schema| schema.starts_with("proprio.")) || is_truth
 }
 
 #[cfg(test)]

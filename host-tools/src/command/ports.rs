@@ -6,7 +6,8 @@ use crate::table::Table;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// List serial ports, and what is likely behind them
 ///
@@ -35,7 +36,7 @@ impl Ports {
             source,
         })?;
         Ok(match (self.json, ports.is_empty()) {
-            (true, _) => json(&Report { ports }),
+            (true, _) => result("ports", &Report { ports }),
             (false, true) => "There is no serial port. Plug in the board or the adapter; \
                               without either: proprio monitor sim\n"
                 .to_owned(),

@@ -6,7 +6,8 @@ use crate::model::{Model, ModelEffect, UnknownName};
 use clap::Args;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// Take effects out of a model file
 ///
@@ -59,7 +60,7 @@ impl Remove {
             absent,
         };
         Ok(if self.json {
-            json(&report)
+            result("remove", &report)
         } else {
             report.to_string()
         })

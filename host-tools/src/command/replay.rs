@@ -20,7 +20,8 @@ use proprio_core::wire::{self, DeviceMessage, HostMessage};
 use effects::{Answer, Wish};
 use report::{Report, Told};
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 use crate::progress::Progress;
 
 /// Play a log into a device and print what comes back
@@ -127,7 +128,7 @@ impl Replay {
             .iter()
             .for_each(|warning| eprintln!("warning: {warning}"));
         Ok(if self.json {
-            json(&report)
+            result("replay", &report)
         } else {
             report.to_string()
         })

@@ -7,7 +7,8 @@ use crate::parameter;
 use clap::Args;
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 
 /// Show a model file
 ///
@@ -77,7 +78,7 @@ impl Show {
         let model = Model::load(&self.model)?;
         let report = Report::of(self.model, &model);
         Ok(if self.json {
-            json(&report)
+            result("show", &report)
         } else {
             report.to_string()
         })

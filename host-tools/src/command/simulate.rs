@@ -21,6 +21,7 @@ use proprio_simulator::{
 };
 use serde::Serialize;
 
+use super::result::result;
 use super::{Error, json};
 use crate::progress::Progress;
 use help::{EXAMPLES, long_help};
@@ -124,7 +125,8 @@ struct Legs(Vec<Leg>);
 #[derive(Debug, Serialize)]
 struct Report {
     log: PathBuf,
-    truth: PathBuf,
+    /// None where the log is a stream, unless --truth names one.
+    truth: Option<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
     gait: Option<&'static str>,
     legs: Vec<&'static str>,
@@ -149,7 +151,7 @@ impl Simulate {
             None => self.hang()?,
         };
         Ok(if as_json {
-            json(&report)
+            result("simulate", &report)
         } else {
             report.to_string()
         })
@@ -180,7 +182,7 @@ impl Simulate {
             ..Simulation::new(&self.legs.0)
         };
         let truth = self.truth_path();
-        let samples = record_with_truth(&simulation, &self.output, &truth)?;
+        let samples = record_with_truth(&simulation, &self.output, truth.as_deref())?;
         Ok(Report {
             log: self.output,
             truth,
@@ -192,9 +194,10 @@ impl Simulate {
         })
     }
 
-    fn truth_path(&self) -> PathBuf {
-        let beside = || beside(&self.output);
-        self.truth.clone().unwrap_or_else(beside)
+    /// Where the truth goes; nowhere of itself where the log goes to a stream, which nothing lies beside.
+    fn truth_path(&self) -> Option<PathBuf> {
+        let beside = || (!output::is_stream(&self.output)).then(|| beside(&self.output));
+        self.truth.clone().or_else(beside)
     }
 
     fn sensors(&self) -> Sensors {
@@ -243,10 +246,12 @@ impl Simulate {
 pub(super) fn record_with_truth(
     simulation: &Simulation,
     log: &Path,
-    truth: &Path,
+    truth: Option<&Path>,
 ) -> Result<u64, Error> {
     let samples = record(simulation, log)?;
-    output::write(truth, &json(&truth_of(simulation)))?;
+    if let Some(truth) = truth {
+        output::write(truth, &json(&truth_of(simulation)))?;
+    }
     Ok(samples)
 }
 
@@ -298,7 +303,7 @@ fn written<T>(
 
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (log, truth) = (self.log.display(), self.truth.display());
+        let log = self.log.display();
         let legs = self.legs.join(", ");
         let what = self.gait.map_or(legs, |gait| format!("a robot: {gait}"));
         writeln!(
@@ -306,7 +311,10 @@ impl std::fmt::Display for Report {
             "{log}: {} samples, {} s of {what}, seed {}",
             self.samples, self.duration, self.seed
         )?;
-        writeln!(f, "{truth}: the truth")
+        match &self.truth {
+            Some(truth) => writeln!(f, "{}: the truth", truth.display()),
+            None => Ok(()),
+        }
     }
 }
 

@@ -10,7 +10,8 @@ use proprio_simulator::hidden::typical;
 use proprio_simulator::{Followed, Hide, Simulation};
 use serde::Serialize;
 
-use super::{Error, json};
+use super::Error;
+use super::result::result;
 use crate::progress::Progress;
 
 /// Judge models by the feedback torque that they leave
@@ -110,7 +111,7 @@ impl Validate {
         }
         let report = Report { logs };
         Ok(if self.json {
-            json(&report)
+            result("validate", &report)
         } else {
             report.to_string()
         })

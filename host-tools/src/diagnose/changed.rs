@@ -28,6 +28,7 @@ pub struct ChangedValue {
     /// Its standard deviation there; none if the file does not say.
     pub was_std: Option<f64>,
     /// What these logs say.
+    #[serde(rename = "now")]
     pub is: f64,
     /// Its standard deviation.
     pub std: f64,

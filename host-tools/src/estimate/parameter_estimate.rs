@@ -158,12 +158,37 @@ impl ParameterEstimate {
             .any(|(name, _)| Some(*name) == what)
     }
 
-    /// The same of parameter `n` of an effect: at its bound, or within two standard deviations of the value at which the effect is absent,
+    /// The same of parameter `n` of an effect: at a bound, or within two standard deviations of the value at which the effect is absent,
     /// the data show no more than how large it is at most, and that is not called identified.
-    pub(crate) fn unless_absent(mut self, effect: EffectKind, n: usize) -> Self {
+    pub(crate) fn unless_absent(self, effect: EffectKind, n: usize) -> Self {
         let parameter = &effect.description().parameters[n];
-        let absent = !parameter.shape && (self.value - parameter.neutral).abs() < 2.0 * self.std;
-        if self.status == Status::Identified && (self.at_bound || absent) {
+        // A search that ends at a bound was not held there.
+        let at_bound = self.value <= parameter.lower || self.value >= parameter.upper;
+        match (at_bound, parameter.shape) {
+            (true, _) => self.not_identified(),
+            (false, true) => self.unless_at_bound(),
+            (false, false) => self.unless_nothing(parameter.neutral),
+        }
+    }
+
+    /// The same of what is absent at `neutral`.
+    pub(crate) fn unless_nothing(self, neutral: f64) -> Self {
+        match (self.value - neutral).abs() < 2.0 * self.std {
+            true => self.not_identified(),
+            false => self.unless_at_bound(),
+        }
+    }
+
+    /// The same of what is never absent, such as a body.
+    pub(crate) fn unless_at_bound(self) -> Self {
+        match self.at_bound {
+            true => self.not_identified(),
+            false => self,
+        }
+    }
+
+    fn not_identified(mut self) -> Self {
+        if self.status == Status::Identified {
             self.status = Status::Prior;
         }
         self
@@ -221,6 +246,60 @@ mod tests {
         assert_eq!(Status::there(0.5, 0.5, 0.25, 0.25), Status::Unexcited);
         assert_eq!(Status::there(0.2, 0.5, 0.1, 0.25), Status::Identified);
         assert_eq!(Status::there(0.2, 0.5, 0.2, 0.2), Status::Unexcited);
+    }
+
+    /// What the data know well, by where it lies.
+    #[test]
+    fn what_is_nothing_or_at_a_bound_is_not_identified() {
+        use EffectKind::{Armature, Coulomb, Delay, Stribeck, TorqueGain, Viscous};
+        use Status::{Identified, Prior, Unexcited};
+        let table = [
+            // Within two ± of nothing, and beyond; of a gain nothing is 1.
+            (Coulomb, 0, 0.0, 0.23, false, Identified, Prior),
+            (Coulomb, 0, 0.019, 0.01, false, Identified, Prior),
+            (Coulomb, 0, 0.021, 0.01, false, Identified, Identified),
+            (Delay, 0, -0.001, 0.0006, false, Identified, Prior),
+            (
+                TorqueGain,
+                0,
+                TorqueGain.description().parameters[0].neutral,
+                0.01,
+                false,
+                Identified,
+                Prior,
+            ),
+            // At its bound, though it is known to a hair; held there at another value.
+            (Armature, 0, 0.0, 0.0, false, Identified, Prior),
+            (Viscous, 0, 0.2, 0.01, true, Identified, Prior),
+            // A shape is never absent, but has bounds.
+            (Stribeck, 1, 0.1, 0.2, false, Identified, Identified),
+            (
+                Stribeck,
+                1,
+                Stribeck.description().parameters[1].lower,
+                0.01,
+                false,
+                Identified,
+                Prior,
+            ),
+            // What no motion shows stays unexcited wherever it is.
+            (Armature, 0, 0.0, 0.1, true, Unexcited, Unexcited),
+            (Coulomb, 0, 0.0, 0.1, false, Prior, Prior),
+        ];
+        for (effect, n, value, std, at_bound, status, expected) in table {
+            let estimate = ParameterEstimate {
+                name: String::new(),
+                unit: "",
+                value,
+                std,
+                prior: 0.0,
+                prior_std: 1.0,
+                status,
+                at_bound,
+            };
+            let status = estimate.unless_absent(effect, n).status;
+            assert_eq!(status, expected, "{} {n}: {value} ± {std}", effect.name());
+        }
     }
 
     /// A fit that ends at bodies of a third of the CAD's mass without any data to say so.

@@ -22,6 +22,7 @@ use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::log::Samples;
 use crate::model::{BASE, Model, Provenance};
 use crate::parameter::{self, INERTIAL_NAMES};
+use crate::summary::ErrorRange;
 use crate::table::{Table, with_std};
 
 /// Identifies a Go2 from logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
@@ -106,6 +107,11 @@ impl FreeBaseIdentification {
             logs: logs.to_vec(),
             warnings: [walks.warnings, data.warnings()].concat(),
         })
+    }
+
+    /// The CAD's error, and that of the fit on time it has not seen.
+    pub fn error(&self) -> ErrorRange {
+        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.
@@ -255,15 +261,18 @@ pub(crate) fn walk_parameters(
     });
     let inertial = (0..ACC).zip(inertial);
     let inertial = inertial.filter_map(|(k, (name, unit))| of(name, unit, k, 0.0));
+    let inertial = inertial.map(ParameterEstimate::unless_at_bound);
     let columns = data.columns();
     let effects = columns.effects().filter_map(|(k, n, linear)| {
         let (effect, joint) = columns.sites[n].place;
         let name = parameter::of_effect(effect, linear.parameter, JOINT_NAMES.get(joint)?);
         let unit = effect.description().parameters[linear.parameter].unit;
-        of(name, unit, k, linear.neutral)
+        let estimate = of(name, unit, k, linear.neutral)?;
+        Some(estimate.unless_absent(effect, linear.parameter))
     });
     let sensors = (ACC..FIXED).zip(NAMES);
     let sensors = sensors.filter_map(|(k, (name, unit))| of(name.to_owned(), unit, k, 0.0));
+    let sensors = sensors.map(|estimate| estimate.unless_nothing(0.0));
     inertial.chain(effects).chain(sensors).collect()
 }
 

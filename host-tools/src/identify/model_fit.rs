@@ -35,7 +35,7 @@ pub struct FitOptions {
     pub bus: bool,
 }
 
-/// Fits `model`, whose values are not looked at but whose priors are, to a recording.
+/// Fits `model`, whose values are not looked at but whose priors are, to a recording; of two effects that are one torque, one.
 ///
 /// # Errors
 /// [`RecordingError::TooShort`] if no limb has enough samples, [`RecordingError::AtRest`] if no joint moves.
@@ -44,6 +44,9 @@ pub fn fit_model(
     model: &Model,
     options: FitOptions,
 ) -> Result<Fitted, RecordingError> {
+    let mut once = model.clone();
+    let repeated = once.take_out_repeated();
+    let model = &once;
     let data = robot::data(recording, model);
     if data.is_empty() {
         return Err(RecordingError::too_short(recording, LEAST_DURATION));
@@ -70,9 +73,9 @@ pub fn fit_model(
         Vec::new()
     };
     let parameters = fits.iter().flat_map(parameters).collect();
-    Ok(Fitted::new(
-        recording, model, &fits, parameters, &shared, stages,
-    ))
+    let mut fitted = Fitted::new(recording, model, &fits, parameters, &shared, stages);
+    fitted.warnings.extend(repeated);
+    Ok(fitted)
 }
 
 /// A model file that predicts otherwise than the fit that it was written from.
@@ -181,7 +184,7 @@ pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
             FittedParameter {
                 estimate: match entry.effect {
                     Some(effect) => estimate.unless_absent(effect, entry.parameter),
-                    None => estimate,
+                    None => estimate.unless_at_bound(),
                 },
                 std_independent: independent,
                 std_between,

@@ -7,6 +7,7 @@ use super::possible::{Impossible, deviation, in_bounds, possible};
 use super::rounding::rounded;
 use super::{Estimate, Model};
 use crate::catalogue;
+use crate::parameter::of_effect;
 
 /// An effect that the model has at one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +43,25 @@ impl Model {
     /// The effects at one joint, in the order of the catalogue.
     pub fn effects_of(&self, joint: usize) -> Vec<&ModelEffect> {
         self.effects.iter().filter(|e| e.joint == joint).collect()
+    }
+
+    /// Takes out the effects whose torque a parameter of another one at the same joint multiplies too: no motion can tell the two apart,
+    /// so that only the other has a value. Says of each, in words, for what it went.
+    pub fn take_out_repeated(&mut self) -> Vec<String> {
+        let mut taken = Vec::new();
+        for e in self.effects.clone() {
+            for (n, parameter) in e.effect.description().parameters.iter().enumerate() {
+                if let Some(same) = parameter.same_as
+                    && self.remove_effect(same, e.joint)
+                {
+                    let joint = self.joint_name(e.joint);
+                    let [gone, stays] =
+                        [(same, 0), (e.effect, n)].map(|(effect, n)| of_effect(effect, n, joint));
+                    taken.push(format!("{gone} is the same torque as {stays}: it leaves the model, and {stays} has the value"));
+                }
+            }
+        }
+        taken
     }
 
     /// The effect at a joint, if the model has it.

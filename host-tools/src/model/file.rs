@@ -34,17 +34,26 @@ type Fault = (Option<usize>, ModelProblem);
 
 /// Reads a model file.
 pub(super) fn load(path: &Path) -> Result<Model, ModelError> {
-    let error = |line, problem| ModelError {
+    let text = std::fs::read_to_string(path);
+    let text = text.map_err(|e| error(path, None, ModelProblem::Read(e)))?;
+    read(&text, path)
+}
+
+/// The model of the text of the file at `path`.
+pub(super) fn read(text: &str, path: &Path) -> Result<Model, ModelError> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(text, folder).map_err(|(offset, problem)| {
+        let line = offset.map(|at| text.bytes().take(at).filter(|b| *b == b'\n').count() + 1);
+        error(path, line, problem)
+    })
+}
+
+fn error(path: &Path, line: Option<usize>, problem: ModelProblem) -> ModelError {
+    ModelError {
         path: path.to_owned(),
         line,
         problem: Box::new(problem),
-    };
-    let text = std::fs::read_to_string(path).map_err(|e| error(None, ModelProblem::Read(e)))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    parse(&text, folder).map_err(|(offset, problem)| {
-        let line = offset.map(|at| text.bytes().take(at).filter(|b| *b == b'\n').count() + 1);
-        error(line, problem)
-    })
+    }
 }
 
 /// The model of a file's text; paths in it are relative to `folder`.

@@ -185,6 +185,15 @@ impl Model {
         output::write(path, &file::text(self, path))
     }
 
+    /// The model that [`load`](Self::load) gets from what [`save`](Self::save) writes to `path`, also where that is a stream, which
+    /// nobody reads twice.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load)'s.
+    pub fn read_back(&self, path: &Path) -> Result<Self, ModelError> {
+        file::read(&file::text(self, path), path)
+    }
+
     /// The robot as its CAD has it.
     pub fn robot(&self) -> &Robot {
         &self.robot

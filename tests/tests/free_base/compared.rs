@@ -7,7 +7,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::inertia::InertialParameters;
 use proprio_host::compare::{ValuesFrom, compare_free_base};
 use proprio_host::model::Model;
-use proprio_tests::command::{done, folder as empty_folder, json};
+use proprio_tests::command::{done, folder as empty_folder, json, steps};
 use serde_json::Value;
 
 use super::{log, number};
@@ -101,13 +101,13 @@ fn a_payload_that_the_file_has_is_not_missing() {
         let of = ["diagnose", "--free-base", "--json", "walk.csv", "-m", file];
         found.push(json(&done(folder, &of)));
     }
-    let step = &found[0]["path"][0];
+    let step = &steps(&found[0])[0];
     assert_eq!(
         (&step["effect"], &step["joints"][0]),
         (&"payload".into(), &"RR_calf".into()),
         "{step}"
     );
     assert_eq!(found[1]["verdict"], "complete", "{}", found[1]["path"]);
-    let [after, with] = [&step["held_out_rms"], &found[1]["held_out_rms"]].map(number);
+    let [after, with] = [&step["error"], &found[1]["held_out_rms"]].map(number);
     assert!((with / after - 1.0).abs() < 0.02, "{with} {after}");
 }

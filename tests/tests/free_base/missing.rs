@@ -6,7 +6,9 @@ use std::path::Path;
 use proprio_host::compare::{ValuesFrom, compare_free_base};
 use proprio_host::free_base::Reason;
 use proprio_host::model::Model;
-use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
+use proprio_tests::command::{
+    done, folder as empty_folder, json, proprio, recorded_logs, stderr, steps,
+};
 use serde_json::Value;
 
 use super::{com, log, number, truth};
@@ -55,7 +57,7 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
     let before = compared("go2.toml");
     let found = diagnosed(folder.path(), "load_30s");
     assert_eq!(found["verdict"], "missing");
-    let path = found["path"].as_array().unwrap();
+    let path = &steps(&found);
     assert_eq!(path.len(), 1, "{path:?}");
     assert_eq!(
         (&path[0]["effect"], &path[0]["joints"][0]),
@@ -90,7 +92,7 @@ fn friction_that_is_hidden_in_one_calf_is_named() {
     let folder = empty_folder();
     all_but(folder.path(), Some("coulomb:RL_calf"));
     let found = diagnosed(folder.path(), "trot");
-    let path = found["path"].as_array().unwrap();
+    let path = &steps(&found);
     assert_eq!(path.len(), 1, "{path:?}");
     let best = &found["candidates"][0];
     assert_eq!(
@@ -99,7 +101,7 @@ fn friction_that_is_hidden_in_one_calf_is_named() {
     );
     let error = number(&best["value"]) - number(&truth("trot")["effects"]["coulomb:RL_calf"]);
     assert!(error.abs() < 2.0 * number(&best["std"]), "{best}");
-    assert!(number(&path[0]["held_out_rms"]) < 0.75 * number(&found["held_out_rms"]));
+    assert!(number(&path[0]["error"]) < 0.75 * number(&found["held_out_rms"]));
 }
 
 /// Whatever their masses, of robots with four effects everywhere nothing is missing.
@@ -140,10 +142,10 @@ fn a_value_that_has_changed_is_named() {
     let said = json(&run(
         "diagnose --free-base tuesday.csv -m monday.toml --json",
     ));
-    let changed = said["changed"].as_array().unwrap();
+    let changed = said["moved"].as_array().unwrap();
     assert_eq!(changed.len(), 1, "{changed:?}");
     assert_eq!(changed[0]["name"], "coulomb:RR_thigh");
-    let error = number(&changed[0]["is"]) - 0.62;
+    let error = number(&changed[0]["now"]) - 0.62;
     assert!(
         error.abs() < 3.0 * number(&changed[0]["std"]),
         "{changed:?}"
@@ -192,7 +194,7 @@ fn effects_of_the_whole_catalogue_are_named() {
     ] {
         walks(&format!("{effect}:{joint}={value}"));
         let found = found();
-        let path = found["path"].as_array().unwrap();
+        let path = &steps(&found);
         let steps: Vec<_> = path
             .iter()
             .map(|step| (&step["effect"], &step["joints"]))
@@ -295,8 +297,8 @@ fn the_way_from_the_cad_ends_at_the_noise() {
             folder.path(),
             &["diagnose", "--free-base", "--json", &log],
         ));
-        let path = found["path"].as_array().unwrap();
-        let last = number(&path[path.len() - 1]["held_out_rms"]);
+        let path = &steps(&found);
+        let last = number(&path[path.len() - 1]["error"]);
         assert!(
             last < 0.06 * number(&found["held_out_rms"]) && last < 0.04,
             "{path:?}"
@@ -324,12 +326,12 @@ fn of_a_real_walk_what_is_missing_is_told_and_that_it_is_not_all() {
         empty_folder().path(),
         &["diagnose", "--free-base", "--json", &log],
     ));
-    let path = found["path"].as_array().unwrap();
+    let path = &steps(&found);
     assert!(
         path[0]["effect"] == "armature" && path[1]["effect"] == "coulomb",
         "{path:?}"
     );
-    let last = number(&path[path.len() - 1]["held_out_rms"]);
+    let last = number(&path[path.len() - 1]["error"]);
     assert!(last < 0.85 * number(&found["held_out_rms"]));
     let told = done(empty_folder().path(), &["diagnose", "--free-base", &log]);
     assert!(told.contains("neighbouring windows share"), "{told}");

@@ -55,10 +55,13 @@ impl Written {
                     constraint: Constraint::Physical,
                     ..FitOptions::default()
                 };
+                for said in model.take_out_repeated() {
+                    eprintln!("note: {said}");
+                }
                 let fitted = fit_model(recording, &model, options)?;
                 model = fitted.to_model(&model, provenance)?;
                 model.save(path)?;
-                check_reproduced(recording, &Model::load(path)?, &fitted)?;
+                check_reproduced(recording, &model.read_back(path)?, &fitted)?;
                 rms = Some(fitted.rms);
             }
             Values::OfOtherLogs | Values::Untold => model.save(path)?,

@@ -13,7 +13,8 @@ use super::Excite;
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     motion: PathBuf,
-    coefficients: PathBuf,
+    /// None where the motion is a stream, unless --coefficients names one.
+    coefficients: Option<PathBuf>,
     condition_number: f64,
     condition_number_si: f64,
     rank: usize,
@@ -39,7 +40,7 @@ impl Report {
         asked: &Excite,
         model: &Model,
         designs: &[LimbDesign],
-        coefficients: PathBuf,
+        coefficients: Option<PathBuf>,
         seconds: f64,
     ) -> Self {
         let most = |of: fn(&excite::Measures) -> f64| {
@@ -111,12 +112,15 @@ impl std::fmt::Display for Report {
         }
         writeln!(
             f,
-            "{}: {} s at 500 Hz, seed {}, found in {:.1} s\n{}: its coefficients",
+            "{}: {} s at 500 Hz, seed {}, found in {:.1} s",
             self.motion.display(),
             self.duration,
             self.seed,
             self.seconds,
-            self.coefficients.display()
-        )
+        )?;
+        match &self.coefficients {
+            Some(path) => writeln!(f, "{}: its coefficients", path.display()),
+            None => Ok(()),
+        }
     }
 }

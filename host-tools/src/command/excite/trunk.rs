@@ -14,7 +14,7 @@ use crate::model::{Model, significant};
 use crate::output;
 use crate::table::{Table, with_std};
 
-use super::{Error, Excite, Shown, json, write_motion};
+use super::{Error, Excite, Shown, json, result, write_motion};
 
 /// Length of a period unless another is asked for, s, and waves in it: from 0.4 to 2 Hz, which a robot on its feet follows.
 const PERIOD: f64 = 2.5;
@@ -24,7 +24,7 @@ const HARMONICS: usize = 5;
 #[derive(Debug, Serialize)]
 struct TrunkReport {
     motion: PathBuf,
-    coefficients: PathBuf,
+    coefficients: Option<PathBuf>,
     #[serde(flatten)]
     measures: Measures,
     violations: usize,
@@ -71,9 +71,11 @@ pub(super) fn standing(asked: &Excite, model: &Model, begun: Instant) -> Result<
         let command = |t| design.command(t);
         write_trunk_csv(file, asked.duration, command, asked.gains())
     })?;
-    output::write(&report.coefficients, &json(&series))?;
+    if let Some(path) = &report.coefficients {
+        output::write(path, &json(&series))?;
+    }
     Ok(if asked.json {
-        json(&report)
+        result("excite", &report)
     } else {
         report.to_string()
     })
@@ -137,12 +139,15 @@ impl fmt::Display for TrunkReport {
         }
         writeln!(
             f,
-            "{}: {} s at 500 Hz, seed {}, found in {:.1} s\n{}: its coefficients",
+            "{}: {} s at 500 Hz, seed {}, found in {:.1} s",
             self.motion.display(),
             self.duration,
             self.seed,
             self.seconds,
-            self.coefficients.display()
-        )
+        )?;
+        match &self.coefficients {
+            Some(path) => writeln!(f, "{}: its coefficients", path.display()),
+            None => Ok(()),
+        }
     }
 }

@@ -8,7 +8,8 @@ use crate::factors::{Factors, LegSolution};
 use proprio_core::go2::{JointId, Leg};
 use serde::Serialize;
 
-use crate::command::{Error, json};
+use super::result;
+use crate::command::Error;
 
 /// What is printed.
 #[derive(Serialize)]
@@ -64,7 +65,7 @@ pub(super) fn run(files: &[PathBuf], as_json: bool) -> Result<String, Error> {
         }
     }
     Ok(match as_json {
-        true => json(&report),
+        true => result("identify", &report),
         false => report.to_string(),
     })
 }

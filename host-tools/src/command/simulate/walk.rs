@@ -64,7 +64,9 @@ impl Simulate {
         };
         let truth = self.truth_path();
         let samples = record(&walk, &self.output)?;
-        output::write(&truth, &json(&truth_of(&walk)))?;
+        if let Some(truth) = &truth {
+            output::write(truth, &json(&truth_of(&walk)))?;
+        }
         Ok(Report {
             log: self.output,
             truth,

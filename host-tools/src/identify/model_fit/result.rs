@@ -16,15 +16,11 @@ use crate::identify::runs::{self, Consistency, Run};
 use crate::identify::to_model::NotAModel;
 use crate::model::{BASE, Model, Provenance};
 use crate::recording::Recording;
-
-/// What the JSON object of an identification is called; the number grows when a key changes its meaning or goes.
-const SCHEMA: &str = "proprio.identify/1";
+use crate::summary::ErrorRange;
 
 /// A model's parameters with what is known of their errors.
 #[derive(Debug, Clone, Serialize)]
 pub struct Fitted {
-    /// The format of this object as JSON.
-    schema: &'static str,
     /// Every parameter of every limb in the logs.
     pub parameters: Vec<FittedParameter>,
     /// How well each joint's torque is explained.
@@ -147,7 +143,6 @@ impl Fitted {
             .iter()
             .all(|j| j.held_out_rms.is_some() || j.windows == 0);
         Self {
-            schema: SCHEMA,
             rms: rms(&|j| j.rms),
             cad_rms: rms(&|j| j.cad_rms),
             held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
@@ -179,18 +174,24 @@ impl Fitted {
         all.map(|p| (&p.estimate, p.std_between)).collect()
     }
 
+    /// The CAD's error, and that of the fit on time it has not seen.
+    pub fn error(&self) -> ErrorRange {
+        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
+    }
+
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
     pub fn parameter(&self, name: &str) -> Option<&ParameterEstimate> {
         let mut all = self.parameters.iter().map(|p| &p.estimate);
         all.find(|estimate| estimate.name == name)
     }
 
-    /// `model` with these values and `provenance`.
+    /// `model` with these values and `provenance`, each torque once.
     ///
     /// # Errors
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
         let mut to = model.clone();
+        to.take_out_repeated();
         let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
         for FittedParameter {
             estimate, place, ..

@@ -23,7 +23,10 @@ use proprio_core::effect::Description;
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::{BASE, Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
+use super::{
+    BASE, Estimate, Model, ModelEffect, RobotProblem, UnknownName, Unphysical, about_com,
+    significant,
+};
 pub use mjcf::mjcf;
 pub use urdf::urdf;
 
@@ -173,11 +176,13 @@ fn attributes(
     spelling: impl Fn(&Description) -> Option<&'static str>,
 ) -> (Vec<JointAttribute>, Vec<String>, Vec<String>) {
     let (mut attributes, mut written, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut unfound = Vec::new();
     for e in model.effects() {
         let name = format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
         match (e.estimate(), spelling(e.effect.description())) {
             (None, _) => notes.push(format!("{name} has no value yet: identify the model first")),
             (_, None) => notes.push(format!("{name} is left out: {format} has no word for it")),
+            (Some(_), Some(_)) if is_unfound(e) => unfound.push(name),
             (Some(estimate), Some(attribute)) => {
                 let (joint, value) = (e.joint, estimate.value);
                 attributes.push(JointAttribute {
@@ -189,7 +194,20 @@ fn attributes(
             }
         }
     }
+    if !unfound.is_empty() {
+        let names = unfound.join(", ");
+        notes.push(format!(
+            "left as the file has it, for the fit found none: {names}"
+        ));
+    }
     (attributes, written, notes)
+}
+
+/// Whether a value is none that was found: a fit ended where the effect is absent. Without a standard deviation somebody stated it.
+fn is_unfound(e: &ModelEffect) -> bool {
+    let neutral = e.effect.description().parameters[0].neutral;
+    let absent = |estimate: Estimate| estimate.std.is_some() && estimate.value == neutral;
+    e.estimate().is_some_and(absent)
 }
 
 /// Bodies of the model that are not the CAD's.

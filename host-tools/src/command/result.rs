@@ -1,0 +1,54 @@
+//! What `--json` prints: one object with the name of its schema, which `docs/schema` describes, and the errors of what was judged. A refusal
+//! is such an object too.
+
+use serde::Serialize;
+
+use super::{Error, hint, json};
+use crate::summary::ErrorRange;
+
+/// Grows when a key of a command's object goes or changes its meaning.
+const FORMAT: u32 = 1;
+
+#[derive(Serialize)]
+struct Named<'a, T> {
+    schema: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<ErrorRange>,
+    #[serde(flatten)]
+    result: &'a T,
+}
+
+#[derive(Serialize)]
+struct Refusal {
+    verdict: &'static str,
+    reason: String,
+    hint: Option<String>,
+}
+
+/// What `command` prints of a result that judges no model.
+pub(super) fn result(command: &str, result: &impl Serialize) -> String {
+    named(command, None, result)
+}
+
+/// What `command` prints of a result that judges one.
+pub(super) fn judged(command: &str, error: ErrorRange, result: &impl Serialize) -> String {
+    named(command, Some(error), result)
+}
+
+/// What `command` prints when it has no result.
+pub(super) fn refused(command: &str, error: &Error) -> String {
+    let refusal = Refusal {
+        verdict: "refused",
+        reason: error.to_string(),
+        hint: hint::of(error),
+    };
+    named(command, None, &refusal)
+}
+
+fn named(command: &str, error: Option<ErrorRange>, result: &impl Serialize) -> String {
+    json(&Named {
+        schema: format!("proprio.{command}/{FORMAT}"),
+        error,
+        result,
+    })
+}

@@ -1,0 +1,92 @@
+//! What --json prints, as `docs/schema` describes it. [`proprio`] holds every object of every test to its schema; here each command is run once,
+//! but for those that other tests run at length.
+
+use std::fs;
+
+use proprio_tests::command::{done, folder, json, proprio, schema_of, stderr, stdout};
+use serde_json::Value;
+
+/// One of each that takes a second at most, in an order in which the one makes what the next needs.
+const QUICK: &str = "\
+simulate --legs FR --typical --duration 8 -o log.csv
+import log.csv -o imported.csv
+add viscous coulomb armature bias -m model.toml
+remove bias:FR_hip -m model.toml
+show model.toml
+effects spring
+compare log.csv -m model.toml
+diagnose log.csv -m model.toml
+diagnose log.csv -m new.toml --apply
+identify log.csv -m model.toml -o fitted.toml
+compare log.csv -m fitted.toml
+diagnose log.csv -m fitted.toml
+export -m fitted.toml --mjcf -o go2.xml
+export -m fitted.toml --urdf
+advise log.csv
+validate log.csv -m fitted.toml
+replay log.csv --to desktop --factors factors.bin
+identify --factor factors.bin
+monitor sim --speed 0 --seconds 2 --lines
+ports";
+
+/// Commands that other tests run.
+const ELSEWHERE: [&str; 4] = ["capture", "demo", "excite", "flash"];
+
+#[test]
+fn each_command_holds_to_its_schema() {
+    let folder = folder();
+    let mut seen: Vec<&str> = ELSEWHERE.to_vec();
+    for line in QUICK.lines() {
+        let words: Vec<&str> = line.split(' ').chain(["--json"]).collect();
+        let printed = json(&done(folder.path(), &words));
+        let schema = format!("proprio.{}/1", words[0]);
+        assert_eq!(printed["schema"], *schema);
+        if ["compare", "diagnose", "identify"].contains(&words[0]) && words[1] != "--factor" {
+            assert!(
+                printed["error"]["after"].is_number(),
+                "{line}: {}",
+                printed["error"]
+            );
+        }
+        seen.push(words[0]);
+    }
+    // No command is forgotten, and no schema stays without one.
+    let help = done(folder.path(), &["help"]);
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let names = listed.map_while(|line| line.split_whitespace().next());
+    let prints =
+        |name: &&str| *name != "help" && done(folder.path(), &[name, "--help"]).contains("--json");
+    for name in names.filter(prints) {
+        assert!(schema_of(name).exists(), "docs/schema has no {name}.json");
+        assert!(seen.contains(&name), "{name} is not held to its schema");
+    }
+    let files = fs::read_dir(schema_of("").parent().unwrap()).unwrap();
+    for file in files.map(|file| file.unwrap().path()) {
+        let name = file.file_stem().unwrap().to_str().unwrap().to_owned();
+        assert!(name == "common" || seen.contains(&name.as_str()), "{name}");
+    }
+}
+
+/// Standard output has an object and standard error the words, whatever the command; without --json there are the words alone.
+#[test]
+fn a_refusal_is_json_too() {
+    let folder = folder();
+    fs::write(folder.path().join("bad.csv"), "t,q/FR_hip\n0,x\n").unwrap();
+    for command in ["compare", "diagnose", "identify", "advise", "show"] {
+        let refused = proprio(folder.path(), &[command, "bad.csv", "--json"]);
+        assert_eq!(refused.status.code(), Some(1), "{command}");
+        let told: Value = json(&stdout(&refused));
+        assert_eq!(told["schema"], *format!("proprio.{command}/1"));
+        assert_eq!(told["verdict"], "refused");
+        let words = stderr(&refused);
+        assert!(words.contains(told["reason"].as_str().unwrap()), "{words}");
+        if let Some(hint) = told["hint"].as_str() {
+            assert!(words.contains(&format!("hint: {hint}")), "{words}");
+        }
+        let bare = proprio(folder.path(), &[command, "bad.csv"]);
+        assert_eq!(
+            (bare.status.code(), stdout(&bare)),
+            (Some(1), String::new())
+        );
+    }
+}
