@@ -294,7 +294,7 @@ impl Diagnosed<'_> {
             let joints = (0..below.joints()).into_par_iter();
             let boxes: Vec<_> = joints.filter_map(taken).collect();
             let own = JointSeries::of(&below, &predicted).into_iter().enumerate();
-            let own = own.map(|(joint, series)| (series, fit.weights.doubt(&below, joint)));
+            let own = own.map(|(joint, series)| (series, fit.doubt(&below, joint)));
             Some((own.collect::<Vec<_>>(), boxes))
         });
         for ((limb, fit), left) in fits.into_iter().zip(left) {

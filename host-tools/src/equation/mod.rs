@@ -5,13 +5,12 @@
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
 //!    to a torque.
-//!    `edge_noise`: what the velocities' noise makes of a window beyond the usual.
+//!    `unfollowed`: what of a window its smooth motion may lack.
 //! 4. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
 pub(crate) mod body;
 pub(crate) mod column;
-mod edge_noise;
 pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod hysteresis;
@@ -31,6 +30,7 @@ pub(crate) mod rows;
 pub(crate) mod share;
 mod spring;
 pub(crate) mod states;
+mod unfollowed;
 pub(crate) mod values;
 pub(crate) mod velocity;
 

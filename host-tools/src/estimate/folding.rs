@@ -2,8 +2,7 @@
 //!
 //! Neighbours are whitened for the edge that they share ([`super::whitening`]), and those in which a joint turns round are weighed by
 //! what is not known of its friction meanwhile. Evenly likely between the two limits for the share of a window that a held joint may
-//! rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3, beside what the noise of the motion makes of windows about a turn
-//! ([`crate::equation`]'s `edge_noise`); such a row stands alone, and the chain of correlated
+//! rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands alone, and the chain of correlated
 //! rows starts anew after it.
 
 use rayon::prelude::*;
@@ -16,9 +15,6 @@ use crate::equation::column::{Column, Columns};
 use crate::equation::jump::DryFriction;
 use crate::equation::motion::MOST_REST;
 use crate::equation::rows::Rows;
-
-/// Noise of a window's edges beyond the usual that is less than this share of a joint's noise weighs its row like any other: by a tenth at most.
-const LEAST_EDGES: f64 = 0.5;
 
 /// What is folded, and what is known of its noise.
 pub(crate) struct Folding<'a> {
@@ -64,9 +60,7 @@ impl Folding<'_> {
                 let (columns, own) = (&self.columns.of_joint[j], &own[j]);
                 let rest = friction.jump(window, j) * MOST_REST / 3f64.sqrt();
                 let excess = excess(columns, own, self.rows.row(w, j));
-                let edges = data.edge_noise[w * n + j] / self.noise[j];
-                let edges = if edges < LEAST_EDGES { 0.0 } else { edges };
-                doubt[w * n + j] = (rest.max(excess) / self.noise[j]).hypot(edges);
+                doubt[w * n + j] = rest.max(excess) / self.noise[j];
             }
         }
         Weights {

@@ -133,6 +133,18 @@ impl LimbFit<'_> {
         data.clone().leaving_out(&left_out)
     }
 
+    /// By how many times its noise more a joint's residual may be large in each of the windows of `data` that count, in their order: for friction that may
+    /// hold the joint, and for motion that its channels do not tell.
+    pub(crate) fn doubt(&self, data: &LimbData, joint: usize) -> Vec<f64> {
+        let unfollowed = data.motion.unfollowed(&data.body, &self.values, joint);
+        let windows = unfollowed.iter().enumerate();
+        let counting = windows.filter(|(w, _)| data.counts(*w, joint));
+        let own = self.weights.doubt(data, joint).into_iter();
+        own.zip(counting)
+            .map(|(doubt, (_, unfollowed))| doubt.hypot(unfollowed / self.noise[joint]))
+            .collect()
+    }
+
     /// Sums of squares of what sampling leaves, joint by joint, with samples T apart in windows of length L: where a joint turns round
     /// at a moment that is known to a sample and no better, dry friction F makes 2 F T / (√12 L); and the trapezoidal rule is wrong by
     /// T²/12 of the torque's slopes at the window's ends, one less the other, over L (Euler and Maclaurin).

@@ -31,8 +31,6 @@ pub(crate) struct LimbData<'a> {
     pub(crate) motion: Arc<Motion>,
     /// Mean measured torque of each window's joints, N m.
     pub(crate) torque: Arc<Vec<f64>>,
-    /// Noise of each window's joints beyond the usual by the velocities at its edges, N m.
-    pub(crate) edge_noise: Arc<Vec<f64>>,
     /// Windows that are left out, ground contact among them.
     pub(crate) left_out: Vec<bool>,
     /// Whether joints are judged also while they rest.
@@ -109,11 +107,8 @@ impl<'a> LimbData<'a> {
             .collect();
         let first = limb.bodies.start;
         let end = |b: usize| model.robot().subtree(b).end - first;
-        let body = LimbBody::of(model, limb)?;
-        let edge_noise = motion.edge_noise(&body, &Values::bodies_of(model, limb));
         Some(Self {
-            body: Arc::new(body),
-            edge_noise: Arc::new(edge_noise),
+            body: Arc::new(LimbBody::of(model, limb)?),
             left_out: vec![false; motion.windows.len()],
             at_rest: false,
             subtree_end: limb.bodies.clone().map(end).collect(),

@@ -22,7 +22,7 @@ impl Trajectory {
         Self {
             state: before.moments.iter().map(state).collect(),
             speed: before.moments.iter().map(speed).collect(),
-            velocity_std: self.velocity_std.clone(),
+            regained: self.regained.clone(),
             ..*self
         }
     }
