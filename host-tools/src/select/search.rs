@@ -323,6 +323,10 @@ impl<S: Source> Search<S> {
     }
 
     fn do_without(&mut self, member: Member, nothing: bool) {
+        // What is nothing may be superseded too.
+        if !self.model.has(&member) {
+            return;
+        }
         let Some(after) = self.source.without(&self.model, member) else {
             return;
         };

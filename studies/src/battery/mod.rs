@@ -8,9 +8,34 @@ pub mod logged_table;
 pub mod mujoco;
 pub mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Where the tables are.
 pub fn folder() -> PathBuf {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("battery")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("battery")
+}
+
+/// The `proprio` of the profile of this program, built by cargo.
+///
+/// # Errors
+/// What cargo says.
+pub fn built() -> Result<PathBuf, String> {
+    let status = Command::new(env!("CARGO"))
+        .args([
+            "build",
+            "--quiet",
+            "--release",
+            "--package",
+            "proprio",
+            "--bin",
+            "proprio",
+        ])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if !status.success() {
+        return Err("the command does not build".to_owned());
+    }
+    Ok(Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/proprio"))
 }

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
 fn judged(arguments: &Arguments) -> Result<bool, String> {
     let program = match &arguments.proprio {
         Some(program) => program.clone(),
-        None => built()?,
+        None => battery::built()?,
     };
     if arguments.nonsense {
         return explains_nothing(&program);
@@ -194,27 +194,6 @@ fn explains_nothing(program: &Path) -> Result<bool, String> {
         }
     }
     Ok(honest)
-}
-
-/// The `proprio` of the profile of this program, built by cargo.
-fn built() -> Result<PathBuf, String> {
-    let status = Command::new(env!("CARGO"))
-        .args([
-            "build",
-            "--quiet",
-            "--release",
-            "--package",
-            "proprio",
-            "--bin",
-            "proprio",
-        ])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .status()
-        .map_err(|e| format!("cargo: {e}"))?;
-    if !status.success() {
-        return Err("the command does not build".to_owned());
-    }
-    Ok(Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/proprio"))
 }
 
 fn run(program: &Path, cases: &[truth::LoggedCase]) -> Vec<Judgement> {
