@@ -91,6 +91,23 @@ pub fn done(folder: &Path, arguments: &[&str]) -> String {
     stdout(&output)
 }
 
+/// The message of a run that must be refused: status 1, words and a hint on standard error; the same as an object on standard output with --json, and
+/// nothing there without.
+pub fn refusal(folder: &Path, arguments: &[&str]) -> String {
+    let output = proprio(folder, arguments);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+    if arguments.contains(&"--json") {
+        let refused = json(&stdout(&output));
+        assert_eq!(refused["verdict"], "refused", "{arguments:?}");
+        let reason = refused["reason"].as_str().unwrap();
+        assert!(message.contains(reason.lines().next().unwrap()), "{message}");
+    } else {
+        assert_eq!(stdout(&output), "", "{arguments:?}");
+    }
+    message
+}
+
 /// An empty folder that goes away with the value.
 pub fn folder() -> TempDir {
     tempfile::tempdir().expect("a folder can be made")

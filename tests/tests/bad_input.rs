@@ -9,7 +9,7 @@ use flate2::{Compression, write::GzEncoder};
 use proprio_core::go2::Leg;
 use proprio_host::log::LogWriter;
 use proprio_simulator::Simulation;
-use proprio_tests::command::{proprio, stderr, stdout};
+use proprio_tests::command::{proprio, refusal, stderr, stdout};
 
 /// A log as cells, to be spoilt.
 #[derive(Clone)]
@@ -110,10 +110,7 @@ fn refused(contents: &[u8]) -> String {
 
 fn refused_in(folder: &Path) -> String {
     let before = fs::read_dir(folder).unwrap().count();
-    let output = proprio(folder, &["identify", "log.csv", "--json", "-o", "out.json"]);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert_eq!(stdout(&output), "");
+    let message = refusal(folder, &["identify", "log.csv", "--json", "-o", "out.json"]);
     assert_eq!(
         fs::read_dir(folder).unwrap().count(),
         before,

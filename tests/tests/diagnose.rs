@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Model, ModelEffect};
-use proprio_tests::command::{done, json, proprio, simulated, stderr, stdout, steps};
+use proprio_tests::command::{done, json, proprio, refusal, simulated, stderr, stdout, steps};
 use tempfile::TempDir;
 
 /// A robot whose joints no log has.
@@ -30,10 +30,7 @@ fn with_two_frictions() -> TempDir {
 
 /// Status 1, nothing on standard output, a hint; the message.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
-    let output = proprio(folder, arguments);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
-    assert_eq!(stdout(&output), "");
+    let message = refusal(folder, arguments);
     assert!(message.contains("\nhint: "), "{message}");
     format!("$ proprio {}\n{message}\n", arguments.join(" "))
 }

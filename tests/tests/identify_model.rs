@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Model, Provenance};
-use proprio_tests::command::{done, json, parameter, proprio, simulated, stderr, stdout};
+use proprio_tests::command::{done, json, parameter, proprio, refusal, simulated, stderr, stdout};
 use serde_json::Value;
 
 /// What each motor of a simulated leg has.
@@ -31,10 +31,7 @@ fn contents(folder: &Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
 /// The message of a command that must refuse and leave the folder as it was.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let before = contents(folder);
-    let output = proprio(folder, arguments);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
-    assert_eq!(stdout(&output), "");
+    let message = refusal(folder, arguments);
     assert!(
         contents(folder) == before,
         "{arguments:?}: a file has changed"

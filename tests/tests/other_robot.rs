@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Limb, Robot};
-use proprio_tests::command::{done, folder, json, parameter, proprio, stderr, stdout, steps};
+use proprio_tests::command::{done, folder, json, parameter, proprio, refusal, stderr, stdout, steps};
 use proprio_tests::recorder::{Recorder, TORQUE_STEP};
 use serde_json::Value;
 
@@ -223,10 +223,7 @@ fn chain(prefix: &str, count: usize) -> String {
 /// The message of `compare`, which must refuse the log and say what to do.
 fn refused(folder: &Path, log: &str) -> String {
     fs::write(folder.join("log.csv"), log).unwrap();
-    let output = proprio(folder, &["compare", "log.csv", "-m", "model.toml"]);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert_eq!(stdout(&output), "");
+    let message = refusal(folder, &["compare", "log.csv", "-m", "model.toml"]);
     assert!(message.starts_with("error: log.csv"), "{message}");
     assert!(message.contains("\nhint: "), "{message}");
     message

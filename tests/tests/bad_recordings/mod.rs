@@ -10,7 +10,7 @@ mod texts;
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{proprio, stderr, stdout};
+use proprio_tests::command::{proprio, refusal, stderr, stdout};
 
 /// The type of a Go2's state in a bag.
 const GO: &str = "unitree_go/msg/LowState";
@@ -24,10 +24,7 @@ fn refused(name: &str, contents: &[u8]) -> String {
 
 fn refused_in(folder: &Path, name: &str) -> String {
     let before = fs::read_dir(folder).unwrap().count();
-    let output = proprio(folder, &["identify", name, "--json", "-o", "out.json"]);
-    let message = stderr(&output);
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert_eq!(stdout(&output), "", "{message}");
+    let message = refusal(folder, &["identify", name, "--json", "-o", "out.json"]);
     assert_eq!(
         fs::read_dir(folder).unwrap().count(),
         before,
