@@ -6,20 +6,19 @@ use nalgebra::{DMatrix, DVector};
 use proprio_core::go2::LEGS;
 
 use super::columns::{EffectSite, WalkColumns};
+use super::coordinates::{COORDINATES, Equations, SCALE};
+use super::error::FreeBaseError;
 use super::gravity;
 use super::outside;
-use super::projection::{Equations, Projection};
-use super::residual::WindowSamples;
-use super::rows::{
-    Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
-    windows_of,
-};
+use super::projection::Projection;
+use super::rows::{Block, Linearised, RowSetup, each_row, each_window, fold, windows_of};
 use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::unseen::{self, UnseenFoot};
 use super::walk::Walk;
-use super::{FreeBaseError, Walks};
+use super::walks::Walks;
+use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
 

@@ -8,11 +8,11 @@
 
 use nalgebra::DVector;
 
-use super::Walks;
 use super::data::Data;
 use super::rows::{Linearised, each_row};
 use super::stance::Stance;
 use super::walk::Walk;
+use super::walks::Walks;
 use crate::robust;
 
 /// So many times the usual is outside, root mean square.

@@ -13,21 +13,17 @@ use proprio_core::window::{
     FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
     Settings,
 };
-use serde::Serialize;
 
 use super::columns::{ACC, FIXED, WalkColumns};
-use super::projection::{Equations, JointStates, Projection};
-use super::residual::WindowSamples;
+use super::coordinates::{BODIES, COORDINATES, Equations, SCALE};
+use super::imu::imu;
+use super::projection::{JointStates, Projection};
 use super::sensors::{MOVED, MovedReadings, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
+use super::windows::{WindowSamples, Windows};
 use crate::estimate::bounded::body;
 use crate::estimate::factor::{BATCH, HeapFactor};
-
-/// Bodies, the base first.
-pub(crate) const BODIES: usize = JOINTS + 1;
-/// Velocity coordinates.
-pub(crate) const COORDINATES: usize = JOINTS + 6;
 
 type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 0>;
 type Window =
@@ -35,51 +31,6 @@ type Window =
 
 /// Stamps of a steady clock are off by no more, s.
 const JITTER: f64 = 1e-4;
-
-/// What became of the time of a log.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Windows {
-    /// Windows with rows.
-    pub used: u64,
-    /// … of them with so many feet that may carry a force, from none to four.
-    pub by_feet: [u64; LEGS + 1],
-    /// Equations in them that contact forces and friction at rest leave.
-    pub equations: u64,
-    /// Equations of joints in them that are left out because friction may hold the joint.
-    pub resting: u64,
-    /// Windows lost because a foot touched down or lifted off too soon after they began.
-    pub cut: u64,
-    /// Windows lost to an impact.
-    pub impact: u64,
-    /// Windows lost to a gap.
-    pub gap: u64,
-    /// Windows left out because contact forces and the friction of joints that rest leave no equation.
-    pub still: u64,
-    /// Windows left out because what is left of them is far beyond what is left of the others.
-    pub outside: u64,
-    /// Windows with rows, but without the base's: something beyond the feet carries the robot.
-    pub held: u64,
-    /// Samples that cannot be true.
-    pub rejected: u64,
-}
-
-impl Windows {
-    pub(super) fn plus(self, other: &Self) -> Self {
-        Self {
-            used: self.used + other.used,
-            by_feet: std::array::from_fn(|f| self.by_feet[f] + other.by_feet[f]),
-            equations: self.equations + other.equations,
-            resting: self.resting + other.resting,
-            cut: self.cut + other.cut,
-            impact: self.impact + other.impact,
-            gap: self.gap + other.gap,
-            still: self.still + other.still,
-            outside: self.outside + other.outside,
-            held: self.held + other.held,
-            rejected: self.rejected + other.rejected,
-        }
-    }
-}
 
 /// One block of time.
 pub(super) struct Block {
@@ -114,17 +65,6 @@ impl Block {
         self.batch = Vec::new();
     }
 }
-
-/// What the equations are multiplied by, so that their noise is alike: moments on the base (1), forces on it (m), joints' torques (1).
-pub(crate) const SCALE: [f64; COORDINATES] = {
-    let mut scale = [1.0; COORDINATES];
-    let mut c = 0;
-    while c < 6 {
-        scale[c] = if c < 3 { 0.3 } else { 0.06 };
-        c += 1;
-    }
-    scale
-};
 
 /// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
 #[derive(Clone)]
@@ -445,7 +385,7 @@ pub(super) fn core_setup(
     sensors: &Sensors,
 ) -> FreeBaseSetup<f64, COORDINATES, JOINTS, LEGS> {
     FreeBaseSetup {
-        imu: super::imu(),
+        imu: imu(),
         feet: sensors.feet(),
         scale: SCALE,
         plausible: all_plausible(),

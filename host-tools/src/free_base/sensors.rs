@@ -18,18 +18,16 @@ use nalgebra::{DVector, Rotation3, Vector3};
 use proprio_core::contact::Foot;
 use proprio_core::go2::{self, JOINTS, LEGS};
 
-use super::columns::{ACC, WalkColumns};
-use super::projection::Equations;
-use super::residual::{WindowSamples, residuals};
+use super::columns::{ACC, SENSORS, WalkColumns};
+use super::coordinates::Equations;
+use super::residual::residuals;
 use super::rows::RowSetup;
 use super::stance::Stance;
 use super::walk::Walk;
+use super::windows::WindowSamples;
 use crate::equation::column::Column;
 use crate::estimate::robot::side_by_side;
 
-/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
-/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1.
-pub(crate) const SENSORS: usize = 15;
 /// The first of those that move the readings.
 pub(super) const MOVED: usize = 3;
 /// Where each of [`NAMES`] begins.

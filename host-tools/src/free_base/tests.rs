@@ -14,12 +14,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::columns::WalkColumns;
+use super::coordinates::{BODIES, COORDINATES};
 use super::residual::residuals;
 use super::rest::Rest;
-use super::rows::{
-    BODIES, COORDINATES, Linearised, RowSetup, core_setup, each_row, each_window, sample,
-    windows_of,
-};
+use super::rows::{Linearised, RowSetup, core_setup, each_row, each_window, sample, windows_of};
 use super::sensors::MovedReadings;
 use super::speed::quieten;
 use super::stance::Stance;

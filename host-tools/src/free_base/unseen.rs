@@ -9,13 +9,13 @@ use nalgebra::DVector;
 use proprio_core::go2::{LEGS, Leg};
 use serde::Serialize;
 
-use super::Walks;
 use super::data::{Data, MANY};
 use super::outside::{self, Squares};
 use super::rows::Linearised;
 use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::walk::Walk;
+use super::walks::Walks;
 
 /// A window of which no more than so many times the usual is left is a good one, root mean square (`outside`).
 const GOOD: f64 = 2.0;
