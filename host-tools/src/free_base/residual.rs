@@ -13,7 +13,7 @@ use proprio_core::tree::Kinematics;
 use super::coordinates::{BODIES, COORDINATES, Equations, FIRST_JOINT, scale};
 use super::imu::imu;
 use super::projection::{JointStates, Span};
-use super::rows::RowSetup;
+use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;

@@ -1,28 +1,24 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
-use std::sync::Arc;
-
-use nalgebra::DVector;
 use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
-use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
-use proprio_core::inertia::{INERTIAL, InertialParameters};
-use proprio_core::tree::Tree;
+use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
 use proprio_core::window::{
     FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
     Settings,
 };
 
-use super::columns::{ACC, FIXED, WalkColumns};
+use super::columns::{ACC, FIXED};
 use super::coordinates::{BODIES, COORDINATES, Equations, SCALE};
 use super::imu::imu;
+use super::moved_readings::MovedReadings;
 use super::projection::{JointStates, Projection};
-use super::sensors::{MOVED, MovedReadings, Sensors};
+use super::row_setup::RowSetup;
+use super::sensors::{MOVED, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
 use super::windows::{WindowSamples, Windows};
-use crate::estimate::bounded::body;
 use crate::estimate::factor::{BATCH, HeapFactor};
 
 type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 0>;
@@ -66,60 +62,6 @@ impl Block {
     }
 }
 
-/// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
-#[derive(Clone)]
-pub(super) struct RowSetup {
-    pub(super) columns: Arc<WalkColumns>,
-    pub(super) tree: Tree<f64, BODIES, COORDINATES>,
-    pub(super) sensors: Sensors,
-    /// All parameters.
-    pub(super) theta: DVector<f64>,
-}
-
-impl RowSetup {
-    /// At the CAD's bodies, without any effect, with sensors that are right.
-    pub(super) fn cad(columns: Arc<WalkColumns>) -> Self {
-        let mut theta = DVector::zeros(columns.len());
-        for (b, body) in go2::free::<f64>().bodies().iter().enumerate() {
-            theta
-                .rows_mut(INERTIAL * b, INERTIAL)
-                .copy_from(&body.inertia.0);
-        }
-        Self::at(columns, theta)
-    }
-
-    /// At these parameters.
-    pub(super) fn at(columns: Arc<WalkColumns>, theta: DVector<f64>) -> Self {
-        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(&theta, b));
-        Self {
-            tree: go2::free().with_inertia(&bodies),
-            sensors: Sensors::of(&theta, &columns),
-            columns,
-            theta,
-        }
-    }
-
-    /// The same with other columns of effects, none of which has a value beyond those that are known.
-    pub(super) fn with_columns(&self, columns: WalkColumns) -> Self {
-        let mut theta = DVector::zeros(columns.len());
-        theta
-            .rows_mut(0, FIXED)
-            .copy_from(&self.theta.rows(0, FIXED));
-        for (k, n, linear) in columns.effects() {
-            let known = self.columns.effects().find(|(_, own, known)| {
-                self.columns.sites[*own].place == columns.sites[n].place
-                    && known.parameter == linear.parameter
-            });
-            theta[k] = known.map_or(0.0, |(k, ..)| self.theta[k]);
-        }
-        Self::at(Arc::new(columns), theta)
-    }
-
-    fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
-        Window::new(self.tree, [], core_setup(walk, stance, sensors))
-    }
-}
-
 /// A window that was closed.
 pub(super) struct SeenWindow<'a> {
     pub(super) rows: &'a Rows,
@@ -142,7 +84,7 @@ pub(super) struct Row<'a> {
     pub(super) start: f64,
     /// Equations of its window that contact forces leave, at its window's first row; zero at the others.
     pub(super) rank: usize,
-    /// Which coordinate's equation, times [`RowSetup::scale`].
+    /// Which coordinate's equation, times [`SCALE`].
     pub(super) coordinate: usize,
     /// Which feet may carry a force.
     pub(super) loaded: [bool; LEGS],
@@ -233,7 +175,8 @@ pub(super) fn each_window(
 ) -> Windows {
     let walk = &sensors.corrected(walk);
     let states = &JointStates::of(walk, &setup.columns, |_| true);
-    let mut window = Box::new(setup.window(walk, stance, sensors));
+    let core = core_setup(walk, stance, sensors);
+    let mut window = Box::new(Window::new(setup.tree, [], core));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))

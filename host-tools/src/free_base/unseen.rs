@@ -10,9 +10,9 @@ use proprio_core::go2::{LEGS, Leg};
 use serde::Serialize;
 
 use super::data::{Data, MANY};
+use super::moved_readings::MovedReadings;
 use super::outside::{self, Squares};
 use super::rows::Linearised;
-use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::walk::Walk;
 use super::walks::Walks;
