@@ -1,17 +1,22 @@
 //! Trunk and legs of a robot that walks, from encoders, motor torques, gyro and accelerometer alone: what `identify --free-base`,
 //! `diagnose --free-base` and `compare --free-base` share.
 //!
-//! 1. `walk`: the log, what gravity's length tells of the accelerometer. `gravity`: its direction. `speed`: joint velocities from the quieter of
-//!    two channels, a quieter gyro. `rest`: joints that friction may hold.
-//! 2. `stance`: which feet may carry a force; those are projected out.
-//!    `held`: whether something beyond them carries the robot.
-//! 3. `columns`: which column is what. `rows`: the core's windows ([`proprio_core::window::FreeBaseWindow`]), row by row.
-//!    `projection`: columns of any effect's torque in them.
-//!    `sensors`: what these get wrong, in columns of their own. `residual`: what windows leave at known parameters, which these are differences of.
-//! 4. `data`: the rows as one factor per block of time.
-//!    `outside`: windows that no model of the catalogue explains. `unseen`: those of a foot that is taken to be in the air and is not.
-//! 5. `structure`: which effects a model has, and how well its bodies are known. `fit`: its 13 bodies, their joints' effects and what
-//!    sensors get wrong. `expected`: what a motion would tell before it is played.
+//! A file uses only files above it in this list, and none uses this one.
+//!
+//! 1. `coordinates`: bodies, velocity coordinates, the equations' scale. `imu`: where the IMU is. `windows`: what became of a log's windows, and
+//!    their samples. `error`: why no parameters come out.
+//! 2. `rest`: joints that friction may hold. `walk`: the log, what gravity's length tells of the accelerometer. `speed`: joint velocities from the
+//!    quieter of two channels, a quieter gyro. `held`: whether something beyond the feet carries the robot. `stance`: which feet may carry a force;
+//!    those are projected out.
+//! 3. `columns`: which column is what. `sensors`: what the sensors get wrong. `gravity`: its direction, and its length as rows.
+//!    `walks`: all logs, with velocities, gravity and stance.
+//! 4. `row_setup`: the parameters that rows are made at. `projection`: columns of any effect's torque. `residual`: what windows leave at known
+//!    parameters. `moved_readings`: columns of what sensors get wrong, differences of these. `rows`: the core's windows
+//!    ([`proprio_core::window::FreeBaseWindow`]), row by row.
+//! 5. `structure`: which effects a model has, and how well its bodies are known. `outside`: windows that no model of the catalogue explains.
+//!    `unseen`: those of a foot that is taken to be in the air and is not. `data`: the rows as one factor per block of time.
+//! 6. `fit`: a model's 13 bodies, their joints' effects and what sensors get wrong. `refinement`: rows made near the fit, without the windows that
+//!    are outside. `expected`: what a motion would tell before it is played.
 
 pub(crate) mod columns;
 pub(crate) mod coordinates;
@@ -25,6 +30,7 @@ mod imu;
 mod moved_readings;
 mod outside;
 pub(crate) mod projection;
+mod refinement;
 mod residual;
 mod rest;
 mod row_setup;
