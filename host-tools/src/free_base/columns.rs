@@ -4,9 +4,7 @@ use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, Moved};
 use proprio_core::go2::{self, JOINTS};
 use proprio_core::inertia::INERTIAL;
 
-use super::projection::is_carried;
-use super::rows::BODIES;
-use super::sensors::SENSORS;
+use super::coordinates::{BODIES, is_carried};
 use crate::catalogue;
 use crate::equation::column::{Column, columns_of};
 use crate::equation::values::{Place, load};
@@ -16,6 +14,9 @@ use crate::model::{BASE, Model};
 
 /// Where the sensors' columns begin, the accelerometer's first.
 pub(crate) const ACC: usize = INERTIAL * BODIES;
+/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
+/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1.
+pub(crate) const SENSORS: usize = 15;
 /// Columns that rows have whatever the model: where those of effects begin.
 pub(crate) const FIXED: usize = ACC + SENSORS;
 

@@ -6,30 +6,26 @@ use nalgebra::{DMatrix, DVector};
 use proprio_core::go2::LEGS;
 
 use super::columns::{EffectSite, WalkColumns};
+use super::coordinates::{COORDINATES, Equations, SCALE};
+use super::error::FreeBaseError;
 use super::gravity;
-use super::outside;
-use super::projection::{Equations, Projection};
-use super::residual::WindowSamples;
-use super::rows::{
-    Block, COORDINATES, Linearised, RowSetup, SCALE, Windows, each_row, each_window, fold,
-    windows_of,
-};
-use super::sensors::MovedReadings;
+use super::moved_readings::MovedReadings;
+use super::outside::{LIMIT, MANY};
+use super::projection::Projection;
+use super::row_setup::RowSetup;
+use super::rows::{Block, Linearised, each_row, each_window, fold, windows_of};
 use super::stance::Stance;
 use super::structure::ModelStructure;
-use super::unseen::{self, UnseenFoot};
+use super::unseen::UnseenFoot;
 use super::walk::Walk;
-use super::{FreeBaseError, Walks};
+use super::walks::Walks;
+use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
 
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
 const BLOCK: f64 = 1.0;
 const LEAST_BLOCKS: f64 = 12.0;
-/// Fits at most that tell which windows are outside: the first is spoilt by these.
-const ROUNDS: usize = 3;
-/// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
-pub(super) const MANY: f64 = 0.02;
 /// Parts of the time that are predicted by the others.
 pub(crate) const PARTS: usize = 5;
 
@@ -80,66 +76,12 @@ pub(crate) struct Data {
     /// What moved readings leave, log after log.
     moved: Arc<Vec<MovedReadings>>,
     /// When windows begin that are left out, log after log, µs in order.
-    outside: Vec<Vec<u64>>,
+    pub(super) outside: Vec<Vec<u64>>,
     /// Feet that carry a force in some of these while they are taken to be in the air.
     pub(crate) unseen: Vec<UnseenFoot>,
 }
 
 impl Data {
-    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
-    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
-    /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that
-    /// commands that name a model's error need the same candidates.
-    pub(crate) fn of(
-        walks: &Walks,
-        structure: &ModelStructure,
-        candidates: &[EffectSite],
-    ) -> Result<Self, FreeBaseError> {
-        let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
-        let judged = Arc::new(WalkColumns {
-            sites: structure.effects.iter().cloned().chain(torques).collect(),
-        });
-        let mut setup = RowSetup::cad(judged.clone());
-        // Which samples are a window's no parameter tells.
-        let windows = windows_of_all(walks, &setup);
-        let mut outside = vec![Vec::new(); walks.walks.len()];
-        let mut parts = None;
-        for _ in 0..ROUNDS {
-            let data = Self::made(walks, setup, outside.clone(), true, Moved::Of(&windows))?;
-            let (theta, thetas) = match candidates {
-                [] => {
-                    let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-                    // Rows that were made at another fit are much the same.
-                    parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
-                    let thetas = parts.iter().flatten().map(|part| part.theta.clone());
-                    (fit.theta().clone(), thetas.collect())
-                }
-                _ => data.with_all(structure).ok_or(FreeBaseError::Unsolvable)?,
-            };
-            let thetas: Vec<&DVector<f64>> = match &thetas[..] {
-                [] => vec![&theta],
-                parts => parts.iter().collect(),
-            };
-            let before = std::mem::replace(&mut outside, outside::windows(walks, &data, &thetas));
-            setup = RowSetup::at(judged.clone(), theta);
-            if outside == before {
-                break;
-            }
-        }
-        if !candidates.is_empty() {
-            let sites = structure.effects.iter().chain(candidates).cloned();
-            setup = setup.with_columns(WalkColumns {
-                sites: sites.collect(),
-            });
-        }
-        let mut data = Self::made(walks, setup, outside, true, Moved::Of(&windows))?;
-        if data.windows.outside > 0 {
-            let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
-            data.unseen = unseen::feet(walks, &data, fit.theta());
-        }
-        Ok(data)
-    }
-
     /// The rows of all windows at the CAD's bodies, none left out for what a fit leaves of it: for a motion of which there is no fit.
     pub(super) fn unjudged(
         walks: &Walks,
@@ -227,7 +169,8 @@ impl Data {
         &self.setup.columns
     }
 
-    fn made(
+    /// The rows of all windows but those `outside`, at the parameters of `setup`; in parts of the time where `parts` are wanted.
+    pub(super) fn made(
         walks: &Walks,
         setup: RowSetup,
         outside: Vec<Vec<u64>>,
@@ -292,11 +235,6 @@ impl Data {
         }
     }
 
-    /// When the windows of log `n` begin that are left out, µs in order.
-    pub(super) fn outside(&self, n: usize) -> &[u64] {
-        &self.outside[n]
-    }
-
     /// What a user should know about the windows.
     pub(crate) fn warnings(&self) -> Vec<String> {
         let Windows { used, outside, .. } = self.windows;
@@ -304,9 +242,8 @@ impl Data {
         let many = outside as f64 > MANY * all as f64;
         let told = many.then(|| {
             format!(
-                "{outside} of {all} windows are left out: what remains of each is more than {:.0} times the usual, which is no noise and none of \
-                 the catalogue's effects: a push, a blow, a foot that strikes or touches unseen",
-                outside::LIMIT
+                "{outside} of {all} windows are left out: what remains of each is more than {LIMIT:.0} times the usual, which is no noise and none of \
+                 the catalogue's effects: a push, a blow, a foot that strikes or touches unseen"
             )
         });
         let unseen = self.unseen.iter().map(UnseenFoot::words);
@@ -386,12 +323,12 @@ impl Data {
 }
 
 /// What moved readings leave: known of rows at the same parameters, or to be made of these windows, log after log.
-enum Moved<'a> {
+pub(super) enum Moved<'a> {
     Known(Arc<Vec<MovedReadings>>),
     Of(&'a [Vec<WindowSamples>]),
 }
 
-fn windows_of_all(walks: &Walks, setup: &RowSetup) -> Vec<Vec<WindowSamples>> {
+pub(super) fn windows_of_all(walks: &Walks, setup: &RowSetup) -> Vec<Vec<WindowSamples>> {
     let logs = walks.walks.iter();
     logs.map(|(walk, stance)| windows_of(walk, stance, setup))
         .collect()

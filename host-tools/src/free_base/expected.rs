@@ -2,35 +2,15 @@
 
 use std::path::Path;
 
-use nalgebra::Vector3;
-use proprio_core::go2::JOINTS;
-
 use super::data::Data;
+use super::error::FreeBaseError;
 use super::fit::FIRST_NOISE;
+use super::imu::imu;
 use super::stance::Stance;
 use super::structure::ModelStructure;
-use super::walk::Walk;
-use super::{FreeBaseError, Walks, imu};
+use super::walk::{Played, Walk};
+use super::walks::Walks;
 use crate::estimate::bounded::inverse;
-
-/// A sample of a motion as the robot's sensors would read it if they had no noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Played {
-    /// s.
-    pub(crate) t: f64,
-    /// Joint positions, rad.
-    pub(crate) q: [f64; JOINTS],
-    /// rad/s.
-    pub(crate) dq: [f64; JOINTS],
-    /// Motor torques, N m.
-    pub(crate) tau: [f64; JOINTS],
-    /// Angular velocity at the IMU, rad/s.
-    pub(crate) gyro: Vector3<f64>,
-    /// Specific force at the IMU, m/s².
-    pub(crate) acc: Vector3<f64>,
-    /// Unit vector along gravity in the IMU's axes.
-    pub(crate) down: Vector3<f64>,
-}
 
 /// Standard deviations of all parameters, in the order of the columns.
 #[derive(Debug, Clone, PartialEq)]

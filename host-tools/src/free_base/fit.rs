@@ -4,9 +4,9 @@
 use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
-use super::columns::ACC;
+use super::columns::{ACC, SENSORS};
 use super::data::{Data, Sum};
-use super::sensors::{self, SENSORS};
+use super::sensors;
 use super::structure::ModelStructure;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};

@@ -8,8 +8,6 @@
 
 use nalgebra::DVector;
 
-use super::Walks;
-use super::data::Data;
 use super::rows::{Linearised, each_row};
 use super::stance::Stance;
 use super::walk::Walk;
@@ -17,6 +15,8 @@ use crate::robust;
 
 /// So many times the usual is outside, root mean square.
 pub(super) const LIMIT: f64 = 4.0;
+/// A larger share of windows outside is told: a log with two blows in a hundred is as usual.
+pub(super) const MANY: f64 = 0.02;
 
 /// What is left of a window.
 #[derive(Clone, Copy)]
@@ -34,15 +34,8 @@ impl Squares {
     }
 }
 
-/// When such windows begin, log after log, µs in order. `thetas` is of a fit for each part of the time, to all but this part, or of one for all.
-pub(super) fn windows(walks: &Walks, data: &Data, thetas: &[&DVector<f64>]) -> Vec<Vec<u64>> {
-    let logs = walks.walks.iter().enumerate();
-    let left: Vec<Vec<Squares>> = logs
-        .map(|(n, (walk, stance))| {
-            let theta = |start: f64| data.of_the_part((n, start), walk, thetas);
-            squares(walk, stance, data.linearised(n), theta)
-        })
-        .collect();
+/// When such windows begin, log after log, µs in order; `left` is what is left of each log's windows.
+pub(super) fn windows(left: &[Vec<Squares>]) -> Vec<Vec<u64>> {
     let most = usual(left.iter().flatten()).map_or(f64::INFINITY, |usual| LIMIT * LIMIT * usual);
     left.iter()
         .map(|own| {

@@ -8,25 +8,20 @@
 use nalgebra::SVector;
 use proprio_core::contact::{Foot, Projector};
 use proprio_core::effect::{Input, JointState, Term};
-use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
+use proprio_core::go2::{JOINTS, LEGS};
 use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use proprio_core::walk::stance::SPREAD;
 
 use super::columns::{EffectSite, WalkColumns};
-use super::rows::{BODIES, COORDINATES, SCALE};
+use super::coordinates::{BODIES, COORDINATES, Equations, FIRST_JOINT, scale};
+use super::imu::imu;
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::equation::column::Column;
 use crate::equation::presliding::Way;
+use crate::log::BRIDGED;
 
-/// The coordinate of the first joint.
-pub(super) const FIRST: usize = COORDINATES - JOINTS;
-/// A joint's bristles are followed over gaps no longer than this, s, as those of a robot on a fixed base.
-const BRIDGED: f64 = 0.05;
-
-/// A number for each coordinate's equation.
-pub(crate) type Equations = [f64; COORDINATES];
 /// The robot's mechanics, its feet, and which of these may carry a force.
 pub(super) type Contact<'a> = (
     &'a Tree<f64, BODIES, COORDINATES>,
@@ -86,14 +81,6 @@ impl Span {
     }
 }
 
-/// What equations are multiplied by: nothing where a joint may rest.
-pub(super) fn scale(resting: &[bool; JOINTS]) -> Equations {
-    std::array::from_fn(|c| match c.checked_sub(FIRST) {
-        Some(joint) if resting[joint] => 0.0,
-        _ => SCALE[c],
-    })
-}
-
 impl<'a> Projection<'a> {
     /// Of the window of these samples; equations of joints that are `resting` are left out. `contact` is what feet may carry a force, and where.
     pub(super) fn of(
@@ -104,17 +91,18 @@ impl<'a> Projection<'a> {
     ) -> Self {
         let walk = states.walk;
         let scale = scale(resting);
-        let imu = super::imu();
+        let imu = imu();
         let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
         let passes = samples.iter().map(|&n| {
-            let q = SVector::from_fn(|c, _| c.checked_sub(FIRST).map_or(0.0, |j| walk.q[n][j]));
+            let q =
+                SVector::from_fn(|c, _| c.checked_sub(FIRST_JOINT).map_or(0.0, |j| walk.q[n][j]));
             let placements = tree.placements(&Transform::identity(), &q);
             let down = imu.rotation * walk.down[n];
             let loaded = stance.loaded[n];
             projector.update(tree, &placements, feet, loaded, &down, &scale);
             std::array::from_fn(|j| {
                 let mut unit = SVector::zeros();
-                unit[FIRST + j] = scale[FIRST + j];
+                unit[FIRST_JOINT + j] = scale[FIRST_JOINT + j];
                 projector.apply(&unit).into()
             })
         });
@@ -149,11 +137,6 @@ impl<'a> Projection<'a> {
         });
         all
     }
-}
-
-/// Whether the joint has one that carries it in its leg.
-pub(crate) fn is_carried(joint: usize) -> bool {
-    !joint.is_multiple_of(JOINTS_PER_LEG)
 }
 
 /// What effects see of a walk's joints.
@@ -240,7 +223,8 @@ impl<'a> JointStates<'a> {
     }
 }
 
-/// What the bristles of a joint have transmitted at each sample since the gap before, per N m, s.
+/// What the bristles of a joint have transmitted at each sample since the gap before, per N m, s. They are followed over lost messages
+/// ([`BRIDGED`]), as those of a robot on a fixed base.
 pub(crate) fn bristles(walk: &Walk, joint: usize, displacement: f64) -> Vec<f64> {
     let mut impulse = Vec::with_capacity(walk.len());
     while impulse.len() < walk.len() {

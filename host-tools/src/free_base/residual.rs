@@ -10,21 +10,16 @@ use proprio_core::go2::{JOINTS, LEGS};
 use proprio_core::spatial::{Motion, Transform};
 use proprio_core::tree::Kinematics;
 
-use super::projection::{Equations, FIRST, JointStates, Span, scale};
-use super::rows::{BODIES, COORDINATES, RowSetup};
+use super::coordinates::{BODIES, COORDINATES, Equations, FIRST_JOINT, scale};
+use super::imu::imu;
+use super::projection::{JointStates, Span};
+use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
+use super::windows::WindowSamples;
 
 type Coordinates = SVector<f64, COORDINATES>;
-
-/// The samples of a window that was closed, and the joints that may rest in it.
-pub(super) struct WindowSamples {
-    /// When it began, µs.
-    pub(super) start_us: u64,
-    pub(super) samples: Vec<usize>,
-    pub(super) resting: [bool; JOINTS],
-}
 
 /// What windows leave at the parameters of `setup`, N m (N of forces), as rows are scaled: of a walk as these sensors read it.
 pub(super) fn residuals(
@@ -65,7 +60,7 @@ impl Instants<'_> {
         let scale = scale(&window.resting);
         let mut kinematics = Kinematics::new();
         let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
-        let (feet, imu) = (self.sensors.feet(), super::imu());
+        let (feet, imu) = (self.sensors.feet(), imu());
         let velocities = self.velocities(&span.samples);
         let mut left = Coordinates::zeros();
         let mut last: Option<(Coordinates, Coordinates)> = None;
@@ -77,7 +72,7 @@ impl Instants<'_> {
             let [before, after] = span.halves[k];
             let mut force = rate * (before + after);
             for j in 0..JOINTS {
-                force[FIRST + j] += effects[k][j] - self.walk.tau[n][j] * (before + after);
+                force[FIRST_JOINT + j] += effects[k][j] - self.walk.tau[n][j] * (before + after);
             }
             // The projector of a sample is multiplied with half of what the momentum changes by to both sides.
             if let Some((last_momentum, last_force)) = last {
@@ -133,13 +128,13 @@ impl Instants<'_> {
         velocity: &Vector3<f64>,
         kinematics: &mut Kinematics<f64, BODIES, COORDINATES>,
     ) -> (Coordinates, Coordinates) {
-        let base = super::imu().act(&Motion::new(self.walk.gyro[n], *velocity));
+        let base = imu().act(&Motion::new(self.walk.gyro[n], *velocity));
         let (mut q, mut v) = (Coordinates::zeros(), Coordinates::zeros());
         v.fixed_rows_mut::<3>(0).copy_from(&base.angular);
         v.fixed_rows_mut::<3>(3).copy_from(&base.linear);
         for j in 0..JOINTS {
-            q[FIRST + j] = self.walk.q[n][j];
-            v[FIRST + j] = self.walk.dq[n][j];
+            q[FIRST_JOINT + j] = self.walk.q[n][j];
+            v[FIRST_JOINT + j] = self.walk.dq[n][j];
         }
         let tree = &self.setup.tree;
         tree.update_kinematics(kinematics, &Transform::identity(), &q, &v);

@@ -8,9 +8,10 @@
 use proprio_core::effect::STANDING_NOISE;
 use proprio_core::go2::JOINTS;
 
-use super::speed::LEAST_RATE;
 use crate::robust;
 
+/// Below this rate (Hz) a joint may turn round between two samples, and a slope between them is not the velocity at one.
+pub(super) const LEAST_RATE: f64 = 200.0;
 /// A velocity of fewer standard deviations of its noise may have either sign.
 const SURE: f64 = 3.0;
 /// The same as a share of the joint's greatest speeds, as a joint of the pinned path has it ([`crate::trajectory`]).

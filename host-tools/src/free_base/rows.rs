@@ -1,33 +1,25 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
-use std::sync::Arc;
-
-use nalgebra::DVector;
 use proprio_core::effect::{EffectKind, STANDING_NOISE};
 use proprio_core::estimator::plausible;
-use proprio_core::go2::{self, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
-use proprio_core::inertia::{INERTIAL, InertialParameters};
-use proprio_core::tree::Tree;
+use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
 use proprio_core::window::{
     FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
     Settings,
 };
-use serde::Serialize;
 
-use super::columns::{ACC, FIXED, WalkColumns};
-use super::projection::{Equations, JointStates, Projection};
-use super::residual::WindowSamples;
-use super::sensors::{MOVED, MovedReadings, Sensors};
+use super::columns::{ACC, FIXED};
+use super::coordinates::{BODIES, COORDINATES, Equations, SCALE};
+use super::imu::imu;
+use super::moved_readings::MovedReadings;
+use super::projection::{JointStates, Projection};
+use super::row_setup::RowSetup;
+use super::sensors::{MOVED, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
-use crate::estimate::bounded::body;
+use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::{BATCH, HeapFactor};
-
-/// Bodies, the base first.
-pub(crate) const BODIES: usize = JOINTS + 1;
-/// Velocity coordinates.
-pub(crate) const COORDINATES: usize = JOINTS + 6;
 
 type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 0>;
 type Window =
@@ -35,51 +27,6 @@ type Window =
 
 /// Stamps of a steady clock are off by no more, s.
 const JITTER: f64 = 1e-4;
-
-/// What became of the time of a log.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Windows {
-    /// Windows with rows.
-    pub used: u64,
-    /// … of them with so many feet that may carry a force, from none to four.
-    pub by_feet: [u64; LEGS + 1],
-    /// Equations in them that contact forces and friction at rest leave.
-    pub equations: u64,
-    /// Equations of joints in them that are left out because friction may hold the joint.
-    pub resting: u64,
-    /// Windows lost because a foot touched down or lifted off too soon after they began.
-    pub cut: u64,
-    /// Windows lost to an impact.
-    pub impact: u64,
-    /// Windows lost to a gap.
-    pub gap: u64,
-    /// Windows left out because contact forces and the friction of joints that rest leave no equation.
-    pub still: u64,
-    /// Windows left out because what is left of them is far beyond what is left of the others.
-    pub outside: u64,
-    /// Windows with rows, but without the base's: something beyond the feet carries the robot.
-    pub held: u64,
-    /// Samples that cannot be true.
-    pub rejected: u64,
-}
-
-impl Windows {
-    pub(super) fn plus(self, other: &Self) -> Self {
-        Self {
-            used: self.used + other.used,
-            by_feet: std::array::from_fn(|f| self.by_feet[f] + other.by_feet[f]),
-            equations: self.equations + other.equations,
-            resting: self.resting + other.resting,
-            cut: self.cut + other.cut,
-            impact: self.impact + other.impact,
-            gap: self.gap + other.gap,
-            still: self.still + other.still,
-            outside: self.outside + other.outside,
-            held: self.held + other.held,
-            rejected: self.rejected + other.rejected,
-        }
-    }
-}
 
 /// One block of time.
 pub(super) struct Block {
@@ -115,71 +62,6 @@ impl Block {
     }
 }
 
-/// What the equations are multiplied by, so that their noise is alike: moments on the base (1), forces on it (m), joints' torques (1).
-pub(crate) const SCALE: [f64; COORDINATES] = {
-    let mut scale = [1.0; COORDINATES];
-    let mut c = 0;
-    while c < 6 {
-        scale[c] = if c < 3 { 0.3 } else { 0.06 };
-        c += 1;
-    }
-    scale
-};
-
-/// What the rows are made at: columns of what sensors get wrong are derivatives at these parameters.
-#[derive(Clone)]
-pub(super) struct RowSetup {
-    pub(super) columns: Arc<WalkColumns>,
-    pub(super) tree: Tree<f64, BODIES, COORDINATES>,
-    pub(super) sensors: Sensors,
-    /// All parameters.
-    pub(super) theta: DVector<f64>,
-}
-
-impl RowSetup {
-    /// At the CAD's bodies, without any effect, with sensors that are right.
-    pub(super) fn cad(columns: Arc<WalkColumns>) -> Self {
-        let mut theta = DVector::zeros(columns.len());
-        for (b, body) in go2::free::<f64>().bodies().iter().enumerate() {
-            theta
-                .rows_mut(INERTIAL * b, INERTIAL)
-                .copy_from(&body.inertia.0);
-        }
-        Self::at(columns, theta)
-    }
-
-    /// At these parameters.
-    pub(super) fn at(columns: Arc<WalkColumns>, theta: DVector<f64>) -> Self {
-        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(&theta, b));
-        Self {
-            tree: go2::free().with_inertia(&bodies),
-            sensors: Sensors::of(&theta, &columns),
-            columns,
-            theta,
-        }
-    }
-
-    /// The same with other columns of effects, none of which has a value beyond those that are known.
-    pub(super) fn with_columns(&self, columns: WalkColumns) -> Self {
-        let mut theta = DVector::zeros(columns.len());
-        theta
-            .rows_mut(0, FIXED)
-            .copy_from(&self.theta.rows(0, FIXED));
-        for (k, n, linear) in columns.effects() {
-            let known = self.columns.effects().find(|(_, own, known)| {
-                self.columns.sites[*own].place == columns.sites[n].place
-                    && known.parameter == linear.parameter
-            });
-            theta[k] = known.map_or(0.0, |(k, ..)| self.theta[k]);
-        }
-        Self::at(Arc::new(columns), theta)
-    }
-
-    fn window(&self, walk: &Walk, stance: &Stance, sensors: &Sensors) -> Window {
-        Window::new(self.tree, [], core_setup(walk, stance, sensors))
-    }
-}
-
 /// A window that was closed.
 pub(super) struct SeenWindow<'a> {
     pub(super) rows: &'a Rows,
@@ -202,7 +84,7 @@ pub(super) struct Row<'a> {
     pub(super) start: f64,
     /// Equations of its window that contact forces leave, at its window's first row; zero at the others.
     pub(super) rank: usize,
-    /// Which coordinate's equation, times [`RowSetup::scale`].
+    /// Which coordinate's equation, times [`SCALE`].
     pub(super) coordinate: usize,
     /// Which feet may carry a force.
     pub(super) loaded: [bool; LEGS],
@@ -293,7 +175,8 @@ pub(super) fn each_window(
 ) -> Windows {
     let walk = &sensors.corrected(walk);
     let states = &JointStates::of(walk, &setup.columns, |_| true);
-    let mut window = Box::new(setup.window(walk, stance, sensors));
+    let core = core_setup(walk, stance, sensors);
+    let mut window = Box::new(Window::new(setup.tree, [], core));
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
@@ -445,7 +328,7 @@ pub(super) fn core_setup(
     sensors: &Sensors,
 ) -> FreeBaseSetup<f64, COORDINATES, JOINTS, LEGS> {
     FreeBaseSetup {
-        imu: super::imu(),
+        imu: imu(),
         feet: sensors.feet(),
         scale: SCALE,
         plausible: all_plausible(),

@@ -2,8 +2,7 @@
 //! the ground.
 //!
 //! None of it is the robot's, so it is fitted always, whatever the model. The bias has columns of its own
-//! ([`proprio_core::window::FreeBaseWindow`]). All else moves the readings, and its columns are differences: what an equation leaves if the
-//! readings are moved a little, less what it leaves as they are. So rows are made at parameters near the fit's ([`super::data::Data::of`]).
+//! ([`proprio_core::window::FreeBaseWindow`]). All else moves the readings (`moved_readings`).
 //!
 //! Delays are against the torques. A quarter of a millisecond at a swinging calf is a tenth of its viscous friction: a position that leads
 //! its torque by half a step, as a simulation's may, or lags behind it by what the bus takes, shows in nothing else.
@@ -18,19 +17,11 @@ use nalgebra::{DVector, Rotation3, Vector3};
 use proprio_core::contact::Foot;
 use proprio_core::go2::{self, JOINTS, LEGS};
 
-use super::columns::{ACC, WalkColumns};
-use super::projection::Equations;
-use super::residual::{WindowSamples, residuals};
-use super::rows::RowSetup;
-use super::stance::Stance;
+use super::columns::{ACC, SENSORS, WalkColumns};
 use super::walk::Walk;
 use crate::equation::column::Column;
-use crate::estimate::robot::side_by_side;
 
-/// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
-/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1.
-pub(crate) const SENSORS: usize = 15;
-/// The first of those that move the readings.
+/// The first of the sensors' columns that are of moved readings.
 pub(super) const MOVED: usize = 3;
 /// Where each of [`NAMES`] begins.
 const MOUNTING: usize = MOVED;
@@ -67,21 +58,13 @@ pub(crate) const STD: [f64; SENSORS] = [
     0.2, 0.2, 0.2, 0.05, 0.05, 0.05, 0.01, 0.01, 0.002, 0.001, 0.01, 0.01, 0.01, 0.005, 0.005,
 ];
 
-/// How far readings are moved for a column: far beyond rounding, and too little to be felt.
-const STEP: [f64; SENSORS - MOVED] = [
-    1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4,
-];
-
-/// The same of an encoder, rad.
-const OFFSET_STEP: f64 = 1e-4;
-
 /// What the sensors get wrong.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Sensors {
     /// In the order of [`NAMES`].
-    values: [f64; SENSORS],
+    pub(super) values: [f64; SENSORS],
     /// What each joint's encoder reads too much, rad, of a model that has such an effect.
-    offsets: [f64; JOINTS],
+    pub(super) offsets: [f64; JOINTS],
 }
 
 impl Sensors {
@@ -161,63 +144,11 @@ impl Sensors {
 }
 
 /// The columns of encoders that are off, and whose.
-fn offsets(columns: &WalkColumns) -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn offsets(columns: &WalkColumns) -> impl Iterator<Item = (usize, usize)> {
     columns
         .effects()
         .filter_map(|(k, _, linear)| match linear.column {
             Column::Motion { joint, .. } => Some((k, joint)),
             _ => None,
         })
-}
-
-/// What each equation leaves if the readings are moved: of each column that is a difference, window by window.
-#[derive(Default)]
-pub(super) struct MovedReadings {
-    /// When the windows begin, µs in order.
-    starts: Vec<u64>,
-    /// The columns' numbers, and what they have in each of the windows.
-    columns: Vec<(usize, Vec<Equations>)>,
-}
-
-impl MovedReadings {
-    /// Of these windows, at the parameters that rows are made at.
-    pub(super) fn of(
-        walk: &Walk,
-        stance: &Stance,
-        setup: &RowSetup,
-        windows: &[WindowSamples],
-    ) -> Self {
-        let at = setup.sensors;
-        let sensors = (MOVED..SENSORS).map(|k| {
-            let mut moved = at;
-            moved.values[k] += STEP[k - MOVED];
-            (ACC + k, STEP[k - MOVED], moved)
-        });
-        let encoders = offsets(&setup.columns).map(|(k, joint)| {
-            let mut moved = at;
-            moved.offsets[joint] += OFFSET_STEP;
-            (k, OFFSET_STEP, moved)
-        });
-        let all: Vec<(usize, f64, Sensors)> = sensors.chain(encoders).collect();
-        let left = |sensors: &Sensors| residuals(walk, stance, setup, sensors, windows);
-        let as_read = left(&at);
-        let column = |(column, step, sensors): &(usize, f64, Sensors)| {
-            let moved = left(sensors).into_iter().zip(&as_read);
-            let slope = |(there, here): (Equations, &Equations)| {
-                std::array::from_fn(|c| (there[c] - here[c]) / step)
-            };
-            (*column, moved.map(slope).collect())
-        };
-        Self {
-            starts: windows.iter().map(|window| window.start_us).collect(),
-            columns: side_by_side(&all, column),
-        }
-    }
-
-    /// The columns of the equations of a window that began then, each with its number; nothing without any readings moved.
-    pub(super) fn columns(&self, start_us: u64) -> impl Iterator<Item = (usize, &Equations)> {
-        let at = self.starts.binary_search(&start_us);
-        let all = self.columns.iter();
-        all.filter_map(move |(column, windows)| Some((*column, &windows[at.ok()?])))
-    }
 }

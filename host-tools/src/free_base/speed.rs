@@ -12,10 +12,9 @@
 use nalgebra::{Matrix3, Vector3};
 use proprio_core::go2::JOINTS;
 
+use super::rest::LEAST_RATE;
 use super::walk::Walk;
 
-/// Below this rate (Hz) a slope between samples is not the velocity at one.
-pub(super) const LEAST_RATE: f64 = 200.0;
 /// A slope's samples are at least this far apart, s: as those of a Go2's 500 Hz.
 const SPAN: f64 = 2e-3;
 /// Steps that differ by more than this share of their mean are not even.

@@ -5,8 +5,8 @@ use proprio_core::estimator::CAD_UNCERTAINTY;
 use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
 use proprio_core::inertia::InertialParameters;
 
-use super::FreeBaseError;
 use super::columns::{EffectSite, FIXED, WalkColumns, all_places, body_of, is_judged};
+use super::error::FreeBaseError;
 use super::sensors;
 use crate::equation::values::{Place, Values};
 use crate::estimate::Constraint;

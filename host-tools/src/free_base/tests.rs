@@ -14,13 +14,12 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::columns::WalkColumns;
+use super::coordinates::{BODIES, COORDINATES};
+use super::moved_readings::MovedReadings;
 use super::residual::residuals;
 use super::rest::Rest;
-use super::rows::{
-    BODIES, COORDINATES, Linearised, RowSetup, core_setup, each_row, each_window, sample,
-    windows_of,
-};
-use super::sensors::MovedReadings;
+use super::row_setup::RowSetup;
+use super::rows::{Linearised, core_setup, each_row, each_window, sample, windows_of};
 use super::speed::quieten;
 use super::stance::Stance;
 use super::structure::ModelStructure;

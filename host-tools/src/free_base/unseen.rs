@@ -5,17 +5,16 @@
 //! blow on another leg leaves as much as before. A force that does not make a window stand out is not seen here. Slip is none of this: whatever
 //! force a foot that slips carries, it is projected out like that of one that does not.
 
-use nalgebra::DVector;
 use proprio_core::go2::{LEGS, Leg};
 use serde::Serialize;
 
-use super::Walks;
-use super::data::{Data, MANY};
-use super::outside::{self, Squares};
+use super::moved_readings::MovedReadings;
+use super::outside::{self, MANY, Squares};
+use super::row_setup::RowSetup;
 use super::rows::Linearised;
-use super::sensors::MovedReadings;
 use super::stance::Stance;
 use super::walk::Walk;
+use super::walks::Walks;
 
 /// A window of which no more than so many times the usual is left is a good one, root mean square (`outside`).
 const GOOD: f64 = 2.0;
@@ -51,17 +50,17 @@ impl UnseenFoot {
     }
 }
 
-/// The feet that carry a force unseen, by a fit of the data.
-pub(super) fn feet(walks: &Walks, data: &Data, theta: &DVector<f64>) -> Vec<UnseenFoot> {
-    let setup = data.setup_at(theta.clone());
+/// The feet that carry a force unseen, by a fit at whose parameters `setup` is; `outside` is when windows begin that are left out, log after log, µs in
+/// order.
+pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec<UnseenFoot> {
+    let theta = &setup.theta;
     // At the fit's own sensors nothing is moved.
     let at = Linearised {
-        setup: &setup,
+        setup,
         moved: &MovedReadings::default(),
     };
     let mut feet = [Tally::default(); LEGS];
-    for (n, (walk, stance)) in walks.walks.iter().enumerate() {
-        let outside = data.outside(n);
+    for ((walk, stance), outside) in walks.walks.iter().zip(outside) {
         let as_it_is = outside::squares(walk, stance, at, |_| theta);
         let Some(usual) = outside::usual(as_it_is.iter()) else {
             continue;

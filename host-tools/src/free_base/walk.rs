@@ -8,8 +8,7 @@ use proprio_core::tree::GRAVITY;
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::FreeBaseError;
-use super::expected::Played;
+use super::error::FreeBaseError;
 use super::rest::Rest;
 use crate::log::{Log, Samples};
 
@@ -22,6 +21,25 @@ const LONGEST_STEP: f64 = 0.1;
 const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
 /// What a velocity that changes sideways adds to the length of the mean specific force, m/s²: 0.3 m/s² beside gravity.
 const SIDEWAYS: f64 = 0.005;
+
+/// A sample of a motion as the robot's sensors would read it if they had no noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Played {
+    /// s.
+    pub(crate) t: f64,
+    /// Joint positions, rad.
+    pub(crate) q: [f64; JOINTS],
+    /// rad/s.
+    pub(crate) dq: [f64; JOINTS],
+    /// Motor torques, N m.
+    pub(crate) tau: [f64; JOINTS],
+    /// Angular velocity at the IMU, rad/s.
+    pub(crate) gyro: Vector3<f64>,
+    /// Specific force at the IMU, m/s².
+    pub(crate) acc: Vector3<f64>,
+    /// Unit vector along gravity in the IMU's axes.
+    pub(crate) down: Vector3<f64>,
+}
 
 /// The samples of a log, without those that repeat the one before.
 #[derive(Clone)]

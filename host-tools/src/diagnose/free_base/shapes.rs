@@ -9,10 +9,10 @@ use crate::estimate::grid::{Reach, least_displacement, possible, shape_parameter
 use crate::estimate::robot::side_by_side;
 use crate::free_base::Walks;
 use crate::free_base::columns::EffectSite;
+use crate::free_base::coordinates::{COORDINATES, Equations};
 use crate::free_base::data::{Data, LeftOfWindow};
 use crate::free_base::fit::Fit;
-use crate::free_base::projection::{Equations, Projection, bristles};
-use crate::free_base::rows::COORDINATES;
+use crate::free_base::projection::{Projection, bristles};
 use crate::free_base::walk::Walk;
 
 /// Windows that a scan looks at, spread over the logs.

@@ -12,7 +12,7 @@ use super::footing::{Coordinate, Footing};
 use super::knowledge::{Gathered, Prior};
 use super::state::{Drive, Needed, Robot, State, beside_feet, needed, whole_rows};
 use super::{Ground, Supervisor, TrunkCommand};
-use crate::free_base::rows::SCALE;
+use crate::free_base::coordinates::SCALE;
 use crate::model::Model;
 
 /// Instants of a period at which a search looks at limits and at what is told.

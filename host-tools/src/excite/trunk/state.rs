@@ -7,7 +7,7 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::{Kinematics, Tree};
 
 use super::super::columns::sign;
-use crate::free_base::rows::{BODIES, COORDINATES};
+use crate::free_base::coordinates::{BODIES, COORDINATES};
 
 /// The free Go2.
 pub(super) type Robot = Tree<f64, BODIES, COORDINATES>;

@@ -11,7 +11,8 @@ use super::knowledge::{Prior, structure};
 use super::standing::Standing;
 use crate::estimate::Status;
 use crate::free_base::FreeBaseError;
-use crate::free_base::expected::{Expected, Played, expected, expected_of_log};
+use crate::free_base::expected::{Expected, expected, expected_of_log};
+use crate::free_base::walk::Played;
 use crate::model::{BASE, Model};
 use crate::parameter::INERTIAL_NAMES;
 

@@ -1,0 +1,49 @@
+//! Why no parameters come out of a walk.
+
+use std::path::PathBuf;
+
+use super::windows::Windows;
+use crate::log::LogError;
+
+/// Why no parameters come out of a walk.
+#[derive(Debug, thiserror::Error)]
+pub enum FreeBaseError {
+    /// A log is bad.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A log lacks what a moving base needs.
+    #[error("{}: a free base needs {what}, and the log does not have it", .path.display())]
+    Missing {
+        /// The log.
+        path: PathBuf,
+        /// What it lacks.
+        what: &'static str,
+    },
+    /// Nothing is left between gaps, touch-downs and faults.
+    #[error(
+        "no window is left: {} were cut by touch-downs and lift-offs, {} lost to impacts, {} to gaps, {} left out because the robot \
+         stands still; {} samples cannot be true",
+        .0.cut, .0.impact, .0.gap, .0.still, .0.rejected
+    )]
+    NoWindows(Box<Windows>),
+    /// Walks are of a Go2.
+    #[error("--free-base knows a Go2 alone, and the model is another robot's")]
+    NotAGo2,
+    /// An effect that walks are not judged with.
+    #[error(
+        "a walk does not tell {effect} at {place}: it would need the transmitted torque, which contact forces leave open, or another sensor; \
+         `proprio remove {effect}:{place}` takes it out"
+    )]
+    Effect {
+        /// Which.
+        effect: &'static str,
+        /// Its joint, or the base.
+        place: String,
+    },
+    /// A log too short to be told apart from itself.
+    #[error("too short to hold a part of the time out: walk for ten seconds at least")]
+    TooShort,
+    /// The linear algebra refused; the data passed every check before it.
+    #[error("the parameters cannot be solved for: the logs' numbers overflow")]
+    Unsolvable,
+}

@@ -1,0 +1,86 @@
+//! Rows that are made near the fit, and without the windows that no model explains.
+
+use std::sync::Arc;
+
+use nalgebra::DVector;
+
+use super::columns::{EffectSite, WalkColumns};
+use super::data::{Data, Moved, windows_of_all};
+use super::error::FreeBaseError;
+use super::outside::{self, Squares};
+use super::row_setup::RowSetup;
+use super::stance::Stance;
+use super::structure::ModelStructure;
+use super::unseen;
+use super::walk::Walk;
+use super::walks::Walks;
+
+/// Fits at most that tell which windows are outside: the first is spoilt by these.
+const ROUNDS: usize = 3;
+
+impl Data {
+    /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
+    /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
+    /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that
+    /// commands that name a model's error need the same candidates.
+    pub(crate) fn of(
+        walks: &Walks,
+        structure: &ModelStructure,
+        candidates: &[EffectSite],
+    ) -> Result<Self, FreeBaseError> {
+        let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
+        let judged = Arc::new(WalkColumns {
+            sites: structure.effects.iter().cloned().chain(torques).collect(),
+        });
+        let mut setup = RowSetup::cad(judged.clone());
+        // Which samples are a window's no parameter tells.
+        let windows = windows_of_all(walks, &setup);
+        let mut outside = vec![Vec::new(); walks.walks.len()];
+        let mut parts = None;
+        for _ in 0..ROUNDS {
+            let data = Self::made(walks, setup, outside.clone(), true, Moved::Of(&windows))?;
+            let (theta, thetas) = match candidates {
+                [] => {
+                    let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+                    // Rows that were made at another fit are much the same.
+                    parts = data.held_out_from(structure, parts.as_deref().unwrap_or_default());
+                    let thetas = parts.iter().flatten().map(|part| part.theta.clone());
+                    (fit.theta().clone(), thetas.collect())
+                }
+                _ => data.with_all(structure).ok_or(FreeBaseError::Unsolvable)?,
+            };
+            let thetas: Vec<&DVector<f64>> = match &thetas[..] {
+                [] => vec![&theta],
+                parts => parts.iter().collect(),
+            };
+            let before = std::mem::replace(&mut outside, data.windows_outside(walks, &thetas));
+            setup = RowSetup::at(judged.clone(), theta);
+            if outside == before {
+                break;
+            }
+        }
+        if !candidates.is_empty() {
+            let sites = structure.effects.iter().chain(candidates).cloned();
+            setup = setup.with_columns(WalkColumns {
+                sites: sites.collect(),
+            });
+        }
+        let mut data = Self::made(walks, setup, outside, true, Moved::Of(&windows))?;
+        if data.windows.outside > 0 {
+            let fit = data.fit(structure).ok_or(FreeBaseError::Unsolvable)?;
+            let setup = data.setup_at(fit.theta().clone());
+            data.unseen = unseen::feet(walks, &setup, &data.outside);
+        }
+        Ok(data)
+    }
+
+    /// When the windows begin that are outside by a fit for each part of the time, to all but this part, or by one for all: log after log, µs in order.
+    fn windows_outside(&self, walks: &Walks, thetas: &[&DVector<f64>]) -> Vec<Vec<u64>> {
+        let of = |(n, (walk, stance)): (usize, &(Walk, Stance))| {
+            let theta = |start: f64| self.of_the_part((n, start), walk, thetas);
+            outside::squares(walk, stance, self.linearised(n), theta)
+        };
+        let left: Vec<Vec<Squares>> = walks.walks.iter().enumerate().map(of).collect();
+        outside::windows(&left)
+    }
+}
