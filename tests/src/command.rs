@@ -101,7 +101,10 @@ pub fn refusal(folder: &Path, arguments: &[&str]) -> String {
         let refused = json(&stdout(&output));
         assert_eq!(refused["verdict"], "refused", "{arguments:?}");
         let reason = refused["reason"].as_str().unwrap();
-        assert!(message.contains(reason.lines().next().unwrap()), "{message}");
+        assert!(
+            message.contains(reason.lines().next().unwrap()),
+            "{message}"
+        );
     } else {
         assert_eq!(stdout(&output), "", "{arguments:?}");
     }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Model, ModelEffect};
-use proprio_tests::command::{done, json, proprio, refusal, simulated, stderr, stdout, steps};
+use proprio_tests::command::{done, json, refusal, simulated, steps};
 use tempfile::TempDir;
 
 /// A robot whose joints no log has.

@@ -7,7 +7,9 @@ use std::fs;
 use std::path::Path;
 
 use proprio_host::model::{Limb, Robot};
-use proprio_tests::command::{done, folder, json, parameter, proprio, refusal, stderr, stdout, steps};
+use proprio_tests::command::{
+    done, folder, json, parameter, proprio, refusal, stderr, stdout, steps,
+};
 use proprio_tests::recorder::{Recorder, TORQUE_STEP};
 use serde_json::Value;
 

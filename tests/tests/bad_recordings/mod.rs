@@ -10,7 +10,7 @@ mod texts;
 use std::fs;
 use std::path::Path;
 
-use proprio_tests::command::{proprio, refusal, stderr, stdout};
+use proprio_tests::command::refusal;
 
 /// The type of a Go2's state in a bag.
 const GO: &str = "unitree_go/msg/LowState";
