@@ -44,14 +44,13 @@ pub struct Effect {
     joints: Vec<String>,
 }
 
-/// A step of the selection.
+/// A step of the selection; the model as given and its values fitted anew have no effect.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Step {
-    effect: String,
+    step: String,
+    effect: Option<String>,
     joints: Vec<String>,
-    held_out_rms: f64,
-    #[serde(default)]
-    removed: bool,
+    error: f64,
 }
 
 /// A joint's held-out error, N m.
@@ -114,9 +113,10 @@ impl Verdict {
     pub fn path(&self) -> Vec<Place> {
         let mut path: Vec<Place> = Vec::new();
         for step in &self.path {
-            for place in places(&step.effect, &step.joints) {
+            let effect = step.effect.as_deref().unwrap_or_default();
+            for place in places(effect, &step.joints) {
                 path.retain(|known| *known != place);
-                if !step.removed {
+                if step.step == "add" {
                     path.push(place);
                 }
             }
@@ -128,7 +128,7 @@ impl Verdict {
     pub fn after(&self) -> f64 {
         self.path
             .last()
-            .map_or(self.held_out_rms, |step| step.held_out_rms)
+            .map_or(self.held_out_rms, |step| step.error)
     }
 
     /// The candidate of one effect at one joint alone.
