@@ -9,9 +9,12 @@ use std::time::{Duration, Instant};
 use proprio_tests::command::{binary, done, folder, json, recorded_logs, steps};
 use serde_json::Value;
 
-/// The errors of each log, N m.
+/// The errors of each log, N m, by a result or by a step of its path.
 fn errors(of: &Value) -> Vec<f64> {
-    let logs = of["log_rms"].as_array().unwrap();
+    let logs = of["log_rms"]
+        .as_array()
+        .or(of["log_errors"].as_array())
+        .unwrap();
     logs.iter().map(|rms| rms.as_f64().unwrap()).collect()
 }
 

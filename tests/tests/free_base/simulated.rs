@@ -134,8 +134,10 @@ fn what_a_walk_does_not_have_is_refused() {
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none());
         (output.status.code(), stderr(&output))
     };
-    let (status, said) = refused("simulate --walk trot --hide delay=0.002");
-    assert!(status == Some(2) && said.contains("delay cannot be hidden from a robot that walks"));
+    let (status, said) = refused("simulate --walk trot --hide backlash=0.002");
+    assert!(
+        status == Some(2) && said.contains("backlash cannot be hidden from a robot that walks")
+    );
     let (status, said) = refused("simulate --hide payload:base=2");
     assert!(status == Some(2) && said.contains("--walk"), "{said}");
     let (status, said) = refused("simulate --walk trot --legs FR");
