@@ -132,7 +132,7 @@ fn one_log_asks_for_rotors_and_friction_before_loads() {
 
 /// Each chirp as a model fitted to the other four predicts it through its file, joints that rest included: presliding friction knows there
 /// what it holds, Coulomb friction does not. Measured: 0.843 of what the four plain effects leave, with the four others here 0.819. Those
-/// four were chosen by these logs, of ten that were tried: each leaves less of four of the five at least (docs/diagnose.md).
+/// four were chosen by these logs, of ten that were tried: each leaves less of four of the five at least (studies/real_chirps.md).
 #[test]
 fn catalogued_effects_predict_unseen_chirps_also_at_rest() {
     let Some(logs) = recorded_logs() else { return };

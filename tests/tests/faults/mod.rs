@@ -229,16 +229,16 @@ fn whatever_goes_wrong_is_counted_and_passes() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/faults.md");
     let lines: String = cases().into_iter().chain(host_cases()).map(line).collect();
     let walks: String = [
-        ("stands and sways", "sway"),
+        ("stands and moves its trunk", "sway"),
         ("trots", "trot"),
-        ("trots with a load", "load"),
-        ("trots with moments in the air", "flying"),
+        ("trots with a payload", "load"),
+        ("trots with flight phases", "flying"),
     ]
     .map(|(what, name)| walk_line(what, name))
     .concat();
     let text = format!(
         "# What goes wrong around a board\n\nEach line is 10 s of a good robot, 2 s of the fault on the bus of FR, its clock or \
-         the host's line, and 10 s of a good robot again, heard by the\ndevice's code (`tests/tests/faults/mod.rs`, which makes this \
+         the host's line, and 10 s of a good robot again, received by the\ndevice's code (`tests/tests/faults/mod.rs`, which makes this \
          table and checks it). Of 11 000 polling cycles so many became samples and were\nused; everything else is in a counter: \
          replies are three for each sample and those unused, bytes are those of good frames, skipped\nand lost, samples are \
          used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
@@ -248,9 +248,9 @@ fn whatever_goes_wrong_is_counted_and_passes() {
          played to the firmware's image in the emulator as well (`tests/tests/faults/emulated.rs`): five of the bus and the clock, after \
          which\nits counters and estimates are those of the desktop to the bit, and the host that floods or sends random bytes. No step \
          of theirs is over\nits budget.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
-         |\n{lines}\n## A robot that is put on its feet\n\n10 s of a robot that hangs, a simulated walk of 4.5 s (`tests/oracle/walk`), \
-         and 10 s of the robot that hangs again. Its feet carry it\n([how it is told](board.md#a-robot-that-is-put-on-its-feet)): the walk's windows, those of \
-         the 2 s after it and of the block of 2 s in which\nit began are left out, in all legs; every hello says so while it lasts. No change is announced.\n\n\
+         |\n{lines}\n## A robot that is put on its feet\n\n10 s of a suspended robot, a simulated walk of 4.5 s (`tests/oracle/walk`), \
+         and 10 s of the suspended robot again. Its feet carry it\n([how that is detected](board.md#a-robot-that-is-put-on-its-feet)): the walk's windows, those of \
+         the 2 s after it and of the block of 2 s in which\nit began are excluded, in all legs; every hello reports it while it lasts. No change is reported.\n\n\
          | the robot | windows of the walk | windows of FR folded in | left out | friction off by |\n| --- | --- | --- | --- | --- |\n{walks}"
     );
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {
