@@ -35,7 +35,9 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
     match facts.form {
         Form::Columns => {
             let harmonics = matches!(facts.searched(), Some((_, Grid::Harmonics)));
-            facts.enters == Enters::Column && facts.input != Input::Temperature && !harmonics
+            facts.enters == Enters::Column
+                && !matches!(facts.input, Input::Temperature | Input::TransmittedTorque)
+                && !harmonics
         }
         Form::Coupled | Form::Scale | Form::Clock | Form::Inertia => true,
         Form::Motion(moved) => moved == Moved::Zero,

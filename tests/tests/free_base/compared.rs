@@ -50,11 +50,11 @@ fn a_flag_compares_the_model_that_add_or_remove_makes() {
 /// A payload in the file predicts as a body that has its mass.
 #[test]
 fn a_payload_of_the_file_is_the_mass_of_its_body() {
-    let (calf, mass) = (8, 0.5);
+    let (calf, mass) = (8, 0.25);
     let payload = EffectKind::from_name("payload").unwrap();
     let (mut loaded, mut heavy) = (Model::default(), Model::default());
     loaded.add_effect(payload, calf);
-    let moment = Vector3::new(0.02, -0.04, 0.06);
+    let moment = Vector3::new(0.01, -0.02, 0.03);
     for (n, value) in [mass, moment.x, moment.y, moment.z, 0.0]
         .into_iter()
         .enumerate()
