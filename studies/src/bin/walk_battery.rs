@@ -87,10 +87,12 @@ fn table(arguments: &Arguments) -> Result<(), String> {
         None => battery::built()?,
     };
     std::fs::create_dir_all(&arguments.folder).map_err(|e| e.to_string())?;
-    let mut text = "# Robots that walk\n\nSimulated Go2s whose bodies are 3 % off the CAD and whose drives have usual friction, rotors and offsets; 20 s of \
-                    trots, flying trots and hops; one effect hidden. Made by `cargo run --release -p proprio-studies --bin walk_battery -- --accept`.\n\n\
-                    | hidden | size | robots | named first | at the end | false effects | false payloads |\n|---|---|---|---|---|---|---|\n"
-        .to_owned();
+    let mut text = format!(
+        "# Robots that walk\n\nSimulated Go2s whose bodies are 3 % off the CAD and whose drives have usual friction, rotors and offsets; 20 s of \
+         trots, flying trots and hops; one effect hidden. Made by `cargo run --release -p proprio-studies --bin walk_battery -- --robots {} \
+         --accept`.\n\n| hidden | size | robots | named first | at the end | false effects | false payloads |\n|---|---|---|---|---|---|---|\n",
+        arguments.robots
+    );
     for kind in KINDS {
         let mut all = Vec::new();
         for seed in arguments.seed..arguments.seed + arguments.robots {
