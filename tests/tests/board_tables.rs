@@ -26,11 +26,11 @@ const ROWS: &[(&str, &[&str])] = &[
         &["judge_block", "forget_block"],
     ),
     (
-        "dearest step of gathering the folds; of the solution",
+        "most expensive step of gathering the folds; of the solution",
         &["gather_step", "solver_step"],
     ),
     (
-        "physically consistent solution of a leg: one Newton step, all before it included; its dearest part",
+        "physically consistent solution of a leg: one Newton step, all before it included; its most expensive part",
         &["consistent_newton_step", "consistent_part"],
     ),
     ("flash, bytes", &["flash_bytes"]),
@@ -46,7 +46,7 @@ const ROWS: &[(&str, &[&str])] = &[
         &["walk_push", "walk_push_closing", "walk_push_cutting"],
     ),
     (
-        "walking: dearest part of folding; of a solution of 179 parts",
+        "walking: most expensive part of folding; of a solution of 179 parts",
         &["walk_fold_part", "walk_solve_part"],
     ),
     ("walking: flash, bytes", &["walk_flash_bytes"]),

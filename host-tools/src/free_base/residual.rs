@@ -1,7 +1,7 @@
 //! What the equations of windows leave at known parameters, from the bodies' momentum itself: what the rows of
 //! [`proprio_core::window::FreeBaseWindow`] times these parameters leave, without the rows.
 //!
-//! A row has a column for each of 130 inertial parameters; where the parameters are known, H q̇ and Cᵀ q̇ of the bodies take a tenth of the time. What
+//! A row has a column for each of 130 inertial parameters; where the parameters are known, H q̇ and Cᵀ q̇ of the bodies are all that is needed. What
 //! sensors get wrong is found by differences of these, a dozen or two for each window.
 
 use nalgebra::{SVector, Vector3};
