@@ -82,6 +82,7 @@ pub(super) fn diagnosis(
         joints: joints(&left, data.windows.used),
         second_encoder: Vec::new(),
         bodies: Vec::new(),
+        formulas: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
         warnings: [walks.warnings.clone(), data.warnings()].concat(),
