@@ -87,7 +87,8 @@ impl Description {
             parts.base_inertia,
             parts.bodies,
         )
-        .reading(parts.held, held, parts.notes);
+        .reading(parts.held, held, parts.notes)
+        .with_frames(parts.frames);
         Ok(Self {
             robot,
             carried: parts.carried,
