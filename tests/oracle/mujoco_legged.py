@@ -248,7 +248,7 @@ class Gait:
         ease = 0.5 - 0.5 * np.cos(np.pi * np.clip(t / 1.0, 0, 1))
         if self.kind == "sway":
             two = len(self.home) < 4
-            size = np.array([0.03, 0.05, 0.08, 0.015, 0.02, 0.03] if two else [0.12, 0.11, 0.12, 0.03, 0.03, 0.03]) * ease
+            size = np.array([0.02, 0.03, 0.06, 0.006, 0.012, 0.03] if two else [0.12, 0.11, 0.12, 0.03, 0.03, 0.03]) * ease
             r, p, y, dx, dy, dz = (size[k] * self.tone(k, t, f) for k, f in enumerate((0.45, 0.55, 0.35, 0.5, 0.4, 0.6)))
             if two:
                 # A humanoid's knees are bent: it moves down more than up.

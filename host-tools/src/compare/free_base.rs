@@ -11,6 +11,7 @@ use crate::detect::JointSeries;
 use crate::detect::residual;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
+use crate::free_base::doubtful;
 use crate::free_base::fit::bare;
 use crate::free_base::free_tree::OF_BASE;
 use crate::free_base::legged::Legged;
@@ -108,6 +109,9 @@ pub fn compare_free_base_without(
     let before = before.map(|(model, structure)| judged(model, &structure));
     let before = before.transpose()?;
     let (model_thetas, rms) = judged(model, &structure)?;
+    let doubtful = (model_thetas.first())
+        .map(|theta| doubtful::sensors(data.columns(), theta))
+        .unwrap_or_default();
     let zero = DVector::zeros(data.columns().len());
     let mut thetas = vec![model_thetas.iter().collect(), vec![&cad], vec![&zero]];
     thetas.extend(before.iter().map(|(thetas, _)| thetas.iter().collect()));
@@ -180,7 +184,7 @@ pub fn compare_free_base_without(
             black_box: None,
             criticism,
             logs: logs.to_vec(),
-            warnings: [walks.warnings.clone(), data.warnings()].concat(),
+            warnings: [walks.warnings.clone(), data.warnings(), doubtful].concat(),
             series,
             baselines: baselines.named(),
         },

@@ -16,12 +16,14 @@
 //!    one window, as [`proprio_core::window::FreeBaseWindow`] has them. `rows`: of all, row by row.
 //! 5. `structure`: which effects a model has, and how well its bodies are known. `outside`: windows that no model of the catalogue explains.
 //!    `unseen`: those of a foot that is taken to be in the air and is not. `data`: the rows as one factor per block of time.
-//! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `refinement`: rows made near the fit, without the windows that
+//! 6. `fit`: a model's bodies, their joints' effects and what sensors get wrong. `doubtful`: sensors that are found farther
+//!    off than is believed of them. `refinement`: rows made near the fit, without the windows that
 //!    are outside. `expected`: what a motion would tell before it is played.
 
 pub(crate) mod channels;
 pub(crate) mod columns;
 pub(crate) mod data;
+pub(crate) mod doubtful;
 mod error;
 pub(crate) mod expected;
 pub(crate) mod fit;

@@ -31,8 +31,8 @@ pub(super) const MOVED: usize = 3;
 pub(super) const MOUNTING: usize = MOVED;
 const DELAYS: usize = 6;
 pub(super) const RADIUS: usize = 9;
-const GYRO_BIAS: usize = 10;
-const GYRO_SCALE: usize = 13;
+pub(super) const GYRO_BIAS: usize = 10;
+pub(super) const GYRO_SCALE: usize = 13;
 pub(super) const ACC_SCALE: usize = 14;
 pub(super) const PLACE: usize = 15;
 

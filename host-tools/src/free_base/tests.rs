@@ -18,7 +18,6 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::channels::Channels;
-use super::columns::WalkColumns;
 use super::legged::Legged;
 use super::moved_readings::MovedReadings;
 use super::residual::residuals;

@@ -11,6 +11,7 @@ use super::NotAModel;
 use super::to_model::set_joint;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
+use crate::free_base::doubtful;
 use crate::free_base::fit::{Deviations, Fit, bare, rms};
 use crate::free_base::legged::Legged;
 use crate::free_base::sensors::NAMES;
@@ -107,7 +108,12 @@ impl FreeBaseIdentification {
             samples: walks.samples(),
             blocks: data.block_count(),
             logs: logs.to_vec(),
-            warnings: [walks.warnings, data.warnings()].concat(),
+            warnings: [
+                walks.warnings,
+                data.warnings(),
+                doubtful::sensors(data.columns(), fit.theta()),
+            ]
+            .concat(),
             feet: structure
                 .robot
                 .feet

@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, Vector3};
 use proprio_core::go2;
 use proprio_core::spatial::Transform;
 
-use super::robot::{Frame, Robot, Source};
+use super::robot::{Frame, Robot};
 use super::{Impossible, Model, UnknownName};
 
 /// Radius of a foot of which nothing is stated, m, and its standard deviation: from a Solo12's 16 mm to an ANYmal's 31.
@@ -216,20 +216,5 @@ impl Robot {
                 ..ImuMount::on(self.base_link())
             },
         }
-    }
-
-    /// Whether it is a Go2: the built-in one, or one whose joints have a Go2's names and places, to a millimetre.
-    pub fn is_go2(&self) -> bool {
-        const NEAR: f64 = 1e-3;
-        let known = Self::go2();
-        *self.source() == Source::Go2
-            || self.bodies().len() == known.bodies().len()
-                && self.bodies().iter().all(|body| {
-                    let own = known.bodies().iter().find(|own| own.name == body.name);
-                    own.is_some_and(|own| {
-                        let apart = own.placement.translation - body.placement.translation;
-                        apart.norm() < NEAR
-                    })
-                })
     }
 }

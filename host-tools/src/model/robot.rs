@@ -196,13 +196,9 @@ impl Robot {
                 subtree_ends[parent] = subtree_ends[parent].max(subtree_ends[b]);
             }
         }
-        if JOINT_NAMES
-            .iter()
-            .all(|name| bodies.iter().any(|b| b.name == *name))
-        {
+        if are_go2s(&bodies) {
             for body in &mut bodies {
-                let place = JOINT_NAMES.iter().position(|name| *name == body.name);
-                body.motor = place.map(|n| go2_motor(n % JOINTS_PER_LEG));
+                body.motor = place_on_go2(body).map(|(_, place)| go2_motor(place));
             }
         }
         Self {
@@ -223,6 +219,11 @@ impl Robot {
     /// The same with where its links are.
     pub(super) fn with_frames(self, frames: Vec<Frame>) -> Self {
         Self { frames, ..self }
+    }
+
+    /// Whether its legs are a Go2's, by their joints' names and places to 5 mm.
+    pub fn is_go2(&self) -> bool {
+        are_go2s(&self.bodies)
     }
 
     /// Where all links are, those too that are fixed to others.
@@ -438,6 +439,29 @@ impl Robot {
             }
         })
     }
+}
+
+/// The leg of a Go2 that has a joint of this name, and the joint's place in it.
+fn place_on_go2(body: &Body) -> Option<(Leg, usize)> {
+    let n = JOINT_NAMES.iter().position(|name| *name == body.name)?;
+    Some((*Leg::ALL.get(n / JOINTS_PER_LEG)?, n % JOINTS_PER_LEG))
+}
+
+/// Whether joints are a Go2's, by name and place: an A1's and a B1's have the same names, and are 10 mm and more elsewhere.
+fn are_go2s(bodies: &[Body]) -> bool {
+    const NEAR: f64 = 5e-3;
+    let is_there = |body: &Body| {
+        place_on_go2(body).is_some_and(|(leg, place)| {
+            let known = go2::leg::<f64>(leg).bodies()[place].placement.translation;
+            (known - body.placement.translation).norm() < NEAR
+        })
+    };
+    let named = |name: &&str| bodies.iter().any(|body| body.name == **name);
+    JOINT_NAMES.iter().all(|name| named(&name))
+        && bodies.iter().all(|body| {
+            // What a Go2 carries has joints of its own.
+            place_on_go2(body).is_none() || is_there(body)
+        })
 }
 
 /// A Go2's links beside those that its joints move: feet, and the IMU.

@@ -11,6 +11,7 @@ use crate::diagnose::{
 use crate::equation::values::Place;
 use crate::free_base::Walks;
 use crate::free_base::data::Left;
+use crate::free_base::doubtful;
 use crate::free_base::fit::{HeldOut, rms};
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
@@ -84,7 +85,12 @@ pub(super) fn diagnosis(
         bodies: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
-        warnings: [walks.warnings.clone(), data.warnings()].concat(),
+        warnings: [
+            walks.warnings.clone(),
+            data.warnings(),
+            doubtful::sensors(data.columns(), found.end.fit.theta()),
+        ]
+        .concat(),
     })
 }
 
