@@ -7,7 +7,9 @@ names URDF, feet and IMU) and `solo12.truth.json` beside it.
 """
 
 import argparse
+import gzip
 import json
+import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -16,6 +18,7 @@ import numpy as np
 
 GRAVITY = 9.81
 STEP, CONTROL, SAMPLE = 5e-4, 2, 4  # s; steps per tick of the controller and per sample
+HERE = Path(__file__).resolve().parent
 SETTLE = 1.5  # s of standing before the log begins
 # A Go2's, which all else is in proportion to.
 MASS, REACH = 16.1, 0.52  # kg, m
@@ -37,6 +40,9 @@ ROBOTS = {
                stand=[(0, 0.8, -1.6)] * 4, foot="{}_foot", radius=0.02),
     "b1": dict(urdf="b1_description/urdf/b1.urdf", limbs=["FR", "FL", "RR", "RL"], joints=["{}_hip_joint", "{}_thigh_joint", "{}_calf_joint"],
                stand=[(0, 0.8, -1.6)] * 4, foot="{}_foot", radius=0.04),
+    # Made up: six legs, an IMU that is turned, no foot's sensor.
+    "hexapod": dict(urdf=HERE / "legged/hexapod.urdf", limbs=["front_left", "front_right", "middle_left", "middle_right", "rear_left", "rear_right"],
+                    joints=["{}_yaw", "{}_lift", "{}_knee"], stand=[(0, 0.4, -0.4)] * 6, foot="{}_foot", radius=0.015, centre=(0, 0, 0.015), groups=[0, 1, 1, 0, 0, 1]),
     "g1": dict(urdf="g1_description/urdf/g1_29dof_rev_1_0.urdf", limbs=["left", "right"],
                joints=["{}_hip_pitch_joint", "{}_hip_roll_joint", "{}_hip_yaw_joint", "{}_knee_joint", "{}_ankle_pitch_joint", "{}_ankle_roll_joint"],
                stand=[(-0.35, 0, 0, 0.7, -0.35, 0)] * 2, foot="{}_ankle_roll_link", radius=0.005,
@@ -129,7 +135,7 @@ def read(path):
 class Robot:
     def __init__(self, name, share, imu_off=(0, 0, 0)):
         self.facts = facts = ROBOTS[name]
-        self.name, self.path = name, share / facts["urdf"]
+        self.name, self.path = name, (share / facts["urdf"]).resolve()
         self.bodies, self.frames = read(self.path)
         self.mass = sum(body.mass for body in self.bodies)
         self.joints = [body.name for body in self.bodies[1:]]
@@ -262,8 +268,9 @@ class Gait:
         ahead, aside, about = 0.25 * ease * self.tone(12, t, 0.11), 0.1 * ease * self.tone(13, t, 0.13), 0.3 * ease * self.tone(14, t, 0.1)
         lifts = []
         for n, (home, _) in enumerate(self.home):
-            diagonal = (home[0] > 0) == (home[1] > 0)
-            phase = (frequency * t + (0.0 if diagonal else 0.5)) % 1.0
+            groups = self.robot.facts.get("groups")
+            first = groups[n] == 0 if groups else (home[0] > 0) == (home[1] > 0)
+            phase = (frequency * t + (0.0 if first else 0.5)) % 1.0
             speed = np.array([ahead, aside]) * s**0.5 + about * self.slow * np.array([-home[1], home[0]])
             stride = speed * duty / frequency
             if phase < duty:
@@ -356,9 +363,9 @@ def written(robot, rows, random, bias, sensors):
     return ",".join(heads) + "\n" + "\n".join(out) + "\n"
 
 
-def model_file(robot):
+def model_file(robot, folder):
     f = robot.facts
-    text = f'format = 1\n\n[robot]\nurdf = "{robot.path}"\n'
+    text = f'format = 1\n\n[robot]\nurdf = "{os.path.relpath(robot.path, folder)}"\n'
     for limb in f["limbs"]:
         place = f'points = {[list(p) for p in f["points"]]}' if "points" in f else f'place = {list(map(float, f.get("centre", (0, 0, 0))))}'
         text += f'\n[[foot]]\nname = "{limb}"\nlink = "{f["foot"].format(limb)}"\n{place}\nradius = {f["radius"]}\n'
@@ -372,22 +379,27 @@ def main():
     parser.add_argument("robot", choices=ROBOTS)
     parser.add_argument("gait", choices=["trot", "flying", "sway"])
     parser.add_argument("-o", type=Path, required=True, help="the log; the model and the truth go beside it")
-    parser.add_argument("--share", type=Path, required=True, help="folder of example-robot-data's robots")
+    parser.add_argument("--share", type=Path, default=HERE, help="folder of example-robot-data's robots")
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--load", type=float, nargs=4, help="kg and m, m, m on the trunk")
     parser.add_argument("--imu-off", type=float, nargs=3, default=(0, 0, 0), help="the IMU is so far (m) from where the model has it")
     parser.add_argument("--hard", action="store_true", help="ground that gives way less")
+    parser.add_argument("--packed", action="store_true", help="write the log as .csv.gz")
     parser.add_argument("--no-sensors", action="store_true", help="no foot/ columns")
     args = parser.parse_args()
     random = np.random.default_rng([args.seed, 11])
-    robot = Robot(args.robot, args.share.resolve(), args.imu_off)
+    robot = Robot(args.robot, args.share, args.imu_off)
     cad = robot.mass
     robot.perturb(random, args.load)
     bias = 0.003 * random.normal(size=3), np.array([0.05, -0.04, 0.08]) * random.choice([-1, 1], 3)
     rows = simulate(robot, args.gait, args.seconds, random, soft=not args.hard)
-    args.o.write_text(written(robot, rows, random, bias, not args.no_sensors))
-    args.o.with_suffix(".toml").write_text(model_file(robot))
+    text = written(robot, rows, random, bias, not args.no_sensors)
+    if args.packed:
+        args.o.with_suffix(".csv.gz").write_bytes(gzip.compress(text.encode(), 9, mtime=0))
+    else:
+        args.o.write_text(text)
+    args.o.with_suffix(".toml").write_text(model_file(robot, args.o.resolve().parent))
     base = robot.bodies[0]
     model = mujoco.MjModel.from_xml_string(robot.mjcf(0.9, True))
     data = mujoco.MjData(model)

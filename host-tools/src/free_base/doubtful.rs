@@ -1,16 +1,24 @@
-//! What sensors are found to get wrong beyond what is believed of them: a finding of its own.
+//! What sensors and bodies are found to be beyond what is believed of them: a finding of its own.
 //!
 //! A fit of sensors takes up what the model lacks. Where a sensor's parameter is more than [`FAR`] of its prior's deviations off, either the prior is wrong, and
 //! the model file should state the sensor as it is, or the log is of another robot, or something beyond its feet carries this one: a leash of 15 N made the
 //! mass of a Go2 9.7 % too low and its accelerometer's scale 0.043 too small.
 
 use nalgebra::DVector;
+use proprio_core::inertia::{INERTIAL, InertialParameters};
 
 use super::columns::WalkColumns;
 use super::sensors::{ACC_SCALE, GYRO_BIAS, GYRO_SCALE, MOUNTING, NAMES, PLACE, RADIUS};
+use super::structure::ModelStructure;
 
 /// So many of its prior's deviations a sensor's parameter may be off.
 const FAR: f64 = 3.0;
+
+/// Root mean square over the legs' bodies of how far each is from the model's, in deviations of its prior per parameter, beyond which they are another
+/// robot's. Bodies 3 % off the CAD, whose prior is 10 %, leave 0.3.
+const OTHER_BODIES: f64 = 1.0;
+/// A robot that carries more than it weighs is another robot.
+const HEAVIEST: f64 = 2.0;
 
 /// What is believed to be behind it.
 struct Kind {
@@ -103,4 +111,38 @@ pub(crate) fn sensors(columns: &WalkColumns, theta: &DVector<f64>) -> Vec<String
         })
     });
     told.collect()
+}
+
+/// In words, what these parameters of a fit say of the robot if they are of another one than the structure's.
+pub(crate) fn robot(structure: &ModelStructure, theta: &DVector<f64>) -> Vec<String> {
+    let priors = structure.body_priors();
+    let mass = |b: usize| theta[INERTIAL * b];
+    let [found, known] = [
+        (0..priors.len()).map(mass).sum::<f64>(),
+        priors
+            .iter()
+            .map(|(inertia, _)| inertia.mass())
+            .sum::<f64>(),
+    ];
+    let off = |(b, (inertia, relative)): (usize, &(InertialParameters<f64>, f64))| {
+        let own = theta.rows(INERTIAL * b, INERTIAL);
+        let squares = inertia.prior(*relative)?.sum_of_squares(own.as_slice());
+        Some(squares / INERTIAL as f64)
+    };
+    // The trunk carries what its owner put on it.
+    let legs: Vec<f64> = priors.iter().enumerate().skip(1).filter_map(off).collect();
+    let far = (legs.iter().sum::<f64>() / legs.len().max(1) as f64).sqrt();
+    let mut told = Vec::new();
+    if found > HEAVIEST * known || HEAVIEST * found < known {
+        told.push(format!(
+            "{found:.1} kg are {:.1} times the model's {known:.1}: is this the model's robot?",
+            found / known
+        ));
+    }
+    if far > OTHER_BODIES {
+        told.push(format!(
+            "the legs' bodies are {far:.1} of their deviations from the model's, which no robot of its kind is: is this the model's robot?"
+        ));
+    }
+    told
 }

@@ -112,6 +112,7 @@ impl FreeBaseIdentification {
                 walks.warnings,
                 data.warnings(),
                 doubtful::sensors(data.columns(), fit.theta()),
+                doubtful::robot(structure, fit.theta()),
             ]
             .concat(),
             feet: structure

@@ -16,6 +16,8 @@ const ANY_RADIUS: [f64; 2] = [0.022, 0.01];
 const RADIUS_STD: f64 = 0.001;
 /// Where drawings have an IMU, m: its chip lies somewhere in its case.
 const PLACE_STD: f64 = 0.01;
+/// The same of a Go2, m: the chip is soldered to a board whose place the maker's URDF states to a hundredth of a millimetre.
+const GO2_PLACE_STD: f64 = 0.002;
 /// A board is mounted by hand within three degrees, rad.
 const TURN_STD: f64 = 0.05;
 /// How far an IMU of which nothing is stated may be from the base's origin, m: somewhere in a trunk.
@@ -206,9 +208,14 @@ impl Robot {
         let called =
             |frame: &&Frame| frame.body.is_none() && frame.link.to_lowercase().contains("imu");
         match self.frames().iter().find(called) {
+            Some(frame) if self.is_go2() => ImuMount {
+                place_std: GO2_PLACE_STD,
+                ..ImuMount::on(&frame.link)
+            },
             Some(frame) => ImuMount::on(&frame.link),
             None if self.is_go2() => ImuMount {
                 place: go2::IMU,
+                place_std: GO2_PLACE_STD,
                 ..ImuMount::on(self.base_link())
             },
             None => ImuMount {

@@ -175,7 +175,7 @@ fn blows_are_left_out_and_told() {
     fs::write(&path, struck.join("\n")).unwrap();
     let found =
         identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ()).unwrap();
-    let windows = found.windows;
+    let windows = found.windows.clone();
     // Four blows of 100 ms touch two or three windows of 80 ms each; where the calf turns round meanwhile its equation is left out anyway.
     assert!((4..=12).contains(&windows.outside), "{windows:?}");
     assert!(

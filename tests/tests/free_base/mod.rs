@@ -3,6 +3,7 @@
 
 mod compared;
 mod feet;
+mod legged;
 mod missing;
 mod simulated;
 

@@ -89,6 +89,7 @@ pub(super) fn diagnosis(
             walks.warnings.clone(),
             data.warnings(),
             doubtful::sensors(data.columns(), found.end.fit.theta()),
+            doubtful::robot(given, found.end.fit.theta()),
         ]
         .concat(),
     })
