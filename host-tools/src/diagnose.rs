@@ -253,7 +253,16 @@ pub struct JointError {
 /// # Errors
 /// [`RecordingError`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
-    judge(recording, model, false, &[])
+    judge(recording, model, Reach::default(), &[])
+}
+
+/// How far a diagnosis goes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Reach {
+    /// Legs are judged by their swing also where the base may move.
+    pub swing: bool,
+    /// No formula is sought where the catalogue leaves structure.
+    pub catalogue_only: bool,
 }
 
 /// The same where readings of the logs ([`crate::detect::mismatch`]) have shown causes that all joints share: they are tried before any
@@ -265,27 +274,20 @@ pub fn diagnose_by(
     recording: &Recording,
     model: &Model,
     readings: &[Mismatch],
+    reach: Reach,
 ) -> Result<Diagnosis, RecordingError> {
     let causes: Vec<EffectKind> = readings.iter().filter_map(|r| r.kind.cause()).collect();
-    let mut diagnosis = judge(recording, model, false, &causes)?;
+    let mut diagnosis = judge(recording, model, reach, &causes)?;
     let bodies = readings.iter().filter(|r| r.kind.is_a_body());
     let bodies = bodies.map(ToString::to_string);
     diagnosis.bodies.splice(0..0, bodies);
     Ok(diagnosis)
 }
 
-/// The same, but legs are judged by their swing also where the base may move.
-///
-/// # Errors
-/// As [`diagnose`].
-pub fn diagnose_swing(recording: &Recording, model: &Model) -> Result<Diagnosis, RecordingError> {
-    judge(recording, model, true, &[])
-}
-
 fn judge(
     recording: &Recording,
     model: &Model,
-    swing: bool,
+    reach: Reach,
     causes: &[EffectKind],
 ) -> Result<Diagnosis, RecordingError> {
     let too_short = || RecordingError::too_short(recording, LEAST_HELD_OUT);
@@ -306,7 +308,7 @@ fn judge(
         return Err(RecordingError::at_rest(recording));
     }
     let stands = |foot: &Option<LeftOut>| foot.as_ref().is_some_and(|foot| foot.too_little_swing);
-    let base_moves = !swing && feet.iter().flatten().count() > 1;
+    let base_moves = !reach.swing && feet.iter().flatten().count() > 1;
     let hangs = |&n: &usize| !base_moves && !stands(&feet[n]);
     let judged: Vec<usize> = (0..all.len()).filter(hangs).collect();
     // Then velocities: what positions tell comes before what torques do.
@@ -342,7 +344,10 @@ fn judge(
         found,
     };
     let outside = diagnosed.outside();
-    let joints = diagnosed.unresolved();
+    let joints = match reach.catalogue_only {
+        true => Vec::new(),
+        false => diagnosed.unresolved(),
+    };
     let formulas = formulas::find(&mut diagnosed, &mended, &joints);
     let outside = match formulas.is_empty() {
         true => outside,

@@ -8,9 +8,7 @@ use crate::advise::{closing, pointer};
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
-use crate::diagnose::{
-    Diagnosis, FreeBaseDiagnosis, Rung, diagnose_by, diagnose_free_base, diagnose_swing,
-};
+use crate::diagnose::{Diagnosis, FreeBaseDiagnosis, Reach, Rung, diagnose_by, diagnose_free_base};
 use crate::free_base::has_imu;
 use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
@@ -29,7 +27,7 @@ use crate::progress::{Progress, Underway};
 ///
 /// Tries every effect of the catalogue at every joint: how much smaller does the error become on stretches of time that the
 /// fit has not seen? Names the best with its value, error and look-alikes, and goes on until nothing gains beyond its error.
-/// "Nothing is missing" is an answer. From four logs on, each log is held out as a whole in turn, and an effect must make none of
+/// "Nothing is missing" is an answer. Where the catalogue leaves structure, formulas of physical terms are sought (docs/effects.md). From four logs on, each log is held out as a whole in turn, and an effect must make none of
 /// them worse predicted by the others.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -60,6 +58,9 @@ pub(crate) struct Diagnose {
     /// Go on where the log is not what the model says (signs, units, exchanged joints, a base that moves)
     #[arg(long)]
     anyway: bool,
+    /// Look for no formula where the catalogue leaves structure
+    #[arg(long, conflicts_with = "free_base")]
+    catalogue_only: bool,
     /// Print every candidate and every step, and what the logs leave open
     #[arg(short, long)]
     verbose: bool,
@@ -91,10 +92,13 @@ impl Diagnose {
             });
         }
         let underway = Underway::new("Trying the catalogue");
-        let mut diagnosis = match self.anyway {
-            true => diagnose_swing(&recording, &model)?,
-            false => diagnose_by(&recording, &model, &wrong)?,
+        let reach = Reach {
+            swing: self.anyway,
+            catalogue_only: self.catalogue_only,
         };
+        // Whoever goes on anyway does not believe the readings.
+        let readings = if self.anyway { &[][..] } else { &wrong };
+        let mut diagnosis = diagnose_by(&recording, &model, readings, reach)?;
         drop(underway);
         diagnosis
             .warnings

@@ -30,7 +30,7 @@ const ANYWHERE: [(&str, Option<Grid>); 10] = [
 ];
 
 /// Places of this share of the joint's travel, to which a magnet pulls or at which friction is larger: of its own, and with friction.
-const WIDTHS: [f64; 3] = [0.25, 0.1, 0.05];
+const WIDTHS: [f64; 6] = [0.3, 0.21, 0.15, 0.11, 0.08, 0.055];
 const AT_PLACES: [&str; 2] = ["exp(-((q - p)/W)^2)", "(q - p)*exp(-((q - p)/W)^2)"];
 
 /// Torques of their own.
@@ -98,7 +98,12 @@ impl Term {
         words.join("_")
     }
 
-    /// How much there is to it: what is as good and has less is preferred.
+    /// How many numbers it has.
+    pub(crate) fn numbers(&self) -> usize {
+        self.factors.len() + usize::from(self.grid.is_some())
+    }
+
+    /// How much there is to its text: what is as good and has less is preferred.
     pub(crate) fn complexity(&self) -> usize {
         self.text().chars().filter(|c| !c.is_whitespace()).count()
     }

@@ -2,7 +2,7 @@
 //!
 //! What the model's own columns at the joint can take is projected out of the residual and of each term, so that no term stands for a body
 //! or a friction. The best term explains most of what is left; of those that do as well within the error of the difference, the simplest is
-//! taken, and the others are told as rivals. A difference is none that is smaller than what any step is worth.
+//! taken, and the others are told as rivals. A parameter has its price, for it explains something of any noise.
 //!
 //! How often noise alone explains as much is told by the noise: where a term has no part in a residual, the residual's sign in a segment of
 //! time is as likely the other one. So all segments' signs are drawn anew, time and again, and the best of *all* terms is found each time
@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::criteria::step::LEAST_SHARE;
+use super::criteria::statistics::autocorrelation_time;
 use super::criteria::sum_and_error;
 use crate::equation::dot::dot;
 use crate::equation::states::States;
@@ -83,14 +83,20 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
     let tried: Vec<Tried> = (all.par_iter().enumerate())
         .flat_map_iter(|(n, term)| residual.tried(n, term, &carriers, names, &reach))
         .collect();
-    let best = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
-    // Of each term its best shape, where it does as well as the best of all.
+    let most = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
+    // A number more explains something of any noise: each is worth as much of it as its description is long (Rissanen 1978, Automatica 14:465).
+    let noise = residual.noise(&all[most.term], most.shape, &carriers, names)?;
+    let price = noise * (residual.left.len() as f64).ln();
+    let worth = |tried: &Tried| tried.fall - price * all[tried.term].numbers() as f64;
+    let best = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+    // Terms that do as well as the best, within the error of the difference.
     let as_good = |tried: &&Tried| {
         let gains: Vec<f64> = (best.gains.iter().zip(&tried.gains))
             .map(|(best, own)| best - own)
             .collect();
         let (less, error) = sum_and_error(&gains);
-        less <= error.max(LEAST_SHARE * residual.square)
+        let more = all[tried.term].numbers() as f64 - all[best.term].numbers() as f64;
+        less + price * more <= error
     };
     let mut rivals: Vec<&Tried> = Vec::new();
     for own in tried.iter().filter(as_good) {
@@ -114,7 +120,7 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
         shape,
         values: residual.coefficients(term, shape, &carriers, names)?,
         share: chosen.fall / residual.square,
-        chance: chance(&tried, best.fall, draws),
+        chance: chance(&tried, chosen.fall, draws),
         rivals: rest.map(|own| all[own.term].text()).collect(),
     })
 }
@@ -296,6 +302,31 @@ impl Residual {
             along,
             gains,
         })
+    }
+
+    /// What one direction explains of the noise that a term leaves: the mean square of a window, as many times more as neighbours say the same.
+    fn noise(
+        &self,
+        term: &Term,
+        shape: Option<f64>,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+    ) -> Option<f64> {
+        let mut left = self.left.clone();
+        let mut own: Vec<Vec<f64>> = Vec::new();
+        for column in self.columns(term, shape, carriers, names)? {
+            own.extend(
+                orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
+            );
+        }
+        for along in &own {
+            let share = dot(along, &left);
+            left.iter_mut()
+                .zip(along)
+                .for_each(|(x, c)| *x -= share * c);
+        }
+        let square = dot(&left, &left) / left.len() as f64;
+        Some(square * autocorrelation_time(&left))
     }
 
     /// The shape between the neighbours of the best of a grid that explains most.
