@@ -83,6 +83,7 @@ pub(super) fn diagnosis(
         joints: joints(&left, data.windows.used, robot),
         second_encoder: Vec::new(),
         bodies: Vec::new(),
+        formulas: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
         warnings: [
