@@ -92,7 +92,8 @@ pub fn compare_free_base_without(
     let robot = structure.robot.clone();
     let walks = Walks::read(logs, (model, &robot), progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
-    let data = Data::of(&walks, &structure, &structure.candidates(model))?;
+    let candidates = structure.candidates(model);
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     let cad = ModelStructure::of(&model.bare())?;
     let cad = data.with_sensors(&bare(&data, &cad));
     let judged = |model: &Model, structure: &ModelStructure| {
@@ -106,7 +107,10 @@ pub fn compare_free_base_without(
         let rms = data.rms(&theta);
         Ok::<_, FreeBaseError>((vec![theta], rms))
     };
-    let before = before.map(|(model, structure)| judged(model, &structure));
+    let before = before.map(|(model, own)| {
+        let robot = structure.robot.clone();
+        judged(model, &ModelStructure { robot, ..own })
+    });
     let before = before.transpose()?;
     let (model_thetas, rms) = judged(model, &structure)?;
     let doubtful = (model_thetas.first())

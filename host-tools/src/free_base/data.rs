@@ -165,6 +165,11 @@ impl Data {
         self.setup.sensors.corrected(walk)
     }
 
+    /// The parameters that its rows are made at.
+    pub(super) fn made_at(&self) -> &DVector<f64> {
+        &self.setup.theta
+    }
+
     /// The columns of its rows.
     pub(crate) fn columns(&self) -> &WalkColumns {
         &self.setup.columns

@@ -81,7 +81,8 @@ pub(crate) struct Legged {
     pub(crate) feet: Vec<LeggedFoot>,
     /// The IMU in the base.
     pub(super) imu: Transform<f64>,
-    /// Standard deviations of what sensors get wrong, before any data.
+    /// Standard deviations of what sensors get wrong, before any data, as they are stated, and as far as the data do not refute them.
+    pub(super) stated_std: [f64; SENSORS],
     pub(crate) sensor_std: [f64; SENSORS],
     /// What the equations are multiplied by.
     pub(crate) scale: Vec<f64>,
@@ -192,6 +193,7 @@ impl Legged {
             feet: placed,
             tree,
             limbs,
+            stated_std: sensor_std,
             sensor_std,
             is_go2,
         }))

@@ -6,6 +6,7 @@ use nalgebra::DVector;
 
 use super::columns::EffectSite;
 use super::data::{Data, Moved, windows_of_all};
+use super::doubtful;
 use super::error::FreeBaseError;
 use super::outside::{self, Squares};
 use super::row_setup::RowSetup;
@@ -19,6 +20,19 @@ use super::walks::Walks;
 const ROUNDS: usize = 3;
 
 impl Data {
+    /// The rows, and the structure with as much of its prior as they do not refute (`doubtful`).
+    pub(crate) fn believed(
+        walks: &Walks,
+        structure: ModelStructure,
+        candidates: &[EffectSite],
+    ) -> Result<(Self, ModelStructure), FreeBaseError> {
+        let data = Self::of(walks, &structure, candidates)?;
+        match doubtful::refuted(&structure, data.columns(), data.made_at()) {
+            None => Ok((data, structure)),
+            Some(open) => Ok((Self::of(walks, &open, candidates)?, open)),
+        }
+    }
+
     /// Makes the rows twice: the sensors' columns are derivatives, at first at the model's masses, then at the fit of
     /// `structure`, or of that with all `candidates` beside it that are torques of joints. Again where that fit leaves far more of some windows than of
     /// others: these spoilt it, and are left out. The rows have columns of all candidates: what sensors get wrong is a derivative at these, so that

@@ -36,7 +36,7 @@ pub fn identify_free_base(
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
-    let data = Data::of(&walks, &structure, &[])?;
+    let (data, structure) = Data::believed(&walks, structure, &[])?;
     FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
 }
 

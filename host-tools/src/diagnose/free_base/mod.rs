@@ -70,7 +70,7 @@ pub fn diagnose_free_base(
     let structure = ModelStructure::of(model)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let candidates = structure.candidates(model);
-    let data = Data::of(&walks, &structure, &candidates)?;
+    let (data, structure) = Data::believed(&walks, structure, &candidates)?;
     if !data.can_hold_out() {
         return Err(FreeBaseError::TooShort);
     }
