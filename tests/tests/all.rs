@@ -29,6 +29,7 @@ mod faults;
 mod free_base;
 mod hidden_effect;
 mod identify_model;
+mod ladder;
 mod mismatch;
 mod model;
 mod mujoco_logs;
