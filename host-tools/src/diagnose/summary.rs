@@ -110,10 +110,11 @@ impl Diagnosis {
             errors.push(torque(after));
         }
         let floor = self.yardsticks.floor_words(after);
-        format!(
-            "{text}Held-out error, N m: {} ({floor})",
-            errors.join(" → ")
-        )
+        let errors = errors.join(" → ");
+        text + &match self.has_values {
+            true => format!("Held-out error, N m: {errors} ({floor})"),
+            false => format!("Held-out error {errors} N m ({floor})"),
+        }
     }
 
     /// The values of the file that the logs contradict, the surest by name.
