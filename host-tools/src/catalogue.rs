@@ -15,7 +15,8 @@
 //!         ..Description::TORQUE
 //!     },
 //!     priors: &[Prior { mean: 0.0, std: 1.0 }],
-//!     terms: &|joint, _| [Term::rate(joint.q.cos()), Term::zero()],
+//!     others: &[],
+//!     terms: &|joints, at, _| [Term::rate(joints[at].q.cos()), Term::zero()],
 //! };
 //! let effect = catalogue::register(GRAVITY_BALANCER)?;
 //! assert_eq!(catalogue::effect_named("balancer"), Some(effect));
@@ -28,8 +29,13 @@ use proprio_core::effect::{Description, EffectKind, Enters, Form, MAX_COLUMNS, M
 
 pub use proprio_core::effect::OwnEffect;
 
+use crate::formula::Formula;
+
+/// One that was registered, and its formula where it came as a text.
+type Own = (EffectKind, Option<&'static Formula>);
+
 /// Those that were registered. They are never forgotten: models name them.
-static OWN: RwLock<Vec<EffectKind>> = RwLock::new(Vec::new());
+static OWN: RwLock<Vec<Own>> = RwLock::new(Vec::new());
 
 /// Why an effect cannot be registered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -63,13 +69,54 @@ pub fn register(effect: OwnEffect) -> Result<EffectKind, RegisterError> {
         return Err(RegisterError::Taken(name));
     }
     let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
-    if let Some(known) = own.iter().find(|known| known.name() == name) {
+    if let Some((known, _)) = newest(&own, name) {
         let is_same = known.description() == description;
         return is_same.then_some(*known).ok_or(RegisterError::Taken(name));
     }
     let kind = EffectKind::Own(Box::leak(Box::new(effect)));
-    own.push(kind);
+    own.push((kind, None));
     Ok(kind)
+}
+
+/// Makes an effect known that came as a text. From then on its name means this formula, if it meant another one before: files are edited.
+/// Models that were read before keep what they have.
+///
+/// # Errors
+/// [`RegisterError`].
+pub fn define(effect: OwnEffect, formula: Formula) -> Result<EffectKind, RegisterError> {
+    let name = effect.description.name;
+    check(&effect)?;
+    if EffectKind::from_name(name).is_some() {
+        return Err(RegisterError::Taken(name));
+    }
+    let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
+    match newest(&own, name) {
+        Some((_, None)) => return Err(RegisterError::Taken(name)),
+        Some((EffectKind::Own(known), Some(same)))
+            if known.description == effect.description
+                && known.priors == effect.priors
+                && same.kind == formula.kind
+                && same.held == formula.held =>
+        {
+            return Ok(EffectKind::Own(known));
+        }
+        _ => {}
+    }
+    let kind = EffectKind::Own(Box::leak(Box::new(effect)));
+    own.push((kind, Some(Box::leak(Box::new(formula)))));
+    Ok(kind)
+}
+
+/// The one of that name that was registered last.
+fn newest<'a>(own: &'a [Own], name: &str) -> Option<&'a Own> {
+    own.iter().rev().find(|(known, _)| known.name() == name)
+}
+
+/// The formula that an effect came as.
+pub fn formula_of(effect: EffectKind) -> Option<&'static Formula> {
+    let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
+    let found = own.iter().find(|(known, _)| *known == effect);
+    found.and_then(|(_, formula)| *formula)
 }
 
 fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
@@ -99,9 +146,19 @@ fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
         .ok_or(RegisterError::Parameters(name))
 }
 
-/// All effects, the catalogue's first, then those that were registered, in the order of that.
+/// All effects, the catalogue's first, then those that were registered, in the order of that; of several formulas of one name the newest.
 pub fn effects() -> impl Iterator<Item = EffectKind> {
     let own = OWN.read().unwrap_or_else(PoisonError::into_inner).clone();
+    let is_newest = {
+        let own = own.clone();
+        move |(n, (effect, _)): &(usize, Own)| {
+            own[n + 1..]
+                .iter()
+                .all(|(later, _)| later.name() != effect.name())
+        }
+    };
+    let own = own.into_iter().enumerate().filter(is_newest);
+    let own = own.map(|(_, (effect, _))| effect);
     EffectKind::ALL.iter().copied().chain(own)
 }
 
@@ -131,7 +188,8 @@ mod tests {
                     mean: 0.0,
                     std: 1.0,
                 }],
-                terms: &|_, _| [Term::zero(); MAX_COLUMNS],
+                others: &[],
+                terms: &|_, _, _| [Term::zero(); MAX_COLUMNS],
             })
         };
         let of = |name| Description {

@@ -34,8 +34,9 @@ pub(crate) const DETENT: OwnEffect = OwnEffect {
             std: 0.1,
         },
     ],
-    terms: &|joint, s| {
-        let x = (joint.q - PLACE) / s;
+    others: &[],
+    terms: &|joints, at, s| {
+        let x = (joints[at].q - PLACE) / s;
         [Term::rate(x * (0.5 * (1.0 - x * x)).exp()), Term::zero()]
     },
 };

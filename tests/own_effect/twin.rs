@@ -1,6 +1,6 @@
 //! The detent as physics has it: the slope of a well of energy.
 
-use proprio_simulator::{Description, EffectParameter, OwnHidden, Scope};
+use proprio_simulator::{Description, EffectParameter, Instant, OwnHidden, Scope};
 
 use crate::detent::PLACE;
 
@@ -16,7 +16,7 @@ pub(crate) static TWIN: OwnHidden = OwnHidden {
         ],
         in_catalogue: false,
     },
-    torque: &|values, [q, _]| {
+    torque: &|values, &Instant { q, .. }| {
         let [c, s] = [values[0], values[1]];
         let energy = |q: f64| -c * s * 0.5f64.exp() * (-0.5 * ((q - PLACE) / s).powi(2)).exp();
         let h = 1e-4 * s;

@@ -35,6 +35,6 @@ impl Effect for AsymmetricViscous {
     }
 
     fn terms<T: Real>(state: &JointState<T>, _: T) -> [Term<T>; MAX_COLUMNS] {
-        [Term::rate(state.dq * state.sign()), Term::zero()]
+        [Term::rate(state.speed * state.sign()), Term::zero()]
     }
 }

@@ -80,6 +80,8 @@ pub enum Input {
     MotorTorque,
     /// The motor's temperature.
     Temperature,
+    /// The motion of other joints of the limb at the same instant.
+    Limb,
 }
 
 /// At which joints one cause acts.
@@ -127,6 +129,21 @@ pub enum Grid {
     Gaps,
     /// Compliances, rad/(N m), by the resonances that they give the link.
     Resonances,
+    /// Positions within the joint's travel, evenly, rad.
+    Positions,
+    /// Times within the log, evenly, s.
+    Times,
+    /// Spatial frequencies by the joint's travel, 1/rad: narrow, as harmonics are.
+    Frequencies,
+    /// So many values from the least to the most, evenly; the parameter's unit.
+    Evenly {
+        /// The first.
+        least: f64,
+        /// The last.
+        most: f64,
+        /// How many, two at least.
+        count: usize,
+    },
     /// So many values from the least to the most, each as many times the one before; the parameter's unit.
     Values {
         /// The first.
@@ -317,9 +334,12 @@ impl Description {
         matches!(self.enters, Enters::Limit)
     }
 
-    /// Whether its torque is a function of a torque that the model itself predicts.
-    pub const fn depends_on_torque(&self) -> bool {
-        matches!(self.input, Input::TransmittedTorque | Input::MotorTorque)
+    /// Whether its torque is a function of what the model itself says: of a torque, or of where other joints are.
+    pub const fn depends_on_model(&self) -> bool {
+        matches!(
+            self.input,
+            Input::TransmittedTorque | Input::MotorTorque | Input::Limb
+        )
     }
 
     /// What it has between motor and link, if it lets the link move against the motor or rubs there.

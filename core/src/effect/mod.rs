@@ -106,6 +106,8 @@ pub struct JointState<T> {
     pub presliding: T,
     /// The motor's temperature, °C; not finite where it is not known.
     pub temperature: T,
+    /// Time since the recording's start, s; zero where it is not known.
+    pub time: T,
 }
 
 /// Noise of a standing Go2's velocity, rad/s (go2.md).
@@ -125,6 +127,7 @@ impl<T: Real> JointState<T> {
             play: [real::<T>(-0.5) * tau.signum(), T::zero()],
             presliding: T::zero(),
             temperature: real(f64::NAN),
+            time: T::zero(),
         }
     }
 
@@ -362,6 +365,29 @@ impl EffectKind {
     /// Prior of the first parameter at a joint driven by `actuator`.
     pub fn prior(self, actuator: &Actuator) -> Prior {
         self.prior_of(actuator, 0)
+    }
+
+    /// The window terms of the effect's columns at joint `at` of a limb whose `joints` are in these states; [`terms`](Self::terms) is the same
+    /// where no other joint matters. Nothing at a joint that the limb does not have.
+    pub fn terms_among(
+        self,
+        joints: &[JointState<f64>],
+        at: usize,
+        shape: f64,
+    ) -> [Term<f64>; MAX_COLUMNS] {
+        match (self, joints.get(at)) {
+            (_, None) => [Term::zero(); MAX_COLUMNS],
+            (Self::Own(own), Some(_)) => (own.terms)(joints, at, shape),
+            (_, Some(state)) => self.terms(state, shape),
+        }
+    }
+
+    /// The other joints of the limb that the effect sees, by how many places after its own they are.
+    pub fn others(self) -> &'static [isize] {
+        match self {
+            Self::Own(own) => own.others,
+            _ => &[],
+        }
     }
 
     /// The first column's window term at one instant, for effects without a shape.

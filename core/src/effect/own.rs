@@ -10,23 +10,26 @@ use core::hash::{Hash, Hasher};
 use super::{Description, JointState, MAX_COLUMNS, Prior, Term};
 use crate::{Real, scalar::real};
 
-/// The window terms of an effect's columns at one instant, by the joint's state and the value of the shape.
-pub type Terms = dyn Fn(&JointState<f64>, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
+/// The window terms of an effect's columns at one instant, by the states of its limb's joints, which of them it acts at, and the value of
+/// the shape.
+pub type Terms = dyn Fn(&[JointState<f64>], usize, f64) -> [Term<f64>; MAX_COLUMNS] + Sync;
 
-/// An effect from outside the catalogue. Its name is its identity.
+/// An effect from outside the catalogue. It is the same as itself alone: one of another place in memory is another one, whatever its name.
 #[derive(Clone, Copy)]
 pub struct OwnEffect {
     /// Its facts.
     pub description: Description,
     /// Prior of each parameter, in the order of the description, at a joint of any drive.
     pub priors: &'static [Prior],
+    /// The other joints of the limb that it sees, by how many places after its own they are.
+    pub others: &'static [isize],
     /// Its torque.
     pub terms: &'static Terms,
 }
 
 impl OwnEffect {
     /// Prior of a parameter; of one that has none, nothing is known.
-    pub(super) fn prior(&self, parameter: usize) -> Prior {
+    pub fn prior(&self, parameter: usize) -> Prior {
         let unknown = Prior {
             mean: 0.0,
             std: f64::INFINITY,
@@ -34,7 +37,7 @@ impl OwnEffect {
         self.priors.get(parameter).copied().unwrap_or(unknown)
     }
 
-    /// The terms in the scalar of the caller.
+    /// The terms in the scalar of the caller, who knows its own joint alone.
     pub(super) fn terms<T: Real>(&self, state: &JointState<T>, shape: T) -> [Term<T>; MAX_COLUMNS] {
         let double = |x: T| -> f64 { nalgebra::try_convert(x).unwrap_or(f64::NAN) };
         let state = JointState {
@@ -48,8 +51,9 @@ impl OwnEffect {
             play: state.play.map(double),
             presliding: double(state.presliding),
             temperature: double(state.temperature),
+            time: double(state.time),
         };
-        (self.terms)(&state, double(shape)).map(|term| Term {
+        (self.terms)(&[state], 0, double(shape)).map(|term| Term {
             boundary: real(term.boundary),
             rate: real(term.rate),
         })
@@ -58,7 +62,7 @@ impl OwnEffect {
 
 impl PartialEq for OwnEffect {
     fn eq(&self, other: &Self) -> bool {
-        self.description.name == other.description.name
+        core::ptr::eq(self, other)
     }
 }
 
@@ -72,7 +76,9 @@ impl PartialOrd for OwnEffect {
 
 impl Ord for OwnEffect {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.description.name.cmp(other.description.name)
+        let place = |own: &Self| core::ptr::from_ref(own) as usize;
+        let names = self.description.name.cmp(other.description.name);
+        names.then_with(|| place(self).cmp(&place(other)))
     }
 }
 

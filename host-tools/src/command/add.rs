@@ -19,7 +19,7 @@ use super::result::result;
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, after_long_help = long_help())]
 pub(crate) struct Add {
-    /// Effects of the catalogue, each at one joint or at all
+    /// Effects of the catalogue, each at one joint or at all; or a torque of your own, `JOINT: FORMULA`
     #[arg(value_name = "EFFECT[:JOINT]", required = true)]
     effects: Vec<String>,
     /// The model file
@@ -51,6 +51,8 @@ fn held(text: &str) -> Result<(String, f64), String> {
 const EXAMPLES: &str = "Examples:
   proprio add viscous coulomb -m go2.toml
   proprio add armature:FR_calf bias:FR_hip -m go2.toml --json
+  proprio add 'FR_calf: c*sin(3*q)*sign(dq)' -m go2.toml
+  proprio add 'cable = RL_thigh: k*max(q - q0, 0)' -m go2.toml
   proprio add coulomb -m arm.toml --urdf arm.urdf --hold finger=0.02";
 
 /// Examples, then every effect of the catalogue.
@@ -87,8 +89,7 @@ impl Add {
         };
         let mut places = Vec::new();
         for text in &self.effects {
-            let (effect, joints) = model.robot().places(text)?;
-            places.extend(joints.into_iter().map(|joint| (effect, joint)));
+            places.extend(model.asked(text)?);
         }
         let new = model.add_last(&places);
         let name =

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::compare::{Comparison, ValuesFrom, compare_free_base_without, compare_without, csv};
 use crate::detect::mismatch::mismatches;
-use crate::model::{Model, ModelEffect, UnknownName};
+use crate::model::{AskedError, Model, ModelEffect, asked_texts};
 use crate::output::{AtomicFile, WriteError};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
@@ -48,8 +48,8 @@ pub(crate) struct Compare {
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with = "fit")]
     at_rest: bool,
-    /// Compare the model that `proprio add` makes with these
-    #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
+    /// Compare the model that `proprio add` makes with these, or with a formula, `JOINT: FORMULA`
+    #[arg(long, value_name = "EFFECT[:JOINT]")]
     with: Vec<String>,
     /// Compare the model that `proprio remove` makes without these, each at one joint or wherever the model has it
     #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
@@ -164,15 +164,14 @@ impl Compare {
     }
 
     /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.
-    fn change(&self, model: &mut Model) -> Result<Vec<ModelEffect>, UnknownName> {
+    fn change(&self, model: &mut Model) -> Result<Vec<ModelEffect>, AskedError> {
         let mut left_out = Vec::new();
         for text in &self.without {
             left_out.extend(remove::take_out(model, text)?);
         }
         let mut more = Vec::new();
-        for text in &self.with {
-            let (effect, joints) = model.robot().places(text)?;
-            more.extend(joints.into_iter().map(|joint| (effect, joint)));
+        for text in (self.with.iter()).flat_map(|list| asked_texts(model.robot(), list)) {
+            more.extend(model.asked(&text)?);
         }
         model.add_last(&more);
         Ok(left_out)

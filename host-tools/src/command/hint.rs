@@ -94,6 +94,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Model(error) => model::of_model(error),
         Error::Robot(error) => model::of_robot(error),
         Error::UnknownName(unknown) => model::of_name(unknown),
+        Error::Asked(error) => model::of_asked(error),
         Error::Earlier(EarlierError::Log(error)) | Error::Validate(ValidateError::Log(error)) => Some(of_log(error)),
         Error::Earlier(EarlierError::Excite(error)) => of_excite(error),
         Error::Earlier(EarlierError::NotRecorded(_)) => Some("name logs of these legs, or other --legs".to_owned()),

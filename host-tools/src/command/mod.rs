@@ -43,7 +43,7 @@ use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
 use crate::log::LogError;
 use crate::model::export::ExportError;
-use crate::model::{Model, ModelError, RobotError, UnknownName};
+use crate::model::{AskedError, Model, ModelError, RobotError, UnknownName};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::output::WriteError;
@@ -251,6 +251,8 @@ pub(crate) enum Error {
     Robot(#[from] RobotError),
     #[error(transparent)]
     UnknownName(#[from] UnknownName),
+    #[error(transparent)]
+    Asked(#[from] AskedError),
     #[error(transparent)]
     NotAModel(#[from] NotAModel),
     #[error(transparent)]

@@ -1,5 +1,6 @@
 //! `proprio simulate`: a log whose truth is known.
 
+mod formula;
 mod help;
 mod walk;
 
@@ -49,9 +50,9 @@ pub(crate) struct Simulate {
     /// Coulomb friction between its feet and the ground [default: 0.9]
     #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
     ground_friction: Option<f64>,
-    /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = parse_hide)]
-    hide: Vec<Hide>,
+    /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one. Or a torque by a formula, `JOINT: FORMULA`
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = formula::parse)]
+    hide: Vec<formula::Hidden>,
     /// How far the bodies are off the CAD: relative standard deviation of a mass
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 1.0))]
     inertia_error: f64,
@@ -221,14 +222,12 @@ impl Simulate {
             Vec::new()
         };
         for hide in &self.hide {
-            if let Some(joint) = hide.joint().filter(|joint| !legs.contains(&joint.leg())) {
+            let joints = hide.joints();
+            if let Some(joint) = joints.iter().find(|joint| !legs.contains(&joint.leg())) {
                 let message = format!("--hide names {joint}, but --legs leaves its leg out");
                 super::usage_error("simulate", ErrorKind::ArgumentConflict, message);
             }
-            let hidden = match self.walk {
-                Some(_) => hide.on_walker(),
-                None => hide.on(legs),
-            };
+            let hidden = hide.on(legs, self.walk.is_some());
             let hidden = hidden.unwrap_or_else(|error| {
                 super::usage_error("simulate", ErrorKind::ValueValidation, error.to_string())
             });

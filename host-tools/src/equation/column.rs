@@ -157,7 +157,7 @@ impl Columns {
                 effect,
                 shape,
                 n,
-            } => (joint == at).then(|| effect.terms(&states[at], shape)[n]),
+            } => (joint == at).then(|| effect.terms_among(states, at, shape)[n]),
             Column::Coupled { joint, effect, n } => {
                 let other = self.coupled(joint, at)?;
                 Some(effect.coupled(&states[at], &states[other])[n])
@@ -237,7 +237,7 @@ impl Columns {
 pub(crate) fn depends_on_values(effect: EffectKind) -> bool {
     let description = effect.description();
     description.is_derivative()
-        || description.depends_on_torque()
+        || description.depends_on_model()
         || description.form == Form::Inertia
 }
 

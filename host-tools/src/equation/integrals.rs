@@ -61,7 +61,7 @@ impl Key {
                     parameter,
                 })
             }
-            Column::Own { effect, .. } if effect.description().depends_on_torque() => None,
+            Column::Own { effect, .. } if effect.description().depends_on_model() => None,
             Column::Own {
                 joint,
                 effect,

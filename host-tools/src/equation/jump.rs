@@ -43,14 +43,12 @@ impl DryFriction<'_> {
             return 0.0;
         };
         let towards = |sign: f64| {
-            let state = JointState {
-                speed: sign * trajectory.speed_noise,
-                ..self.state(at, joint)
-            };
+            let mut states: Vec<_> = (0..self.motion.joints).map(|j| self.state(at, j)).collect();
+            states[joint].speed = sign * trajectory.speed_noise;
             let rate = |(column, value): (&Column, &f64)| match *column {
                 Column::Own {
                     effect, shape, n, ..
-                } => value * effect.terms(&state, shape)[n].rate,
+                } => value * effect.terms_among(&states, joint, shape)[n].rate,
                 _ => 0.0,
             };
             let columns = self.columns.of_joint[joint].iter();
@@ -98,6 +96,7 @@ impl DryFriction<'_> {
         JointState {
             speed_noise: trajectory.speed_noise,
             temperature: self.motion.temperature[k * self.motion.joints + joint],
+            time: self.motion.time[k],
             ..JointState::reported(q, dq, 0.0)
         }
     }

@@ -26,7 +26,7 @@ pub(crate) struct Motion {
     /// How many joints.
     pub(crate) joints: usize,
     /// s since the recording's start.
-    pub(crate) time: Vec<f64>,
+    pub(crate) time: Arc<Vec<f64>>,
     /// Samples of one motion, over which states of friction, springs and plays last: messages may be lost between them.
     pub(crate) stretches: Vec<Range<usize>>,
     /// Of each joint, at its motor.
@@ -65,7 +65,7 @@ impl Motion {
     /// A limb's motion by its recording; `velocity_gain` is each joint's reported velocity over the true one.
     pub(crate) fn of(recording: &LimbRecording, blocks: &Blocks, velocity_gain: &[f64]) -> Self {
         let n = recording.joints;
-        let time = recording.seconds();
+        let time = Arc::new(recording.seconds());
         let stretches = recording.motions();
         let period = recording.period();
         let joint = recording.trajectories(velocity_gain);
@@ -146,6 +146,12 @@ impl Motion {
             }
         }
         windows
+    }
+
+    /// The least and the greatest position of a joint, rad.
+    pub(crate) fn positions(&self, joint: usize) -> [f64; 2] {
+        let q = || self.joint[joint].state.iter().map(|state| state[0]);
+        [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)]
     }
 
     /// Whether a joint is not held up for long between two samples.

@@ -69,7 +69,7 @@ mod tests {
             joints: 1,
             windows: (0..499).map(window).collect(),
             stretches: std::iter::once(0..time.len()).collect(),
-            time,
+            time: Arc::new(time),
             joint: Arc::default(),
             links: Vec::new(),
             temperature: Arc::default(),

@@ -433,7 +433,7 @@ impl<'a> Pass<'a> {
             rates[to..to + count].copy_from_slice(&workspace.rate[from]);
         }
         for (effect, shape, places) in &self.made[j].own {
-            let terms = effect.terms(&states[j], *shape);
+            let terms = effect.terms_among(states, j, *shape);
             for &[to, n] in places {
                 (boundaries[to], rates[to]) = (terms[n].boundary, terms[n].rate);
             }

@@ -61,7 +61,7 @@ impl Share {
     ) {
         let terms = match self.other {
             Some(other) => self.effect.coupled(&states[at], &states[other]),
-            None => self.effect.terms(&states[at], self.shape),
+            None => self.effect.terms_among(states, at, self.shape),
         };
         for &(n, number) in &self.numbers {
             *boundary += number * terms[n].boundary;

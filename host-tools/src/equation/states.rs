@@ -9,13 +9,13 @@
 
 use std::sync::Arc;
 
-use proprio_core::effect::{Input, JointState, Transmission};
+use proprio_core::effect::{EffectKind, Input, JointState, MAX_COLUMNS, Term, Transmission};
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::motion::{Asked, Motion};
 use super::share::shares;
-use super::values::Values;
+use super::values::{Place, Values};
 use crate::trajectory::Trajectory;
 
 /// What effects see under a model: from one sample on, sample by sample, joint by joint.
@@ -32,6 +32,8 @@ pub(crate) struct States {
     pub(super) offsets: Vec<f64>,
     bristles: Vec<Option<Arc<Vec<f64>>>>,
     temperature: Arc<Vec<f64>>,
+    /// s since the recording's start.
+    time: Arc<Vec<f64>>,
     /// As [`JointState`] has them; nothing where no effect asks.
     pub(super) load: Vec<f64>,
     tau: Vec<f64>,
@@ -63,6 +65,7 @@ impl States {
             play: moved(&self.play),
             presliding: self.bristles[j].as_ref().map_or(0.0, |impulse| impulse[k]),
             temperature: self.temperature[k * n + j],
+            time: self.time[k],
         }
     }
 
@@ -70,6 +73,22 @@ impl States {
     pub(crate) fn all(&self, k: usize, joints: &mut Vec<JointState<f64>>) {
         joints.clear();
         joints.extend((0..self.joints()).map(|j| self.joint(k, j)));
+    }
+
+    /// The window terms of an effect's columns at sample k.
+    pub(crate) fn terms(
+        &self,
+        k: usize,
+        (effect, joint): Place,
+        shape: f64,
+    ) -> [Term<f64>; MAX_COLUMNS] {
+        // Of the catalogue none that has window terms of its own sees the other joints.
+        let EffectKind::Own(_) = effect else {
+            return effect.terms(&self.joint(k, joint), shape);
+        };
+        let mut joints = Vec::with_capacity(self.joints());
+        self.all(k, &mut joints);
+        effect.terms_among(&joints, joint, shape)
     }
 
     /// Links that do not move, so many over all samples and joints.
@@ -150,6 +169,7 @@ impl Motion {
             dq: Vec::with_capacity(room),
             bristles: (0..n).map(bristles).collect(),
             temperature: self.temperature.clone(),
+            time: self.time.clone(),
             ..States::default()
         };
         for k in range {

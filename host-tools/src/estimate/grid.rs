@@ -28,6 +28,11 @@ const GAPS: i32 = 8;
 const LOWEST: f64 = 0.8;
 const HIGHER: f64 = 1.25;
 const RESONANCES: i32 = 14;
+/// Positions and times that a shape is looked for at. A step in the middle of two is off by a fiftieth of the range, and is refined.
+const PLACES: usize = 24;
+/// Spatial frequencies that a shape is looked for at, in steps of a quarter turn of phase over the travel: up to eight turns.
+const FREQUENCIES: usize = 32;
+const SPACING: f64 = 0.5 * std::f64::consts::PI;
 /// How many of a grid's values differ from each other as far as chance can tell: neighbouring speeds, limits and gaps look much the
 /// same.
 const DIFFERENT: f64 = 4.0;
@@ -45,7 +50,29 @@ pub(crate) fn possible(effect: EffectKind, shape: f64) -> f64 {
 
 /// Whether the best value of an effect's grid stands alone: between two of them the torque is another one.
 pub(super) fn is_narrow(effect: EffectKind) -> bool {
+    matches!(
+        effect.description().searched(),
+        Some((_, Grid::Harmonics | Grid::Frequencies))
+    )
+}
+
+/// Whether the grid's columns are a sine and a cosine of each multiple of one frequency.
+pub(super) fn is_harmonic(effect: EffectKind) -> bool {
     matches!(effect.description().searched(), Some((_, Grid::Harmonics)))
+}
+
+/// How far a shape moves that changes by the whole of its size: the shape itself where it is one, for a place the range of its grid.
+pub(super) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
+    let range = match place.0.description().searched() {
+        Some((_, Grid::Positions)) => {
+            let [from, to] = data.motion.positions(place.1);
+            to - from
+        }
+        Some((_, Grid::Times)) => data.motion.time.last().copied().unwrap_or_default(),
+        Some((_, Grid::Evenly { least, most, .. })) => most - least,
+        _ => shape.abs(),
+    };
+    range.max(f64::MIN_POSITIVE)
 }
 
 /// How many different shapes of an effect are tried, as far as they differ: chance alone makes one of them look good.
@@ -53,6 +80,8 @@ pub(crate) fn tried(effect: EffectKind) -> f64 {
     let description = effect.description();
     match description.searched() {
         Some((_, Grid::Harmonics)) => MULTIPLES as f64,
+        Some((_, Grid::Frequencies)) => FREQUENCIES as f64,
+        Some((_, Grid::Positions | Grid::Times | Grid::Evenly { .. })) => PLACES as f64,
         Some(_) if description.enters != Enters::Derivative => DIFFERENT,
         // What has a column is tried by that.
         _ => 1.0,
@@ -91,11 +120,11 @@ fn tried_shapes(
         }
         Grid::Gaps | Grid::Resonances => values_to_try(data, model, place),
         _ => {
-            let q = || trajectory.state.iter().map(|state| state[0]);
             let speeds = trajectory.speed.iter();
             let reach = Reach {
                 gear: gear(data, joint),
-                travel: q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min),
+                positions: data.motion.positions(joint),
+                duration: data.motion.time.last().copied().unwrap_or_default(),
                 least_displacement: least_displacement_of(data, place),
                 fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
                 speed_noise: trajectory.speed_noise,
@@ -124,8 +153,10 @@ pub(super) fn gear(data: &LimbData, joint: usize) -> f64 {
 pub(crate) struct Reach {
     /// Gear ratio.
     pub(crate) gear: f64,
-    /// From the least to the greatest position, rad.
-    pub(crate) travel: f64,
+    /// The least and the greatest position, rad.
+    pub(crate) positions: [f64; 2],
+    /// How long the log is, s.
+    pub(crate) duration: f64,
     /// The least displacement to look for, rad ([`least_displacement`]).
     pub(crate) least_displacement: f64,
     /// Greatest speed, rad/s, and that below which it may be noise.
@@ -136,15 +167,28 @@ pub(crate) struct Reach {
 /// The values of a grid where a joint moves so; `None` of one that depends on its torque.
 pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
     let speeds = |first: f64| (0..SPEEDS as i32).map(move |k| first * FASTER.powi(k));
+    let [from, to] = reach.positions;
+    let travel = to - from;
+    let within = |least: f64, most: f64, count: usize| {
+        // No shape at the ends: there one side of it has no data.
+        let step = (most - least) / (count + 1) as f64;
+        (1..=count).map(|k| least + step * k as f64).collect()
+    };
     Some(match grid {
         Grid::Harmonics => (1..=MULTIPLES).map(|k| k as f64 * reach.gear).collect(),
         Grid::Displacements => {
             let least = reach.least_displacement;
-            geometric(least, (FARTHEST * reach.travel).max(least), DISPLACEMENTS)
+            geometric(least, (FARTHEST * travel).max(least), DISPLACEMENTS)
         }
         Grid::SpeedsOfMotion => speeds(reach.fastest * SLOWEST).collect(),
         Grid::SpeedsAboveNoise => speeds(reach.speed_noise).collect(),
         Grid::Values { least, most, count } => geometric(least, most, count),
+        Grid::Positions => within(from, to, PLACES),
+        Grid::Times => within(0.0, reach.duration, PLACES),
+        Grid::Evenly { least, most, count } => within(least, most, count),
+        Grid::Frequencies => (1..=FREQUENCIES)
+            .map(|k| k as f64 * SPACING / travel.max(f64::MIN_POSITIVE))
+            .collect(),
         Grid::Torques | Grid::Gaps | Grid::Resonances => return None,
     })
 }

@@ -64,7 +64,7 @@ impl Scan<'_> {
         {
             return None;
         }
-        Some(refined(&grid, &falls, &fall))
+        Some(refined(&grid, &falls, 0.0, &fall))
     }
 
     fn values_to_try(&self, place: Place) -> Vec<f64> {

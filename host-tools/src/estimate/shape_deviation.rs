@@ -11,7 +11,7 @@
 //! and by how much each of them moves is a part of its own standard deviation.
 
 use super::fit::LimbFit;
-use super::grid::{possible, shape_parameter};
+use super::grid::{possible, shape_parameter, size_of};
 use super::groups::{Groups, stacked};
 use super::shapes::orthonormal;
 use crate::equation::dot::dot;
@@ -64,7 +64,7 @@ impl LimbFit<'_> {
         at.set(
             place,
             n,
-            (shape + std.min(0.5 * shape)).min(parameter.upper),
+            (shape + std.min(0.5 * size_of(data, place, shape))).min(parameter.upper),
         );
         let columns = data.columns(&at, &self.places, &[]);
         let rows = data.rows(&at, &columns);
@@ -105,7 +105,8 @@ impl LimbFit<'_> {
                 continue;
             };
             if told.step.abs() > REFUTED * told.std {
-                let step = told.step.clamp(-LONGEST * shape, LONGEST * shape);
+                let longest = LONGEST * size_of(self.data, place, shape);
+                let step = told.step.clamp(-longest, longest);
                 let next = possible(place.0, shape + step);
                 if next != shape {
                     let moved = values.get_or_insert_with(|| self.values.clone());
@@ -124,9 +125,9 @@ impl LimbFit<'_> {
             .collect();
         let parameter = shape_parameter(place.0);
         let shape = self.values.get(place, parameter);
-        let [less, more] =
-            [1.0 - NEAR, 1.0 + NEAR].map(|share| self.explained(place, share * shape, &windows));
-        let slope = |n: usize| (more[n] - less[n]) / (2.0 * NEAR * shape);
+        let near = NEAR * size_of(data, place, shape);
+        let [less, more] = [-near, near].map(|by| self.explained(place, shape + by, &windows));
+        let slope = |n: usize| (more[n] - less[n]) / (2.0 * near);
         let own = self.beside_own_columns(
             rows,
             joint,

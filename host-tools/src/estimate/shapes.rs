@@ -12,7 +12,7 @@ use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS};
 use rayon::prelude::*;
 
 use super::directions::{Kept, Key, Span, Vectors};
-use super::grid::{MULTIPLES, gear, grid, is_narrow, shape_parameter};
+use super::grid::{MULTIPLES, gear, grid, is_harmonic, is_narrow, shape_parameter, size_of};
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
@@ -67,7 +67,7 @@ pub(crate) fn better<'a>(
         };
         let n = shape_parameter(place.0);
         let before = scan.at.get(place, n);
-        if (best - before).abs() > SAME * before.abs() {
+        if (best - before).abs() > SAME * size_of(scan.data, place, before) {
             values.set(place, n, best);
             moved = true;
         }
@@ -182,7 +182,7 @@ impl<'a> Scan<'a> {
         let torque = |k: usize| self.states().joint(k, joint).tau;
         let grid = grid(self.data, self.values, place, &torque);
         let is_known = |shape: &f64| self.known(&windows, place, *shape).is_some();
-        if is_narrow(effect) && !grid.iter().all(is_known) {
+        if is_harmonic(effect) && !grid.iter().all(is_known) {
             let harmonics = self.harmonics(&windows, place);
             for (shape, columns) in grid.iter().zip(harmonics) {
                 let key = self.shape_key(&windows, place, *shape);
@@ -202,7 +202,7 @@ impl<'a> Scan<'a> {
         if !closely || !is_narrow(effect) && !explains {
             return Some(grid[best_of(&falls)].clamp(lower, parameter.upper));
         }
-        Some(refined(&grid, &falls, &fall).clamp(lower, parameter.upper))
+        Some(refined(&grid, &falls, lower.min(0.0), &fall).clamp(lower, parameter.upper))
     }
 
     /// A joint's windows of the chosen folds and what the model leaves in them; `None` if they are too few.
@@ -270,7 +270,7 @@ impl<'a> Scan<'a> {
         joint: usize,
         effect: Option<(EffectKind, u64)>,
     ) -> Option<Key> {
-        let is_kept = effect.is_none_or(|(effect, _)| !effect.description().depends_on_torque())
+        let is_kept = effect.is_none_or(|(effect, _)| !effect.description().depends_on_model())
             && windows.len() == self.windows[joint].len();
         is_kept.then_some(Key {
             joint,
@@ -313,7 +313,7 @@ impl<'a> Scan<'a> {
         let is_limit = effect.description().is_limit();
         let greatest = is_limit.then(|| &self.greatest()[joint]);
         let states = self.states();
-        let term = |k: usize| effect.terms(&states.joint(k, joint), shape);
+        let term = |k: usize| states.terms(k, (effect, joint), shape);
         let mut columns = vec![vec![0.0; windows.len()]; effect.columns()];
         for (at, &w) in windows.iter().enumerate() {
             // Below a limit nothing is lost, and most windows are below most limits.
@@ -364,8 +364,8 @@ impl<'a> Scan<'a> {
             let [first, last] = window.samples;
             let mut sums = [[0.0; 2]; MULTIPLES];
             for k in first..=last {
-                let state = self.states().joint(k, joint);
-                let [sin, cos] = effect.terms(&state, gear).map(|term| term.rate);
+                let terms = self.states().terms(k, (effect, joint), gear);
+                let [sin, cos] = terms.map(|term| term.rate);
                 let weight = self.weight(first..last, k);
                 let (mut s, mut c) = (weight * sin, weight * cos);
                 for sum in &mut sums {
@@ -389,15 +389,20 @@ impl<'a> Scan<'a> {
     }
 }
 
-/// The shape with the largest fall, between the neighbours of the best of a grid.
-pub(super) fn refined(grid: &[f64], falls: &[f64], fall: &(dyn Fn(f64) -> f64 + Sync)) -> f64 {
+/// The shape with the largest fall, between the neighbours of the best of a grid; it is `above` this.
+pub(super) fn refined(
+    grid: &[f64],
+    falls: &[f64],
+    above: f64,
+    fall: &(dyn Fn(f64) -> f64 + Sync),
+) -> f64 {
     let best = best_of(falls);
     let (mut shape, mut most) = (grid[best], falls[best]);
     let neighbour = grid.get(best + 1).unwrap_or(&grid[best.saturating_sub(1)]);
     let mut step = 0.5 * (neighbour - shape).abs();
     for _ in 0..ROUNDS {
         let [less, more] = [shape - step, shape + step];
-        let told = |shape: f64| (shape > 0.0).then(|| (shape, fall(shape)));
+        let told = |shape: f64| (shape > above).then(|| (shape, fall(shape)));
         let (less, more) = rayon::join(|| told(less), || told(more));
         for (other, fall) in less.into_iter().chain(more) {
             if fall > most {

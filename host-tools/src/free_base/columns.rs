@@ -34,9 +34,15 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
     let facts = effect.description();
     match facts.form {
         Form::Columns => {
-            let harmonics = matches!(facts.searched(), Some((_, Grid::Harmonics)));
+            let harmonics = matches!(
+                facts.searched(),
+                Some((_, Grid::Harmonics | Grid::Frequencies))
+            );
             facts.enters == Enters::Column
-                && !matches!(facts.input, Input::Temperature | Input::TransmittedTorque)
+                && !matches!(
+                    facts.input,
+                    Input::Temperature | Input::TransmittedTorque | Input::Limb
+                )
                 && !harmonics
         }
         Form::Coupled | Form::Scale | Form::Clock | Form::Inertia => true,

@@ -211,6 +211,7 @@ impl<'a> JointStates<'a> {
         let walk = self.walk;
         let mut state = JointState {
             speed_noise: walk.rest.speed_noise[j],
+            time: walk.seconds(n),
             ..JointState::reported(walk.q[n][j], walk.dq[n][j], walk.tau[n][j])
         };
         if let Some(load) = self.load.get(n) {

@@ -70,6 +70,9 @@ pub enum ModelProblem {
         /// The joint.
         joint: String,
     },
+    /// A formula that cannot be.
+    #[error("{0}")]
+    Asked(super::AskedError),
     /// A value that nothing physical has.
     #[error("{what}: {fault}")]
     Impossible {

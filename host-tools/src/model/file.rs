@@ -2,7 +2,10 @@
 //!
 //! It is written by hand so that keys stay where they are and a change of a value is a change of one line; numbers are the
 //! shortest that read back the same.
+//!
+//! Files beside: `tables`, as serde reads them; `formulas`, effects that are a formula; `write`, the text.
 
+mod formulas;
 mod tables;
 mod write;
 
@@ -335,6 +338,23 @@ fn read_more_parameters(
 
 fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fault> {
     let (at, table) = (entry.span().start, entry.get_ref());
+    if table.torque.is_some() {
+        return formulas::read(model, at, table);
+    }
+    if let Some(unknown) = table.symbols.keys().next() {
+        let known = [
+            "name",
+            "joint",
+            "value",
+            "std",
+            "parameters",
+            "prior",
+            "just_added",
+            "torque",
+        ];
+        let unknown = UnknownName::new("key", unknown, known);
+        return Err((Some(at), ModelProblem::UnknownKey(unknown)));
+    }
     let effect = effect_named(&table.name, at)?;
     let joint = effect_joint(model, effect, &table.joint, at)?;
     let (name, of) = (effect.name(), table.joint.clone());

@@ -44,6 +44,14 @@
 //! std = 0.004
 //! prior = { mean = 0.15, std = 0.1 }
 //!
+//! [[effect]]                      # a torque of your own ([`formula`](crate::formula))
+//! name = "cable"
+//! joint = "FR_calf"
+//! torque = "c*(q - q0)*abs(q - q0)"
+//! kind = "conservative"           # or dissipative, motor, free
+//! c = { unit = "N m/rad^2", prior = [0.0, 5.0], min = 0.0, value = 1.2, std = 0.1 }
+//! q0 = { value = 0.3, held = true }   # not identified; without `held` it is sought
+//!
 //! [body.FR_hip]                   # about the joint frame's origin; a body not listed is the CAD's
 //! m = 0.767
 //! # … hx, hy, hz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; [body.base] is the base, about its own origin
@@ -60,6 +68,7 @@
 //!
 //! Files beside:
 //!
+//! - `asked`: effects as users ask for them, a formula among them
 //! - `conventions`: how a robot's logs speak of its joints, where their columns do not say so themselves
 //! - `error`: why a model file, or a robot's description, is refused
 //! - `limb`: a limb of a model as the core takes it: tree, columns, prior, parameters
@@ -69,6 +78,7 @@
 //!   and the robot's own size leave room for
 //! - `rounding`: numbers to so many significant digits
 
+mod asked;
 mod conventions;
 mod effects;
 mod error;
@@ -92,6 +102,7 @@ use proprio_core::inertia::{INERTIAL, InertialParameters};
 use proprio_core::spatial::Transform;
 
 pub use crate::name::UnknownName;
+pub use asked::{AskedError, asked_texts};
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
 pub use limb::ModelParameter;

@@ -37,6 +37,10 @@ impl Robot {
     /// little of its own.
     pub fn parameter_prior(&self, effect: EffectKind, joint: usize, parameter: usize) -> Prior {
         let body = &self.bodies()[joint];
+        // One from outside the catalogue brings its own, of any drive.
+        if let EffectKind::Own(own) = effect {
+            return own.prior(parameter);
+        }
         let unit = effect.description().parameters[parameter].unit;
         let room = match (effect.description().form, unit) {
             (Form::Inertia, _) => self.room_for_load(joint, unit),

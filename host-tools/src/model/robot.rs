@@ -345,9 +345,16 @@ impl Robot {
         }
     }
 
-    /// Whether a joint can have an effect: what couples it with the joint that carries it needs one.
+    /// Whether a joint can have an effect: what couples it with the joint that carries it needs one, and what sees other joints those.
     fn can_have(&self, effect: EffectKind, joint: usize) -> bool {
-        effect.description().form != Form::Coupled || self.bodies[joint].parent.is_some()
+        let limb = self.limb_of(joint);
+        let sees = |after: &isize| {
+            joint
+                .checked_add_signed(*after)
+                .is_some_and(|n| limb.contains(&n))
+        };
+        (effect.description().form != Form::Coupled || self.bodies[joint].parent.is_some())
+            && effect.others().iter().all(sees)
     }
 
     /// The subtrees that hang on the base.

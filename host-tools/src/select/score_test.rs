@@ -248,7 +248,9 @@ pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
         let shared = described.may_be_shared().then_some(BASE);
         let own = (described.reach != Reach::Robot).then_some(0..joints);
         let own = own.into_iter().flatten().filter(move |&joint| {
-            described.form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some()
+            let sees = |after: &isize| joint.checked_add_signed(*after).is_some_and(|n| n < joints);
+            (described.form != Form::Coupled || parent(&fit.columns.subtree_end, joint).is_some())
+                && effect.others().iter().all(sees)
         });
         shared
             .into_iter()

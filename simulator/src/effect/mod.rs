@@ -239,7 +239,7 @@ pub struct Description {
 
 mod own;
 
-pub use own::OwnHidden;
+pub use own::{Instant, OwnHidden};
 
 macro_rules! effects {
     ($($(#[$doc:meta])* $name:ident = $module:ident),* $(,)?) => {

@@ -5,8 +5,23 @@ use std::hash::{Hash, Hasher};
 
 use super::{Description, Effect, JointState};
 
-/// Torque on the motor's side of the gear, N m, by the parameters' values and the motor's position (rad) and velocity (rad/s).
-type Torque = dyn Fn(&[f64], [f64; 2]) -> f64 + Sync;
+/// What a joint does at an instant, for a program's own torque.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instant {
+    /// Time, s.
+    pub t: f64,
+    /// Position of the motor (joint side), rad.
+    pub q: f64,
+    /// Velocity of the motor (joint side), rad/s.
+    pub dq: f64,
+    /// Torque that the gear hands to the link, N m.
+    pub transmitted: f64,
+    /// Motor temperature, °C.
+    pub temperature: f64,
+}
+
+/// Torque on the motor's side of the gear, N m, by the parameters' values and what the joint does.
+type Torque = dyn Fn(&[f64], &Instant) -> f64 + Sync;
 
 /// An effect from outside this crate. Its name is its identity.
 pub struct OwnHidden {
@@ -53,6 +68,13 @@ pub(super) fn new(own: &OwnHidden, values: &[f64]) -> Own {
 
 impl Effect for Own {
     fn motor_torque(&self, state: &JointState) -> f64 {
-        (self.torque)(&self.values, [state.q, state.dq])
+        let instant = Instant {
+            t: state.t,
+            q: state.q,
+            dq: state.dq,
+            transmitted: state.transmitted,
+            temperature: state.temperature,
+        };
+        (self.torque)(&self.values, &instant)
     }
 }

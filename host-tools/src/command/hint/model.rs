@@ -4,13 +4,24 @@ use std::io::ErrorKind;
 
 use crate::model::export::{ExportError, ExportProblem};
 use crate::model::{
-    Impossible, ModelError, ModelProblem, RobotError, RobotProblem, UnknownName, Unphysical,
+    AskedError, Impossible, ModelError, ModelProblem, RobotError, RobotProblem, UnknownName,
+    Unphysical,
 };
 
 pub(super) fn of_name(unknown: &UnknownName) -> Option<String> {
     unknown
         .nearest()
         .map(|name| format!("did you mean `{name}`?"))
+}
+
+pub(super) fn of_asked(error: &AskedError) -> Option<String> {
+    match error {
+        AskedError::Name(unknown) => of_name(unknown),
+        AskedError::Formula(_) => Some("docs/effects.md has ten formulas to begin with".to_owned()),
+        AskedError::Register(_) => {
+            Some("give it a name of its own: `NAME = JOINT: FORMULA`".to_owned())
+        }
+    }
 }
 
 pub(super) fn of_model(error: &ModelError) -> Option<String> {
@@ -25,6 +36,7 @@ pub(super) fn of_model(error: &ModelError) -> Option<String> {
         ModelProblem::UnknownKey(unknown) | ModelProblem::UnknownName(unknown) => {
             return of_name(unknown);
         }
+        ModelProblem::Asked(error) => return of_asked(error),
         ModelProblem::NoFormat => "a model file begins with `format = 1`".to_owned(),
         ModelProblem::Newer { .. } => "update proprio".to_owned(),
         ModelProblem::Robot(error) => return of_robot(error),

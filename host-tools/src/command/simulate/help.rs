@@ -9,6 +9,7 @@ pub(super) const EXAMPLES: &str = "Examples:
   proprio simulate --typical --inertia-error 0.06 --hide stribeck:FR_thigh=0.4,vs=0.05
   proprio simulate --follow motion.csv --typical --inertia-error 0.06 -o fr_log.csv
   proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02
+  proprio simulate --typical --hide 'FR_calf: 0.3*q*sign(dq)' -o unknown.csv
   proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv";
 
 /// Examples, then every effect with its parameters.

@@ -98,10 +98,7 @@ impl Scan<'_> {
         let (effect, joint) = site.place;
         let logs = || self.walks.walks.iter().map(|(walk, _)| walk);
         let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
-        let travel = |walk: &Walk| {
-            let q = || walk.q.iter().map(|q| q[joint]);
-            q().fold(f64::MIN, f64::max) - q().fold(f64::MAX, f64::min)
-        };
+        let q = || logs().flat_map(|walk| walk.q.iter().map(|q| q[joint]));
         let acceleration = |walk: &Walk| {
             let steps = walk
                 .dq
@@ -114,7 +111,8 @@ impl Scan<'_> {
         let lower = effect.description().parameters[shape_parameter(effect)].lower;
         let reach = Reach {
             gear: ACTUATORS[joint % JOINTS_PER_LEG].gear,
-            travel: most(&travel),
+            positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
+            duration: most(&|walk| walk.seconds(walk.len().max(1) - 1)),
             least_displacement: least_displacement(most(&acceleration), period).max(lower),
             fastest: most(&|walk| walk.dq.iter().map(|dq| dq[joint].abs()).fold(0.0, f64::max)),
             speed_noise: most(&|walk| walk.rest.speed_noise[joint]),

@@ -99,7 +99,6 @@ pub(super) struct MotorTable {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct EffectTable {
     pub(super) name: String,
     pub(super) joint: String,
@@ -111,6 +110,26 @@ pub(super) struct EffectTable {
     pub(super) prior: Option<PriorEntry>,
     #[serde(default)]
     pub(super) just_added: bool,
+    /// A formula, of which the other keys are parameters.
+    pub(super) torque: Option<String>,
+    pub(super) kind: Option<String>,
+    /// All other keys: a formula's parameters; of an effect of the catalogue none is right.
+    #[serde(flatten)]
+    pub(super) symbols: BTreeMap<String, toml::Value>,
+}
+
+/// A formula's parameter.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SymbolTable {
+    pub(super) unit: Option<String>,
+    pub(super) prior: Option<[f64; 2]>,
+    pub(super) min: Option<f64>,
+    pub(super) max: Option<f64>,
+    pub(super) value: Option<f64>,
+    pub(super) std: Option<f64>,
+    #[serde(default)]
+    pub(super) held: bool,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

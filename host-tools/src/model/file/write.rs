@@ -7,6 +7,8 @@ use proprio_core::effect::Prior;
 use proprio_core::inertia::{INERTIAL, NAMES};
 
 use super::FORMAT;
+use crate::catalogue;
+use crate::formula::{Formula, Kind, Stated};
 use crate::model::{
     BASE, Estimate, LogConventions, LogRecord, Model, ModelEffect, Motor, Mounting, Provenance,
     Source,
@@ -61,6 +63,10 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             "\n[[effect]]\nname = \"{}\"\njoint = {joint}",
             e.effect.name()
         )?;
+        if let Some(formula) = catalogue::formula_of(e.effect) {
+            write_formula(out, model, e, formula)?;
+            continue;
+        }
         if let Some(estimate) = e.estimate() {
             writeln!(out, "value = {:?}", estimate.value)?;
             if let Some(std) = estimate.std {
@@ -112,6 +118,51 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
                 string(sha256)
             )?;
         }
+    }
+    Ok(())
+}
+
+/// An effect that is a formula, from its text on.
+fn write_formula(
+    out: &mut String,
+    model: &Model,
+    e: &ModelEffect,
+    formula: &Formula,
+) -> std::fmt::Result {
+    let text = model.robot.formula_text(formula, e.joint);
+    writeln!(out, "torque = {}", string(&text))?;
+    if formula.kind != Kind::default() {
+        writeln!(out, "kind = \"{}\"", formula.kind.name())?;
+    }
+    let parameters = e.effect.description().parameters;
+    let fitted = parameters.iter().zip(&e.estimates);
+    let fitted = fitted.map(|(p, estimate)| (p.symbol, Some(p.unit), *estimate));
+    let is_free = |name: &&String| parameters.iter().all(|p| p.symbol != **name);
+    let held = (formula.stated.keys().filter(is_free)).map(|name| (name.as_str(), None, None));
+    for (symbol, unit, estimate) in fitted.chain(held) {
+        let Stated {
+            unit: stated,
+            prior,
+            min,
+            max,
+            held,
+        } = formula.stated.get(symbol).cloned().unwrap_or_default();
+        let mut entries = Vec::new();
+        if let Some(unit) = stated.as_deref().or(unit) {
+            entries.push(format!("unit = {}", string(unit)));
+        }
+        entries.extend(prior.map(|prior| format!("prior = {prior:?}")));
+        entries.extend(min.map(|min| format!("min = {min:?}")));
+        entries.extend(max.map(|max| format!("max = {max:?}")));
+        if let Some(Estimate { value, std }) = estimate {
+            entries.push(format!("value = {value:?}"));
+            entries.extend(std.map(|std| format!("std = {std:?}")));
+        }
+        entries.extend(held.map(|value| format!("value = {value:?}, held = true")));
+        writeln!(out, "{} = {{ {} }}", key(symbol), entries.join(", "))?;
+    }
+    if e.just_added {
+        writeln!(out, "just_added = true")?;
     }
     Ok(())
 }

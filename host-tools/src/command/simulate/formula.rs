@@ -1,0 +1,78 @@
+//! What `--hide` says: an effect of the simulator, or a torque by a formula.
+
+use proprio_core::go2::{JointId, Leg};
+use proprio_simulator::{
+    Description, EffectParameter, HiddenEffect, HiddenError, HiddenKind, Hide, OwnHidden, Scope,
+};
+
+use super::parse_hide;
+use crate::formula::{Instant, torque};
+
+/// What `--hide` says.
+#[derive(Debug, Clone)]
+pub(super) enum Hidden {
+    /// An effect that the simulator has.
+    Effect(Hide),
+    /// A torque at these joints.
+    Formula(HiddenKind, Vec<JointId>),
+}
+
+/// `EFFECT[:JOINT]=VALUE…` or `JOINT[,JOINT…]: FORMULA`.
+pub(super) fn parse(text: &str) -> Result<Hidden, String> {
+    let parts = text.split_once(':').and_then(|(joints, formula)| {
+        let joints = joints.split(',').map(|name| JointId::from_name(name.trim()));
+        Some((joints.collect::<Option<Vec<_>>>()?, formula.trim()))
+    });
+    match parts {
+        Some((joints, formula)) => Ok(Hidden::Formula(kind(formula)?, joints)),
+        None => parse_hide(text).map(Hidden::Effect),
+    }
+}
+
+/// The formula as an effect that the simulator can have, once.
+fn kind(text: &str) -> Result<HiddenKind, String> {
+    let torque = torque(text).map_err(|error| error.to_string())?;
+    let times = EffectParameter::within("times", "1", 1.0, f64::NEG_INFINITY, f64::INFINITY);
+    // As long as the program runs, as the simulator asks of what a program brings.
+    let own = OwnHidden {
+        description: Description {
+            name: String::from(text).leak(),
+            words: "a torque by a formula",
+            scope: Scope::Joint,
+            parameters: vec![times].leak(),
+            in_catalogue: false,
+        },
+        torque: Box::leak(Box::new(move |values: &[f64], seen: &proprio_simulator::Instant| {
+            values[0]
+                * torque(&Instant {
+                    q: seen.q,
+                    dq: seen.dq,
+                    transmitted: seen.transmitted,
+                    temperature: seen.temperature,
+                    t: seen.t,
+                })
+        })),
+    };
+    Ok(HiddenKind::Own(Box::leak(Box::new(own))))
+}
+
+impl Hidden {
+    /// The joints that it names.
+    pub(super) fn joints(&self) -> Vec<JointId> {
+        match self {
+            Self::Effect(hide) => hide.joint().into_iter().collect(),
+            Self::Formula(_, joints) => joints.clone(),
+        }
+    }
+
+    /// The effects that it asks for on a robot with these legs, which hangs or walks.
+    pub(super) fn on(&self, legs: &[Leg], walks: bool) -> Result<Vec<HiddenEffect>, HiddenError> {
+        match self {
+            Self::Effect(hide) if walks => hide.on_walker(),
+            Self::Effect(hide) => hide.on(legs),
+            Self::Formula(kind, joints) => (joints.iter())
+                .map(|joint| HiddenEffect::new(*kind, Some(*joint), 1.0))
+                .collect(),
+        }
+    }
+}

@@ -1,0 +1,562 @@
+//! Effects of a user's own: a torque as a formula over the motion, in a model file or on the command line.
+//!
+//! `c*(q - q0)*abs(q - q0)` is a torque at a joint. Variables have the log's names: `q`, `dq`, `ddq` (rad, rad/s, rad/s²), `tau_rigid` (N m,
+//! what the gear transmits under the model), `temp` (°C), `t` (s); those of another joint of the limb are `q.FR_hip`. Every other name is a
+//! parameter. [`define`] turns the text into facts and columns like those of the catalogue, so that every room treats it as one of them:
+//!
+//! - parameters that multiply (two at most) have columns; one in which the torque is not linear is scanned over a grid and refined; others
+//!   are held at a value
+//! - the acceleration enters by differences of momentum, f(q) q̈ = d/dt(f q̇) − ḟ q̇: no signal is differentiated twice
+//! - the sign of a velocity follows the joint's own rule of rest
+//! - the *measured* torque is no variable: an effect may not see what it explains
+//!
+//! Files beside:
+//!
+//! - `expression`: the tree and its value, with a slope where one is asked
+//! - `parse`: text to tree
+//! - `columns`: tree to window columns
+//! - `unit`: units, stated and found
+//! - `site`: the range of a joint's motion, in which a formula has to be finite and of its kind
+//! - `error`: why a formula is refused, and where in its text
+
+mod columns;
+mod error;
+mod expression;
+mod parse;
+mod site;
+mod unit;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use proprio_core::effect::{
+    Description, Grid, Input, JointState, MAX_COLUMNS, MAX_PARAMETERS, OwnEffect, Parameter, Prior,
+    Varies,
+};
+
+use columns::{Integrated, split, window_terms};
+pub use error::{FormulaError, FormulaProblem};
+use expression::{Expression, Node, Operator, Signal};
+pub use parse::Names;
+use parse::parse;
+pub use site::Site;
+use unit::{Unit, Units};
+
+/// What is stated of a parameter beside the formula.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Stated {
+    /// Its unit; else what the formula needs.
+    pub unit: Option<String>,
+    /// Mean and standard deviation before any data; else zero within what the joint's limits leave room for.
+    pub prior: Option<[f64; 2]>,
+    /// Its least value.
+    pub min: Option<f64>,
+    /// Its greatest value.
+    pub max: Option<f64>,
+    /// The value at which it is held: it is not identified.
+    pub held: Option<f64>,
+}
+
+/// What a formula claims to be; it is checked over the joint's whole range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Kind {
+    /// Anything.
+    #[default]
+    Free,
+    /// It takes energy out of every motion, or none: friction.
+    Dissipative,
+    /// It depends on the joint's position alone, so that it has a potential.
+    Conservative,
+    /// The motor makes it: current sensor, cogging.
+    Motor,
+}
+
+impl Kind {
+    /// All, with their names.
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("dissipative", Self::Dissipative),
+        ("conservative", Self::Conservative),
+        ("motor", Self::Motor),
+        ("free", Self::Free),
+    ];
+
+    /// The kind of that name.
+    ///
+    /// # Errors
+    /// [`FormulaProblem::UnknownKind`].
+    pub fn named(name: &str) -> Result<Self, FormulaError> {
+        let found = Self::ALL.iter().find(|(known, _)| *known == name);
+        found.map(|(_, kind)| *kind).ok_or_else(|| {
+            FormulaError::new(
+                name,
+                &(0..name.len()),
+                FormulaProblem::UnknownKind(name.to_owned()),
+            )
+        })
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        let found = Self::ALL.iter().find(|(_, kind)| *kind == self);
+        found.map_or("free", |(name, _)| name)
+    }
+}
+
+/// A formula as it was written, for files and screens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Formula {
+    text: String,
+    /// Where the text names other joints, and how many places after its own each is.
+    names: Vec<(Range<usize>, isize)>,
+    /// What it claims to be.
+    pub kind: Kind,
+    /// What is stated of parameters, by their names.
+    pub stated: BTreeMap<String, Stated>,
+    /// Parameters that are held, each with its value.
+    pub held: Vec<(String, f64)>,
+    /// Whether it is one over time: for a diagnosis of a log, of no use beyond that.
+    pub depends_on_time: bool,
+}
+
+impl Formula {
+    /// The text at a joint: `name` tells that of the joint so many places after it in its limb.
+    pub fn text_at(&self, name: impl Fn(isize) -> String) -> String {
+        let mut text = self.text.clone();
+        for (at, joint) in self.names.iter().rev() {
+            text.replace_range(at.clone(), &name(*joint));
+        }
+        text
+    }
+}
+
+/// An effect by its text at a joint.
+///
+/// # Errors
+/// [`FormulaError`], with the place in the text.
+///
+/// # Panics
+/// Never.
+pub fn define(
+    name: &str,
+    text: &str,
+    kind: Kind,
+    stated: &BTreeMap<String, Stated>,
+    site: &Site,
+) -> Result<(OwnEffect, Formula), FormulaError> {
+    let fault = |at: &Range<usize>, problem| FormulaError::new(text, at, problem);
+    let whole = 0..text.len();
+    let parsed = parse(text, site.names)?;
+    let names = &parsed.parameters;
+    if let Some(unknown) = stated.keys().find(|name| !names.contains(name)) {
+        let problem = FormulaProblem::UnknownParameter {
+            name: unknown.clone(),
+            known: names.join(", "),
+        };
+        return Err(fault(&whole, problem));
+    }
+    let of = |n: usize| stated.get(&names[n]).cloned().unwrap_or_default();
+    for n in 0..names.len() {
+        checked(&names[n], &of(n)).map_err(|problem| fault(&whole, problem))?;
+    }
+    let held: Vec<Option<f64>> = (0..names.len()).map(|n| of(n).held).collect();
+    let expression = with_held(&parsed.expression, &held);
+    let too_many = |what, limit| fault(&whole, FormulaProblem::TooMany { what, limit });
+    let free = held.iter().filter(|held| held.is_none()).count();
+    if names.len() > MOST_NAMES || free > MAX_PARAMETERS {
+        return Err(too_many("parameters", MAX_PARAMETERS));
+    }
+    let parts =
+        split(&expression, names.len()).ok_or_else(|| fault(&whole, FormulaProblem::NoFactor))?;
+    if parts.linear.len() > MAX_COLUMNS {
+        return Err(too_many("parameters that multiply", MAX_COLUMNS));
+    }
+    let shapes: Vec<usize> = (0..names.len())
+        .filter(|n| held[*n].is_none() && !parts.linear.contains(n))
+        .collect();
+    if shapes.len() > 1 {
+        return Err(too_many("parameters in which it is not linear", 1));
+    }
+    let units = units(
+        text,
+        &parsed.expression,
+        names,
+        (&of, &parts.linear),
+        site.slides,
+    )?;
+    let columns: Vec<Integrated> = (parts.factors.iter())
+        .map(|factor| Integrated::of(factor).map_err(|(e, problem)| fault(&e.at, problem)))
+        .collect::<Result<_, _>>()?;
+    let input = input(&expression).map_err(|problem| fault(&whole, problem))?;
+    let shape = shapes.first().map(|&n| {
+        let grid = grid(&of(n), &expression, (n, &units[n]), site);
+        (n, grid)
+    });
+    let tried = shape.map_or([1.0; 3], |(_, grid)| site.examples(grid));
+    let parameters_at = |value: f64| -> Vec<f64> {
+        let is_shape = |n: usize| shape.is_some_and(|(own, _)| own == n);
+        (0..names.len())
+            .map(|n| match is_shape(n) {
+                true => value,
+                false => 1.0,
+            })
+            .collect()
+    };
+    let sets = tried.map(parameters_at);
+    site.check_finite(&expression, &parts.factors, &sets)
+        .map_err(|(at, problem)| fault(&at, problem))?;
+    let bounds = site
+        .bounds_of(kind, &parts.factors, &sets)
+        .map_err(|problem| fault(&whole, problem))?;
+    let mut parameters = Vec::new();
+    let mut priors = Vec::new();
+    for (n, factor, bounds) in parts
+        .linear
+        .iter()
+        .zip(&parts.factors)
+        .zip(bounds)
+        .map(|((n, factor), bounds)| (*n, factor, bounds))
+    {
+        let stated = of(n);
+        let lower = stated.min.unwrap_or(bounds[0]);
+        let upper = stated.max.unwrap_or(bounds[1]);
+        parameters.push(Parameter::new(
+            leaked(&names[n]),
+            leaked(&units[n].to_string()),
+            lower,
+            upper,
+        ));
+        let room = site.room(factor, &sets);
+        priors.push(stated.prior.map_or(
+            Prior {
+                mean: 0.0f64.clamp(lower, upper),
+                std: room,
+            },
+            |[mean, std]| Prior { mean, std },
+        ));
+    }
+    if let Some((n, grid)) = shape {
+        let stated = of(n);
+        let [least, most] = site.range(grid);
+        let positive = if grid_is_positive(grid) {
+            0.0
+        } else {
+            f64::NEG_INFINITY
+        };
+        let lower = stated.min.unwrap_or(positive);
+        let upper = stated.max.unwrap_or(f64::INFINITY);
+        let parameter = Parameter::new(
+            leaked(&names[n]),
+            leaked(&units[n].to_string()),
+            lower,
+            upper,
+        );
+        parameters.push(parameter.shape(grid));
+        priors.push(stated.prior.map_or(
+            Prior {
+                mean: (0.5 * (least + most)).clamp(lower, upper),
+                std: (most - least).abs().max(f64::MIN_POSITIVE),
+            },
+            |[mean, std]| Prior { mean, std },
+        ));
+    }
+    let depends_on_time = expression
+        .variables()
+        .iter()
+        .any(|v| v.signal == Signal::Time);
+    let others: Vec<isize> = (expression.variables().iter())
+        .map(|v| v.joint)
+        .filter(|joint| *joint != 0)
+        .collect();
+    let varies = match (expression.variables().iter()).all(|v| {
+        matches!(
+            v.signal,
+            Signal::Position | Signal::Time | Signal::Temperature
+        )
+    }) {
+        true => Varies::Slowly,
+        false => Varies::Fast,
+    };
+    let (count, shape_at) = (names.len(), shape.map(|(n, _)| n));
+    let formula = Formula {
+        text: text.to_owned(),
+        names: parsed.names,
+        kind,
+        held: held_values(names, &held),
+        stated: stated.clone(),
+        depends_on_time,
+    };
+    let effect = OwnEffect {
+        description: Description {
+            name: leaked(name),
+            // The same at like joints of other limbs, whose neighbours have other names.
+            torque: leaked(&formula.text_at(|after| format!("{after:+}"))),
+            input,
+            varies,
+            parameters: parameters.leak(),
+            words: "a torque by a formula of the model file",
+            separated_by: "the formula's variables over their whole range",
+            ..Description::TORQUE
+        },
+        priors: priors.leak(),
+        others: others.leak(),
+        terms: Box::leak(Box::new(
+            move |joints: &[JointState<f64>], at: usize, shape: f64| {
+                let mut parameters = [1.0; MOST_NAMES];
+                if let Some(n) = shape_at {
+                    parameters[n] = shape;
+                }
+                window_terms(&columns, joints, at, &parameters[..count])
+            },
+        )),
+    };
+    Ok((effect, formula))
+}
+
+/// What a joint does, for [`torque`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instant {
+    /// Position, rad, and velocity, rad/s.
+    pub q: f64,
+    /// See `q`.
+    pub dq: f64,
+    /// Torque that the gear transmits, N m.
+    pub transmitted: f64,
+    /// Temperature, °C.
+    pub temperature: f64,
+    /// Time since the start, s.
+    pub t: f64,
+}
+
+/// Slower than this, rad/s, a simulated joint's sign of velocity is a straight line: a jump would make its motion stiff.
+const SLOW: f64 = 2e-3;
+
+/// A torque, N m, all of whose numbers are in the text: what a simulation hides. It sees its own joint's motion alone.
+///
+/// # Errors
+/// [`FormulaError`]: as [`define`] has it; parameters, accelerations and other joints are refused.
+pub fn torque(text: &str) -> Result<impl Fn(&Instant) -> f64 + Sync + use<>, FormulaError> {
+    let names = Names {
+        joints: &[],
+        own: 0,
+    };
+    let parsed = parse(text, names)?;
+    let whole = 0..text.len();
+    if !parsed.parameters.is_empty() {
+        let problem = FormulaProblem::NoNumber(parsed.parameters.join(", "));
+        return Err(FormulaError::new(text, &whole, problem));
+    }
+    let mut variables = parsed.expression.variables().into_iter();
+    if variables.any(|v| v.signal == Signal::Acceleration) {
+        return Err(FormulaError::new(text, &whole, FormulaProblem::Acceleration));
+    }
+    Ok(move |instant: &Instant| {
+        let state = JointState {
+            speed_noise: SLOW,
+            load: instant.transmitted,
+            temperature: instant.temperature,
+            time: instant.t,
+            ..JointState::reported(instant.q, instant.dq, 0.0)
+        };
+        columns::value(&parsed.expression, &[state], 0, &[])
+    })
+}
+
+/// Most names of parameters in a formula, those that are held among them.
+const MOST_NAMES: usize = 8;
+
+fn leaked(text: &str) -> &'static str {
+    String::from(text).leak()
+}
+
+/// The parameters that are held.
+fn held_values(names: &[String], held: &[Option<f64>]) -> Vec<(String, f64)> {
+    let held = names.iter().zip(held);
+    held.filter_map(|(name, held)| Some((name.clone(), (*held)?)))
+        .collect()
+}
+
+/// What is stated of a parameter has to be possible.
+fn checked(name: &str, stated: &Stated) -> Result<(), FormulaProblem> {
+    let wrong = |what| {
+        Err(FormulaProblem::Parameter {
+            name: name.to_owned(),
+            what,
+        })
+    };
+    let numbers = [stated.min, stated.max, stated.held];
+    if numbers.into_iter().flatten().any(|x| !x.is_finite()) {
+        return wrong("a bound or a value is no finite number");
+    }
+    let (lower, upper) = (
+        stated.min.unwrap_or(f64::NEG_INFINITY),
+        stated.max.unwrap_or(f64::INFINITY),
+    );
+    if lower >= upper {
+        return wrong("`min` is not below `max`");
+    }
+    match stated.prior {
+        Some([_, std]) if !(std.is_finite() && std > 0.0) => {
+            wrong("the prior's standard deviation is not positive")
+        }
+        Some([mean, _]) if !(lower..=upper).contains(&mean) => {
+            wrong("the prior's mean is not between its bounds")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The expression with its held parameters as numbers.
+fn with_held(e: &Expression, held: &[Option<f64>]) -> Expression {
+    let of = |e: &Expression| Box::new(with_held(e, held));
+    let node = match &e.node {
+        Node::Parameter(n) => match held.get(*n).copied().flatten() {
+            Some(value) => Node::Number(value),
+            None => Node::Parameter(*n),
+        },
+        Node::Number(_) | Node::Variable(_) => e.node.clone(),
+        Node::Negative(inner) => Node::Negative(of(inner)),
+        Node::Binary(operator, left, right) => Node::Binary(*operator, of(left), of(right)),
+        Node::Call(function, arguments) => Node::Call(
+            *function,
+            arguments.iter().map(|a| with_held(a, held)).collect(),
+        ),
+    };
+    Expression::new(e.at.clone(), node)
+}
+
+/// The parameters' units.
+fn units(
+    text: &str,
+    expression: &Expression,
+    names: &[String],
+    (of, linear): (&dyn Fn(usize) -> Stated, &[usize]),
+    slides: bool,
+) -> Result<Vec<Unit>, FormulaError> {
+    let mut stated = Vec::new();
+    for n in 0..names.len() {
+        stated.push(match of(n).unit {
+            None => None,
+            Some(unit) => Some(Unit::parse(&unit).ok_or_else(|| {
+                let problem = FormulaProblem::Unit(unit.clone());
+                FormulaError::new(text, &(0..text.len()), problem)
+            })?),
+        });
+    }
+    let units = Units {
+        slides,
+        stated: &stated,
+    };
+    let found = units.of(expression, linear);
+    found.map_err(|(at, problem)| FormulaError::new(text, &at, problem))
+}
+
+/// What of a joint's state it is a function of.
+fn input(expression: &Expression) -> Result<Input, FormulaProblem> {
+    let variables = expression.variables();
+    let has = |signal| variables.iter().any(|v| v.signal == signal);
+    let sees_others = variables.iter().any(|v| v.joint != 0);
+    match (has(Signal::TransmittedTorque), has(Signal::Temperature)) {
+        (true, true) => Err(FormulaProblem::Inputs),
+        (true, false) => Ok(Input::TransmittedTorque),
+        (false, true) => Ok(Input::Temperature),
+        (false, false) if sees_others => Ok(Input::Limb),
+        (false, false) => Ok(Input::Motion),
+    }
+}
+
+/// Values that are tried of a parameter whose bounds are stated, or whose range its unit alone tells.
+const TRIED: usize = 24;
+/// Bounds further apart than this factor are of an unknown size, not of an unknown place.
+const OF_SIZE: f64 = 8.0;
+/// What a width, a time or a number is looked for in, where nothing else is stated: from what a robot's samples resolve to more than its
+/// range; rad (or m), s, 1.
+const WIDTHS: [f64; 2] = [0.01, 3.0];
+const TIMES: [f64; 2] = [0.3, 300.0];
+const NUMBERS: [f64; 2] = [0.1, 10.0];
+/// A motor's temperature, °C.
+const TEMPERATURES: [f64; 2] = [0.0, 100.0];
+
+/// Where the parameter is searched in which a formula is not linear.
+fn grid(stated: &Stated, expression: &Expression, (n, unit): (usize, &Unit), site: &Site) -> Grid {
+    let geometric = |[least, most]: [f64; 2]| Grid::Values {
+        least,
+        most,
+        count: TRIED,
+    };
+    if let (Some(least), Some(most)) = (stated.min, stated.max) {
+        return match least > 0.0 && most / least >= OF_SIZE {
+            true => geometric([least, most]),
+            false => Grid::Evenly {
+                least,
+                most,
+                count: TRIED,
+            },
+        };
+    }
+    let second = Unit::parse("s").unwrap_or_default();
+    let angle = Unit::parse("rad").unwrap_or_default();
+    let way = match site.slides {
+        true => Unit::parse("m").unwrap_or_default(),
+        false => angle,
+    };
+    let torque = match site.slides {
+        true => Unit::FORCE,
+        false => Unit::TORQUE,
+    };
+    match place_among(expression, n) {
+        Some(Signal::Position) => Grid::Positions,
+        Some(Signal::Time) => Grid::Times,
+        Some(Signal::Temperature) => Grid::Evenly {
+            least: TEMPERATURES[0],
+            most: TEMPERATURES[1],
+            count: TRIED,
+        },
+        _ if *unit == way.over(second) => Grid::SpeedsOfMotion,
+        _ if *unit == way => geometric(WIDTHS),
+        _ if *unit == way.power(-1.0) => Grid::Frequencies,
+        _ if unit.is(torque) => geometric([1e-3 * site.torque(), site.torque()]),
+        _ if unit.is(second) => geometric(TIMES),
+        // As `sin(k*q)` has it, whose k has no unit once angles are numbers.
+        _ if unit.is(Unit::PLAIN) && multiplies_position(expression, n) => Grid::Frequencies,
+        _ => geometric(NUMBERS),
+    }
+}
+
+/// The signal that a parameter is added to or taken from.
+fn place_among(expression: &Expression, n: usize) -> Option<Signal> {
+    let mut found = None;
+    expression.each(&mut |e| {
+        if let Node::Binary(Operator::Plus | Operator::Minus, left, right) = &e.node {
+            for (own, other) in [(left, right), (right, left)] {
+                if let (Node::Parameter(m), Node::Variable(v)) = (&own.node, &other.node)
+                    && *m == n
+                {
+                    found = Some(v.signal);
+                }
+            }
+        }
+    });
+    found
+}
+
+/// Whether a parameter is a factor of a position.
+fn multiplies_position(expression: &Expression, n: usize) -> bool {
+    let mut found = false;
+    expression.each(&mut |e| {
+        if let Node::Binary(Operator::Times, left, right) = &e.node {
+            let has = |e: &Expression| e.has(&|node| *node == Node::Parameter(n));
+            let moves =
+                |e: &Expression| (e.variables().iter()).any(|v| v.signal == Signal::Position);
+            found |= has(left) && moves(right) || has(right) && moves(left);
+        }
+    });
+    found
+}
+
+/// Whether what a grid looks for is a size.
+fn grid_is_positive(grid: Grid) -> bool {
+    !matches!(grid, Grid::Positions | Grid::Times | Grid::Evenly { .. })
+}
+
+#[cfg(test)]
+mod tests;

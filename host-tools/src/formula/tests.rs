@@ -1,0 +1,280 @@
+//! Formulas: what they mean, what of them has a column, and what is refused, where.
+
+use proprio_core::effect::{EffectKind, JointState, MAX_COLUMNS};
+
+use super::*;
+
+const JOINTS: [&str; 3] = ["hip", "thigh", "calf"];
+
+fn site() -> Site<'static> {
+    Site {
+        names: Names {
+            joints: &JOINTS,
+            own: 2,
+        },
+        slides: false,
+        limits: [-2.7, -0.8],
+        effort: 35.0,
+        velocity: 20.0,
+    }
+}
+
+fn defined(text: &str) -> OwnEffect {
+    define("f", text, Kind::Free, &BTreeMap::new(), &site())
+        .unwrap()
+        .0
+}
+
+fn refused(text: &str) -> FormulaError {
+    let result = define("f", text, Kind::Free, &BTreeMap::new(), &site());
+    result.map(|_| ()).unwrap_err()
+}
+
+fn states() -> Vec<Vec<JointState<f64>>> {
+    let state = |n: usize, j: usize| {
+        let x = (7 * n + 3 * j) as f64;
+        let (q, dq) = (-1.7 + 0.8 * x.sin(), 6.0 * (1.3 * x).cos());
+        JointState {
+            speed: dq + 0.01,
+            speed_noise: 0.05,
+            load: 12.0 * (0.7 * x).sin(),
+            temperature: 40.0 + 10.0 * (0.1 * x).sin(),
+            time: n as f64 * 0.1,
+            ..JointState::reported(q, dq, f64::NAN)
+        }
+    };
+    (0..40)
+        .map(|n| (0..3).map(|j| state(n, j)).collect())
+        .collect()
+}
+
+/// Every effect of the catalogue whose torque is a plain function of the joint's state is the same as a formula, column by column.
+#[test]
+fn formulas_are_what_the_catalogue_has() {
+    let pairs: [(EffectKind, &str, f64); 14] = [
+        (EffectKind::Viscous, "Fv*dq", 1.0),
+        (EffectKind::Coulomb, "Fc*sign(dq)", 1.0),
+        (EffectKind::Armature, "Ia*ddq", 1.0),
+        (EffectKind::Bias, "b", 1.0),
+        (
+            EffectKind::AsymmetricCoulomb,
+            "F_plus*step(dq) - F_minus*step(-dq)",
+            1.0,
+        ),
+        (EffectKind::AsymmetricViscous, "d*dq*sign(dq)", 1.0),
+        (EffectKind::Stribeck, "Fs*exp(-(dq/vs)^2)*sign(dq)", 0.3),
+        (EffectKind::LoadFriction, "mu*abs(tau_rigid)*sign(dq)", 1.0),
+        (EffectKind::QuadraticDrag, "c*dq*abs(dq)", 1.0),
+        (
+            EffectKind::SaturatingViscous,
+            "F*(1 - exp(-abs(dq)/vs))*sign(dq)",
+            2.0,
+        ),
+        (EffectKind::ThermalViscous, "kT*(temp - 40)*dq", 1.0),
+        (EffectKind::Spring, "k*q + c", 1.0),
+        (EffectKind::Cogging, "As*sin(N*q) + Ac*cos(N*q)", 17.0),
+        (EffectKind::CoupledArmature, "Ia*ddq.thigh", 1.0),
+    ];
+    for (effect, text, shape) in pairs {
+        let own = defined(text);
+        for joints in states() {
+            let mine = (own.terms)(&joints, 2, shape);
+            let theirs = match effect {
+                EffectKind::CoupledArmature => effect.coupled(&joints[2], &joints[1]),
+                _ => effect.terms(&joints[2], shape),
+            };
+            for n in 0..effect.columns().max(1).min(MAX_COLUMNS) {
+                for (a, b) in [
+                    (mine[n].boundary, theirs[n].boundary),
+                    (mine[n].rate, theirs[n].rate),
+                ] {
+                    assert!(
+                        (a - b).abs() <= 1e-12 * b.abs().max(1.0),
+                        "{text} {n}: {a} {b}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn parameters_have_the_units_that_the_formula_needs() {
+    let units = |text: &str| -> Vec<(&str, &str)> {
+        let own = defined(text);
+        (own.description.parameters.iter())
+            .map(|p| (p.symbol, p.unit))
+            .collect()
+    };
+    assert_eq!(units("Fv*dq"), [("Fv", "N m s/rad")]);
+    assert_eq!(units("Ia*ddq"), [("Ia", "kg m^2")]);
+    assert_eq!(
+        units("c*(q - q0)*abs(q - q0)"),
+        [("c", "N m/rad^2"), ("q0", "rad")]
+    );
+    assert_eq!(units("F*tanh(dq/v)"), [("F", "N m"), ("v", "rad/s")]);
+    assert_eq!(units("mu*abs(tau_rigid)*sign(dq)"), [("mu", "1")]);
+    assert_eq!(units("c*step(t - t1)"), [("c", "N m"), ("t1", "s")]);
+    assert_eq!(units("kT*(temp - 40)*dq"), [("kT", "N m s/(rad °C)")]);
+    assert_eq!(units("a*sign(dq)*exp(-t/T)"), [("a", "N m"), ("T", "s")]);
+    assert_eq!(
+        units("D*min(max(tau_rigid/d, -1), 1)"),
+        [("D", "N m"), ("d", "N m")]
+    );
+}
+
+#[test]
+fn what_is_not_linear_has_a_grid_by_its_unit() {
+    let grid = |text: &str| defined(text).description.searched().map(|(_, grid)| grid);
+    assert_eq!(grid("c*(q - q0)"), Some(Grid::Positions));
+    assert_eq!(grid("k*max(q - q0, 0)"), Some(Grid::Positions));
+    assert_eq!(grid("c*step(t - t1)*sign(dq)"), Some(Grid::Times));
+    assert_eq!(
+        grid("a*sin(k*q)*sign(dq) + b*cos(k*q)*sign(dq)"),
+        Some(Grid::Frequencies)
+    );
+    assert_eq!(grid("F*tanh(dq/v)"), Some(Grid::SpeedsOfMotion));
+    assert_eq!(grid("c*q*sign(dq)"), None);
+}
+
+/// A momentum whose inertia changes with the pose: the same as the difference quotient of f q̇ less ḟ q̇ over a fine motion.
+#[test]
+fn accelerations_are_momenta() {
+    let own = defined("m*cos(q)^2*ddq");
+    let q = |t: f64| -1.7 + 0.6 * (2.0 * t).sin();
+    let dq = |t: f64| 1.2 * (2.0 * t).cos();
+    let ddq = |t: f64| -2.4 * (2.0 * t).sin();
+    let term = |t: f64| (own.terms)(&[JointState::reported(q(t), dq(t), 0.0); 3], 2, 1.0)[0];
+    let (from, to, steps) = (0.1, 0.9, 4000);
+    let h = (to - from) / f64::from(steps);
+    let mid = |f: &dyn Fn(f64) -> f64| {
+        (0..steps)
+            .map(|k| h * f(from + (f64::from(k) + 0.5) * h))
+            .sum::<f64>()
+    };
+    let window = term(to).boundary - term(from).boundary + mid(&|t| term(t).rate);
+    let torque = mid(&|t| q(t).cos().powi(2) * ddq(t));
+    assert!((window - torque).abs() < 1e-6, "{window} {torque}");
+}
+
+#[test]
+fn formulas_that_cannot_be_are_refused_with_their_place() {
+    use FormulaProblem as P;
+    let place = |text: &str| {
+        let error = refused(text);
+        (error.text[error.at.clone()].to_owned(), error.problem)
+    };
+    assert_eq!(place("c*tau").0, "tau");
+    assert_eq!(place("c*tau").1, P::MeasuredTorque);
+    assert_eq!(place("c*sine(q)").0, "sine");
+    assert!(matches!(place("c*sine(q)").1, P::UnknownFunction { .. }));
+    assert_eq!(place("c*(q + dq)").0, "q + dq");
+    assert!(matches!(place("c*(q + dq)").1, P::Units { .. }));
+    assert_eq!(place("c*exp(dq)").0, "dq");
+    assert!(matches!(place("c*exp(dq)").1, P::NotPlain { .. }));
+    assert!(matches!(place("c/(q + 1.2)").1, P::NotFinite(_)));
+    assert!(matches!(place("c*log(q + 1.2)").1, P::NotFinite(_)));
+    assert!(matches!(place("c*sqrt(q)").1, P::NotFinite(_)));
+    assert!(matches!(place("3*sign(dq)").1, P::NoFactor));
+    assert!(matches!(place("c*q + sin(q)").1, P::NoFactor));
+    assert!(matches!(
+        place("a*q + b*dq + c").1,
+        P::TooMany { limit: 2, .. }
+    ));
+    assert!(matches!(
+        place("c*exp(-((q - q0)/w)^2)").1,
+        P::TooMany { limit: 1, .. }
+    ));
+    assert!(matches!(place("c*ddq^2").1, P::Acceleration));
+    assert!(matches!(place("c*ddq*dq").1, P::Acceleration));
+    assert!(matches!(place("c*q.knee").1, P::UnknownJoint { .. }));
+    assert!(matches!(place("c*temp.thigh").1, P::OwnSignal(_)));
+    assert!(matches!(place("c*tau_rigid*temp").1, P::Inputs));
+    assert_eq!(place("c*(q - 1").1, P::Missing { needed: "`)`" });
+    assert_eq!(place("c*q q").0, "q");
+    assert!(matches!(place("").1, P::Missing { .. }));
+    assert!(matches!(place("c*q $ 2").1, P::Character('$')));
+    assert!(matches!(place(&"c*q + ".repeat(2000)).1, P::TooLong { .. }));
+    assert!(matches!(
+        place(&format!("c*{}q{}", "(".repeat(200), ")".repeat(200))).1,
+        P::TooLong { .. }
+    ));
+    assert!(matches!(place("min(q)").1, P::Arguments { .. }));
+    let shown = refused("c*sign(dq) + k*sine(3*q)").to_string();
+    assert!(
+        shown.ends_with("c*sign(dq) + k*sine(3*q)\n                   ^^^^"),
+        "{shown}"
+    );
+}
+
+#[test]
+fn what_is_held_is_a_number() {
+    let held = Stated {
+        held: Some(0.2),
+        ..Stated::default()
+    };
+    let stated = BTreeMap::from([("w".to_owned(), held)]);
+    let (own, formula) =
+        define("f", "c*exp(-((q - q0)/w)^2)", Kind::Free, &stated, &site()).unwrap();
+    let names: Vec<&str> = own
+        .description
+        .parameters
+        .iter()
+        .map(|p| p.symbol)
+        .collect();
+    assert_eq!(names, ["c", "q0"]);
+    assert_eq!(formula.held, [("w".to_owned(), 0.2)]);
+    let at = |q: f64| (own.terms)(&[JointState::reported(q, 0.0, 0.0); 3], 2, -1.5)[0].rate;
+    assert!((at(-1.5) - 1.0).abs() < 1e-15);
+    assert!((at(-1.3) - (-1.0f64).exp()).abs() < 1e-15);
+}
+
+#[test]
+fn kinds_are_checked_over_the_whole_range() {
+    let of = |text: &str, kind| define("f", text, kind, &BTreeMap::new(), &site());
+    let friction = of("c*(3 + q)*sign(dq)", Kind::Dissipative).unwrap().0;
+    assert_eq!(friction.description.parameters[0].lower, 0.0);
+    // It gives energy below −1.5 rad.
+    let error = of("c*(q + 1.5)*sign(dq)", Kind::Dissipative)
+        .map(|_| ())
+        .unwrap_err();
+    assert!(matches!(error.problem, FormulaProblem::Kind { .. }));
+    assert!(of("k*sin(q)", Kind::Conservative).is_ok());
+    assert!(of("k*sin(q)*dq", Kind::Conservative).is_err());
+    assert!(of("k*q.thigh", Kind::Conservative).is_err());
+}
+
+#[test]
+fn a_text_names_the_neighbours_of_the_joint_that_it_is_at() {
+    let (own, formula) = define(
+        "f",
+        "c*(q - q.thigh)",
+        Kind::Free,
+        &BTreeMap::new(),
+        &site(),
+    )
+    .unwrap();
+    assert_eq!(own.others, [-1]);
+    assert_eq!(
+        formula.text_at(|after| format!("j{after}")),
+        "c*(q - q.j-1)"
+    );
+    // Where there is no such joint, nothing acts.
+    let alone = (own.terms)(&[JointState::reported(1.0, 0.0, 0.0)], 0, 1.0)[0];
+    assert_eq!((alone.boundary, alone.rate), (0.0, 0.0));
+}
+
+proptest::proptest! {
+    /// No text panics or hangs, and what is accepted is finite over the joint's range.
+    #[test]
+    fn no_text_breaks_it(text in "[cqdtk0-9+*/^(). ,-]{0,40}|(c|q|dq|ddq|t|temp|tau_rigid|sin|abs|min|step|\\(|\\)|\\*|-|/|,|3|0\\.5){0,20}") {
+        if let Ok((own, _)) = define("f", &text, Kind::Free, &BTreeMap::new(), &site()) {
+            let shape = own.priors.last().map_or(1.0, |prior| prior.mean);
+            for joints in states() {
+                for term in (own.terms)(&joints, 2, shape) {
+                    proptest::prop_assert!(term.rate.is_finite() && term.boundary.is_finite());
+                }
+            }
+        }
+    }
+}
