@@ -14,8 +14,8 @@
 //! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
 //! standard error of γ0 is 4 %, of the mean square itself 2 %: what the mean square has above γ0 is structure only as far as it is beyond
 //! the error of that. Structure that changes within a few windows counts as noise here
-//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. Judge the floor
-//! on the residual of the best model there is.
+//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. A log's floor is
+//! that of what a regression on the motion leaves ([`crate::detect::floor`]).
 
 use std::fmt;
 
