@@ -91,14 +91,18 @@ impl Yardsticks {
     pub(crate) fn over_all(joints: &[(f64, Self)]) -> Self {
         let judged = || joints.iter().filter(|(windows, _)| *windows > 0.0);
         let all = |of: &dyn Fn(&Self) -> f64| over_all(judged().map(|(n, own)| (*n, of(own))));
-        let is_known = judged().all(|(_, own)| own.noise_floor_rms.is_some());
+        let is_known = judged().next().is_some()
+            && judged().all(|(_, own)| own.noise_floor_rms.is_some());
         Self {
             zero_rms: all(&|own| own.zero_rms),
             cad_rms: all(&|own| own.cad_rms),
             given_rms: all(&|own| own.given_rms),
             noise_floor_rms: is_known.then(|| all(&|own| own.noise_floor_rms.unwrap_or(0.0))),
             noise_floor_is_upper_bound: judged().any(|(_, own)| own.noise_floor_is_upper_bound),
-            floor_unknown: judged().find_map(|(_, own)| own.floor_unknown),
+            floor_unknown: (!is_known).then(|| {
+                let reasons = judged().find_map(|(_, own)| own.floor_unknown);
+                reasons.unwrap_or(TOO_FEW)
+            }),
         }
     }
 
