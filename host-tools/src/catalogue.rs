@@ -1,4 +1,4 @@
-//! The effects that the desktop knows: core's catalogue and, beside it, those that a program registers.
+//! The effects that the desktop knows: core's catalogue, those that a program registers, and formulas of model files.
 //!
 //! Every room looks effects up here, so that a registered one is in model files, `add`, `identify`, `diagnose`, `compare` and pages.
 //!
@@ -146,19 +146,12 @@ fn check(effect: &OwnEffect) -> Result<(), RegisterError> {
         .ok_or(RegisterError::Parameters(name))
 }
 
-/// All effects, the catalogue's first, then those that were registered, in the order of that; of several formulas of one name the newest.
+/// All effects that any robot may have: the catalogue's first, then those that were registered, in the order of that. A formula is of the model
+/// that has it.
 pub fn effects() -> impl Iterator<Item = EffectKind> {
     let own = OWN.read().unwrap_or_else(PoisonError::into_inner).clone();
-    let is_newest = {
-        let own = own.clone();
-        move |(n, (effect, _)): &(usize, Own)| {
-            own[n + 1..]
-                .iter()
-                .all(|(later, _)| later.name() != effect.name())
-        }
-    };
-    let own = own.into_iter().enumerate().filter(is_newest);
-    let own = own.map(|(_, (effect, _))| effect);
+    let own = own.into_iter().filter(|(_, formula)| formula.is_none());
+    let own = own.map(|(effect, _)| effect);
     EffectKind::ALL.iter().copied().chain(own)
 }
 
@@ -167,9 +160,17 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     effects().map(EffectKind::name)
 }
 
-/// The effect of that name.
+/// The effect of that name; of several formulas the one that was defined last.
 pub fn effect_named(name: &str) -> Option<EffectKind> {
-    effects().find(|effect| effect.name() == name)
+    let own = || OWN.read().unwrap_or_else(PoisonError::into_inner);
+    EffectKind::from_name(name).or_else(|| newest(&own(), name).map(|(effect, _)| *effect))
+}
+
+/// Where an effect stands among all: formulas last.
+pub(crate) fn order(effect: EffectKind) -> usize {
+    effects()
+        .position(|known| known == effect)
+        .unwrap_or(usize::MAX)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod bodies;
 mod changed;
 mod complete;
 mod contact;
+mod formulas;
 mod free_base;
 mod path;
 mod report;
@@ -34,6 +35,7 @@ use crate::select::search::{Found, search};
 use crate::select::state::how;
 use crate::summary::ErrorRange;
 pub use changed::ChangedValue;
+pub use formulas::FoundFormula;
 pub use free_base::{FreeBaseDiagnosis, diagnose_free_base};
 use report::report;
 pub(crate) use summary::NEW_MODEL;
@@ -74,6 +76,9 @@ pub struct Diagnosis {
     /// Bodies that are not the CAD's, in words.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<String>,
+    /// Torques outside the catalogue that explain what it leaves; the path has them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub formulas: Vec<FoundFormula>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
     /// The logs.
@@ -322,7 +327,7 @@ fn judge(
     let twists = mended.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
     let other = bodies::of(&mended, &found, model);
-    let diagnosed = Diagnosed {
+    let mut diagnosed = Diagnosed {
         bodies: other,
         twists: twists.collect(),
         model,
@@ -336,7 +341,14 @@ fn judge(
         before: before.flatten(),
         found,
     };
-    Ok(report(&diagnosed))
+    let outside = diagnosed.outside();
+    let joints = diagnosed.unresolved();
+    let formulas = formulas::find(&mut diagnosed, &mended, &joints);
+    let outside = match formulas.is_empty() {
+        true => outside,
+        false => diagnosed.outside(),
+    };
+    Ok(report(&diagnosed, &outside, formulas))
 }
 
 /// A recording, walked to the end.

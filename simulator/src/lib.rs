@@ -31,7 +31,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
 
-pub use effect::{Description, HiddenKind, Instant, OwnHidden, Parameter as EffectParameter, Scope};
+pub use effect::{
+    Description, HiddenKind, Instant, OwnHidden, Parameter as EffectParameter, Scope,
+};
 pub use follow::{FollowError, Followed};
 pub use hidden::{HiddenEffect, HiddenError, Hide};
 use leg::SimulatedLeg;

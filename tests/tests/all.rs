@@ -26,6 +26,7 @@ mod diagnose;
 mod excite;
 mod export;
 mod faults;
+mod formulas;
 mod free_base;
 mod hidden_effect;
 mod identify_model;

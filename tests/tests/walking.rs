@@ -9,6 +9,7 @@ use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Imu, LEGS, Walk};
 use proprio_host::device::{BusStep, Device, DeviceError, Qemu, image};
 use proprio_host::estimate::Constraint;
 use proprio_host::identify::identify_free_base;
+use proprio_host::model::Model;
 use proprio_tests::walks::{self, WalkStep};
 use std::f64::consts::PI;
 
@@ -49,7 +50,8 @@ fn the_mass_is_mujocos_and_the_desktops() {
     for name in ["trot", "load", "flying", "sway"] {
         let truth = walks::mass(name);
         let log = [walks::log(name)];
-        let desktop = identify_free_base(&log, Constraint::Physical, |_, _| ()).unwrap();
+        let desktop =
+            identify_free_base(&log, &Model::default(), Constraint::Physical, |_, _| ()).unwrap();
         let desktop = *desktop.quantity("total_mass").unwrap();
         let ([double, std], single) = (walked::<f64>(name).mass, walked::<f32>(name).mass[0]);
         println!(

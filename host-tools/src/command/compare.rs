@@ -113,7 +113,7 @@ impl Compare {
         })
     }
 
-    /// The whole Go2, moving and in contact.
+    /// The whole robot, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
         let mut model = super::model_or_default(self.model.as_deref(), false)?;
         let left_out = self.change(&mut model)?;

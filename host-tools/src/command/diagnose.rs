@@ -186,7 +186,7 @@ impl Diagnose {
         )
     }
 
-    /// The whole Go2, moving and in contact.
+    /// The whole robot, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
         let model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let underway = Underway::new("Trying friction and loads");

@@ -1,7 +1,9 @@
 //! `proprio effects`: the catalogue.
 
 use crate::catalogue;
-use crate::model::UnknownName;
+use std::path::PathBuf;
+
+use crate::model::{Model, UnknownName};
 use clap::Args;
 use proprio_core::effect::{Description, Parameter};
 use serde::Serialize;
@@ -16,11 +18,15 @@ use super::result::result;
 #[command(after_help = "Examples:
   proprio effects
   proprio effects stribeck load_friction
+  proprio effects -m go2.toml
   proprio effects --json")]
 pub(crate) struct Effects {
     /// Only these
     #[arg(value_name = "EFFECT")]
     effects: Vec<String>,
+    /// With the formulas of this model file
+    #[arg(short, long, value_name = "MODEL")]
+    model: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -59,6 +65,7 @@ struct ParameterEntry {
 
 impl Effects {
     pub(crate) fn run(self) -> Result<String, Error> {
+        let model = self.model.as_deref().map(Model::load).transpose()?;
         let mut chosen = Vec::new();
         for name in &self.effects {
             let unknown = || UnknownName::new("effect", name, catalogue::names());
@@ -67,6 +74,10 @@ impl Effects {
         let at_length = !chosen.is_empty();
         if chosen.is_empty() {
             chosen.extend(catalogue::effects());
+            let own = model.iter().flat_map(Model::effects).map(|e| e.effect);
+            let own = own.filter(|effect| catalogue::formula_of(*effect).is_some());
+            chosen.extend(own);
+            chosen.dedup();
         }
         let report = Report {
             effects: chosen

@@ -44,6 +44,11 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::FreeBase(FreeBaseError::NoWindows(_)) => {
             Some("record moving joints at 500 Hz, without losing messages".to_owned())
         }
+        Error::FreeBase(FreeBaseError::NoFeet { .. }) => Some(
+            "say in the model file which link touches the ground: [[foot]] link = \"FL_FOOT\", radius = 0.02; points = [[…], …] of a flat foot"
+                .to_owned(),
+        ),
+        Error::FreeBase(FreeBaseError::Facts(unknown)) => unknown.nearest().map(|name| format!("did you mean `{name}`?")),
         Error::FreeBase(_) => None,
         Error::Mismatch { wrong, is_go2, has_imu, .. } => Some(match (wrong.first().map(|wrong| &wrong.kind), has_imu) {
             (Some(MismatchKind::NoBetterThanNothing(_)), _) if !is_go2 => {

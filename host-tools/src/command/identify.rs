@@ -53,10 +53,10 @@ pub(crate) struct Identify {
     /// Without it every body could exist, and friction and rotor inertia are at least zero.
     #[arg(long, conflicts_with = "physical")]
     free: bool,
-    /// The robot walks, sways or is swung: trunk and legs of a Go2, from logs with gyro/ and acc/ columns
+    /// The robot walks, sways or is swung: trunk and legs, from logs with gyro/ and acc/ columns
     ///
-    /// Nothing needs to be known of velocity, attitude or contact forces; foot/ columns help to tell which feet are in the air.
-    #[arg(long, conflicts_with_all = ["bus", "model", "base", "stages", "method"])]
+    /// Without a model that of a Go2; a model file says of another robot what its feet are and where its IMU is ([[foot]], [imu]). Nothing needs to be known of velocity, attitude or contact forces; foot/ columns help to tell which feet are in the air.
+    #[arg(long, conflicts_with_all = ["bus", "base", "stages", "method"])]
     free_base: bool,
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
@@ -168,10 +168,11 @@ impl Identify {
         Ok(format!("{fitted}{told}{open}"))
     }
 
-    /// The whole Go2, moving and in contact.
+    /// The whole robot, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
+        let given = super::model_or_default(self.model.as_deref(), false)?;
         let mut progress = Progress::new("Identifying");
-        let found = identify_free_base(&self.logs, self.constraint(), |done, total| {
+        let found = identify_free_base(&self.logs, &given, self.constraint(), |done, total| {
             progress.set(done, total);
         })?;
         drop(progress);
@@ -182,10 +183,10 @@ impl Identify {
             output::write(path, &judged("identify", found.error(), &found))?;
         }
         if let Some(path) = self.model_file() {
-            found.to_model(self.provenance()?)?.save(path)?;
+            found.to_model(&given, self.provenance()?)?.save(path)?;
         }
         if let Some(path) = &self.html {
-            let model = found.to_model(self.provenance()?)?;
+            let model = found.to_model(&given, self.provenance()?)?;
             let comparison = compare_free_base(&self.logs, &model, ValuesFrom::Given, |_, _| ())?;
             let page = pages::walk_identification(&found, &comparison);
             page.map_err(unreadable)?.write(path)?;

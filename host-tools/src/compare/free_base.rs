@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::DVector;
-use proprio_core::go2::{JOINT_NAMES, JOINTS};
 use serde::Serialize;
 
 use super::asked::{Asked, names};
@@ -11,9 +10,12 @@ use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, rank
 use crate::detect::JointSeries;
 use crate::detect::ladder::WALK;
 use crate::detect::residual;
-use crate::free_base::coordinates::COORDINATES;
+use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
+use crate::free_base::doubtful;
 use crate::free_base::fit::bare;
+use crate::free_base::free_tree::OF_BASE;
+use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FootEpisode, FreeBaseError, StanceShares, Walks, Windows};
 use crate::log::Samples;
@@ -38,6 +40,9 @@ pub struct FreeBaseComparison {
     /// What is said of each foot when; for plots.
     #[serde(skip)]
     pub feet: Vec<FootEpisode>,
+    /// Their names, in the order in which those count them.
+    #[serde(skip)]
+    pub names_of_feet: Vec<String>,
 }
 
 /// How well one coordinate's equation is met, root mean square.
@@ -55,7 +60,7 @@ pub struct CoordinateError {
     pub zero_rms: f64,
 }
 
-/// Compares a Go2's `model` with logs of it walking, taken together; what sensors get wrong, which is no robot's, is fitted always.
+/// Compares a robot's `model` with logs of it walking, taken together; what sensors get wrong, which is no robot's, is fitted always.
 /// `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
@@ -85,7 +90,8 @@ pub fn compare_free_base_without(
     let before = asked.before.as_ref();
     let before = before.map(|model| Ok::<_, FreeBaseError>((model, ModelStructure::of(model)?)));
     let before = before.transpose()?;
-    let walks = Walks::read(logs, progress)?;
+    let robot = structure.robot.clone();
+    let walks = Walks::read(logs, (model, &robot), progress)?;
     // The same rows for both: what one of them has is a candidate of the other.
     let data = Data::of(&walks, &structure, &structure.candidates(model))?;
     let judged = |model: &Model, structure: &ModelStructure| {
@@ -102,21 +108,25 @@ pub fn compare_free_base_without(
     let before = before.map(|(model, structure)| judged(model, &structure));
     let before = before.transpose()?;
     let (model_thetas, rms) = judged(model, &structure)?;
+    let doubtful = (model_thetas.first())
+        .map(|theta| doubtful::sensors(data.columns(), theta))
+        .unwrap_or_default();
     let rungs = walk_rungs(&data, &asked.file)?;
     let mut thetas = vec![model_thetas.iter().collect()];
     thetas.extend(rungs.iter().map(|theta| vec![theta]));
     thetas.extend(before.iter().map(|(thetas, _)| thetas.iter().collect()));
-    let mut all = vec![empty_series(); thetas.len()];
+    let mut all = vec![empty_series(&robot); thetas.len()];
     let by_coordinate = data.by_coordinate_and(&walks, &thetas, |equation| {
-        let Some(joint) = equation.coordinate.checked_sub(COORDINATES - JOINTS) else {
+        let Some(joint) = equation.coordinate.checked_sub(OF_BASE) else {
             return;
         };
         let walk = &walks.walks[equation.log].0;
         let end = equation.start + equation.window;
         let [first, end] = [equation.start, end].map(|t| walk.index_at(t));
-        let mean = |of: &[[f64; JOINTS]]| {
-            let own = &of[first..end.max(first + 1)];
-            own.iter().map(|x| x[joint]).sum::<f64>() / own.len() as f64
+        let mean = |of: &Channels| {
+            let own = first..end.max(first + 1);
+            let count = own.len() as f64;
+            own.map(|n| of[n][joint]).sum::<f64>() / count
         };
         for (series, predicted) in all.iter_mut().zip(equation.predicted) {
             let own = &mut series[joint];
@@ -175,21 +185,22 @@ pub fn compare_free_base_without(
             black_box: None,
             criticism,
             logs: logs.to_vec(),
-            warnings: [walks.warnings.clone(), data.warnings()].concat(),
+            warnings: [walks.warnings.clone(), data.warnings(), doubtful].concat(),
             series,
             baselines: baselines.named(),
         },
-        coordinates: coordinates(&by_coordinate),
-        windows: data.windows,
+        coordinates: coordinates(&by_coordinate, &robot),
+        windows: data.windows.clone(),
         stance: walks.stance(),
         samples: walks.samples(),
         feet: walks.episodes(),
+        names_of_feet: robot.feet.iter().map(|foot| foot.name.clone()).collect(),
     })
 }
 
 /// What every result of a walk is held against: no model, the CAD, the model file as it is given.
 pub(crate) fn walk_rungs(data: &Data, file: &Model) -> Result<[DVector<f64>; 3], FreeBaseError> {
-    let cad = ModelStructure::of(&Model::default())?;
+    let cad = ModelStructure::of(&file.bare())?;
     let as_given = given(data, file, &ModelStructure::of(file)?);
     Ok([
         DVector::zeros(data.columns().len()),
@@ -211,12 +222,12 @@ pub(crate) fn walk_yardsticks(data: &Data, rungs: &[DVector<f64>; 3]) -> Yardsti
 }
 
 /// No equation yet.
-fn empty_series() -> Vec<JointSeries> {
-    let series = |joint: &&str| JointSeries {
-        joint: (*joint).to_owned(),
+fn empty_series(robot: &Legged) -> Vec<JointSeries> {
+    let series = |joint: &String| JointSeries {
+        joint: joint.clone(),
         ..JointSeries::default()
     };
-    JOINT_NAMES.iter().map(series).collect()
+    robot.names.iter().map(series).collect()
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
@@ -234,14 +245,14 @@ fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64>
     theta
 }
 
-fn coordinates(left: &[Left]) -> Vec<CoordinateError> {
+fn coordinates(left: &[Left], robot: &Legged) -> Vec<CoordinateError> {
     let name = |c: usize| match c {
         0..6 => format!(
             "{}_{}:base",
             ["moment", "force"][c / 3],
             ["x", "y", "z"][c % 3]
         ),
-        _ => JOINT_NAMES[c - 6].to_owned(),
+        _ => robot.name(c - OF_BASE).to_owned(),
     };
     let of = |c: usize| CoordinateError {
         name: name(c),
@@ -250,7 +261,7 @@ fn coordinates(left: &[Left]) -> Vec<CoordinateError> {
         cad_rms: left[1].rms[c],
         zero_rms: left[2].rms[c],
     };
-    (0..COORDINATES).map(of).collect()
+    (0..robot.coordinates()).map(of).collect()
 }
 
 impl FreeBaseComparison {

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::changed::changed;
 use super::path::path;
 use super::{
-    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, JointError, ParameterReport,
-    Verdict, contact, words,
+    Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, FoundFormula, JointError,
+    ParameterReport, Verdict, contact, words,
 };
 use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
@@ -28,18 +28,26 @@ use crate::select::ranking::Judged;
 /// A joint with fewer windows in motion cannot be judged.
 const LEAST_WINDOWS: usize = 100;
 
-/// What was found, in values and words.
-pub(super) fn report(d: &Diagnosed) -> Diagnosis {
+/// What is left of a joint that is more than noise.
+pub(super) struct Left {
+    pub(super) joint: String,
+    pub(super) words: String,
+}
+
+/// What was found, in values and words; of what is left `outside` the catalogue, and the formulas found for it.
+pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula>) -> Diagnosis {
     let mut candidates = d.contacts();
     candidates.extend(d.catalogued());
     let joints = d.joint_errors();
     let (held_out_rms, log_rms, path) = path(d);
-    let outside_catalogue = d.outside();
+    let outside_catalogue: Vec<String> = (outside.iter())
+        .map(|left| format!("{}: {}", left.joint, left.words))
+        .collect();
     let still: Vec<&str> = (joints.iter())
         .filter(|j| j.n < LEAST_WINDOWS)
         .map(|j| &*j.joint)
         .collect();
-    let significant = candidates.iter().any(|c| c.significant);
+    let significant = candidates.iter().any(|c| c.significant) || !formulas.is_empty();
     let verdict = match (
         significant || !outside_catalogue.is_empty(),
         still.is_empty(),
@@ -76,6 +84,7 @@ pub(super) fn report(d: &Diagnosed) -> Diagnosis {
             .map(|(limb, twist)| words::twist(&d.name(limb, twist.joint), twist))
             .collect(),
         bodies: words::bodies(&d.bodies),
+        formulas,
         outside_catalogue,
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
@@ -265,7 +274,7 @@ impl Diagnosed<'_> {
     }
 
     /// What the catalogue's effects leave, joint by joint, where it is more than noise.
-    fn outside(&self) -> Vec<String> {
+    pub(super) fn outside(&self) -> Vec<Left> {
         let (mut series, mut drifting, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
         let fits: Vec<_> = self.found.end.fits.iter().enumerate().collect();
         let left = side_by_side(&fits, |(limb, fit)| {
@@ -316,7 +325,7 @@ impl Diagnosed<'_> {
         });
         let resolved = self.resolved();
         // One sentence a joint: they are of one cause, the first says most.
-        let mut told: Vec<(String, String)> = Vec::new();
+        let mut told: Vec<Left> = Vec::new();
         for (joint, words) in (structures.chain(boxes))
             .chain(drifting)
             .chain(bursts)
@@ -325,13 +334,24 @@ impl Diagnosed<'_> {
             if resolved.contains(&joint) {
                 continue;
             }
-            if told.iter().all(|(known, _)| *known != joint) {
-                told.push((joint, words));
+            if told.iter().all(|left| left.joint != joint) {
+                told.push(Left { joint, words });
             }
         }
-        told.into_iter()
-            .map(|(joint, words)| format!("{joint}: {words}"))
-            .collect()
+        told
+    }
+
+    /// The limbs and joints of which more is left than a sampled log resolves.
+    pub(super) fn unresolved(&self) -> Vec<(usize, usize)> {
+        let resolved = self.resolved();
+        let limbs = self.judged.iter().enumerate();
+        let of = |(limb, &n): (usize, &usize)| {
+            let names = self.all[n].joint_names().into_iter().enumerate();
+            let open = names.filter(|(_, name)| !resolved.contains(name));
+            open.map(move |(joint, _)| (limb, joint))
+                .collect::<Vec<_>>()
+        };
+        limbs.flat_map(of).collect()
     }
 
     /// The joints of which no more is left than a sampled log resolves. A torque that is reported in steps may be off by as much as

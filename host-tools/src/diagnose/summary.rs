@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Diagnosis, Verdict};
+use super::{Diagnosis, FoundFormula, Verdict};
 use crate::catalogue;
 use crate::model::Robot;
 use crate::summary::{Summary, joints_in_words, torque, typed, word};
@@ -19,6 +19,8 @@ pub(crate) const NEW_MODEL: &str = "go2.toml";
 /// An effect that the path has added and not taken out again.
 struct Missing {
     effect: &'static str,
+    /// What it is called on a screen: a formula by its torque.
+    shown: String,
     joints: Vec<String>,
     /// Held-out error before and after its largest step, N m.
     step: [f64; 2],
@@ -43,6 +45,7 @@ impl Diagnosis {
         let missing = self.missing();
         let all = self.joint_names();
         let mut points: Vec<String> = self.changes().into_iter().collect();
+        points.extend(self.found_formulas());
         if let Some((first, rest)) = self.second_encoder.split_first() {
             points.push(and_more(first, rest.len()));
         }
@@ -51,12 +54,15 @@ impl Diagnosis {
         }
         match &*missing {
             [] => (),
+            // A formula has its own point.
+            [one] if self.is_formula(one) => (),
             [one] => points.push(explained(one, &all)),
             more => {
                 // What every drive has goes together, so that what few have is never folded away.
                 let (drive, beyond): (Vec<&Missing>, Vec<&Missing>) =
                     more.iter().partition(|m| m.is_plain());
                 match &*beyond {
+                    [one] if self.is_formula(one) => (),
                     [one] => points.push(explained(one, &all)),
                     beyond => points.extend(listed("beyond the drive", beyond, &all)),
                 }
@@ -77,7 +83,7 @@ impl Diagnosis {
         let all = self.joint_names();
         let is_named = missing.len() <= NAMED;
         let names: Vec<String> = (missing.iter())
-            .map(|m| format!("{} ({})", m.effect, m.at(&all)))
+            .map(|m| format!("{} ({})", m.shown, m.at(&all)))
             .collect();
         let mut text = match (self.verdict, names.is_empty()) {
             (_, false) if is_named => format!("Missing: {}. ", names.join(", ")),
@@ -141,6 +147,7 @@ impl Diagnosis {
                 None if step.removed => (),
                 None => missing.push(Missing {
                     effect: step.effect,
+                    shown: self.shown(step.effect),
                     joints: step.joints.clone(),
                     step: [before, after],
                 }),
@@ -150,6 +157,25 @@ impl Diagnosis {
         missing.retain(|m| !m.joints.is_empty());
         missing.sort_by(|a, b| (b.step[0] - b.step[1]).total_cmp(&(a.step[0] - a.step[1])));
         missing
+    }
+
+    /// What an effect is called on a screen: a formula by its torque.
+    fn shown(&self, effect: &'static str) -> String {
+        let mut formulas = self.formulas.iter();
+        let formula = formulas.find(|formula| formula.effect == effect);
+        formula.map_or_else(|| effect.to_owned(), |formula| formula.torque.clone())
+    }
+
+    fn is_formula(&self, one: &Missing) -> bool {
+        self.formulas
+            .iter()
+            .any(|formula| formula.effect == one.effect)
+    }
+
+    /// The formulas that were found, in words.
+    fn found_formulas(&self) -> Option<String> {
+        let (first, rest) = self.formulas.split_first()?;
+        Some(and_more(&first.words(), rest.len()))
     }
 
     fn joint_names(&self) -> Vec<String> {
@@ -198,10 +224,12 @@ impl Diagnosis {
             if all.len() > 1 && all.iter().all(|name| m.joints.contains(name)) {
                 return vec![m.effect.to_owned()];
             }
-            m.joints
-                .iter()
-                .map(|joint| format!("{}:{joint}", m.effect))
-                .collect()
+            let of = |joint: &String| {
+                let mut formulas = self.formulas.iter();
+                let formula = formulas.find(|f| (f.effect, &f.joint) == (m.effect, joint));
+                formula.map_or_else(|| format!("{}:{joint}", m.effect), FoundFormula::to_add)
+            };
+            m.joints.iter().map(of).collect()
         };
         let effects: Vec<String> = missing.iter().flat_map(of).collect();
         let model = word(model.unwrap_or(Path::new(NEW_MODEL)));
@@ -228,8 +256,8 @@ fn explained(one: &Missing, all: &[String]) -> String {
     let [before, after] = one.step.map(torque);
     let at = one.at(all);
     match one.step[1] < one.step[0] {
-        true => format!("{}, {at}: {before} → {after} N m; {words}", one.effect),
-        false => format!("{}, {at}: {words}", one.effect),
+        true => format!("{}, {at}: {before} → {after} N m; {words}", one.shown),
+        false => format!("{}, {at}: {words}", one.shown),
     }
 }
 
@@ -247,7 +275,7 @@ fn listed(what: &str, effects: &[&Missing], all: &[String]) -> Option<String> {
             true => String::new(),
             false => format!(" → {after}"),
         };
-        format!("{}{at}{after}", m.effect)
+        format!("{}{at}{after}", m.shown)
     };
     let mut effects = effects.to_vec();
     effects.sort_by(|a, b| b.step[1].total_cmp(&a.step[1]));

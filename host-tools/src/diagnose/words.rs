@@ -82,6 +82,9 @@ impl Diagnosis {
         for sentence in &self.second_encoder {
             text += &format!("{sentence}\n");
         }
+        for formula in &self.formulas {
+            text += &format!("{}\n", formula.words());
+        }
         for sentence in self.bodies.iter().chain(&self.outside_catalogue) {
             text += sentence;
             text.push('\n');

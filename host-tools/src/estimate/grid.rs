@@ -62,7 +62,7 @@ pub(super) fn is_harmonic(effect: EffectKind) -> bool {
 }
 
 /// How far a shape moves that changes by the whole of its size: the shape itself where it is one, for a place the range of its grid.
-pub(super) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
+pub(crate) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
     let range = match place.0.description().searched() {
         Some((_, Grid::Positions)) => {
             let [from, to] = data.motion.positions(place.1);
@@ -106,7 +106,6 @@ fn tried_shapes(
     torque: &dyn Fn(usize) -> f64,
 ) -> Vec<f64> {
     let (effect, joint) = place;
-    let trajectory = &data.motion.joint[joint];
     let Some((_, grid)) = effect.description().searched() else {
         return Vec::new();
     };
@@ -120,16 +119,24 @@ fn tried_shapes(
         }
         Grid::Gaps | Grid::Resonances => values_to_try(data, model, place),
         _ => {
-            let speeds = trajectory.speed.iter();
-            let reach = Reach {
-                gear: gear(data, joint),
-                positions: data.motion.positions(joint),
-                duration: data.motion.time.last().copied().unwrap_or_default(),
-                least_displacement: least_displacement_of(data, place),
-                fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
-                speed_noise: trajectory.speed_noise,
-            };
+            let reach = Reach::of(data, joint, least_displacement_of(data, place));
             values(grid, &reach).unwrap_or_default()
+        }
+    }
+}
+
+impl Reach {
+    /// Of a joint of a limb.
+    pub(crate) fn of(data: &LimbData, joint: usize, least_displacement: f64) -> Self {
+        let trajectory = &data.motion.joint[joint];
+        let speeds = trajectory.speed.iter();
+        Self {
+            gear: gear(data, joint),
+            positions: data.motion.positions(joint),
+            duration: data.motion.time.last().copied().unwrap_or_default(),
+            least_displacement,
+            fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
+            speed_noise: trajectory.speed_noise,
         }
     }
 }

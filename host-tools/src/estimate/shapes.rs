@@ -435,7 +435,7 @@ fn beside(columns: Vectors, basis: &[Vec<f64>]) -> Vectors {
 }
 
 /// What of `x` is not in the span of `basis`, to unit length; `None` if nothing is.
-pub(super) fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
+pub(crate) fn orthonormal(mut x: Vec<f64>, basis: &[Vec<f64>]) -> Option<Vec<f64>> {
     let size = dot(&x, &x).sqrt();
     for b in basis {
         let share = dot(b, &x);

@@ -15,6 +15,7 @@
 //! - `expression`: the tree and its value, with a slope where one is asked
 //! - `parse`: text to tree
 //! - `columns`: tree to window columns
+//! - `grammar`: the terms that a search for an unknown torque goes through
 //! - `unit`: units, stated and found
 //! - `site`: the range of a joint's motion, in which a formula has to be finite and of its kind
 //! - `error`: why a formula is refused, and where in its text
@@ -22,6 +23,7 @@
 mod columns;
 mod error;
 mod expression;
+pub(crate) mod grammar;
 mod parse;
 mod site;
 mod unit;
@@ -347,7 +349,11 @@ pub fn torque(text: &str) -> Result<impl Fn(&Instant) -> f64 + Sync + use<>, For
     }
     let mut variables = parsed.expression.variables().into_iter();
     if variables.any(|v| v.signal == Signal::Acceleration) {
-        return Err(FormulaError::new(text, &whole, FormulaProblem::Acceleration));
+        return Err(FormulaError::new(
+            text,
+            &whole,
+            FormulaProblem::Acceleration,
+        ));
     }
     Ok(move |instant: &Instant| {
         let state = JointState {
@@ -473,6 +479,12 @@ const OF_SIZE: f64 = 8.0;
 const WIDTHS: [f64; 2] = [0.01, 3.0];
 const TIMES: [f64; 2] = [0.3, 300.0];
 const NUMBERS: [f64; 2] = [0.1, 10.0];
+/// Where a time constant is sought.
+pub(crate) const NUMBERED_TIMES: Grid = Grid::Values {
+    least: TIMES[0],
+    most: TIMES[1],
+    count: TRIED,
+};
 /// A motor's temperature, °C.
 const TEMPERATURES: [f64; 2] = [0.0, 100.0];
 

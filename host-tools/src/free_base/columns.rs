@@ -1,10 +1,11 @@
 //! Which column of a walk's rows is what: the bodies' parameters, the base's first; what the sensors get wrong; then effects of the joints.
 
+use std::sync::Arc;
+
 use proprio_core::effect::{EffectKind, Enters, Form, Grid, Input, Moved};
-use proprio_core::go2::{self, JOINTS};
 use proprio_core::inertia::INERTIAL;
 
-use super::coordinates::{BODIES, is_carried};
+use super::legged::Legged;
 use crate::catalogue;
 use crate::equation::column::{Column, columns_of};
 use crate::equation::values::{Place, load};
@@ -12,17 +13,10 @@ use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
 use crate::model::{BASE, Model};
 
-/// Where the sensors' columns begin, the accelerometer's first.
-pub(crate) const ACC: usize = INERTIAL * BODIES;
 /// Columns of the accelerometer's bias, m/s²; of the IMU's rotation from where it should be, rad; of delays, s, the last
-/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1.
-pub(crate) const SENSORS: usize = 15;
-/// Columns that rows have whatever the model: where those of effects begin.
-pub(crate) const FIXED: usize = ACC + SENSORS;
-
-/// Standard deviations of what a trunk may carry beyond its CAD: mass, kg; first moment about the trunk's centre of mass, kg m; inertia, kg m². A third
-/// of a Go2's trunk, on its back or under it, a box as large as the trunk.
-const LOAD_ON_TRUNK: [f64; 5] = [2.0, 0.3, 0.3, 0.3, 0.05];
+/// the accelerometer's beyond the gyro's; of the feet's radius beyond the CAD's, m; of the gyro's bias, rad/s; of both sensors' scales beyond 1; of the IMU's place beyond the CAD's, m, in the
+/// base's axes.
+pub(crate) const SENSORS: usize = 18;
 
 /// Whether a walk's rows have columns of an effect.
 ///
@@ -52,11 +46,12 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
 }
 
 /// All that rows of a walk can have columns of.
-pub(crate) fn all_places() -> Vec<Place> {
+pub(crate) fn all_places(robot: &Legged) -> Vec<Place> {
     let effects = catalogue::effects().filter(|effect| is_judged(*effect));
     let places = effects.flat_map(|effect| {
         let form = effect.description().form;
-        let joints = (0..JOINTS).filter(move |&joint| form != Form::Coupled || is_carried(joint));
+        let joints = (0..robot.joints())
+            .filter(move |&joint| form != Form::Coupled || robot.parents[joint].is_some());
         let base = (form == Form::Inertia).then_some(BASE);
         joints.chain(base).map(move |joint| (effect, joint))
     });
@@ -87,11 +82,15 @@ pub(crate) struct Linear {
 
 impl EffectSite {
     /// At the nonlinear parameter that a model gives, or else at the one that is expected.
-    pub(crate) fn of(model: &Model, place: Place, constraint: Constraint) -> Self {
+    pub(crate) fn of(
+        (model, robot): (&Model, &Legged),
+        place: Place,
+        constraint: Constraint,
+    ) -> Self {
         let description = place.0.description();
         let shape = description.shape().map_or(1.0, |n| {
             let given = model.effect(place.0, place.1).and_then(|e| e.estimates[n]);
-            given.map_or_else(|| prior(model, place, n).0, |given| given.value)
+            given.map_or_else(|| prior((model, robot), place, n).0, |given| given.value)
         });
         let mut site = Self {
             place,
@@ -102,7 +101,7 @@ impl EffectSite {
             .into_iter()
             .map(|(parameter, column)| {
                 let described = &description.parameters[parameter];
-                let (mean, std) = prior(model, place, parameter);
+                let (mean, std) = prior((model, robot), place, parameter);
                 let [lower, upper] = match constraint {
                     Constraint::Free => [f64::NEG_INFINITY, f64::INFINITY],
                     Constraint::Physical => [described.lower, described.upper],
@@ -152,9 +151,13 @@ impl EffectSite {
 }
 
 /// Mean and standard deviation of an effect's parameter before any data.
-pub(crate) fn prior(model: &Model, (effect, joint): Place, parameter: usize) -> (f64, f64) {
+pub(crate) fn prior(
+    (model, robot): (&Model, &Legged),
+    (effect, joint): Place,
+    parameter: usize,
+) -> (f64, f64) {
     if joint == BASE {
-        return (0.0, LOAD_ON_TRUNK[parameter]);
+        return (0.0, robot.load_on_trunk[parameter]);
     }
     let prior = match parameter {
         0 => model.effect_prior(effect, joint).prior,
@@ -164,23 +167,36 @@ pub(crate) fn prior(model: &Model, (effect, joint): Place, parameter: usize) -> 
 }
 
 /// The columns of a walk's rows.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct WalkColumns {
+    pub(crate) robot: Arc<Legged>,
     pub(crate) sites: Vec<EffectSite>,
 }
 
 impl WalkColumns {
+    /// Where the sensors' columns begin, the accelerometer's first.
+    pub(crate) fn acc(&self) -> usize {
+        INERTIAL * self.robot.bodies()
+    }
+
+    /// Columns that rows have whatever the model: where those of effects begin.
+    pub(crate) fn fixed(&self) -> usize {
+        self.acc() + SENSORS
+    }
+
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
         let effects = self.sites.iter().map(|site| site.linear.len());
-        FIXED + effects.sum::<usize>()
+        self.fixed() + effects.sum::<usize>()
     }
 
     /// The columns of effects in their order: each one's number among all, that of its effect, and which parameter it is of.
     pub(crate) fn effects(&self) -> impl Iterator<Item = (usize, usize, &Linear)> {
         let all = self.sites.iter().enumerate();
         let all = all.flat_map(|(n, site)| site.linear.iter().map(move |linear| (n, linear)));
-        (FIXED..).zip(all).map(|(k, (n, linear))| (k, n, linear))
+        (self.fixed()..)
+            .zip(all)
+            .map(|(k, (n, linear))| (k, n, linear))
     }
 
     /// The columns of an effect at a joint, in the order of its parameters; none where rows do not have it.
@@ -198,7 +214,7 @@ impl WalkColumns {
 
     /// The columns of loads: each one's number, its body counted from the base, and how much of the body's own columns it is.
     pub(super) fn loads(&self) -> Vec<(usize, usize, [f64; INERTIAL])> {
-        let cad = go2::free::<f64>();
+        let cad = &self.robot.tree;
         let of = |(k, _, linear): (usize, usize, &Linear)| match linear.column {
             Column::Load { body, n } => {
                 let b = body_of(body);

@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
-use proprio_core::go2::LEGS;
 
 use super::columns::{EffectSite, WalkColumns};
-use super::coordinates::{COORDINATES, Equations, SCALE};
 use super::error::FreeBaseError;
 use super::gravity;
 use super::moved_readings::MovedReadings;
@@ -99,7 +97,10 @@ impl Data {
         walks: &Walks,
         sites: Vec<EffectSite>,
     ) -> Result<Self, FreeBaseError> {
-        let setup = self.setup.with_columns(WalkColumns { sites });
+        let setup = self.setup.with_columns(WalkColumns {
+            robot: walks.robot.clone(),
+            sites,
+        });
         let (outside, moved) = (self.outside.clone(), self.moved.clone());
         Ok(Self {
             unseen: self.unseen.clone(),
@@ -117,8 +118,8 @@ impl Data {
                 if row.rank > 0 {
                     windows.push(LeftOfWindow {
                         start_us,
-                        measured: [f64::NAN; COORDINATES],
-                        left: [f64::NAN; COORDINATES],
+                        measured: vec![f64::NAN; walks.robot.coordinates()],
+                        left: vec![f64::NAN; walks.robot.coordinates()],
                     });
                 }
                 if let Some(own) = windows.last_mut() {
@@ -198,7 +199,7 @@ impl Data {
             return Err(FreeBaseError::NoWindows(Box::new(windows)));
         }
         Ok(Self {
-            gravity: gravity::length_rows(&walks.walks, columns),
+            gravity: gravity::length_rows(&walks.walks, &setup.columns),
             all: Sum::of(columns, blocks.iter()),
             parts: if parts {
                 parts_of(columns, &blocks)
@@ -229,9 +230,9 @@ impl Data {
 
     /// What a user should know about the windows.
     pub(crate) fn warnings(&self) -> Vec<String> {
-        let Windows { used, outside, .. } = self.windows;
+        let Windows { used, outside, .. } = &self.windows;
         let all = used + outside;
-        let many = outside as f64 > MANY * all as f64;
+        let many = *outside as f64 > MANY * all as f64;
         let told = many.then(|| {
             format!(
                 "{outside} of {all} windows are left out: what remains of each is more than {LIMIT:.0} times the usual, which is no noise and none of \
@@ -260,7 +261,7 @@ impl Data {
         thetas: &[Vec<&DVector<f64>>],
         mut tell: impl FnMut(&Equation<'_>),
     ) -> Vec<Left> {
-        let mut sums = vec![Sums::default(); thetas.len()];
+        let mut sums = vec![Sums::new(walks.robot.coordinates()); thetas.len()];
         self.each_equation(walks, thetas, |equation| {
             tell(&equation);
             for (sums, predicted) in sums.iter_mut().zip(equation.predicted) {
@@ -293,7 +294,7 @@ impl Data {
         let mut predicted = vec![0.0; thetas.len()];
         for (n, ((walk, stance), start)) in walks.walks.iter().zip(walks.starts()).enumerate() {
             each_row(walk, stance, self.linearised(n), &self.outside[n], |row| {
-                let scale = SCALE[row.coordinate];
+                let scale = walks.robot.scale[row.coordinate];
                 for (predicted, parts) in predicted.iter_mut().zip(thetas) {
                     let theta = self.of_the_part((n, row.start), walk, parts);
                     let terms = theta.iter().zip(&*row.numbers).map(|(x, a)| x * a);
@@ -330,8 +331,8 @@ pub(super) fn windows_of_all(walks: &Walks, setup: &RowSetup) -> Vec<Vec<WindowS
 pub(crate) struct LeftOfWindow {
     /// When the window began.
     pub(crate) start_us: u64,
-    pub(crate) measured: Equations,
-    pub(crate) left: Equations,
+    pub(crate) measured: Vec<f64>,
+    pub(crate) left: Vec<f64>,
 }
 
 /// An equation of a window, in N m (N of forces): what is measured, and what models say.
@@ -345,7 +346,7 @@ pub(crate) struct Equation<'a> {
     pub(crate) window: f64,
     pub(crate) coordinate: usize,
     /// Which feet may carry a force.
-    pub(crate) loaded: [bool; LEGS],
+    pub(crate) loaded: &'a [bool],
     pub(crate) measured: f64,
     pub(crate) predicted: &'a [f64],
 }
@@ -353,28 +354,40 @@ pub(crate) struct Equation<'a> {
 /// What a model leaves of each coordinate's equation: moments on the base (N m), forces on it (N), torques of the joints (N m).
 pub(crate) struct Left {
     /// Root mean square.
-    pub(crate) rms: [f64; COORDINATES],
+    pub(crate) rms: Vec<f64>,
     /// Correlation of windows that follow each other, and how many pairs of them tell it.
-    pub(crate) correlation: [f64; COORDINATES],
-    pub(crate) pairs: [u64; COORDINATES],
+    pub(crate) correlation: Vec<f64>,
+    pub(crate) pairs: Vec<u64>,
 }
 
 /// A window that begins so many lengths after another follows it; what lies between is left out else, and a correlation would be none of neighbours.
 const FOLLOWS: f64 = 1.5;
 
-#[derive(Clone, Default)]
+#[derive(Clone)]
 struct Sums {
-    squares: [f64; COORDINATES],
-    windows: [u64; COORDINATES],
+    squares: Vec<f64>,
+    windows: Vec<u64>,
     /// Of pairs of windows: products, and mean squares.
-    products: [f64; COORDINATES],
-    pair_squares: [f64; COORDINATES],
-    pairs: [u64; COORDINATES],
+    products: Vec<f64>,
+    pair_squares: Vec<f64>,
+    pairs: Vec<u64>,
     /// When the last window began, s, and what was left of it.
-    last: [Option<(f64, f64)>; COORDINATES],
+    last: Vec<Option<(f64, f64)>>,
 }
 
 impl Sums {
+    fn new(coordinates: usize) -> Self {
+        let zeros = || vec![0.0; coordinates];
+        Self {
+            squares: zeros(),
+            windows: vec![0; coordinates],
+            products: zeros(),
+            pair_squares: zeros(),
+            pairs: vec![0; coordinates],
+            last: vec![None; coordinates],
+        }
+    }
+
     fn add(&mut self, equation: &Equation<'_>, left: f64) {
         let c = equation.coordinate;
         self.squares[c] += left * left;
@@ -390,11 +403,13 @@ impl Sums {
 
     fn told(&self) -> Left {
         Left {
-            rms: std::array::from_fn(|c| (self.squares[c] / self.windows[c].max(1) as f64).sqrt()),
-            correlation: std::array::from_fn(|c| {
-                self.products[c] / self.pair_squares[c].max(f64::MIN_POSITIVE)
-            }),
-            pairs: self.pairs,
+            rms: (self.squares.iter().zip(&self.windows))
+                .map(|(squares, windows)| (squares / (*windows).max(1) as f64).sqrt())
+                .collect(),
+            correlation: (self.products.iter().zip(&self.pair_squares))
+                .map(|(products, squares)| products / squares.max(f64::MIN_POSITIVE))
+                .collect(),
+            pairs: self.pairs.clone(),
         }
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::windows::Windows;
 use crate::log::LogError;
+use crate::name::UnknownName;
 
 /// Why no parameters come out of a walk.
 #[derive(Debug, thiserror::Error)]
@@ -26,9 +27,23 @@ pub enum FreeBaseError {
         .0.cut, .0.impact, .0.gap, .0.still, .0.rejected
     )]
     NoWindows(Box<Windows>),
-    /// Walks are of a Go2.
-    #[error("--free-base knows a Go2 alone, and the model is another robot's")]
-    NotAGo2,
+    /// Nothing is said of what touches the ground.
+    #[error(
+        "no foot of {robot} is known: its description has no link of that name at the end of a limb, and the model states no [[foot]]"
+    )]
+    NoFeet {
+        /// The robot.
+        robot: String,
+    },
+    /// What hangs on the base does not walk.
+    #[error("the foot {foot} is on a link that is fixed to the base: no joint moves it")]
+    FootOnBase {
+        /// Its name.
+        foot: String,
+    },
+    /// A foot or an IMU is on a link that is none.
+    #[error("{0}")]
+    Facts(UnknownName),
     /// An effect that walks are not judged with.
     #[error(
         "a walk does not tell {effect} at {place}: it would need the transmitted torque, which contact forces leave open, or another sensor; \

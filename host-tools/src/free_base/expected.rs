@@ -4,20 +4,19 @@ use std::path::Path;
 
 use super::data::Data;
 use super::error::FreeBaseError;
-use super::fit::FIRST_NOISE;
-use super::imu::imu;
 use super::stance::Stance;
 use super::structure::ModelStructure;
 use super::walk::{Played, Walk};
 use super::walks::Walks;
 use crate::estimate::bounded::inverse;
+use crate::model::Model;
 
 /// Standard deviations of all parameters, in the order of the columns.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Expected {
     /// Before any data.
     pub(crate) prior_std: Vec<f64>,
-    /// After the motion, if residuals are independent and as large as a fit takes them to be before it knows them ([`FIRST_NOISE`]).
+    /// After the motion, if residuals are independent and as large as a fit takes them to be before it knows them ([`FIRST_NOISE`](super::legged::FIRST_NOISE)).
     pub(crate) std: Vec<f64>,
 }
 
@@ -29,9 +28,11 @@ pub(crate) fn expected(
     structure: &ModelStructure,
     played: Vec<Played>,
 ) -> Result<Expected, FreeBaseError> {
-    let walk = Walk::of_motion(&played);
-    let stance = Stance::of(&walk, &imu());
+    let robot = structure.robot.clone();
+    let walk = Walk::of_motion(&played, &robot);
+    let stance = Stance::of(&walk, &robot);
     let walks = Walks {
+        robot,
         walks: vec![(walk, stance)],
         warnings: Vec::new(),
     };
@@ -43,15 +44,18 @@ pub(crate) fn expected(
 /// # Errors
 /// As of an identification.
 pub(crate) fn expected_of_log(
-    structure: &ModelStructure,
+    (model, structure): (&Model, &ModelStructure),
     log: &Path,
 ) -> Result<Expected, FreeBaseError> {
-    of_walks(structure, &Walks::read(&[log.to_owned()], |_, _| ())?)
+    of_walks(
+        structure,
+        &Walks::read(&[log.to_owned()], (model, &structure.robot), |_, _| ())?,
+    )
 }
 
 fn of_walks(structure: &ModelStructure, walks: &Walks) -> Result<Expected, FreeBaseError> {
     let data = Data::unjudged(walks, structure)?;
-    let problem = data.problem(structure, FIRST_NOISE);
+    let problem = data.problem(structure, structure.robot.first_noise);
     let start = problem.start();
     let prior = problem.prior_root(&start);
     let solution = problem.solve().ok_or(FreeBaseError::Unsolvable)?;

@@ -4,9 +4,8 @@
 use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
 
-use super::columns::{ACC, SENSORS};
+use super::columns::SENSORS;
 use super::data::{Data, Sum};
-use super::sensors;
 use super::structure::ModelStructure;
 use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
@@ -14,8 +13,7 @@ use crate::estimate::deviation::{BlockScore, sandwich};
 use crate::estimate::fit::{HOLD_ROUNDS, hold};
 use crate::estimate::robot::side_by_side;
 
-/// The noise of an equation before a fit tells it, and the least that is believed, N m.
-pub(crate) const FIRST_NOISE: f64 = 0.1;
+/// The least noise of an equation that is believed, N m.
 const LEAST_NOISE: f64 = 1e-4;
 /// Times that the noise of a fit without bounds is taken from what the one before leaves.
 const NOISE_ROUNDS: usize = 2;
@@ -64,7 +62,7 @@ impl Fit {
         let tightness = |loaded: bool| if loaded { f64::INFINITY } else { 1.0 };
         let bodies = structure.bodies.iter();
         let mut tightness: Vec<f64> = bodies.map(|body| tightness(body.loaded)).collect();
-        let mut noise = near.map_or(FIRST_NOISE, |near| near.noise);
+        let mut noise = near.map_or(structure.robot.first_noise, |near| near.noise);
         let active = structure.active(data.columns());
         let rows = some_columns(&sum.rows, &active);
         let rows = if rows.nrows() > rows.ncols() {
@@ -226,7 +224,7 @@ impl Data {
         let active = whole.active(columns);
         let gravity = some_columns(&self.gravity, &active);
         let solved = |sum: &&Sum| {
-            let (mut noise, mut theta) = (FIRST_NOISE, DVector::zeros(0));
+            let (mut noise, mut theta) = (structure.robot.first_noise, DVector::zeros(0));
             let own = some_columns(&sum.rows, &active);
             for _ in 0..NOISE_ROUNDS {
                 let problem = problem(self, weighed(&own, &gravity, noise), &whole);
@@ -253,8 +251,9 @@ impl Data {
 
     /// The same parameters with what sensors get wrong as it fits them best.
     pub(crate) fn with_sensors(&self, theta: &DVector<f64>) -> DVector<f64> {
+        let acc = self.columns().acc();
         let mut theta = theta.clone();
-        theta.rows_mut(ACC, SENSORS).fill(0.0);
+        theta.rows_mut(acc, SENSORS).fill(0.0);
         let rows = weighed(
             &self.all.rows,
             &self.gravity,
@@ -262,19 +261,20 @@ impl Data {
         );
         let mut own = DMatrix::zeros(rows.nrows() + SENSORS, SENSORS + 1);
         own.view_mut((0, 0), (rows.nrows(), SENSORS))
-            .copy_from(&rows.columns(ACC, SENSORS));
+            .copy_from(&rows.columns(acc, SENSORS));
         let columns = theta.len();
         let left = rows.column(columns) - rows.columns(0, columns) * &theta;
         own.view_mut((0, SENSORS), (rows.nrows(), 1))
             .copy_from(&left);
-        (0..SENSORS).for_each(|n| own[(rows.nrows() + n, n)] = 1.0 / sensors::STD[n]);
+        let std = &self.columns().robot.sensor_std;
+        (0..SENSORS).for_each(|n| own[(rows.nrows() + n, n)] = 1.0 / std[n]);
         let solved = triangle(own);
         // Each has a prior: the triangle has no zero on its diagonal.
         let found = solved
             .view((0, 0), (SENSORS, SENSORS))
             .solve_upper_triangular(&solved.view((0, SENSORS), (SENSORS, 1)));
         if let Some(found) = found {
-            theta.rows_mut(ACC, SENSORS).copy_from(&found);
+            theta.rows_mut(acc, SENSORS).copy_from(&found);
         }
         theta
     }

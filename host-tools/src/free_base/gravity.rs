@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, Matrix2, Matrix2x3, Rotation3, Vector2, Vector3};
 use proprio_core::tree::GRAVITY;
 
-use super::columns::ACC;
+use super::columns::WalkColumns;
 use super::sensors::ACC_SCALE;
 use super::stance::Stance;
 use super::walk::Walk;
@@ -98,16 +98,17 @@ fn mean(bins: &[Bin], k: usize) -> Vector3<f64> {
 
 /// What gravity's length tells of the accelerometer's bias: a row per walk, of all columns and the right-hand side, in units of its deviation. All walks
 /// are taken to be of one place, whose gravity nobody has measured.
-pub(super) fn length_rows(walks: &[(Walk, Stance)], columns: usize) -> DMatrix<f64> {
+pub(super) fn length_rows(walks: &[(Walk, Stance)], of: &WalkColumns) -> DMatrix<f64> {
+    let (acc, columns) = (of.acc(), of.len());
     let told = walks.iter();
     let told = told.filter_map(|(walk, stance)| walk.gravity(stance.held.contains(&true)));
     let told: Vec<_> = told.collect();
     let mut rows = DMatrix::zeros(told.len(), columns + 1);
     for (r, gravity) in told.iter().enumerate() {
         for n in 0..3 {
-            rows[(r, ACC + n)] = gravity.up[n];
+            rows[(r, acc + n)] = gravity.up[n];
         }
-        rows[(r, ACC + ACC_SCALE)] = GRAVITY;
+        rows[(r, acc + ACC_SCALE)] = GRAVITY;
         rows[(r, columns)] = gravity.excess;
     }
     let covariance = DMatrix::from_fn(told.len(), told.len(), |r, c| {

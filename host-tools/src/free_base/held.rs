@@ -6,7 +6,6 @@
 //! the base.
 
 use super::walk::Walk;
-use proprio_core::tree::GRAVITY;
 
 /// Forces are means over this time to both sides, s: half a step of a slow gait, for impacts are short and hard.
 const SPREAD: f64 = 0.2;
@@ -17,8 +16,6 @@ const LEAST_BY_FEET: f64 = 0.6;
 const FLIGHT: f64 = 0.4;
 /// Who holds a robot takes up its weight, and sets it down, over this time before and after, s.
 const GUARD: f64 = 0.3;
-/// Standard gravity times the CAD's mass, N.
-const WEIGHT: f64 = GRAVITY * 15.0;
 
 /// Forces along the direction up, N.
 #[derive(Debug, Clone, Copy)]
@@ -29,15 +26,15 @@ pub(super) struct Support {
     pub(super) by_feet: f64,
 }
 
-/// The samples at which the feet are not alone.
-pub(super) fn samples(walk: &Walk, support: &[Support]) -> Vec<bool> {
+/// The samples at which the feet are not alone; `weight` is that of the CAD, N.
+pub(super) fn samples(walk: &Walk, support: &[Support], weight: f64) -> Vec<bool> {
     let sums = running(support);
     let at: Vec<f64> = (0..walk.len())
         .filter(|&n| {
             let [first, last] = [-SPREAD, SPREAD].map(|s| walk.index_at(walk.seconds(n) + s));
             let count = (last - first).max(1) as f64;
             let [needed, by_feet] = [0, 1].map(|k| (sums[last][k] - sums[first][k]) / count);
-            needed > FLIGHT * WEIGHT && by_feet < LEAST_BY_FEET * needed
+            needed > FLIGHT * weight && by_feet < LEAST_BY_FEET * needed
         })
         .map(|n| walk.seconds(n))
         .collect();

@@ -5,36 +5,32 @@
 //! e = d(boundary)/dt + rate the window's column is Σ P D S_j (half the differences of the boundary to both sides + rate × the time that the sample stands
 //! for), the same sum as the core's.
 
-use nalgebra::SVector;
-use proprio_core::contact::{Foot, Projector};
 use proprio_core::effect::{Input, JointState, Term};
-use proprio_core::go2::{JOINTS, LEGS};
-use proprio_core::spatial::Transform;
-use proprio_core::tree::Tree;
 use proprio_core::walk::stance::SPREAD;
 
+use super::channels::Channels;
 use super::columns::{EffectSite, WalkColumns};
-use super::coordinates::{BODIES, COORDINATES, Equations, FIRST_JOINT, scale};
-use super::imu::imu;
+use super::free_tree::{OF_BASE, Pose};
+use super::projector::Projector;
+use super::row_setup::RowSetup;
+use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
 use crate::equation::column::Column;
 use crate::equation::presliding::Way;
 use crate::log::BRIDGED;
 
-/// The robot's mechanics, its feet, and which of these may carry a force.
-pub(super) type Contact<'a> = (
-    &'a Tree<f64, BODIES, COORDINATES>,
-    [Foot<f64>; LEGS],
-    &'a Stance,
-);
+/// What the rows are made at, what the sensors read, and which feet may carry a force.
+pub(super) type Contact<'a> = (&'a RowSetup, &'a Sensors, &'a Stance);
 
 /// What a window's samples make of a joint's torque in each equation.
 pub(crate) struct Projection<'a> {
     states: &'a JointStates<'a>,
     span: Span,
-    /// P D S_j, sample by sample and joint by joint.
-    passes: Vec<[Equations; JOINTS]>,
+    /// How many equations there are.
+    width: usize,
+    /// P D S_j, sample by sample: joint by joint, of each equation.
+    passes: Vec<Vec<f64>>,
 }
 
 /// The samples of a window.
@@ -85,40 +81,42 @@ impl<'a> Projection<'a> {
     /// Of the window of these samples; equations of joints that are `resting` are left out. `contact` is what feet may carry a force, and where.
     pub(super) fn of(
         states: &'a JointStates<'a>,
-        (tree, feet, stance): &Contact<'_>,
+        (setup, sensors, stance): Contact<'_>,
         samples: &[usize],
-        resting: &[bool; JOINTS],
+        resting: &[bool],
     ) -> Self {
-        let walk = states.walk;
-        let scale = scale(resting);
-        let imu = imu();
-        let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
+        let (walk, robot) = (states.walk, &*setup.columns.robot);
+        let scale = robot.scale_beside(resting);
+        let (width, joints) = (scale.len(), robot.joints());
+        let mut projector = Projector::default();
+        let mut pose = Pose::default();
         let passes = samples.iter().map(|&n| {
-            let q =
-                SVector::from_fn(|c, _| c.checked_sub(FIRST_JOINT).map_or(0.0, |j| walk.q[n][j]));
-            let placements = tree.placements(&Transform::identity(), &q);
-            let down = imu.rotation * walk.down[n];
-            let loaded = stance.loaded[n];
-            projector.update(tree, &placements, feet, loaded, &down, &scale);
-            std::array::from_fn(|j| {
-                let mut unit = SVector::zeros();
-                unit[FIRST_JOINT + j] = scale[FIRST_JOINT + j];
-                projector.apply(&unit).into()
-            })
+            setup.tree.place(&walk.q[n], &mut pose);
+            let down = robot.imu.rotation * walk.down[n];
+            let points = sensors.points(robot, &stance.loaded[n]);
+            projector.update(&setup.tree, &pose, points.iter(), &down, &scale);
+            let mut all = vec![0.0; joints * width];
+            for (j, own) in all.chunks_exact_mut(width).enumerate() {
+                own[OF_BASE + j] = scale[OF_BASE + j];
+                projector.apply(own);
+            }
+            all
         });
         let passes = passes.collect();
         Self {
             span: Span::of(walk, samples),
+            width,
             passes,
             states,
         }
     }
 
     /// Adds the mean of a torque at a joint over the window to its equations; `term` tells it sample by sample.
-    pub(crate) fn add(&self, joint: usize, term: impl Fn(usize) -> Term<f64>, to: &mut Equations) {
+    pub(crate) fn add(&self, joint: usize, term: impl Fn(usize) -> Term<f64>, to: &mut [f64]) {
         for (impulse, passes) in self.span.impulses(term).into_iter().zip(&self.passes) {
             let mean = impulse / self.span.seconds;
-            for (to, pass) in to.iter_mut().zip(&passes[joint]) {
+            let own = &passes[self.width * joint..][..self.width];
+            for (to, pass) in to.iter_mut().zip(own) {
                 *to += mean * pass;
             }
         }
@@ -130,8 +128,8 @@ impl<'a> Projection<'a> {
     }
 
     /// A column of an effect, per unit of its parameter; nothing for what is no torque at a joint.
-    pub(crate) fn column(&self, site: usize, column: &Column) -> Equations {
-        let mut all = [0.0; COORDINATES];
+    pub(crate) fn column(&self, site: usize, column: &Column) -> Vec<f64> {
+        let mut all = vec![0.0; self.width];
         self.states.each_torque(site, column, |joint, term| {
             self.add(joint, term, &mut all);
         });
@@ -142,17 +140,19 @@ impl<'a> Projection<'a> {
 /// What effects see of a walk's joints.
 pub(crate) struct JointStates<'a> {
     pub(super) walk: &'a Walk,
+    /// The joint that carries each.
+    parents: &'a [Option<usize>],
     /// Of each effect with bristles their impulse, sample by sample.
     bristles: Vec<Option<Vec<f64>>>,
     /// The torque that the gears transmit, if an effect asks, N m.
-    load: Vec<[f64; JOINTS]>,
+    load: Option<Channels>,
 }
 
 impl<'a> JointStates<'a> {
     /// As the effects of columns that are `wanted`, by their numbers, see them.
     pub(super) fn of(
         walk: &'a Walk,
-        columns: &WalkColumns,
+        columns: &'a WalkColumns,
         wanted: impl Fn(usize) -> bool,
     ) -> Self {
         let asks =
@@ -164,10 +164,11 @@ impl<'a> JointStates<'a> {
         Self {
             bristles: columns.sites.iter().enumerate().map(bristles).collect(),
             load: if all.any(|n| asks(n, Input::TransmittedTorque)) {
-                smoothed_torque(walk)
+                Some(smoothed_torque(walk))
             } else {
-                Vec::new()
+                None
             },
+            parents: &columns.robot.parents,
             walk,
         }
     }
@@ -190,7 +191,10 @@ impl<'a> JointStates<'a> {
                 effect.terms(&self.joint(k, joint, site), shape)[n]
             }),
             Column::Coupled { joint, effect, n } => {
-                for (own, other) in [joint, joint - 1].into_iter().zip([joint - 1, joint]) {
+                let Some(above) = self.parents[joint] else {
+                    return;
+                };
+                for (own, other) in [(joint, above), (above, joint)] {
                     let state = |k: usize, j: usize| self.joint(k, j, site);
                     tell(own, &|k| {
                         effect.coupled(&state(k, own), &state(k, other))[n]
@@ -214,8 +218,8 @@ impl<'a> JointStates<'a> {
             time: walk.seconds(n),
             ..JointState::reported(walk.q[n][j], walk.dq[n][j], walk.tau[n][j])
         };
-        if let Some(load) = self.load.get(n) {
-            state.load = load[j];
+        if let Some(load) = &self.load {
+            state.load = load[n][j];
         }
         if let Some(Some(impulse)) = self.bristles.get(site) {
             state.presliding = impulse[n];
@@ -243,13 +247,13 @@ pub(crate) fn bristles(walk: &Walk, joint: usize, displacement: f64) -> Vec<f64>
 
 /// Each joint's measured torque, the mean over [`SPREAD`] to both sides, N m. A stance leaves the transmitted torque open, so that no model can tell it;
 /// of a torque of ten N m the noise of one sample, 0.2 N m, is one part in 10⁴ of its square, and less in the mean.
-fn smoothed_torque(walk: &Walk) -> Vec<[f64; JOINTS]> {
-    let of = |n: usize| {
+fn smoothed_torque(walk: &Walk) -> Channels {
+    let of = |n: usize, j: usize| {
         let t = walk.seconds(n);
         let [first, end] = [t - SPREAD, t + SPREAD].map(|t| walk.index_at(t));
         let own = first..end.max(n + 1);
         let count = own.len() as f64;
-        std::array::from_fn(|j| own.clone().map(|m| walk.tau[m][j]).sum::<f64>() / count)
+        own.map(|m| walk.tau[m][j]).sum::<f64>() / count
     };
-    (0..walk.len()).map(of).collect()
+    Channels::from_fn(walk.len(), walk.tau.width(), of)
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::columns::{EffectSite, WalkColumns};
+use super::columns::EffectSite;
 use super::data::{Data, Moved, windows_of_all};
 use super::error::FreeBaseError;
 use super::outside::{self, Squares};
@@ -29,9 +29,8 @@ impl Data {
         candidates: &[EffectSite],
     ) -> Result<Self, FreeBaseError> {
         let torques = candidates.iter().filter(|site| site.is_torque()).cloned();
-        let judged = Arc::new(WalkColumns {
-            sites: structure.effects.iter().cloned().chain(torques).collect(),
-        });
+        let sites = structure.effects.iter().cloned().chain(torques).collect();
+        let judged = Arc::new(structure.columns_of(sites));
         let mut setup = RowSetup::cad(judged.clone());
         // Which samples are a window's no parameter tells.
         let windows = windows_of_all(walks, &setup);
@@ -61,9 +60,7 @@ impl Data {
         }
         if !candidates.is_empty() {
             let sites = structure.effects.iter().chain(candidates).cloned();
-            setup = setup.with_columns(WalkColumns {
-                sites: sites.collect(),
-            });
+            setup = setup.with_columns(structure.columns_of(sites.collect()));
         }
         let mut data = Self::made(walks, setup, outside, true, Moved::Of(&windows))?;
         if data.windows.outside > 0 {

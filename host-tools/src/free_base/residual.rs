@@ -4,22 +4,17 @@
 //! A row has a column for each of 130 inertial parameters; where the parameters are known, H q̇ and Cᵀ q̇ of the bodies are all that is needed. What
 //! sensors get wrong is found by differences of these, a dozen or two for each window.
 
-use nalgebra::{SVector, Vector3};
-use proprio_core::contact::Projector;
-use proprio_core::go2::{JOINTS, LEGS};
+use nalgebra::Vector3;
 use proprio_core::spatial::{Motion, Transform};
-use proprio_core::tree::Kinematics;
 
-use super::coordinates::{BODIES, COORDINATES, Equations, FIRST_JOINT, scale};
-use super::imu::imu;
+use super::free_tree::{Moving, OF_BASE};
 use super::projection::{JointStates, Span};
+use super::projector::Projector;
 use super::row_setup::RowSetup;
 use super::sensors::Sensors;
 use super::stance::Stance;
 use super::walk::Walk;
 use super::windows::WindowSamples;
-
-type Coordinates = SVector<f64, COORDINATES>;
 
 /// What windows leave at the parameters of `setup`, N m (N of forces), as rows are scaled: of a walk as these sensors read it.
 pub(super) fn residuals(
@@ -28,7 +23,7 @@ pub(super) fn residuals(
     setup: &RowSetup,
     sensors: &Sensors,
     windows: &[WindowSamples],
-) -> Vec<Equations> {
+) -> Vec<Vec<f64>> {
     let walk = sensors.corrected(walk);
     let valued = |site: usize| {
         let mut own = setup.columns.effects();
@@ -40,6 +35,7 @@ pub(super) fn residuals(
         stance,
         setup,
         sensors,
+        imu: sensors.imu(&setup.columns.robot),
     };
     let of = |window: &WindowSamples| at.residual(window, &states);
     windows.iter().map(of).collect()
@@ -51,49 +47,65 @@ struct Instants<'a> {
     stance: &'a Stance,
     setup: &'a RowSetup,
     sensors: &'a Sensors,
+    /// In the base.
+    imu: Transform<f64>,
 }
 
 impl Instants<'_> {
-    fn residual(&self, window: &WindowSamples, states: &JointStates<'_>) -> Equations {
+    fn residual(&self, window: &WindowSamples, states: &JointStates<'_>) -> Vec<f64> {
         let span = Span::of(self.walk, &window.samples);
         let effects = self.effects(&span, states);
-        let scale = scale(&window.resting);
-        let mut kinematics = Kinematics::new();
-        let mut projector = Projector::<f64, COORDINATES, { 3 * LEGS }>::new();
-        let (feet, imu) = (self.sensors.feet(), imu());
+        let robot = &*self.setup.columns.robot;
+        let scale = robot.scale_beside(&window.resting);
+        let width = scale.len();
+        let mut moving = Moving::default();
+        let mut projector = Projector::default();
         let velocities = self.velocities(&span.samples);
-        let mut left = Coordinates::zeros();
-        let mut last: Option<(Coordinates, Coordinates)> = None;
-        let mut project = |projector: &Projector<_, _, _>, force: &Coordinates| {
-            left += projector.apply(&Coordinates::from_fn(|c, _| scale[c] * force[c]));
+        let mut left = vec![0.0; width];
+        let mut project = |projector: &Projector, force: &mut [f64]| {
+            force.iter_mut().zip(&scale).for_each(|(x, s)| *x *= s);
+            projector.apply(force);
+            left.iter_mut().zip(force).for_each(|(sum, x)| *sum += *x);
         };
+        let [mut momentum, mut rate, mut force] = [0; 3].map(|_| vec![0.0; width]);
+        let [mut last_momentum, mut last_force] = [0; 2].map(|_| vec![0.0; width]);
         for (k, &n) in span.samples.iter().enumerate() {
-            let (momentum, rate) = self.momentum(n, &velocities[k], &mut kinematics);
+            self.momentum(n, &velocities[k], &mut moving, (&mut momentum, &mut rate));
             let [before, after] = span.halves[k];
-            let mut force = rate * (before + after);
-            for j in 0..JOINTS {
-                force[FIRST_JOINT + j] += effects[k][j] - self.walk.tau[n][j] * (before + after);
+            for (force, rate) in force.iter_mut().zip(&rate) {
+                *force = rate * (before + after);
+            }
+            let torques = effects[k].iter().zip(&self.walk.tau[n]);
+            for (force, (effect, tau)) in force[OF_BASE..].iter_mut().zip(torques) {
+                *force += effect - tau * (before + after);
             }
             // The projector of a sample is multiplied with half of what the momentum changes by to both sides.
-            if let Some((last_momentum, last_force)) = last {
-                let half = (momentum - last_momentum) * 0.5;
-                force += half;
-                project(&projector, &(last_force + half));
+            if k > 0 {
+                for c in 0..width {
+                    let half = (momentum[c] - last_momentum[c]) * 0.5;
+                    force[c] += half;
+                    last_force[c] += half;
+                }
+                project(&projector, &mut last_force);
             }
-            last = Some((momentum, force));
-            let down = imu.rotation * self.walk.down[n];
-            let (tree, loaded) = (&self.setup.tree, self.stance.loaded[n]);
-            projector.update(tree, &kinematics.placements, &feet, loaded, &down, &scale);
+            std::mem::swap(&mut momentum, &mut last_momentum);
+            std::mem::swap(&mut force, &mut last_force);
+            let down = self.imu.rotation * self.walk.down[n];
+            let points = self.sensors.points(robot, &self.stance.loaded[n]);
+            let (tree, pose) = (&self.setup.tree, &moving.pose);
+            projector.update(tree, pose, points.iter(), &down, &scale);
         }
-        if let Some((_, force)) = last {
-            project(&projector, &force);
+        if !span.samples.is_empty() {
+            project(&projector, &mut last_force);
         }
-        (left / span.seconds).into()
+        left.iter_mut().for_each(|x| *x /= span.seconds);
+        left
     }
 
     /// The impulses of the effects that have a value, sample by sample and joint by joint, N m s.
-    fn effects(&self, span: &Span, states: &JointStates<'_>) -> Vec<[f64; JOINTS]> {
-        let mut all = vec![[0.0; JOINTS]; span.samples.len()];
+    fn effects(&self, span: &Span, states: &JointStates<'_>) -> Vec<Vec<f64>> {
+        let joints = self.walk.tau.width();
+        let mut all = vec![vec![0.0; joints]; span.samples.len()];
         let (columns, theta) = (&self.setup.columns, &self.setup.theta);
         for (k, site, linear) in columns.effects().filter(|(k, ..)| theta[*k] != 0.0) {
             states.each_torque(site, &linear.column, |joint, term| {
@@ -121,25 +133,17 @@ impl Instants<'_> {
         all
     }
 
-    /// H q̇ and −Cᵀ q̇ at a sample; its kinematics are left behind.
+    /// H q̇ and −Cᵀ q̇ at a sample, in the freely falling frame; where bodies are then is left behind.
     fn momentum(
         &self,
         n: usize,
         velocity: &Vector3<f64>,
-        kinematics: &mut Kinematics<f64, BODIES, COORDINATES>,
-    ) -> (Coordinates, Coordinates) {
-        let base = imu().act(&Motion::new(self.walk.gyro[n], *velocity));
-        let (mut q, mut v) = (Coordinates::zeros(), Coordinates::zeros());
-        v.fixed_rows_mut::<3>(0).copy_from(&base.angular);
-        v.fixed_rows_mut::<3>(3).copy_from(&base.linear);
-        for j in 0..JOINTS {
-            q[FIRST_JOINT + j] = self.walk.q[n][j];
-            v[FIRST_JOINT + j] = self.walk.dq[n][j];
-        }
+        moving: &mut Moving,
+        (momentum, rate): (&mut [f64], &mut [f64]),
+    ) {
+        let base = self.imu.act(&Motion::new(self.walk.gyro[n], *velocity));
         let tree = &self.setup.tree;
-        tree.update_kinematics(kinematics, &Transform::identity(), &q, &v);
-        // The frame falls freely.
-        kinematics.gravity.fill(Vector3::zeros());
-        tree.momentum_and_rate(kinematics)
+        tree.update(&self.walk.q[n], base, &self.walk.dq[n], moving);
+        tree.momentum_and_rate(moving, momentum, rate);
     }
 }

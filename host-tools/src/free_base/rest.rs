@@ -6,8 +6,8 @@
 //! it costs rows, not truth.
 
 use proprio_core::effect::STANDING_NOISE;
-use proprio_core::go2::JOINTS;
 
+use super::channels::Channels;
 use crate::robust;
 
 /// Below this rate (Hz) a joint may turn round between two samples, and a slope between them is not the velocity at one.
@@ -23,25 +23,24 @@ const RESTING: f64 = 2.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Rest {
     /// Speeds below which the sign of a joint's may be noise, rad/s.
-    pub(crate) speed_noise: [f64; JOINTS],
+    pub(crate) speed_noise: Vec<f64>,
     /// How many samples before each, and in all, found a joint so slow that friction may hold it.
-    slow: Vec<[u32; JOINTS]>,
+    slow: Vec<Vec<u32>>,
 }
 
 impl Rest {
     /// By the velocities (rad/s) of all samples, which are so far apart, s. Slow samples tell no rest: a joint turns round between two of them.
-    pub(super) fn of(velocities: &[[f64; JOINTS]], period: f64) -> Self {
-        let speed_noise = std::array::from_fn(|j| {
-            let own: Vec<f64> = velocities.iter().map(|dq| dq[j]).collect();
-            speed_noise(&own)
-        });
-        let mut slow = vec![[0; JOINTS]];
-        let mut sum = [0; JOINTS];
+    pub(super) fn of(velocities: &Channels, period: f64) -> Self {
+        let joints = velocities.width();
+        let of = |j: usize| speed_noise(&velocities.of(j).collect::<Vec<_>>());
+        let speed_noise: Vec<f64> = (0..joints).map(of).collect();
+        let mut sum = vec![0; joints];
+        let mut slow = vec![sum.clone()];
         let shows_rest = period <= 1.0 / LEAST_RATE;
-        for dq in velocities {
+        for dq in velocities.iter() {
             let is_slow = |j: usize| shows_rest && dq[j].abs() < RESTING * speed_noise[j];
-            sum = std::array::from_fn(|j| sum[j] + u32::from(is_slow(j)));
-            slow.push(sum);
+            (0..joints).for_each(|j| sum[j] += u32::from(is_slow(j)));
+            slow.push(sum.clone());
         }
         Self { speed_noise, slow }
     }
@@ -49,12 +48,13 @@ impl Rest {
     /// Joints that may be held in a window of this length that begins with sample n of those at `time_us`: one slow sample is enough. With two,
     /// trots' friction was within two deviations less often (of a trot of 30 s with a load 30 of 36, and 36 with one); where an eighth of a window was
     /// asked for, hops without noise came out 0.2 % too heavy and trots 0.07 %.
-    pub(super) fn within(&self, time_us: &[u64], n: usize, window_us: u64) -> [bool; JOINTS] {
+    pub(super) fn within(&self, time_us: &[u64], n: usize, window_us: u64) -> Vec<bool> {
         let end = time_us[n] + window_us;
         // The first sample that is late enough ends the window.
         let last = n + time_us[n..].partition_point(|t| *t < end);
         let end = (last + 1).min(time_us.len());
-        std::array::from_fn(|j| self.slow[end][j] > self.slow[n][j])
+        let both = self.slow[end].iter().zip(&self.slow[n]);
+        both.map(|(after, before)| after > before).collect()
     }
 }
 

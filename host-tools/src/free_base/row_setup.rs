@@ -3,12 +3,10 @@
 use std::sync::Arc;
 
 use nalgebra::DVector;
-use proprio_core::go2;
-use proprio_core::inertia::{INERTIAL, InertialParameters};
-use proprio_core::tree::Tree;
+use proprio_core::inertia::INERTIAL;
 
-use super::columns::{FIXED, WalkColumns};
-use super::coordinates::{BODIES, COORDINATES};
+use super::columns::WalkColumns;
+use super::free_tree::FreeTree;
 use super::sensors::Sensors;
 use crate::estimate::bounded::body;
 
@@ -16,7 +14,7 @@ use crate::estimate::bounded::body;
 #[derive(Clone)]
 pub(super) struct RowSetup {
     pub(super) columns: Arc<WalkColumns>,
-    pub(super) tree: Tree<f64, BODIES, COORDINATES>,
+    pub(super) tree: FreeTree,
     pub(super) sensors: Sensors,
     /// All parameters.
     pub(super) theta: DVector<f64>,
@@ -26,7 +24,7 @@ impl RowSetup {
     /// At the CAD's bodies, without any effect, with sensors that are right.
     pub(super) fn cad(columns: Arc<WalkColumns>) -> Self {
         let mut theta = DVector::zeros(columns.len());
-        for (b, body) in go2::free::<f64>().bodies().iter().enumerate() {
+        for (b, body) in columns.robot.tree.bodies().iter().enumerate() {
             theta
                 .rows_mut(INERTIAL * b, INERTIAL)
                 .copy_from(&body.inertia.0);
@@ -36,9 +34,9 @@ impl RowSetup {
 
     /// At these parameters.
     pub(super) fn at(columns: Arc<WalkColumns>, theta: DVector<f64>) -> Self {
-        let bodies: [InertialParameters<f64>; BODIES] = std::array::from_fn(|b| body(&theta, b));
+        let bodies = (0..columns.robot.bodies()).map(|b| body(&theta, b));
         Self {
-            tree: go2::free().with_inertia(&bodies),
+            tree: columns.robot.tree.with_inertia(bodies),
             sensors: Sensors::of(&theta, &columns),
             columns,
             theta,
@@ -48,9 +46,10 @@ impl RowSetup {
     /// The same with other columns of effects, none of which has a value beyond those that are known.
     pub(super) fn with_columns(&self, columns: WalkColumns) -> Self {
         let mut theta = DVector::zeros(columns.len());
+        let fixed = columns.fixed();
         theta
-            .rows_mut(0, FIXED)
-            .copy_from(&self.theta.rows(0, FIXED));
+            .rows_mut(0, fixed)
+            .copy_from(&self.theta.rows(0, fixed));
         for (k, n, linear) in columns.effects() {
             let known = self.columns.effects().find(|(_, own, known)| {
                 self.columns.sites[*own].place == columns.sites[n].place

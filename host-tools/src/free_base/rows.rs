@@ -1,29 +1,22 @@
 //! A walk's windows, folded into one square-root factor per block of time.
 
-use proprio_core::effect::{EffectKind, STANDING_NOISE};
-use proprio_core::estimator::plausible;
-use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS, Leg};
-use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
-use proprio_core::window::{
-    FreeBasePush, FreeBaseRows, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Plausible, Sample,
-    Settings,
-};
+use std::ops::RangeInclusive;
 
-use super::columns::{ACC, FIXED};
-use super::coordinates::{BODIES, COORDINATES, Equations, SCALE};
-use super::imu::imu;
+use proprio_core::effect::STANDING_NOISE;
+use proprio_core::walk::stance::{AFTER_IMPACT, BEFORE_IMPACT};
+
+use super::channels::Channels;
+use super::free_tree::OF_BASE;
+use super::legged::Legged;
 use super::moved_readings::MovedReadings;
 use super::projection::{JointStates, Projection};
 use super::row_setup::RowSetup;
 use super::sensors::{MOVED, Sensors};
 use super::stance::Stance;
 use super::walk::Walk;
+use super::window::{Push, Window, WindowRows};
 use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::{BATCH, HeapFactor};
-
-type Rows = FreeBaseRows<f64, BODIES, COORDINATES, JOINTS, 0>;
-type Window =
-    FreeBaseWindow<f64, BODIES, COORDINATES, JOINTS, LEGS, { 3 * LEGS }, 0, [EffectKind; 0]>;
 
 /// Stamps of a steady clock are off by no more, s.
 const JITTER: f64 = 1e-4;
@@ -64,7 +57,7 @@ impl Block {
 
 /// A window that was closed.
 pub(super) struct SeenWindow<'a> {
-    pub(super) rows: &'a Rows,
+    pub(super) rows: &'a WindowRows,
     states: &'a JointStates<'a>,
     stance: &'a Stance,
     sensors: &'a Sensors,
@@ -73,8 +66,8 @@ pub(super) struct SeenWindow<'a> {
 
 impl SeenWindow<'_> {
     pub(super) fn projection(&self, setup: &RowSetup) -> Projection<'_> {
-        let contact = (&setup.tree, self.sensors.feet(), self.stance);
-        Projection::of(self.states, &contact, self.samples, &self.rows.resting)
+        let contact = (setup, self.sensors, self.stance);
+        Projection::of(self.states, contact, self.samples, &self.rows.resting)
     }
 }
 
@@ -84,10 +77,10 @@ pub(super) struct Row<'a> {
     pub(super) start: f64,
     /// Equations of its window that contact forces leave, at its window's first row; zero at the others.
     pub(super) rank: usize,
-    /// Which coordinate's equation, times [`SCALE`].
+    /// Which coordinate's equation, times the robot's scale.
     pub(super) coordinate: usize,
     /// Which feet may carry a force.
-    pub(super) loaded: [bool; LEGS],
+    pub(super) loaded: &'a [bool],
     /// All columns, then the right-hand side.
     pub(super) numbers: &'a mut [f64],
 }
@@ -103,6 +96,7 @@ pub(super) fn each_row(
     let Linearised { setup, moved } = at;
     let columns = &*setup.columns;
     let loads = columns.loads();
+    let (acc, fixed) = (columns.acc(), columns.fixed());
     let mut kept = Windows::default();
     let mut row = vec![0.0; columns.len() + 1];
     let counts = each_window(walk, stance, setup, &setup.sensors, |seen| {
@@ -112,27 +106,32 @@ pub(super) fn each_row(
             kept.outside += 1;
             return;
         }
-        let told = Told::of(walk, stance, rows);
+        let told = Told::of(walk, stance, rows, &columns.robot);
         if told.equations == 0 {
             kept.still += 1;
             return;
         }
         let projection = seen.projection(setup);
         let effects = columns.effects();
-        let effects: Vec<Equations> = effects
+        let effects: Vec<Vec<f64>> = effects
             .map(|(_, site, linear)| projection.column(site, &linear.column))
             .collect();
-        let moved: Vec<(usize, &Equations)> = moved.columns(start_us).collect();
+        let moved: Vec<(usize, &Vec<f64>)> = moved.columns(start_us).collect();
         let mut rank = told.equations;
-        for c in (0..COORDINATES).filter(|c| told.coordinates[*c]) {
-            row[..ACC].copy_from_slice(rows.inertial[c].as_flattened());
-            row[ACC..ACC + MOVED].copy_from_slice(&rows.acceleration[c]);
-            row[ACC + MOVED..FIXED].fill(0.0);
-            for (to, column) in row[FIXED..].iter_mut().zip(&effects) {
+        for (c, _) in told
+            .coordinates
+            .iter()
+            .enumerate()
+            .filter(|(_, told)| **told)
+        {
+            row[..acc].copy_from_slice(rows.inertial(c).as_flattened());
+            row[acc..acc + MOVED].copy_from_slice(&rows.acceleration[c]);
+            row[acc + MOVED..fixed].fill(0.0);
+            for (to, column) in row[fixed..].iter_mut().zip(&effects) {
                 *to = column[c];
             }
             for (k, body, load) in &loads {
-                let own = &rows.inertial[c][*body];
+                let own = &rows.inertial(c)[*body];
                 row[*k] = own.iter().zip(load).map(|(a, x)| a * x).sum();
             }
             moved.iter().for_each(|(k, column)| row[*k] = column[c]);
@@ -144,7 +143,7 @@ pub(super) fn each_row(
                 start: start_us as f64 * 1e-6,
                 rank: std::mem::take(&mut rank),
                 coordinate: c,
-                loaded: told.loaded,
+                loaded: &told.loaded,
                 numbers: &mut row,
             });
         }
@@ -153,6 +152,9 @@ pub(super) fn each_row(
         kept.equations += told.equations as u64;
         kept.resting += told.resting as u64;
         let feet = told.loaded.iter().filter(|loaded| **loaded).count();
+        if kept.by_feet.is_empty() {
+            kept.by_feet = vec![0; told.loaded.len() + 1];
+        }
         kept.by_feet[feet] += 1;
     });
     counts.plus(&kept)
@@ -175,8 +177,8 @@ pub(super) fn each_window(
 ) -> Windows {
     let walk = &sensors.corrected(walk);
     let states = &JointStates::of(walk, &setup.columns, |_| true);
-    let core = core_setup(walk, stance, sensors);
-    let mut window = Box::new(Window::new(setup.tree, [], core));
+    let robot = &*setup.columns.robot;
+    let mut window = Window::new((walk, stance), robot, &setup.tree, sensors);
     let impacts: Vec<f64> = (0..walk.len())
         .filter(|n| stance.touch_down[*n])
         .map(|n| walk.seconds(n))
@@ -201,8 +203,8 @@ pub(super) fn each_window(
             samples.clear();
             window.clear();
         }
-        match window.push(&sample(walk, stance, n)) {
-            FreeBasePush::Closed => {
+        match window.push(n) {
+            Push::Closed => {
                 let rows = window.rows();
                 samples.extend((rows.span_us[1] == walk.time_us[n]).then_some(n));
                 tell(&SeenWindow {
@@ -214,17 +216,16 @@ pub(super) fn each_window(
                 });
                 samples = vec![n];
             }
-            FreeBasePush::Cut => {
+            Push::Cut => {
                 counts.cut += 1;
                 samples = vec![n];
             }
-            FreeBasePush::Gap => {
+            Push::Gap => {
                 counts.gap += 1;
                 samples = vec![n];
             }
-            FreeBasePush::Rejected(_) => counts.rejected += 1,
-            FreeBasePush::Used => samples.push(n),
-            FreeBasePush::Repeated | FreeBasePush::Late => {}
+            Push::Rejected => counts.rejected += 1,
+            Push::Used => samples.push(n),
         }
     }
     counts
@@ -237,7 +238,7 @@ pub(super) fn windows_of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Vec<
         all.push(WindowSamples {
             start_us: seen.rows.span_us[0],
             samples: seen.samples.to_vec(),
-            resting: seen.rows.resting,
+            resting: seen.rows.resting.clone(),
         });
     });
     all
@@ -245,34 +246,36 @@ pub(super) fn windows_of(walk: &Walk, stance: &Stance, setup: &RowSetup) -> Vec<
 
 /// Which of a window's equations are of use.
 struct Told {
-    coordinates: [bool; COORDINATES],
+    coordinates: Vec<bool>,
     /// How many of these contact forces leave.
     equations: usize,
     /// Joints that friction may hold.
     resting: usize,
     /// Which feet may carry a force.
-    loaded: [bool; LEGS],
+    loaded: Vec<bool>,
     held: bool,
 }
 
 impl Told {
     /// Of a window's rows.
-    fn of(walk: &Walk, stance: &Stance, rows: &Rows) -> Self {
+    fn of(walk: &Walk, stance: &Stance, rows: &WindowRows, robot: &Legged) -> Self {
         let [first, last] = rows
             .span_us
             .map(|us| walk.time_us.partition_point(|t| *t < us));
-        let (loaded, held) = (stance.loaded[first], stance.held[first]);
-        let coordinates: [bool; COORDINATES] = std::array::from_fn(|c| {
-            let joint = c.checked_sub(6);
+        let (loaded, held) = (&stance.loaded[first], stance.held[first]);
+        let told = |c: usize| {
+            let joint = c.checked_sub(OF_BASE);
             let moves = joint.is_none_or(|j| !rows.resting[j]);
             // Each leg in the air by itself: no force but the base's acts on it, and that is in the base's equations.
-            let alone = || joint.is_some_and(|j| !loaded[j / JOINTS_PER_LEG]);
+            let alone = || joint.is_some_and(|j| !robot.limb_is_loaded(j, loaded));
             moves && (!held || alone())
-        });
+        };
+        let coordinates: Vec<bool> = (0..robot.coordinates()).map(told).collect();
         let equations = if held {
             coordinates.iter().filter(|c| **c).count()
         } else if stands(
-            &walk.q[first..=last],
+            &walk.q,
+            first..=last,
             walk.seconds(last) - walk.seconds(first),
         ) {
             0
@@ -283,7 +286,7 @@ impl Told {
             coordinates,
             equations,
             resting: rows.resting.iter().filter(|resting| **resting).count(),
-            loaded,
+            loaded: loaded.clone(),
             held,
         }
     }
@@ -291,13 +294,14 @@ impl Told {
 
 /// Whether most joints stay where they are for so long (s), whatever is said of their velocities: the robot stands, and what is left of its equations
 /// are the sensors' biases.
-fn stands(positions: &[[f64; JOINTS]], seconds: f64) -> bool {
+fn stands(positions: &Channels, samples: RangeInclusive<usize>, seconds: f64) -> bool {
+    let joints = positions.width();
     let moves = |j: &usize| {
-        let own = || positions.iter().map(|q| q[*j]);
+        let own = || samples.clone().map(|n| positions[n][*j]);
         let [least, most] = [f64::min, f64::max].map(|of| own().reduce(of).unwrap_or(0.0));
         most - least >= STANDING_NOISE * seconds
     };
-    2 * (0..JOINTS).filter(moves).count() < JOINTS
+    2 * (0..joints).filter(moves).count() < joints
 }
 
 /// Folds a walk into blocks of `seconds`, and counts.
@@ -319,54 +323,4 @@ pub(super) fn fold(
     });
     blocks.iter_mut().for_each(Block::fold);
     (blocks, counts)
-}
-
-/// What the core's rows of a walk need beside the tree.
-pub(super) fn core_setup(
-    walk: &Walk,
-    stance: &Stance,
-    sensors: &Sensors,
-) -> FreeBaseSetup<f64, COORDINATES, JOINTS, LEGS> {
-    FreeBaseSetup {
-        imu: imu(),
-        feet: sensors.feet(),
-        scale: SCALE,
-        plausible: all_plausible(),
-        settings: settings(walk, stance),
-        acc_bias: sensors.acc_bias(),
-        speed_noise: walk.rest.speed_noise,
-    }
-}
-
-fn settings(walk: &Walk, stance: &Stance) -> Settings {
-    let usual = Settings::default();
-    Settings {
-        window_us: stance.window_us,
-        max_gap_us: usual.max_gap_us.max(microseconds(1.6 * walk.period)),
-        ..usual
-    }
-}
-
-fn microseconds(seconds: f64) -> u64 {
-    (seconds * 1e6) as u64
-}
-
-pub(super) fn sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, LEGS> {
-    FreeBaseSample {
-        joints: Sample {
-            time_us: walk.time_us[n],
-            q: walk.q[n],
-            dq: walk.dq[n],
-            tau: walk.tau[n],
-        },
-        gyro: walk.gyro[n],
-        acc: walk.acc[n],
-        down: walk.down[n],
-        loaded: stance.loaded[n],
-        resting: walk.rest.within(&walk.time_us, n, stance.window_us),
-    }
-}
-
-fn all_plausible() -> [Plausible<f64>; JOINTS] {
-    std::array::from_fn(|j| plausible(Leg::ALL[j / JOINTS_PER_LEG])[j % JOINTS_PER_LEG])
 }

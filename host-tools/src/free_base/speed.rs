@@ -10,7 +10,6 @@
 //! the twenty robots of `studies/walks.md`.
 
 use nalgebra::{Matrix3, Vector3};
-use proprio_core::go2::JOINTS;
 
 use super::rest::LEAST_RATE;
 use super::walk::Walk;
@@ -35,16 +34,14 @@ pub(super) fn quieten(walk: &mut Walk) {
     }
     walk.gyro_read.clone_from(&walk.gyro);
     walk.gyro = (0..walk.len()).map(|n| smoothed(walk, n, REACH)).collect();
-    for j in 0..JOINTS {
-        let reported: Vec<f64> = walk.dq.iter().map(|dq| dq[j]).collect();
+    for j in 0..walk.dq.width() {
+        let reported: Vec<f64> = walk.dq.of(j).collect();
         let slope: Vec<f64> = (0..walk.len())
             .map(|n| slope(walk, j, n).unwrap_or(reported[n]))
             .collect();
         if noise(&slope) < noise(&reported) {
-            walk.dq
-                .iter_mut()
-                .zip(slope)
-                .for_each(|(dq, slope)| dq[j] = slope);
+            let own = slope.into_iter().enumerate();
+            own.for_each(|(n, slope)| walk.dq[n][j] = slope);
         }
     }
 }

@@ -4,22 +4,22 @@
 //! masses: 10 N for all the time are 10 % of a Go2. So a foot counts as in the air only if everything that was measured says so:
 //!
 //! - *torque*: what the leg's motors do beyond what its own bodies need (by the CAD, with the accelerations of base and joints)
-//!   is less than a force of [`FORCE`] at the foot;
+//!   is less than a force of [`Legged::least_force`], 9 % of the robot's weight, at the foot;
 //! - *count*: the foot's sensor reads as low as it does in the air. Its offset and gain are unknown, so low is a share of its own
 //!   range; a sensor that reads nothing has no range and is not asked;
-//! - *height*: it is [`HEIGHT`] above the lowest of the feet that carry a force by torque, along gravity. With no such foot (flight, or
+//! - *height*: it is [`Legged::least_height`] above the lowest of the feet that carry a force by torque, along gravity. With no such foot (flight, or
 //!   a robot that hangs) it is not asked;
 //! - *guard*: and all of that for [`GUARD`] before and after.
 
-use nalgebra::{Matrix3, SVector, Vector3};
-use proprio_core::go2::{self, JOINTS_PER_LEG, LEGS};
-use proprio_core::spatial::Transform;
-use proprio_core::tree::Tree;
-use proprio_core::walk::stance::{FORCE, GUARD, HEIGHT, LEAST_RANGE, LOW, SPREAD, TAIL};
+use nalgebra::{DMatrix, DVector, Vector3};
+use proprio_core::spatial::Motion;
+use proprio_core::walk::stance::{GUARD, LEAST_RANGE, LOW, SPREAD, TAIL};
 use proprio_core::window::Settings;
 use serde::Serialize;
 
+use super::free_tree::{Moving, OF_BASE};
 use super::held::{self, Support};
+use super::legged::{Legged, LeggedFoot};
 use super::walk::Walk;
 use crate::robust;
 
@@ -28,25 +28,25 @@ const LONG_STANCE: f64 = 0.8;
 /// Windows have at least this many samples.
 const LEAST_STEPS: f64 = 2.5;
 
-/// Why feet were projected out, as shares of the time, leg by leg in SDK order.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+/// Why feet were projected out, as shares of the time, foot by foot in the robot's order (a Go2's is the SDK's).
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct StanceShares {
     /// The torques told a force.
-    pub torque: [f64; LEGS],
+    pub torque: Vec<f64>,
     /// The torques did not, the foot's sensor did.
-    pub count: [f64; LEGS],
+    pub count: Vec<f64>,
     /// Neither did, but it was no higher than feet that carry a force.
-    pub height: [f64; LEGS],
+    pub height: Vec<f64>,
     /// It was close in time to such a sample.
-    pub guard: [f64; LEGS],
+    pub guard: Vec<f64>,
     /// In the air.
-    pub air: [f64; LEGS],
+    pub air: Vec<f64>,
 }
 
 /// A stretch of time in which one thing is said of a foot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FootEpisode {
-    /// Which leg's, in SDK order.
+    /// Which foot, in the robot's order.
     pub leg: usize,
     /// What speaks against the air first, or that nothing does.
     pub reason: Reason,
@@ -57,7 +57,7 @@ pub struct FootEpisode {
 /// Which feet may carry a force, sample by sample.
 #[derive(Clone)]
 pub(crate) struct Stance {
-    pub(super) loaded: Vec<[bool; LEGS]>,
+    pub(super) loaded: Vec<Vec<bool>>,
     /// A foot touched down here: impacts are short and hard.
     pub(super) touch_down: Vec<bool>,
     /// When feet strike or leave the ground by their legs' torques, s in order; each is told less than [`SPREAD`] early or late.
@@ -87,47 +87,43 @@ pub enum Reason {
 }
 
 impl Stance {
-    pub(super) fn of(walk: &Walk, imu: &Transform<f64>) -> Self {
-        let low = low_counts(walk);
-        let legs = Legs::new(imu);
+    pub(super) fn of(walk: &Walk, robot: &Legged) -> Self {
+        let low = low_counts(walk, robot.feet.len());
+        let feet = 0..robot.feet.len();
+        let mut judge = Judge::new(robot);
         let mut support = Vec::with_capacity(walk.len());
-        let mut reasons: Vec<[Reason; LEGS]> = (0..walk.len())
+        let mut reasons: Vec<Vec<Reason>> = (0..walk.len())
             .map(|n| {
-                let (force, height, carried) = legs.told(walk, n);
+                let (force, height, carried) = judge.told(walk, n);
                 support.push(carried);
-                let ground = (0..LEGS)
-                    .filter(|f| force[*f] >= FORCE)
-                    .map(|f| height[f])
-                    .fold(f64::INFINITY, f64::min);
-                std::array::from_fn(|f| {
+                let is_pressed = |f: &usize| force[*f] >= robot.least_force;
+                let ground = feet.clone().filter(is_pressed);
+                let ground = ground.map(|f| height[f]).fold(f64::INFINITY, f64::min);
+                let reason = |f: usize| {
                     let counts = walk.count.as_ref().map_or(f64::NAN, |count| count[n][f]);
-                    if force[f] >= FORCE {
+                    if is_pressed(&f) {
                         Reason::Torque
                     } else if counts > low[f] {
                         Reason::Count
-                    } else if height[f] < ground + HEIGHT && ground.is_finite() {
+                    } else if height[f] < ground + robot.least_height && ground.is_finite() {
                         Reason::Height
                     } else {
                         Reason::Air
                     }
-                })
-            })
-            .collect();
-        let pressed = |n: usize| reasons[n].map(|reason| reason == Reason::Torque);
-        let strikes = (1..walk.len()).filter(|n| pressed(*n) != pressed(n - 1));
-        let strikes = strikes.map(|n| walk.seconds(n)).collect();
-        let touch_down = (0..walk.len())
-            .map(|n| {
-                let on = |f: usize| {
-                    reasons[n][f] == Reason::Torque && n > 0 && reasons[n - 1][f] != Reason::Torque
                 };
-                (0..LEGS).any(on)
+                feet.clone().map(reason).collect()
             })
             .collect();
+        let pressed = |n: usize, f: usize| reasons[n][f] == Reason::Torque;
+        let strikes =
+            (1..walk.len()).filter(|n| feet.clone().any(|f| pressed(*n, f) != pressed(n - 1, f)));
+        let strikes = strikes.map(|n| walk.seconds(n)).collect();
+        let down = |n: usize| n > 0 && feet.clone().any(|f| pressed(n, f) && !pressed(n - 1, f));
+        let touch_down = (0..walk.len()).map(down).collect();
         guard(walk, &mut reasons);
-        let loaded: Vec<_> = reasons
+        let loaded: Vec<Vec<bool>> = reasons
             .iter()
-            .map(|r| r.map(|r| r != Reason::Air))
+            .map(|own| own.iter().map(|reason| *reason != Reason::Air).collect())
             .collect();
         Self {
             window_us: usual_window_us(walk, &loaded),
@@ -135,12 +131,12 @@ impl Stance {
             touch_down,
             strikes,
             held: if walk.imu {
-                held::samples(walk, &support)
+                held::samples(walk, &support, robot.weight)
             } else {
                 vec![true; walk.len()]
             },
-            shares: shares(&reasons),
-            episodes: episodes(walk, &reasons),
+            shares: shares(&reasons, robot.feet.len()),
+            episodes: episodes(walk, &reasons, robot.feet.len()),
         }
     }
 }
@@ -148,7 +144,7 @@ impl Stance {
 /// How long windows of a log are whose feet are loaded so, µs. The gyro's noise at a window's ends counts the less the longer it is: twice the usual
 /// length where feet step, for a step ends a window; four times where they stay for so long that steps cost nothing (of twenty sways the mass
 /// was 0.2 % too small with windows of 40 ms, and the centre of mass 0.5 mm too high; 0.0 % and 0.1 mm with 80). Longer ones at a low rate.
-fn usual_window_us(walk: &Walk, loaded: &[[bool; LEGS]]) -> u64 {
+fn usual_window_us(walk: &Walk, loaded: &[Vec<bool>]) -> u64 {
     let changes = loaded.windows(2).filter(|two| two[0] != two[1]).count();
     let usual = Settings::default().window_us;
     let times = if changes as f64 * LONG_STANCE < walk.duration() {
@@ -160,9 +156,9 @@ fn usual_window_us(walk: &Walk, loaded: &[[bool; LEGS]]) -> u64 {
 }
 
 /// Samples of which the same is said, leg by leg.
-fn episodes(walk: &Walk, reasons: &[[Reason; LEGS]]) -> Vec<FootEpisode> {
+fn episodes(walk: &Walk, reasons: &[Vec<Reason>], feet: usize) -> Vec<FootEpisode> {
     let mut all: Vec<FootEpisode> = Vec::new();
-    for leg in 0..LEGS {
+    for leg in 0..feet {
         for (n, reason) in reasons.iter().map(|reasons| reasons[leg]).enumerate() {
             let now = walk.seconds(n);
             let own = |last: &&mut FootEpisode| {
@@ -183,8 +179,8 @@ fn episodes(walk: &Walk, reasons: &[[Reason; LEGS]]) -> Vec<FootEpisode> {
 }
 
 /// Widens what is on the ground by the guard.
-fn guard(walk: &Walk, reasons: &mut [[Reason; LEGS]]) {
-    for f in 0..LEGS {
+fn guard(walk: &Walk, reasons: &mut [Vec<Reason>]) {
+    for f in 0..reasons.first().map_or(0, Vec::len) {
         let grounded: Vec<f64> = (0..walk.len())
             .filter(|n| reasons[*n][f] != Reason::Air)
             .map(|n| walk.seconds(n))
@@ -200,12 +196,13 @@ fn guard(walk: &Walk, reasons: &mut [[Reason; LEGS]]) {
     }
 }
 
-fn shares(reasons: &[[Reason; LEGS]]) -> StanceShares {
+fn shares(reasons: &[Vec<Reason>], feet: usize) -> StanceShares {
     let share = |reason: Reason| {
-        std::array::from_fn(|f| {
+        let of = |f: usize| {
             let n = reasons.iter().filter(|r| r[f] == reason).count();
             n as f64 / reasons.len().max(1) as f64
-        })
+        };
+        (0..feet).map(of).collect()
     };
     StanceShares {
         torque: share(Reason::Torque),
@@ -216,91 +213,131 @@ fn shares(reasons: &[[Reason; LEGS]]) -> StanceShares {
     }
 }
 
-/// Counts above these speak of a force; infinite for a sensor that reads nothing.
-fn low_counts(walk: &Walk) -> [f64; LEGS] {
-    let Some(counts) = &walk.count else {
-        return [f64::INFINITY; LEGS];
-    };
-    std::array::from_fn(|f| {
-        let own = || counts.iter().map(|c| c[f]).filter(|c| c.is_finite());
+/// Counts above these speak of a force; infinite for a sensor that reads nothing. A sensor's range is at least as many of its own quanta as a Go2's
+/// counts ([`LEAST_RANGE`]): what it reads besides is noise, in whatever unit.
+fn low_counts(walk: &Walk, feet: usize) -> Vec<f64> {
+    let of = |f: usize| {
+        let own = || {
+            let counts = walk.count.iter().flat_map(|counts| counts.of(f));
+            counts.filter(|count| count.is_finite())
+        };
         let at = |share: f64| robust::quantile(own(), share);
         match (at(TAIL), at(1.0 - TAIL)) {
-            (Some(least), Some(most)) if most - least >= LEAST_RANGE => {
+            (Some(least), Some(most)) if most - least >= LEAST_RANGE * quantum(own()) => {
                 least + LOW * (most - least)
             }
             _ => f64::INFINITY,
         }
-    })
+    };
+    (0..feet).map(of).collect()
+}
+
+/// The least step of a sensor's readings, in its unit, but no more than a count.
+fn quantum(readings: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = readings.collect();
+    sorted.sort_by(f64::total_cmp);
+    let steps = sorted.windows(2).map(|pair| pair[1] - pair[0]);
+    steps.filter(|step| *step > 0.0).fold(1.0, f64::min)
 }
 
 /// The robot by the CAD.
-struct Legs {
-    tree: Tree<f64, 13, 18>,
-    imu: Transform<f64>,
+struct Judge<'a> {
+    robot: &'a Legged,
+    moving: Moving,
 }
 
-impl Legs {
-    fn new(imu: &Transform<f64>) -> Self {
+impl<'a> Judge<'a> {
+    fn new(robot: &'a Legged) -> Self {
         Self {
-            tree: go2::free(),
-            imu: *imu,
+            robot,
+            moving: Moving::default(),
         }
     }
 
     /// Each foot's force (N) by its leg's torques, its height (m) along gravity, both in the base's frame, and what all of them carry.
-    fn told(&self, walk: &Walk, n: usize) -> ([f64; LEGS], [f64; LEGS], Support) {
+    fn told(&mut self, walk: &Walk, n: usize) -> (Vec<f64>, Vec<f64>, Support) {
         let (first, last) = around(walk, n);
         let seconds = (walk.seconds(last) - walk.seconds(first)).max(1e-6);
         let slope = |a: f64, b: f64| (b - a) / seconds;
         let mean = |of: &dyn Fn(usize) -> f64| {
             (first..=last).map(of).sum::<f64>() / (last - first + 1) as f64
         };
-        let down = self.imu.rotation * walk.down[n];
-        let w = self.imu.rotation * walk.gyro[n];
-        let turning = self.imu.rotation * (walk.gyro[last] - walk.gyro[first]) / seconds;
+        let (robot, imu) = (self.robot, &self.robot.imu);
+        let down = imu.rotation * walk.down[n];
+        let w = imu.rotation * walk.gyro[n];
+        let turning = imu.rotation * (walk.gyro[last] - walk.gyro[first]) / seconds;
         let acc = Vector3::from_fn(|k, _| mean(&|m| walk.acc[m][k]));
-        let r = self.imu.translation;
-        // The base's origin, from the IMU's specific force; the tree adds gravity in the direction of the filter.
-        let specific = self.imu.rotation * acc - turning.cross(&r) - w.cross(&w.cross(&r));
-        let moving = specific + down * self.tree.gravity().norm();
-        let base = level(&down);
-        let (mut q, mut v, mut a) = (SVector::zeros(), SVector::zeros(), SVector::zeros());
-        for k in 0..3 {
-            (v[k], a[k], a[3 + k]) = (w[k], turning[k], moving[k]);
-        }
-        let mut torque = [0.0; 12];
-        for j in 0..12 {
-            (q[6 + j], v[6 + j]) = (walk.q[n][j], mean(&|m| walk.dq[m][j]));
-            a[6 + j] = slope(walk.dq[first][j], walk.dq[last][j]);
-            let armature = go2::ACTUATORS[j % JOINTS_PER_LEG].armature();
-            torque[j] = mean(&|m| walk.tau[m][j]) - armature * a[6 + j];
-        }
-        let k = self.tree.kinematics(&base, &q, &v);
-        let needed = self.tree.inverse_dynamics(&k, &v, &a);
-        let feet = go2::feet();
-        let forces: [Option<Vector3<f64>>; LEGS] = std::array::from_fn(|f| {
-            let jacobian = self.tree.contact_jacobian(&k.placements, &feet[f], &down);
-            let own = jacobian
-                .fixed_columns::<JOINTS_PER_LEG>(6 + JOINTS_PER_LEG * f)
-                .into_owned();
-            let first = JOINTS_PER_LEG * f;
-            let left = Vector3::from_fn(|k, _| needed[6 + first + k] - torque[first + k]);
-            // Damped: a straight leg's torques tell nothing of a force along it, and are not asked.
-            let square = own * own.transpose() + Matrix3::identity() * 1e-4;
-            square.try_inverse().map(|inverse| inverse * own * left)
-        });
-        let force = forces.map(|force| force.map_or(f64::INFINITY, |force| force.norm()));
+        let r = imu.translation;
+        // The base's origin, from the IMU's specific force: its acceleration without gravity.
+        let specific = imu.rotation * acc - turning.cross(&r) - w.cross(&w.cross(&r));
+        let joints = robot.joints();
+        let dq: Vec<f64> = (0..joints).map(|j| mean(&|m| walk.dq[m][j])).collect();
+        let ddq: Vec<f64> = (0..joints)
+            .map(|j| slope(walk.dq[first][j], walk.dq[last][j]))
+            .collect();
+        let base = Motion::new(w, Vector3::zeros());
+        robot.tree.update(&walk.q[n], base, &dq, &mut self.moving);
+        let felt = Motion::new(turning, specific);
+        let needed = robot.tree.inverse_dynamics(&self.moving, felt, &ddq, &dq);
+        let left: Vec<f64> = (0..joints)
+            .map(|j| {
+                let torque = mean(&|m| walk.tau[m][j]) - robot.armature[j] * ddq[j];
+                needed[OF_BASE + j] - torque
+            })
+            .collect();
+        let forces: Vec<Option<Vector3<f64>>> = (robot.feet.iter())
+            .map(|foot| self.force(foot, &down, &left))
+            .collect();
         // A push of the ground is what the leg's torques lack.
         let by_feet: Vector3<f64> = forces.iter().flatten().sum();
         let support = Support {
-            needed: -down.dot(&needed.fixed_rows::<3>(3)),
+            needed: -Vector3::from_fn(|k, _| needed[3 + k]).dot(&down),
             by_feet: -down.dot(&by_feet),
         };
-        let height = std::array::from_fn(|f| {
-            let centre = foot_in_base(&self.tree, &k.placements, f);
-            -down.dot(&centre)
+        let force = forces.iter();
+        let force = force.map(|force| force.map_or(f64::INFINITY, |force| force.norm()));
+        let height = robot.feet.iter().map(|foot| {
+            let points = foot.points.iter();
+            let lowest = points.map(|point| -down.dot(&point.place(&self.moving.pose)));
+            lowest.fold(f64::INFINITY, f64::min)
         });
-        (force, height, support)
+        (force.collect(), height.collect(), support)
+    }
+
+    /// The force on a foot that makes up for what is `left` of its leg's torques: at its point, or of a flat foot the wrench about the middle of its points,
+    /// a couple at half the foot's size counting like a force.
+    fn force(&self, foot: &LeggedFoot, down: &Vector3<f64>, left: &[f64]) -> Option<Vector3<f64>> {
+        let (tree, pose) = (&self.robot.tree, &self.moving.pose);
+        let count = foot.points.len() as f64;
+        let places: Vec<Vector3<f64>> = (foot.points.iter())
+            .map(|point| point.place(pose) + down * point.radius)
+            .collect();
+        let middle = places.iter().sum::<Vector3<f64>>() / count;
+        let size = places
+            .iter()
+            .map(|place| (place - middle).norm())
+            .fold(0.0, f64::max);
+        let body = foot.points.first()?.body;
+        let rows = if size > 0.0 { 6 } else { 3 };
+        let joints = tree.movers(body).len() - OF_BASE;
+        let mut own = DMatrix::zeros(rows, joints);
+        let mut torques = DVector::zeros(joints);
+        let velocities = tree.point_velocities(pose, body, middle);
+        for (k, (c, velocity)) in velocities.skip(OF_BASE).enumerate() {
+            torques[k] = left[c - OF_BASE];
+            for axis in 0..3 {
+                own[(axis, k)] = velocity[axis];
+            }
+            if rows > 3 {
+                let turning = pose.along[c - OF_BASE + 1].angular * (0.5 * size);
+                (0..3).for_each(|axis| own[(3 + axis, k)] = turning[axis]);
+            }
+        }
+        // Damped: a straight leg's torques tell nothing of a force along it, and are not asked.
+        let mut square = &own * own.transpose();
+        (0..rows).for_each(|k| square[(k, k)] += self.robot.damping);
+        let wrench = square.cholesky()?.solve(&(own * torques));
+        Some(Vector3::new(wrench[0], wrench[1], wrench[2]))
     }
 }
 
@@ -311,29 +348,4 @@ fn around(walk: &Walk, n: usize) -> (usize, usize) {
     let first = (0..n).rev().take_while(near).last().unwrap_or(n);
     let last = (n + 1..walk.len()).take_while(near).last().unwrap_or(n);
     (first, last)
-}
-
-/// A base in whose axes gravity points `down`.
-fn level(down: &Vector3<f64>) -> Transform<f64> {
-    let rotation = nalgebra::Rotation3::rotation_between(down, &-Vector3::z());
-    Transform {
-        rotation: rotation.map_or_else(Matrix3::identity, |r| *r.matrix()),
-        translation: Vector3::zeros(),
-    }
-}
-
-/// Where a foot's centre is in the base, m.
-fn foot_in_base(
-    tree: &Tree<f64, 13, 18>,
-    placements: &proprio_core::tree::Placements<f64, 13>,
-    leg: usize,
-) -> Vector3<f64> {
-    let foot = go2::feet()[leg];
-    let (mut at, mut body) = (foot.centre, foot.body);
-    while let Some(parent) = tree.bodies()[body].parent {
-        let placed = &placements.from_parent[body];
-        at = placed.translation + placed.rotation * at;
-        body = parent;
-    }
-    at
 }

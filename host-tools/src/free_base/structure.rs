@@ -1,13 +1,13 @@
-//! What a model of a walking Go2 has: its effects, and its bodies with how well they are known.
+//! What a model of a walking robot has: its effects, and its bodies with how well they are known.
+
+use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form};
-use proprio_core::estimator::CAD_UNCERTAINTY;
-use proprio_core::go2::{self, JOINT_NAMES, JOINTS};
 use proprio_core::inertia::InertialParameters;
 
-use super::columns::{EffectSite, FIXED, WalkColumns, all_places, body_of, is_judged};
+use super::columns::{EffectSite, WalkColumns, all_places, body_of, is_judged};
 use super::error::FreeBaseError;
-use super::sensors;
+use super::legged::Legged;
 use crate::equation::values::{Place, Values};
 use crate::estimate::Constraint;
 use crate::estimate::bounded::Bounded;
@@ -36,6 +36,7 @@ pub(crate) struct BodyPrior {
 /// Which parameters are fitted, and what is known of them.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ModelStructure {
+    pub(crate) robot: Arc<Legged>,
     /// The base first, then each joint's body.
     pub(crate) bodies: Vec<BodyPrior>,
     /// Its effects.
@@ -47,58 +48,65 @@ pub(crate) struct ModelStructure {
 }
 
 impl ModelStructure {
-    /// The CAD's bodies, the trunk with what its owner put on it, and all four effects at every joint.
-    pub(crate) fn whole(constraint: Constraint) -> Self {
-        let cad = go2::free::<f64>();
-        let body = |(b, inertia)| BodyPrior {
+    /// The CAD's bodies, the trunk with what its owner put on it, and the effects that the model names, or if it names none all four of a plain
+    /// drive at every joint. The model's priors count, its values do not.
+    ///
+    /// # Errors
+    /// [`FreeBaseError`] for a model without feet, or with an effect that walks are not judged with.
+    pub(crate) fn whole(model: &Model, constraint: Constraint) -> Result<Self, FreeBaseError> {
+        let robot = Legged::of(model)?;
+        let body = |(b, inertia): (usize, InertialParameters<f64>)| BodyPrior {
             inertia,
-            relative: if b == 0 {
-                LOADED_TRUNK
-            } else {
-                CAD_UNCERTAINTY
+            relative: match b.checked_sub(1) {
+                None => LOADED_TRUNK,
+                Some(joint) => model.cad_uncertainty(joint),
             },
-            loaded: false,
+            loaded: carries(model, b),
         };
-        let bodies = cad.bodies().iter().map(|body| body.inertia);
-        Self {
-            bodies: bodies.enumerate().map(body).collect(),
-            effects: (0..JOINTS)
-                .flat_map(|j| EffectKind::PLAIN.map(|effect| (effect, j)))
-                .map(|place| EffectSite::of(&Model::default(), place, constraint))
-                .collect(),
+        let cad = robot.tree.bodies().iter().map(|body| body.inertia);
+        let bodies = cad.enumerate().map(body).collect();
+        let plain = (0..robot.joints()).flat_map(|j| EffectKind::PLAIN.map(|effect| (effect, j)));
+        let named = model.effects().iter();
+        let named = named.filter(|own| own.effect.description().form != Form::Inertia);
+        let places: Vec<Place> = match model.effects() {
+            [] => plain.collect(),
+            _ => named.map(|own| (own.effect, own.joint)).collect(),
+        };
+        for place in &places {
+            judged(model, *place)?;
+        }
+        let of = |place| EffectSite::of((model, &robot), place, constraint);
+        Ok(Self {
+            effects: places.into_iter().map(of).collect(),
+            bodies,
+            robot,
             constraint,
             hold_bodies: false,
-        }
+        })
     }
 
     /// What a model file has.
     ///
     /// # Errors
-    /// [`FreeBaseError::NotAGo2`], or [`FreeBaseError::Effect`] for an effect that walks are not judged with.
+    /// [`FreeBaseError`] for a model without feet, or with an effect that walks are not judged with.
     pub(crate) fn of(model: &Model) -> Result<Self, FreeBaseError> {
-        let names = model.robot().bodies().iter().map(|body| &*body.name);
-        if !names.eq(JOINT_NAMES) {
-            return Err(FreeBaseError::NotAGo2);
-        }
+        let robot = Legged::of(model)?;
         let mut bodies = known(model);
         let mut effects = Vec::new();
         for own in model.effects() {
             let place = (own.effect, own.joint);
             let is_load = own.effect.description().form == Form::Inertia;
-            if !is_judged(own.effect) || own.joint == BASE {
-                return Err(FreeBaseError::Effect {
-                    effect: own.effect.name(),
-                    place: model.joint_name(own.joint).to_owned(),
-                });
-            }
+            judged(model, place)?;
             // A load is in what its body is found to be.
             if is_load {
                 bodies[body_of(own.joint)].loaded = true;
                 continue;
             }
-            effects.push(EffectSite::of(model, place, Constraint::Physical));
+            let site = EffectSite::of((model, &robot), place, Constraint::Physical);
+            effects.push(site);
         }
         Ok(Self {
+            robot,
             bodies,
             effects,
             constraint: Constraint::Physical,
@@ -121,9 +129,12 @@ impl ModelStructure {
 
     /// All that it might lack.
     pub(crate) fn candidates(&self, model: &Model) -> Vec<EffectSite> {
-        let lacking = all_places().into_iter().filter(|place| !self.has(*place));
+        let lacking = all_places(&self.robot)
+            .into_iter()
+            .filter(|place| !self.has(*place));
         lacking
-            .map(|place| EffectSite::of(model, place, self.constraint).into_candidate())
+            .map(|place| EffectSite::of((model, &self.robot), place, self.constraint))
+            .map(EffectSite::into_candidate)
             .collect()
     }
 
@@ -166,7 +177,7 @@ impl ModelStructure {
     pub(super) fn active(&self, columns: &WalkColumns) -> Vec<usize> {
         let effects = columns.effects();
         let own = effects.filter(|(_, n, _)| self.has(columns.sites[*n].place));
-        (0..FIXED).chain(own.map(|(k, ..)| k)).collect()
+        (0..columns.fixed()).chain(own.map(|(k, ..)| k)).collect()
     }
 
     /// Each body and how far the data may carry it.
@@ -186,7 +197,7 @@ impl ModelStructure {
 
     /// The same of what sensors get wrong, and then of its effects.
     pub(super) fn others(&self, columns: &WalkColumns) -> Vec<Bounded> {
-        let sensors = sensors::STD.map(|std| Bounded {
+        let sensors = self.robot.sensor_std.map(|std| Bounded {
             mean: 0.0,
             std,
             lower: f64::NEG_INFINITY,
@@ -197,9 +208,33 @@ impl ModelStructure {
 
     /// The columns of its own effects.
     pub(crate) fn columns(&self) -> WalkColumns {
+        self.columns_of(self.effects.clone())
+    }
+
+    /// Columns of these effects.
+    pub(crate) fn columns_of(&self, sites: Vec<EffectSite>) -> WalkColumns {
         WalkColumns {
-            sites: self.effects.clone(),
+            robot: self.robot.clone(),
+            sites,
         }
+    }
+}
+
+/// Whether a model lets a body, counted from the base, carry a load.
+fn carries(model: &Model, b: usize) -> bool {
+    let loads = model.effects().iter();
+    let mut loads = loads.filter(|own| own.effect.description().form == Form::Inertia);
+    loads.any(|own| body_of(own.joint) == b)
+}
+
+/// That walks are judged with an effect.
+fn judged(model: &Model, (effect, joint): Place) -> Result<(), FreeBaseError> {
+    match is_judged(effect) && joint != BASE {
+        true => Ok(()),
+        false => Err(FreeBaseError::Effect {
+            effect: effect.name(),
+            place: model.joint_name(joint).to_owned(),
+        }),
     }
 }
 
@@ -214,7 +249,7 @@ fn known(model: &Model) -> Vec<BodyPrior> {
         let coms: Vec<_> = limb.bodies.clone().map(com).collect();
         Values::given(model, &limb).loaded(&coms)
     });
-    let bodies = std::iter::once(BASE).chain(0..JOINTS);
+    let bodies = std::iter::once(BASE).chain(0..robot.bodies().len());
     let inertias = std::iter::once(*model.inertia(BASE)).chain(loaded);
     let of = |(body, inertia): (usize, InertialParameters<f64>)| {
         let cad = match body {

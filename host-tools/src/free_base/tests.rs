@@ -6,20 +6,24 @@ use std::sync::Arc;
 
 use nalgebra::{SVector, Vector3};
 use proprio_core::effect::EffectKind;
+use proprio_core::estimator::plausible;
+use proprio_core::go2::Leg;
 use proprio_core::go2::{self, JOINTS};
 use proprio_core::spatial::Transform;
-use proprio_core::window::{FreeBasePush, FreeBaseWindow};
+use proprio_core::window::{
+    FreeBasePush, FreeBaseSample, FreeBaseSetup, FreeBaseWindow, Sample, Settings,
+};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::columns::WalkColumns;
-use super::coordinates::{BODIES, COORDINATES};
+use super::channels::Channels;
+use super::legged::Legged;
 use super::moved_readings::MovedReadings;
 use super::residual::residuals;
 use super::rest::Rest;
 use super::row_setup::RowSetup;
-use super::rows::{Linearised, core_setup, each_row, each_window, sample, windows_of};
+use super::rows::{Linearised, each_row, each_window, windows_of};
 use super::speed::quieten;
 use super::stance::Stance;
 use super::structure::ModelStructure;
@@ -28,16 +32,31 @@ use super::{Walks, gravity};
 use crate::estimate::Constraint;
 use crate::model::Model;
 
+/// Bodies and velocity coordinates of a Go2.
+const BODIES: usize = JOINTS + 1;
+const COORDINATES: usize = JOINTS + 6;
+
+fn go2_legged() -> Arc<Legged> {
+    Legged::of(&Model::default()).unwrap()
+}
+
+fn stance_of(walk: &Walk) -> Stance {
+    Stance::of(walk, &go2_legged())
+}
+
+fn whole() -> ModelStructure {
+    ModelStructure::whole(&Model::default(), Constraint::Physical).unwrap()
+}
+
 /// Samples of a robot that hangs still in the pose of standing, 500 Hz.
 fn still(count: usize) -> Walk {
-    let pose = std::array::from_fn(|j| [0.0, 0.8, -1.6][j % 3]);
     Walk {
         path: "made up".into(),
         imu: true,
         time_us: (0..count as u64).map(|n| 2_000 * n).collect(),
-        q: vec![pose; count],
-        dq: vec![[0.0; JOINTS]; count],
-        tau: vec![[0.0; JOINTS]; count],
+        q: Channels::from_fn(count, JOINTS, |_, j| [0.0, 0.8, -1.6][j % 3]),
+        dq: Channels::from_fn(count, JOINTS, |_, _| 0.0),
+        tau: Channels::from_fn(count, JOINTS, |_, _| 0.0),
         gyro: vec![Vector3::zeros(); count],
         gyro_read: Vec::new(),
         acc: vec![Vector3::new(0.0, 0.0, 9.81); count],
@@ -45,7 +64,10 @@ fn still(count: usize) -> Walk {
         count: None,
         samples: Default::default(),
         period: 2e-3,
-        rest: Rest::of(&vec![[0.0; JOINTS]; count], 2e-3),
+        rest: Arc::new(Rest::of(
+            &Channels::from_fn(count, JOINTS, |_, _| 0.0),
+            2e-3,
+        )),
     }
 }
 
@@ -59,18 +81,14 @@ fn hold(walk: &mut Walk, n: usize, forces: [f64; 4]) {
         let jacobian = tree.contact_jacobian(&k.placements, foot, &-Vector3::z());
         torque -= jacobian.tr_mul(&(Vector3::z() * force));
     }
-    walk.tau[n] = std::array::from_fn(|j| torque[6 + j]);
+    (0..JOINTS).for_each(|j| walk.tau[n][j] = torque[6 + j]);
 }
 
 /// MuJoCo's trot.
 fn trot() -> Walks {
     let path =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle/walk/trot.csv.gz");
-    Walks::read(&[path], |_, _| ()).unwrap()
-}
-
-fn imu() -> Transform<f64> {
-    Transform::from_translation(Vector3::from(go2::IMU))
+    Walks::read(&[path], (&Model::default(), &go2_legged()), |_, _| ()).unwrap()
 }
 
 /// FR swings high for 100 ms in the middle; the others carry the robot.
@@ -90,14 +108,14 @@ fn step(counts: Option<[f64; 2]>) -> Walk {
     }
     walk.count = counts.map(|[air, ground]| {
         let of = |n: usize| if (100..150).contains(&n) { air } else { ground };
-        (0..300).map(|n| [of(n), ground, ground, ground]).collect()
+        Channels::from_fn(300, 4, |n, f| if f == 0 { of(n) } else { ground })
     });
     walk
 }
 
 #[test]
 fn a_foot_is_in_the_air_only_where_all_say_so_and_with_a_guard() {
-    let stance = Stance::of(&step(Some([10.0, 50.0])), &imu());
+    let stance = stance_of(&step(Some([10.0, 50.0])));
     let air: Vec<usize> = (0..300).filter(|n| !stance.loaded[*n][0]).collect();
     // A guard of 16 ms to both sides (a sample at just 16 ms may be on either side), and a few samples where differences reach
     // across the step.
@@ -122,11 +140,11 @@ fn a_sensor_that_speaks_of_a_force_is_believed_and_a_dead_one_is_not_asked() {
         (0..30).for_each(|n| count[n][0] = 10.0);
         (100..150).for_each(|n| count[n][0] = 30.0);
     }
-    let stance = Stance::of(&walk, &imu());
+    let stance = stance_of(&walk);
     assert!(stance.loaded.iter().all(|l| l[0]));
     assert!(stance.shares.count[0] > 0.1);
     for counts in [None, Some([17.0, 17.0]), Some([f64::NAN; 2])] {
-        let stance = Stance::of(&step(counts), &imu());
+        let stance = stance_of(&step(counts));
         assert!(stance.loaded.iter().any(|l| !l[0]), "{counts:?}");
     }
 }
@@ -136,7 +154,7 @@ fn a_sensor_that_speaks_of_a_force_is_believed_and_a_dead_one_is_not_asked() {
 fn a_foot_at_the_ground_may_carry_a_force_that_torques_do_not_tell() {
     let mut walk = still(200);
     (0..200).for_each(|n| hold(&mut walk, n, [3.0, 50.0, 50.0, 50.0]));
-    let stance = Stance::of(&walk, &imu());
+    let stance = stance_of(&walk);
     assert!(stance.loaded.iter().all(|l| l[0]));
     assert_eq!(stance.shares.height[0], 1.0);
 }
@@ -145,7 +163,7 @@ fn a_foot_at_the_ground_may_carry_a_force_that_torques_do_not_tell() {
 fn a_robot_that_hangs_has_no_foot_on_the_ground() {
     let mut walk = still(200);
     (0..200).for_each(|n| hold(&mut walk, n, [0.0; 4]));
-    let stance = Stance::of(&walk, &imu());
+    let stance = stance_of(&walk);
     assert_eq!(stance.shares.air, [1.0; 4]);
 }
 
@@ -154,10 +172,10 @@ fn a_robot_that_hangs_has_no_foot_on_the_ground() {
 fn a_robot_that_hangs_is_held_and_one_that_stands_or_flies_is_not() {
     let mut stands = still(600);
     (0..600).for_each(|n| hold(&mut stands, n, [40.0, 35.0, 40.0, 35.0]));
-    assert!(!Stance::of(&stands, &imu()).held.contains(&true));
+    assert!(!stance_of(&stands).held.contains(&true));
     let mut flies = still(600);
     flies.acc.fill(Vector3::zeros());
-    assert!(!Stance::of(&flies, &imu()).held.contains(&true));
+    assert!(!stance_of(&flies).held.contains(&true));
     // Lifted off the ground for the last second.
     for n in 0..600 {
         let lifted = n >= 300;
@@ -171,7 +189,7 @@ fn a_robot_that_hangs_is_held_and_one_that_stands_or_flies_is_not() {
             },
         );
     }
-    let held = Stance::of(&stands, &imu()).held;
+    let held = stance_of(&stands).held;
     let first = held.iter().position(|held| *held).unwrap();
     assert!(first < 300 && first > 50, "{first}");
     assert!(held[first..].iter().all(|held| *held));
@@ -187,8 +205,8 @@ fn velocities_come_from_the_quieter_channel() {
         let motion = |t: f64| (0.3 * (9.0 * t).sin(), 2.7 * (9.0 * t).cos());
         for n in 0..2000 {
             let (q, dq) = motion(walk.seconds(n));
-            walk.q[n] = [(q / 3e-5).round() * 3e-5; JOINTS];
-            walk.dq[n] = [dq + noise * normal(); JOINTS];
+            walk.q[n].fill((q / 3e-5).round() * 3e-5);
+            walk.dq[n].fill(dq + noise * normal());
             walk.gyro[n] = Vector3::repeat(0.3 * dq + 0.005 * normal());
         }
         let truth: Vec<f64> = (0..2000).map(|n| motion(walk.seconds(n)).1).collect();
@@ -235,7 +253,7 @@ fn joints_that_friction_may_hold_are_told() {
     for n in 0..2000 {
         walk.dq[n][4] = 2.0 * (TAU * walk.seconds(n)).sin();
     }
-    walk.rest = Rest::of(&walk.dq, walk.period);
+    walk.rest = Arc::new(Rest::of(&walk.dq, walk.period));
     let left_out = |seconds: f64| {
         walk.rest
             .within(&walk.time_us, walk.index_at(seconds), 40_000)
@@ -252,8 +270,8 @@ fn joints_that_friction_may_hold_are_told() {
 fn windows_are_long_where_feet_stay() {
     let mut stands = still(600);
     (0..600).for_each(|n| hold(&mut stands, n, [40.0; 4]));
-    assert_eq!(Stance::of(&stands, &imu()).window_us, 80_000);
-    assert_eq!(Stance::of(&step(None), &imu()).window_us, 40_000);
+    assert_eq!(stance_of(&stands).window_us, 80_000);
+    assert_eq!(stance_of(&step(None)).window_us, 40_000);
 }
 
 /// An accelerometer that reads 0.09 m/s² too much along gravity, on a robot that rolls and bounces.
@@ -279,7 +297,7 @@ fn gravitys_length_tells_the_accelerometers_bias_along_it() {
 #[test]
 fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     let mut walks = trot();
-    let structure = ModelStructure::whole(Constraint::Physical);
+    let structure = whole();
     let unseen = |walks: &Walks| {
         let data = super::data::Data::of(walks, &structure, &[]).unwrap();
         (data.unseen.clone(), data.warnings())
@@ -306,19 +324,60 @@ fn a_foot_that_carries_the_robot_while_it_is_said_to_be_in_the_air_is_named() {
     assert!(warnings.iter().any(|words| words.contains("foot of FL")));
 }
 
-/// Torques of effects that the core knows have its own columns, whatever feet may carry a force and whichever joints rest.
+/// What the core's window needs of a Go2.
+fn core_setup(walk: &Walk, stance: &Stance) -> FreeBaseSetup<f64, COORDINATES, JOINTS, 4> {
+    let [moment, force] = super::legged::SCALE_OF_BASE;
+    FreeBaseSetup {
+        imu: Transform::from_translation(Vector3::from(go2::IMU)),
+        feet: go2::feet(),
+        scale: std::array::from_fn(|c| match c {
+            0..3 => moment,
+            3..6 => force,
+            _ => 1.0,
+        }),
+        plausible: std::array::from_fn(|j| plausible(Leg::ALL[j / 3])[j % 3]),
+        settings: Settings {
+            window_us: stance.window_us,
+            ..Settings::default()
+        },
+        acc_bias: Vector3::zeros(),
+        speed_noise: std::array::from_fn(|j| walk.rest.speed_noise[j]),
+    }
+}
+
+fn core_sample(walk: &Walk, stance: &Stance, n: usize) -> FreeBaseSample<f64, JOINTS, 4> {
+    let of = |all: &Channels| std::array::from_fn(|j| all[n][j]);
+    let resting = walk.rest.within(&walk.time_us, n, stance.window_us);
+    FreeBaseSample {
+        joints: Sample {
+            time_us: walk.time_us[n],
+            q: of(&walk.q),
+            dq: of(&walk.dq),
+            tau: of(&walk.tau),
+        },
+        gyro: walk.gyro[n],
+        acc: walk.acc[n],
+        down: walk.down[n],
+        loaded: std::array::from_fn(|f| stance.loaded[n][f]),
+        resting: std::array::from_fn(|j| resting[j]),
+    }
+}
+
+/// Torques of effects that the core knows have its own columns, and all other columns are the core's, whatever feet may carry a force and whichever
+/// joints rest: any robot's window is the board's on a Go2.
 #[test]
 fn projected_torques_are_the_cores() {
     let walks = trot();
     let (walk, stance) = &walks.walks[0];
-    let structure = ModelStructure::whole(Constraint::Physical);
+    let structure = whole();
     let setup = RowSetup::cad(Arc::new(structure.columns()));
     let mut ours = HashMap::new();
     each_window(walk, stance, &setup, &setup.sensors, |seen| {
         let projection = seen.projection(&setup);
         let effects = setup.columns.effects();
         let columns = effects.map(|(_, n, linear)| projection.column(n, &linear.column));
-        ours.insert(seen.rows.span_us, columns.collect::<Vec<_>>());
+        let columns: Vec<Vec<f64>> = columns.collect();
+        ours.insert(seen.rows.span_us, (columns, seen.rows.clone()));
     });
     let mut window = Box::new(FreeBaseWindow::<
         f64,
@@ -330,19 +389,30 @@ fn projected_torques_are_the_cores() {
         4,
         _,
     >::new(
-        go2::free(),
-        EffectKind::PLAIN,
-        core_setup(walk, stance, &setup.sensors),
+        go2::free(), EffectKind::PLAIN, core_setup(walk, stance)
     ));
     let (mut windows, mut loaded, mut resting) = (0, 0, 0);
     for n in 0..walk.len() {
-        if window.push(&sample(walk, stance, n)) != FreeBasePush::Closed {
+        if window.push(&core_sample(walk, stance, n)) != FreeBasePush::Closed {
             continue;
         }
         // Touch-downs are no matter of the core's.
-        let Some(ours) = ours.get(&window.rows().span_us) else {
+        let Some((ours, rows)) = ours.get(&window.rows().span_us) else {
             continue;
         };
+        let theirs = window.rows();
+        assert_eq!(
+            (rows.rank, &rows.resting[..]),
+            (theirs.rank, &theirs.resting[..])
+        );
+        for c in 0..COORDINATES {
+            let near = |a: f64, b: f64| (a - b).abs() < 1e-10 * (1.0 + b.abs());
+            assert!(near(rows.torque[c], theirs.torque[c]));
+            let inertial = rows.inertial(c).as_flattened();
+            let mut both = inertial.iter().zip(theirs.inertial[c].as_flattened());
+            assert!(both.all(|(a, b)| near(*a, *b)), "{c}");
+            assert!((0..3).all(|k| near(rows.acceleration[c][k], theirs.acceleration[c][k])));
+        }
         windows += 1;
         loaded += usize::from(window.rows().rank < COORDINATES - JOINTS);
         resting += usize::from(window.rows().resting.contains(&true));
@@ -365,7 +435,7 @@ fn residuals_are_the_rows_times_their_parameters() {
     let model = Model::default();
     let structure = ModelStructure::of(&model).unwrap();
     let sites = structure.candidates(&model);
-    let columns = Arc::new(WalkColumns { sites });
+    let columns = Arc::new(structure.columns_of(sites));
     let mut theta = RowSetup::cad(columns.clone()).theta;
     // As far off as what sensors get wrong may be: thousandths.
     let values = theta.iter_mut().enumerate();

@@ -5,7 +5,6 @@
 //! blow on another leg leaves as much as before. A force that does not make a window stand out is not seen here. Slip is none of this: whatever
 //! force a foot that slips carries, it is projected out like that of one that does not.
 
-use proprio_core::go2::{LEGS, Leg};
 use serde::Serialize;
 
 use super::moved_readings::MovedReadings;
@@ -20,10 +19,10 @@ use super::walks::Walks;
 const GOOD: f64 = 2.0;
 
 /// A foot that carries a force in windows in which it is taken to be in the air.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct UnseenFoot {
     /// Whose foot.
-    pub leg: &'static str,
+    pub leg: String,
     /// In how many windows.
     pub windows: u64,
     /// As a share of those in which it is taken to be in the air.
@@ -59,21 +58,23 @@ pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec
         setup,
         moved: &MovedReadings::default(),
     };
-    let mut feet = [Tally::default(); LEGS];
+    let names = walks.robot.feet.iter().map(|foot| &foot.name);
+    let count = names.len();
+    let mut feet = vec![Tally::default(); count];
     for ((walk, stance), outside) in walks.walks.iter().zip(outside) {
         let as_it_is = outside::squares(walk, stance, at, |_| theta);
         let Some(usual) = outside::usual(as_it_is.iter()) else {
             continue;
         };
-        let again: [Vec<Squares>; LEGS] =
-            std::array::from_fn(|leg| match loaded_in(walk, stance, leg, outside) {
-                Some(stance) => outside::squares(walk, &stance, at, |_| theta),
-                None => Vec::new(),
-            });
+        let of = |leg: usize| match loaded_in(walk, stance, leg, outside) {
+            Some(stance) => outside::squares(walk, &stance, at, |_| theta),
+            None => Vec::new(),
+        };
+        let again: Vec<Vec<Squares>> = (0..count).map(of).collect();
         for own in &as_it_is {
             let first = walk.time_us.partition_point(|t| *t < own.start_us);
             let is_in_air = |leg: &usize| !stance.loaded[first][*leg];
-            (0..LEGS)
+            (0..count)
                 .filter(is_in_air)
                 .for_each(|leg| feet[leg].air += 1);
             if outside.binary_search(&own.start_us).is_err() {
@@ -83,14 +84,14 @@ pub(super) fn feet(walks: &Walks, setup: &RowSetup, outside: &[Vec<u64>]) -> Vec
                 let found = again[leg].binary_search_by_key(&own.start_us, |s| s.start_us);
                 Some((leg, again[leg][found.ok()?]))
             };
-            let best = (0..LEGS).filter(is_in_air).filter_map(with);
+            let best = (0..count).filter(is_in_air).filter_map(with);
             let best = best.min_by(|a, b| a.1.mean().total_cmp(&b.1.mean()));
             if let Some((leg, after)) = best.filter(|(_, s)| s.mean() <= GOOD * GOOD * usual) {
                 feet[leg].add(own, &after);
             }
         }
     }
-    let told = feet.iter().enumerate().map(|(leg, own)| own.told(leg));
+    let told = feet.iter().zip(names).map(|(own, name)| own.told(name));
     told.flatten().collect()
 }
 
@@ -115,10 +116,10 @@ impl Tally {
     }
 
     /// None where it is in so few windows as blows are.
-    fn told(&self, leg: usize) -> Option<UnseenFoot> {
+    fn told(&self, name: &str) -> Option<UnseenFoot> {
         let share = self.windows as f64 / self.air.max(1) as f64;
         (share > MANY).then(|| UnseenFoot {
-            leg: Leg::ALL[leg].name(),
+            leg: name.to_owned(),
             windows: self.windows,
             share,
             rms: [0, 1].map(|k| (self.squares[k] / self.equations[k].max(1.0)).sqrt()),
@@ -131,7 +132,7 @@ fn loaded_in(walk: &Walk, stance: &Stance, leg: usize, starts_us: &[u64]) -> Opt
     let (mut changed, mut loaded) = (false, stance.loaded.clone());
     for start_us in starts_us {
         let first = walk.time_us.partition_point(|t| t < start_us);
-        let feet = stance.loaded[first];
+        let feet = stance.loaded[first].clone();
         let inside = (first..walk.len()).take_while(|n| {
             stance.loaded[*n] == feet && walk.time_us[*n] - start_us <= stance.window_us
         });

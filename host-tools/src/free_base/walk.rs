@@ -2,15 +2,18 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use proprio_core::go2::{JOINTS, LEGS, Leg};
 use proprio_core::tree::GRAVITY;
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::channels::Channels;
 use super::error::FreeBaseError;
+use super::legged::Legged;
 use super::rest::Rest;
-use crate::log::{Log, Samples};
+use crate::log::{LogReader, Samples, Selection};
+use crate::model::Robot;
 
 /// Length of the stretches over which the mean specific force is told, s: a gyro's bias turns nothing much meanwhile.
 const STRETCH: f64 = 2.0;
@@ -23,16 +26,16 @@ const VERTICAL_SPEED: [f64; 2] = [0.05, 0.5];
 const SIDEWAYS: f64 = 0.005;
 
 /// A sample of a motion as the robot's sensors would read it if they had no noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Played {
     /// s.
     pub(crate) t: f64,
     /// Joint positions, rad.
-    pub(crate) q: [f64; JOINTS],
+    pub(crate) q: Vec<f64>,
     /// rad/s.
-    pub(crate) dq: [f64; JOINTS],
+    pub(crate) dq: Vec<f64>,
     /// Motor torques, N m.
-    pub(crate) tau: [f64; JOINTS],
+    pub(crate) tau: Vec<f64>,
     /// Angular velocity at the IMU, rad/s.
     pub(crate) gyro: Vector3<f64>,
     /// Specific force at the IMU, m/s².
@@ -48,22 +51,22 @@ pub(crate) struct Walk {
     /// Whether an IMU was recorded. Without, the trunk is taken to be level and not to be accelerated.
     pub(super) imu: bool,
     pub(super) time_us: Vec<u64>,
-    pub(crate) q: Vec<[f64; JOINTS]>,
-    pub(crate) dq: Vec<[f64; JOINTS]>,
-    pub(crate) tau: Vec<[f64; JOINTS]>,
+    pub(crate) q: Channels,
+    pub(crate) dq: Channels,
+    pub(crate) tau: Channels,
     pub(super) gyro: Vec<Vector3<f64>>,
     /// As the gyro was read; none where it was not smoothed.
     pub(super) gyro_read: Vec<Vector3<f64>>,
     pub(super) acc: Vec<Vector3<f64>>,
     /// Unit vector along gravity in the IMU's axes.
     pub(super) down: Vec<Vector3<f64>>,
-    /// What the feet read, where recorded.
-    pub(super) count: Option<Vec<[f64; LEGS]>>,
+    /// What the feet read, where recorded; not a number of a foot without a sensor.
+    pub(super) count: Option<Channels>,
     pub(super) samples: Samples,
     /// The time between samples, the middle one, s.
     pub(crate) period: f64,
     /// Joints near standstill, by their velocities as they were smoothed.
-    pub(crate) rest: Rest,
+    pub(crate) rest: Arc<Rest>,
 }
 
 /// What a log tells of the accelerometer's bias along gravity: a robot that does not leave the ground for good is accelerated by
@@ -79,36 +82,35 @@ pub(super) struct GravityTold {
 
 impl Walk {
     /// As it was recorded: without gravity's direction, and without what is known of joints at rest.
-    pub(super) fn read(path: &Path) -> Result<(Self, Vec<String>), FreeBaseError> {
-        let log = Log::read(path)?;
+    pub(super) fn read(
+        path: &Path,
+        (robot, legged): (&Robot, &Legged),
+    ) -> Result<(Self, Vec<String>), FreeBaseError> {
+        let mut log = LogReader::open_of(path, Selection::Everything, robot)?;
         let missing = |what: &'static str| FreeBaseError::Missing {
             path: path.to_owned(),
             what,
         };
-        let legs: Vec<_> = Leg::ALL.iter().filter_map(|&leg| log.leg(leg)).collect();
-        if legs.len() < LEGS {
-            return Err(missing("all four legs"));
+        let columns = log.columns();
+        if columns.joints().count() < legged.joints() {
+            return Err(missing("all joints of all legs"));
         }
-        let (gyro, acc) = match (&log.imu.gyro, &log.imu.acc) {
-            (Some(gyro), Some(acc)) => (Some(gyro), Some(acc)),
-            (None, None) => (None, None),
-            (None, _) => return Err(missing("gyro/x|y|z")),
-            (_, None) => return Err(missing("acc/x|y|z")),
+        let imu = match (columns.has_gyro(), columns.has_acc()) {
+            (true, true) => true,
+            (false, false) => false,
+            (false, _) => return Err(missing("gyro/x|y|z")),
+            (_, false) => return Err(missing("acc/x|y|z")),
         };
-        let start = log.t.first().copied().unwrap_or(0.0);
-        let mut walk = Self::empty(path, log.foot.is_some());
-        walk.imu = gyro.is_some();
-        for (n, t) in log.t.iter().enumerate() {
-            let of = |channel: &dyn Fn(&crate::log::JointChannel) -> f64| {
-                std::array::from_fn(|j| channel(&legs[j / 3][j % 3]))
-            };
-            let (q, dq, tau) = (of(&|c| c.q[n]), of(&|c| c.dq[n]), of(&|c| c.tau[n]));
+        let mut walk = Self::empty(path, legged, columns.has_feet());
+        walk.imu = imu;
+        let mut start = None;
+        while let Some(row) = log.next_row()? {
+            let t = row.t() - *start.get_or_insert(row.t());
+            let (q, dq, tau) = (row.q(), row.dq(), row.tau());
             walk.samples.total += 1;
-            let time_us = ((t - start) * 1e6).round() as u64;
-            if walk.q.last() == Some(&q)
-                && walk.dq.last() == Some(&dq)
-                && walk.tau.last() == Some(&tau)
-            {
+            let time_us = (t * 1e6).round() as u64;
+            let before = [&walk.q, &walk.dq, &walk.tau].map(Channels::last);
+            if before == [Some(q), Some(dq), Some(tau)] {
                 walk.samples.repeated += 1;
                 continue;
             }
@@ -116,8 +118,10 @@ impl Walk {
                 walk.samples.late += 1;
                 continue;
             }
-            let gyro = gyro.map_or([0.0; 3], |gyro| gyro[n]);
-            let acc = acc.map_or([0.0, 0.0, GRAVITY], |acc| acc[n]);
+            let (gyro, acc) = match imu {
+                true => (*row.gyro(), *row.acc()),
+                false => ([0.0; 3], [0.0, 0.0, GRAVITY]),
+            };
             if !gyro.iter().chain(&acc).all(|x| x.is_finite()) {
                 walk.samples.rejected += 1;
                 continue;
@@ -128,48 +132,55 @@ impl Walk {
             walk.tau.push(tau);
             walk.gyro.push(gyro.into());
             walk.acc.push(acc.into());
-            if let (Some(count), Some(feet)) = (&mut walk.count, &log.foot) {
-                count.push(feet[n]);
+            if let Some(count) = &mut walk.count {
+                let of = |foot: &super::legged::LeggedFoot| match foot.sensor {
+                    true => row.foot().get(foot.limb).copied().unwrap_or(f64::NAN),
+                    false => f64::NAN,
+                };
+                count.push(&legged.feet.iter().map(of).collect::<Vec<_>>());
             }
         }
         walk.period = walk.middle_step();
-        let warnings = log.warnings.iter();
-        let warnings = warnings.map(|w| format!("{}: {w}", path.display()));
+        let warnings = log.finish()?;
+        let warnings = warnings.iter().map(|w| format!("{}: {w}", path.display()));
         let warnings = warnings.collect();
         Ok((walk, warnings))
     }
 
     /// A motion that was not recorded, its samples in the order of time: nothing is smoothed, for nothing has noise.
-    pub(super) fn of_motion(played: &[Played]) -> Self {
-        let mut walk = Self::empty(Path::new(""), false);
+    pub(super) fn of_motion(played: &[Played], legged: &Legged) -> Self {
+        let mut walk = Self::empty(Path::new(""), legged, false);
         walk.time_us = played.iter().map(|s| (s.t * 1e6).round() as u64).collect();
-        walk.q = played.iter().map(|s| s.q).collect();
-        walk.dq = played.iter().map(|s| s.dq).collect();
-        walk.tau = played.iter().map(|s| s.tau).collect();
+        for sample in played {
+            walk.q.push(&sample.q);
+            walk.dq.push(&sample.dq);
+            walk.tau.push(&sample.tau);
+        }
         walk.gyro = played.iter().map(|s| s.gyro).collect();
         walk.acc = played.iter().map(|s| s.acc).collect();
         walk.down = played.iter().map(|s| s.down).collect();
         walk.period = walk.middle_step();
-        walk.rest = Rest::of(&walk.dq, walk.period);
+        walk.rest = Arc::new(Rest::of(&walk.dq, walk.period));
         walk
     }
 
-    fn empty(path: &Path, feet: bool) -> Self {
+    fn empty(path: &Path, legged: &Legged, feet: bool) -> Self {
+        let none = || Channels::new(legged.joints());
         Self {
             path: path.to_owned(),
             imu: true,
             time_us: Vec::new(),
-            q: Vec::new(),
-            dq: Vec::new(),
-            tau: Vec::new(),
+            q: none(),
+            dq: none(),
+            tau: none(),
             gyro: Vec::new(),
             gyro_read: Vec::new(),
             acc: Vec::new(),
             down: Vec::new(),
-            count: feet.then(Vec::new),
+            count: feet.then(|| Channels::new(legged.feet.len())),
             samples: Samples::default(),
             period: 0.0,
-            rest: Rest::of(&[], 0.0),
+            rest: Arc::new(Rest::of(&none(), 0.0)),
         }
     }
 

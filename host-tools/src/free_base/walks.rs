@@ -2,20 +2,21 @@
 //! should know about them.
 
 use std::path::PathBuf;
-
-use proprio_core::go2::JOINTS;
+use std::sync::Arc;
 
 use super::error::FreeBaseError;
 use super::gravity;
-use super::imu::imu;
+use super::legged::Legged;
 use super::rest::Rest;
 use super::speed;
 use super::stance::{FootEpisode, Stance, StanceShares};
 use super::walk::Walk;
 use crate::log::Samples;
+use crate::model::Model;
 
 /// Logs of a robot that walks, and which of its feet may carry a force.
 pub(crate) struct Walks {
+    pub(crate) robot: Arc<Legged>,
     pub(crate) walks: Vec<(Walk, Stance)>,
     /// What a user should know about the logs.
     pub(crate) warnings: Vec<String>,
@@ -25,16 +26,17 @@ impl Walks {
     /// Reads logs. `progress` hears of logs read, and of how many in all.
     pub(crate) fn read(
         logs: &[PathBuf],
+        (model, robot): (&Model, &Arc<Legged>),
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Self, FreeBaseError> {
-        let (mut walks, mut warnings) = (Vec::new(), Vec::new());
+        let (mut walks, mut warnings) = (Vec::new(), robot.notes.clone());
         for (n, path) in logs.iter().enumerate() {
-            let (mut walk, told) = Walk::read(path)?;
+            let (mut walk, told) = Walk::read(path, (model.robot(), robot))?;
             warnings.extend(told);
             walk.down = gravity::down(&walk);
             speed::quieten(&mut walk);
-            walk.rest = Rest::of(&walk.dq, walk.period);
-            let stance = Stance::of(&walk, &imu());
+            walk.rest = Arc::new(Rest::of(&walk.dq, walk.period));
+            let stance = Stance::of(&walk, robot);
             speed::quieten_turning(&mut walk, &stance.strikes);
             walks.push((walk, stance));
             progress(n as u64 + 1, logs.len() as u64);
@@ -42,7 +44,11 @@ impl Walks {
         for (walk, stance) in &walks {
             warnings.extend(doubts(walk, stance));
         }
-        Ok(Self { walks, warnings })
+        Ok(Self {
+            robot: robot.clone(),
+            walks,
+            warnings,
+        })
     }
 
     /// What became of the samples; one sample is all of the robot's.
@@ -52,10 +58,11 @@ impl Walks {
     }
 
     /// Root mean square of each joint's torque, N m.
-    pub(crate) fn torque_rms(&self) -> [f64; JOINTS] {
-        let samples = || self.walks.iter().flat_map(|(walk, _)| &walk.tau);
+    pub(crate) fn torque_rms(&self) -> Vec<f64> {
+        let samples = || self.walks.iter().flat_map(|(walk, _)| walk.tau.iter());
         let count = samples().count().max(1) as f64;
-        std::array::from_fn(|j| (samples().map(|tau| tau[j] * tau[j]).sum::<f64>() / count).sqrt())
+        let of = |j: usize| (samples().map(|tau| tau[j] * tau[j]).sum::<f64>() / count).sqrt();
+        (0..self.robot.joints()).map(of).collect()
     }
 
     /// What is said of each foot when, log after log, as [`Walks::starts`] puts them.
@@ -87,7 +94,8 @@ impl Walks {
 
     /// Why feet were projected out, log by log.
     pub(crate) fn stance(&self) -> Vec<StanceShares> {
-        self.walks.iter().map(|(_, stance)| stance.shares).collect()
+        let shares = self.walks.iter().map(|(_, stance)| &stance.shares);
+        shares.cloned().collect()
     }
 }
 
@@ -122,7 +130,7 @@ fn doubts(walk: &Walk, stance: &Stance) -> Vec<String> {
     let air: f64 = stance.shares.air.iter().sum();
     if air == 0.0 {
         told.push(format!(
-            "{path}: no foot is ever surely in the air: six equations of eighteen are left, and the legs' bodies are hardly told"
+            "{path}: no foot is ever surely in the air: the fewest equations are left, and the legs' bodies are hardly told"
         ));
     }
     told

@@ -1,15 +1,14 @@
 //! The windows of a log: what became of its time, and which samples each of them has.
 
-use proprio_core::go2::{JOINTS, LEGS};
 use serde::Serialize;
 
 /// What became of the time of a log.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Windows {
     /// Windows with rows.
     pub used: u64,
-    /// … of them with so many feet that may carry a force, from none to four.
-    pub by_feet: [u64; LEGS + 1],
+    /// … of them with so many feet that may carry a force, from none to all.
+    pub by_feet: Vec<u64>,
     /// Equations in them that contact forces and friction at rest leave.
     pub equations: u64,
     /// Equations of joints in them that are left out because friction may hold the joint.
@@ -34,7 +33,10 @@ impl Windows {
     pub(super) fn plus(self, other: &Self) -> Self {
         Self {
             used: self.used + other.used,
-            by_feet: std::array::from_fn(|f| self.by_feet[f] + other.by_feet[f]),
+            by_feet: (0..self.by_feet.len().max(other.by_feet.len()))
+                .map(|f| [&self.by_feet, &other.by_feet].map(|own| own.get(f).unwrap_or(&0)))
+                .map(|[own, other]| own + other)
+                .collect(),
             equations: self.equations + other.equations,
             resting: self.resting + other.resting,
             cut: self.cut + other.cut,
@@ -53,5 +55,5 @@ pub(super) struct WindowSamples {
     /// When it began, µs.
     pub(super) start_us: u64,
     pub(super) samples: Vec<usize>,
-    pub(super) resting: [bool; JOINTS],
+    pub(super) resting: Vec<bool>,
 }

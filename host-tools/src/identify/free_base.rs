@@ -3,20 +3,18 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use nalgebra::{DMatrix, DVector, SVector};
-use proprio_core::go2::{self, JOINT_NAMES, JOINTS, JOINTS_PER_LEG, JointId, LEGS, Leg};
+use nalgebra::{DMatrix, DVector};
 use proprio_core::inertia::INERTIAL;
-use proprio_core::spatial::Transform;
 use serde::Serialize;
 
 use super::NotAModel;
 use super::to_model::set_joint;
 use crate::detect::ladder::WALK;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
-use crate::free_base::columns::{ACC, FIXED};
-use crate::free_base::coordinates::{BODIES, COORDINATES};
 use crate::free_base::data::Data;
+use crate::free_base::doubtful;
 use crate::free_base::fit::{Deviations, Fit, bare, rms};
+use crate::free_base::legged::Legged;
 use crate::free_base::sensors::NAMES;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
@@ -26,29 +24,28 @@ use crate::parameter::{self, INERTIAL_NAMES};
 use crate::summary::ErrorRange;
 use crate::table::{Table, with_std};
 
-/// Identifies a Go2 from logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+/// Identifies a robot from logs of it walking, taken together: the effects that its model names, or all four of a plain drive at every joint if it names
+/// none. The model's priors count, its values do not. `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
 /// [`FreeBaseError`]; the first bad log stops the work.
 pub fn identify_free_base(
     logs: &[PathBuf],
+    model: &Model,
     constraint: Constraint,
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseIdentification, FreeBaseError> {
-    let walks = Walks::read(logs, progress)?;
-    let structure = ModelStructure::whole(constraint);
+    let structure = ModelStructure::whole(model, constraint)?;
+    let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let data = Data::of(&walks, &structure, &[])?;
     FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
 }
 
-/// The pose in which the whole robot's centre of mass is told: a Go2 as it stands, the same for every log, so that logs compare.
-const STANDING: [f64; JOINTS_PER_LEG] = [0.0, 0.8, -1.6];
-
 /// What follows from several parameters.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Quantity {
-    /// `total_mass`, `trunk_mass`, `trunk_com_x`, …: of the trunk about the base's origin; `robot_com_x`, …: of the whole robot about it, standing
-    /// with its hips at 0, thighs at 0.8 and calves at −1.6 rad.
+    /// `total_mass`, `trunk_mass`, `trunk_com_x`, …: of the trunk about the base's origin; `robot_com_x`, …: of the whole robot about it, a
+    /// Go2 standing with its hips at 0, thighs at 0.8 and calves at −1.6 rad, another robot with its joints at zero or the stop nearest to it.
     pub name: &'static str,
     /// SI unit.
     pub unit: &'static str,
@@ -88,6 +85,12 @@ pub struct FreeBaseIdentification {
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
     pub warnings: Vec<String>,
+    /// The feet, in the order of what is said of them.
+    #[serde(skip)]
+    feet: Vec<String>,
+    /// The joints.
+    #[serde(skip)]
+    joints: Vec<String>,
 }
 
 impl FreeBaseIdentification {
@@ -95,18 +98,31 @@ impl FreeBaseIdentification {
         let fit = data.fit(structure)?;
         let deviations = data.deviations(&fit);
         Some(Self {
-            quantities: quantities(&fit, &deviations),
+            quantities: quantities(&fit, &deviations, &structure.robot),
             parameters: walk_parameters(data, &fit, &deviations),
             rms: data.rms(fit.theta()),
             held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
             cad_rms: data.rms(&bare(data, structure)),
-            windows: data.windows,
+            windows: data.windows.clone(),
             stance: walks.stance(),
             unseen_feet: data.unseen.clone(),
             samples: walks.samples(),
             blocks: data.block_count(),
             logs: logs.to_vec(),
-            warnings: [walks.warnings, data.warnings()].concat(),
+            warnings: [
+                walks.warnings,
+                data.warnings(),
+                doubtful::sensors(data.columns(), fit.theta()),
+                doubtful::robot(structure, fit.theta()),
+            ]
+            .concat(),
+            feet: structure
+                .robot
+                .feet
+                .iter()
+                .map(|foot| foot.name.clone())
+                .collect(),
+            joints: structure.robot.names.clone(),
         })
     }
 
@@ -123,13 +139,14 @@ impl FreeBaseIdentification {
         estimate::find(&self.parameters, name)
     }
 
-    /// The Go2 with the bodies and effects identified, its trunk too, their standard deviations, and `provenance`.
+    /// The robot's `model` with the bodies and effects identified, its trunk too, their standard deviations, and `provenance`.
     ///
     /// # Errors
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
-    pub fn to_model(&self, provenance: Provenance) -> Result<Model, NotAModel> {
-        let mut model = Model::default();
-        let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
+    pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
+        let mut model = model.clone();
+        let joints = self.joints.iter().map(String::as_str).enumerate();
+        let bodies = std::iter::once((BASE, "base")).chain(joints);
         for (body, of) in bodies {
             set_joint(&self.parameters, &mut model, body, of).map_err(|fault| NotAModel {
                 of: of.to_owned(),
@@ -148,7 +165,7 @@ impl FreeBaseIdentification {
     }
 }
 
-fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
+fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantity> {
     let theta = fit.theta();
     // Of bodies alone, which come first.
     let prior = fit.problem.start().resize_vertically(theta.len(), 0.0);
@@ -157,7 +174,7 @@ fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
         entries.iter().for_each(|(k, x)| combination[*k] = *x);
         combination
     };
-    let masses: Vec<_> = (0..BODIES).map(|b| (INERTIAL * b, 1.0)).collect();
+    let masses: Vec<_> = (0..robot.bodies()).map(|b| (INERTIAL * b, 1.0)).collect();
     let linear = |name, entries: &[(usize, f64)]| {
         let combination = at(entries);
         Quantity {
@@ -191,7 +208,7 @@ fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
     {
         place(name, &at(&[(0, 1.0)]), &at(&[(1 + axis, 1.0)]));
     }
-    let standing = standing();
+    let standing = robot.standing_bodies();
     for (axis, name) in ["robot_com_x", "robot_com_y", "robot_com_z"]
         .into_iter()
         .enumerate()
@@ -203,26 +220,6 @@ fn quantities(fit: &Fit, deviations: &Deviations) -> Vec<Quantity> {
         });
         let moment: Vec<_> = moment.collect();
         place(name, &at(&masses), &at(&moment));
-    }
-    all
-}
-
-/// Where each body is in the base as the robot stands.
-fn standing() -> [Transform<f64>; BODIES] {
-    let tree = go2::free::<f64>();
-    let mut q = SVector::zeros();
-    (0..JOINTS).for_each(|j| q[COORDINATES - JOINTS + j] = STANDING[j % JOINTS_PER_LEG]);
-    let placed = tree.placements(&Transform::identity(), &q).from_parent;
-    let mut all = placed;
-    for b in 1..BODIES {
-        // Parents come before their children.
-        if let Some(parent) = tree.bodies()[b].parent {
-            let (above, own) = (all[parent], placed[b]);
-            all[b] = Transform {
-                rotation: above.rotation * own.rotation,
-                translation: above.translation + above.rotation * own.translation,
-            };
-        }
     }
     all
 }
@@ -258,23 +255,26 @@ pub(crate) fn walk_parameters(
             at_bound: fit.is_held(k),
         })
     };
-    let bodies = std::iter::once("base").chain(JOINT_NAMES);
+    let robot = &data.columns().robot;
+    let (acc, fixed) = (data.columns().acc(), data.columns().fixed());
+    let names = robot.names.iter().map(String::as_str);
+    let bodies = std::iter::once("base").chain(names);
     let inertial = bodies.flat_map(|body| {
         let name = move |&(what, unit): &(&str, _)| (parameter::name_at(what, body), unit);
         INERTIAL_NAMES.iter().map(name)
     });
-    let inertial = (0..ACC).zip(inertial);
+    let inertial = (0..acc).zip(inertial);
     let inertial = inertial.filter_map(|(k, (name, unit))| of(name, unit, k, 0.0));
     let inertial = inertial.map(ParameterEstimate::unless_at_bound);
     let columns = data.columns();
     let effects = columns.effects().filter_map(|(k, n, linear)| {
         let (effect, joint) = columns.sites[n].place;
-        let name = parameter::of_effect(effect, linear.parameter, JOINT_NAMES.get(joint)?);
+        let name = parameter::of_effect(effect, linear.parameter, robot.names.get(joint)?);
         let unit = effect.description().parameters[linear.parameter].unit;
         let estimate = of(name, unit, k, linear.neutral)?;
         Some(estimate.unless_absent(effect, linear.parameter))
     });
-    let sensors = (ACC..FIXED).zip(NAMES);
+    let sensors = (acc..fixed).zip(NAMES);
     let sensors = sensors.filter_map(|(k, (name, unit))| of(name.to_owned(), unit, k, 0.0));
     let sensors = sensors.map(|estimate| estimate.unless_nothing(0.0));
     inertial.chain(effects).chain(sensors).collect()
@@ -311,8 +311,8 @@ impl fmt::Display for FreeBaseIdentification {
             table.row(cells);
         }
         writeln!(f, "{table}")?;
-        let joints = Leg::ALL.into_iter().flat_map(JointId::of);
-        let joints: Vec<_> = joints.map(|joint| (joint.name().to_owned(), [])).collect();
+        let joints = self.joints.iter();
+        let joints: Vec<_> = joints.map(|joint| (joint.clone(), [])).collect();
         let find = |name: &str| self.parameter(name);
         write!(f, "{}", estimate::effect_table(find, [], &joints))?;
         self.legend(f)?;
@@ -322,7 +322,7 @@ impl fmt::Display for FreeBaseIdentification {
 
 impl FreeBaseIdentification {
     fn legend(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let inertial = || self.parameters[..INERTIAL * BODIES].iter();
+        let inertial = || self.parameters[..INERTIAL * (self.joints.len() + 1)].iter();
         let identified = inertial()
             .filter(|p| p.status == Status::Identified)
             .count();
@@ -356,7 +356,7 @@ impl FreeBaseIdentification {
             outside,
             held,
             rejected,
-        } = self.windows;
+        } = &self.windows;
         let feet: Vec<String> = by_feet
             .iter()
             .enumerate()
@@ -381,15 +381,15 @@ impl FreeBaseIdentification {
             let head = ["% of the time", "torque", "count", "height", "guard", "air"];
             table.row(head.map(str::to_owned));
             let shares = [
-                stance.torque,
-                stance.count,
-                stance.height,
-                stance.guard,
-                stance.air,
+                &stance.torque,
+                &stance.count,
+                &stance.height,
+                &stance.guard,
+                &stance.air,
             ];
-            for leg in 0..LEGS {
-                let cells = shares.map(|share| format!("{:.0}", 100.0 * share[leg]));
-                table.row([Leg::ALL[leg].name().to_owned()].into_iter().chain(cells));
+            for (n, foot) in self.feet.iter().enumerate() {
+                let cells = shares.map(|share| format!("{:.0}", 100.0 * share[n]));
+                table.row([foot.clone()].into_iter().chain(cells));
             }
             write!(
                 f,

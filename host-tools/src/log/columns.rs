@@ -119,6 +119,21 @@ impl Columns {
         self.has_slot(self.slots.of(channel, joint))
     }
 
+    /// Whether the log has a gyro.
+    pub fn has_gyro(&self) -> bool {
+        self.has_slot(self.slots.gyro())
+    }
+
+    /// Whether the log has an accelerometer.
+    pub fn has_acc(&self) -> bool {
+        self.has_slot(self.slots.acc())
+    }
+
+    /// Whether the log has any foot's sensor.
+    pub fn has_feet(&self) -> bool {
+        self.slots.feet().any(|slot| self.has_slot(slot))
+    }
+
     /// Whether the log has what belongs at `slot`.
     pub(super) fn has_slot(&self, slot: usize) -> bool {
         self.cell[slot].is_some()

@@ -107,7 +107,10 @@ impl Model {
 
 impl Robot {
     /// Makes a formula at a joint known as an effect.
-    pub(super) fn formula(
+    ///
+    /// # Errors
+    /// [`AskedError`].
+    pub(crate) fn formula(
         &self,
         name: &str,
         text: &str,

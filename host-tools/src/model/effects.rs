@@ -82,8 +82,8 @@ impl Model {
             prior: None,
             just_added: false,
         });
-        let place = |kind| catalogue::effects().position(|k| k == kind);
-        self.effects.sort_by_key(|e| (e.joint, place(e.effect)));
+        self.effects
+            .sort_by_key(|e| (e.joint, catalogue::order(e.effect)));
         true
     }
 
@@ -193,8 +193,8 @@ impl Model {
         let prior = possible(effect, prior)?;
         self.effect_priors.retain(|(kind, _)| *kind != effect);
         self.effect_priors.push((effect, prior));
-        let place = |kind| catalogue::effects().position(|k| k == kind);
-        self.effect_priors.sort_by_key(|(kind, _)| place(*kind));
+        self.effect_priors
+            .sort_by_key(|(kind, _)| catalogue::order(*kind));
         Ok(())
     }
 

@@ -16,14 +16,15 @@ use nalgebra::SVector;
 use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::InertialParameters;
 use tables::{
-    BaseTable, EffectTable, File, LogSpeech, Mount, PriorEntry, PriorTable, RobotTable, Ten,
+    BaseTable, EffectTable, File, FootTable, ImuTable, LogSpeech, Mount, PriorEntry, PriorTable,
+    RobotTable, Ten,
 };
 use toml::Spanned;
 pub(super) use write::text;
 
 use super::{
-    BASE, Impossible, LogConventions, LogRecord, Model, ModelError, ModelProblem, Motor, Mounting,
-    Provenance, Robot, UnknownName,
+    BASE, Foot, Impossible, ImuMount, LogConventions, LogRecord, Model, ModelError, ModelProblem,
+    Motor, Mounting, Provenance, Robot, UnknownName,
 };
 
 /// The newest format that this version reads, and the one it writes.
@@ -92,6 +93,11 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
     model.robot.set_conventions(conventions);
     read_priors(&mut model, &file.prior)?;
     read_bodies(&mut model, &file)?;
+    (file.foot.iter()).try_for_each(|foot| read_foot(&mut model, foot))?;
+    if let Some(imu) = &file.imu {
+        let imu = read_imu(&model, imu)?;
+        model.set_imu(imu);
+    }
     file.effect
         .iter()
         .try_for_each(|effect| read_effect(&mut model, effect))?;
@@ -305,6 +311,69 @@ fn read_bodies(model: &mut Model, file: &File) -> Result<(), Fault> {
             .map_err(impossible(at, what))?;
     }
     Ok(())
+}
+
+fn read_foot(model: &mut Model, entry: &Spanned<FootTable>) -> Result<(), Fault> {
+    let (at, table) = (entry.span().start, entry.get_ref());
+    let frame = model.robot.frame(&table.link);
+    let frame = frame.map_err(|e| (Some(at), ModelProblem::UnknownName(e)))?;
+    let limb = |body: usize| {
+        let limbs = model.robot.limbs();
+        let own = limbs.into_iter().find(|limb| limb.bodies.contains(&body));
+        own.map(|limb| limb.name)
+    };
+    let own = frame.body.and_then(limb);
+    let name = table.name.clone().or(own);
+    let mut foot = Foot::on(&name.unwrap_or_else(|| table.link.clone()), &table.link);
+    match (&table.points, table.place, frame.sphere) {
+        (Some(points), ..) => foot.points.clone_from(points),
+        (None, Some(place), _) => foot.points = vec![place],
+        (None, None, Some((centre, radius))) => {
+            foot.points = vec![centre.into()];
+            foot.radius = radius;
+        }
+        (None, None, None) => {}
+    }
+    foot.radius = table.radius.unwrap_or(foot.radius);
+    foot.radius_std = table.radius_std.unwrap_or(foot.radius_std);
+    foot.sensor = table.sensor.unwrap_or(foot.sensor);
+    let what = format!("the foot {}", foot.name);
+    model.add_foot(foot).map_err(impossible(at, what))
+}
+
+fn read_imu(model: &Model, entry: &Spanned<ImuTable>) -> Result<ImuMount, Fault> {
+    let (at, table) = (entry.span().start, entry.get_ref());
+    let own = model.robot.base_link().to_owned();
+    let link = table.link.clone().unwrap_or(own);
+    let frame = model.robot.frame(&link);
+    let frame = frame.map_err(|e| (Some(at), ModelProblem::UnknownName(e)))?;
+    if frame.body.is_some() {
+        let base = model.robot.frames().iter();
+        let base = base.filter(|frame| frame.body.is_none());
+        let fixed = UnknownName::new("link of the base", &link, base.map(|f| f.link.as_str()));
+        return Err((Some(at), ModelProblem::UnknownName(fixed)));
+    }
+    let mut imu = ImuMount::on(&link);
+    imu.place = table.place.unwrap_or(imu.place);
+    imu.rpy = table.rpy.unwrap_or(imu.rpy);
+    imu.place_std = table.place_std.unwrap_or(imu.place_std);
+    imu.turn_std = table.turn_std.unwrap_or(imu.turn_std);
+    let numbers = imu.place.iter().chain(&imu.rpy);
+    let deviations = [imu.place_std, imu.turn_std];
+    let positive = |x: &f64| x.is_finite() && *x > 0.0;
+    let wrong = numbers.copied().find(|x| !x.is_finite());
+    match wrong.or(deviations.into_iter().find(|x| !positive(x))) {
+        None => Ok(imu),
+        Some(value) => {
+            let fault = Impossible::Bounds {
+                symbol: "imu",
+                value,
+                lower: 0.0,
+                upper: f64::INFINITY,
+            };
+            Err(impossible(at, "the IMU")(fault))
+        }
+    }
 }
 
 /// The place of an effect: a joint, or the base.

@@ -37,6 +37,21 @@
 //! gear = 6.333
 //! rotor_inertia = 0.000111842
 //!
+//! [[foot]]                        # of a robot that walks, where the description does not tell them
+//! name = "FR"
+//! link = "FR_foot"
+//! place = [-0.002, 0.0, 0.0]      # the sphere's centre in the link, m; or points = [[…], …], a flat foot's corners
+//! radius = 0.022
+//! radius_std = 0.001
+//! sensor = true                   # whether `foot/FR` is to be believed
+//!
+//! [imu]
+//! link = "imu"
+//! place = [0.0, 0.0, 0.0]         # in the link, m
+//! rpy = [0.0, 0.0, 0.0]
+//! place_std = 0.01                # m
+//! turn_std = 0.05                 # rad
+//!
 //! [[effect]]
 //! name = "coulomb"
 //! joint = "FR_hip"
@@ -71,6 +86,7 @@
 //! - `asked`: effects as users ask for them, a formula among them
 //! - `conventions`: how a robot's logs speak of its joints, where their columns do not say so themselves
 //! - `error`: why a model file, or a robot's description, is refused
+//! - `legged`: feet and IMU of a robot that walks
 //! - `limb`: a limb of a model as the core takes it: tree, columns, prior, parameters
 //! - `physical`: which inertial parameters a body can have, and what is wrong with those it cannot
 //! - `possible`: values that a model may hold
@@ -84,6 +100,7 @@ mod effects;
 mod error;
 pub mod export;
 mod file;
+mod legged;
 mod limb;
 mod physical;
 mod possible;
@@ -105,13 +122,14 @@ pub use crate::name::UnknownName;
 pub use asked::{AskedError, asked_texts};
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
+pub use legged::{Foot, ImuMount};
 pub use limb::ModelParameter;
 pub(crate) use physical::other_unit;
 pub use physical::{Unphysical, about_com};
 pub use possible::Impossible;
 use possible::{deviation, positive};
 pub use provenance::{LogRecord, Provenance};
-pub use robot::{Body, JointKind, Limb, LogConventions, Motor, Robot, Source};
+pub use robot::{Body, Frame, JointKind, Limb, LogConventions, Motor, Robot, Source};
 use rounding::rounded;
 pub(crate) use rounding::significant;
 
@@ -128,6 +146,8 @@ pub struct Model {
     cad_uncertainty: f64,
     effect_priors: Vec<(EffectKind, Prior)>,
     motors: Vec<Option<Motor>>,
+    feet: Vec<Foot>,
+    imu: Option<ImuMount>,
     provenance: Option<Provenance>,
 }
 
@@ -176,7 +196,18 @@ impl Model {
             cad_uncertainty: CAD_UNCERTAINTY,
             effect_priors: Vec::new(),
             motors: vec![None; bodies],
+            feet: Vec::new(),
+            imu: None,
             provenance: None,
+        }
+    }
+
+    /// The same robot, with the feet and the IMU that are stated of it, as its CAD has it: no effect, no value.
+    pub fn bare(&self) -> Self {
+        Self {
+            feet: self.feet.clone(),
+            imu: self.imu.clone(),
+            ..Self::new(self.robot.clone())
         }
     }
 

@@ -80,6 +80,19 @@ pub struct Body {
     pub foot: Option<Vector3<f64>>,
 }
 
+/// Where a link is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// The link's name in URDF and MJCF.
+    pub link: String,
+    /// The body that it is, or is fixed to; `None` is the base.
+    pub body: Option<usize>,
+    /// Its frame in the body's joint frame, or the base's.
+    pub placement: Transform<f64>,
+    /// Centre (in its own frame) and radius, m, of the sphere that it touches others with, if that is its shape.
+    pub sphere: Option<(Vector3<f64>, f64)>,
+}
+
 /// A subtree that hangs on the base.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limb {
@@ -131,6 +144,7 @@ pub struct Robot {
     stated: Vec<(String, f64)>,
     notes: Vec<String>,
     conventions: LogConventions,
+    frames: Vec<Frame>,
 }
 
 impl Robot {
@@ -165,7 +179,7 @@ impl Robot {
             .flat_map(|leg| (0..JOINTS_PER_LEG).map(move |place| body(leg, place)))
             .collect();
         let base_inertia = go2::free::<f64>().bodies()[0].inertia;
-        Self::new("go2", Source::Go2, "base", base_inertia, bodies)
+        Self::new("go2", Source::Go2, "base", base_inertia, bodies).with_frames(go2_frames())
     }
 
     /// A robot of bodies numbered depth first.
@@ -182,13 +196,9 @@ impl Robot {
                 subtree_ends[parent] = subtree_ends[parent].max(subtree_ends[b]);
             }
         }
-        if JOINT_NAMES
-            .iter()
-            .all(|name| bodies.iter().any(|b| b.name == *name))
-        {
+        if are_go2s(&bodies) {
             for body in &mut bodies {
-                let place = JOINT_NAMES.iter().position(|name| *name == body.name);
-                body.motor = place.map(|n| go2_motor(n % JOINTS_PER_LEG));
+                body.motor = place_on_go2(body).map(|(_, place)| go2_motor(place));
             }
         }
         Self {
@@ -202,7 +212,23 @@ impl Robot {
             stated: Vec::new(),
             notes: Vec::new(),
             conventions: LogConventions::default(),
+            frames: Vec::new(),
         }
+    }
+
+    /// The same with where its links are.
+    pub(super) fn with_frames(self, frames: Vec<Frame>) -> Self {
+        Self { frames, ..self }
+    }
+
+    /// Whether its legs are a Go2's, by their joints' names and places to 5 mm.
+    pub fn is_go2(&self) -> bool {
+        are_go2s(&self.bodies)
+    }
+
+    /// Where all links are, those too that are fixed to others.
+    pub fn frames(&self) -> &[Frame] {
+        &self.frames
     }
 
     /// The same with joints that are held, and what else a user should know of how the description was read.
@@ -420,6 +446,54 @@ impl Robot {
             }
         })
     }
+}
+
+/// The leg of a Go2 that has a joint of this name, and the joint's place in it.
+fn place_on_go2(body: &Body) -> Option<(Leg, usize)> {
+    let n = JOINT_NAMES.iter().position(|name| *name == body.name)?;
+    Some((*Leg::ALL.get(n / JOINTS_PER_LEG)?, n % JOINTS_PER_LEG))
+}
+
+/// Whether joints are a Go2's, by name and place: an A1's and a B1's have the same names, and are 10 mm and more elsewhere.
+fn are_go2s(bodies: &[Body]) -> bool {
+    const NEAR: f64 = 5e-3;
+    let is_there = |body: &Body| {
+        place_on_go2(body).is_some_and(|(leg, place)| {
+            let known = go2::leg::<f64>(leg).bodies()[place].placement.translation;
+            (known - body.placement.translation).norm() < NEAR
+        })
+    };
+    let named = |name: &&str| bodies.iter().any(|body| body.name == **name);
+    JOINT_NAMES.iter().all(|name| named(&name))
+        && bodies.iter().all(|body| {
+            // What a Go2 carries has joints of its own.
+            place_on_go2(body).is_none() || is_there(body)
+        })
+}
+
+/// A Go2's links beside those that its joints move: feet, and the IMU.
+fn go2_frames() -> Vec<Frame> {
+    let frame = |link: &str, body: Option<usize>, place: [f64; 3]| Frame {
+        link: link.to_owned(),
+        body,
+        placement: Transform::from_translation(Vector3::from(place)),
+        sphere: None,
+    };
+    let mut frames = vec![frame("base", None, [0.0; 3]), frame("imu", None, go2::IMU)];
+    let (centre, radius) = go2::FOOT_SPHERE;
+    for leg in Leg::ALL {
+        for (place, name) in leg.joint_names().into_iter().enumerate() {
+            let body = JOINTS_PER_LEG * leg.index() + place;
+            frames.push(frame(name, Some(body), [0.0; 3]));
+        }
+        let calf = JOINTS_PER_LEG * leg.index() + JOINTS_PER_LEG - 1;
+        let centre = Vector3::from(centre) - Vector3::from(go2::FOOT);
+        frames.push(Frame {
+            sphere: Some((centre, radius)),
+            ..frame(&format!("{}_foot", leg.name()), Some(calf), go2::FOOT)
+        });
+    }
+    frames
 }
 
 pub(super) fn go2_motor(place: usize) -> Motor {

@@ -38,7 +38,7 @@ impl Robot {
     /// The robot of a URDF file, its root link fixed to the world.
     ///
     /// A joint's name is the URDF's, but `FR_hip_joint` and its eleven siblings are called what the Go2's logs call them:
-    /// `FR_hip`. A robot that has all twelve is taken for a Go2 and gets its motors.
+    /// `FR_hip`. A robot that has all twelve where a Go2 has them, to 5 mm, is taken for a Go2 and gets its motors.
     ///
     /// # Errors
     /// [`RobotError`] with file, line and what is wrong.
@@ -87,7 +87,8 @@ impl Description {
             parts.base_inertia,
             parts.bodies,
         )
-        .reading(parts.held, held, parts.notes);
+        .reading(parts.held, held, parts.notes)
+        .with_frames(parts.frames);
         Ok(Self {
             robot,
             carried: parts.carried,

@@ -2,7 +2,6 @@
 
 use plotly::Scatter;
 use plotly::common::Mode;
-use proprio_core::go2::Leg;
 
 use super::figure::{Figure, axis, colour, layout, line, plotted};
 use super::section::{Key, Mark, Section};
@@ -35,7 +34,7 @@ const REASONS: [(Reason, &str, &str); 4] = [
 const WIDTH: f64 = 14.0;
 
 /// A line of time for each foot; where it is empty the foot is in the air.
-pub fn section(feet: &[FootEpisode]) -> Section {
+pub fn section(feet: &[FootEpisode], names: &[String]) -> Section {
     let legend = REASONS
         .iter()
         .enumerate()
@@ -55,14 +54,14 @@ pub fn section(feet: &[FootEpisode]) -> Section {
         figures: if feet.is_empty() {
             Vec::new()
         } else {
-            vec![figure(feet)]
+            vec![figure(feet, names)]
         },
         columns: 1,
         ..Section::default()
     }
 }
 
-fn figure(feet: &[FootEpisode]) -> Figure {
+fn figure(feet: &[FootEpisode], names: &[String]) -> Figure {
     let trace = |(reason, words, colour): &(Reason, &'static str, &'static str)| {
         let own = || feet.iter().filter(|episode| episode.reason == *reason);
         let t = own().flat_map(|episode| [episode.time[0], episode.time[1], f64::NAN]);
@@ -73,12 +72,11 @@ fn figure(feet: &[FootEpisode]) -> Figure {
             .line(line(*colour, WIDTH));
         trace
     };
-    let legs: Vec<f64> = (0..Leg::ALL.len()).map(|n| n as f64).collect();
-    let names: Vec<String> = Leg::ALL.iter().map(|leg| leg.name().to_owned()).collect();
+    let legs: Vec<f64> = (0..names.len()).map(|n| n as f64).collect();
     let feet_axis = axis("foot")
         .tick_values(legs)
-        .tick_text(names)
-        .range(vec![3.5, -0.5]);
+        .tick_text(names.to_vec())
+        .range(vec![names.len() as f64 - 0.5, -0.5]);
     Figure {
         title: "Feet over time".to_owned(),
         traces: REASONS.iter().map(trace).collect(),

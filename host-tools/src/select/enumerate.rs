@@ -20,7 +20,7 @@ pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Can
         .collect();
     let trial = |limb: usize, places: &[Place]| screens[limb].trial(places);
     let (mut all, tried) = of_joints(&trial, &own, &|joint| joint);
-    for effect in catalogue::effects() {
+    for effect in effects_of(possible) {
         all.extend(shared(screens, possible, effect, tried));
     }
     all
@@ -56,13 +56,25 @@ pub(crate) fn of_joints(
     (all, tried)
 }
 
+/// The effects that are possible anywhere, each once, in the catalogue's order.
+fn effects_of(possible: &[Vec<Place>]) -> Vec<EffectKind> {
+    let mut effects: Vec<EffectKind> = Vec::new();
+    for (effect, _) in possible.iter().flatten() {
+        if !effects.contains(effect) {
+            effects.push(*effect);
+        }
+    }
+    effects.sort_by_cached_key(|effect| catalogue::order(*effect));
+    effects
+}
+
 /// An effect at a set of joints, limb by limb.
 type Joints = (EffectKind, Vec<(usize, Vec<Place>)>);
 
 /// The sets of joints that are alike: all, and those at the same place of limbs of the same length.
 fn families(possible: &[Vec<Place>], kind: &dyn Fn(usize) -> usize) -> Vec<Joints> {
     let mut found = Vec::new();
-    for effect in catalogue::effects() {
+    for effect in effects_of(possible) {
         if effect.description().reach != Reach::Family {
             continue;
         }

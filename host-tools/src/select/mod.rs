@@ -17,7 +17,8 @@
 //!    - `backward`: what has become nothing, or resembled what came later, is taken out again.
 //!
 //!    `restart`: other models to begin with, which one search alone would not reach.
-//! 5. `headline`: what is named first, with its value at the end and what it cannot be told from. [`drift`]: parameters that change with time.
+//! 5. [`formula_screen`]: which torque outside the catalogue a joint's residual asks for; `formulas`: it as a step.
+//! 6. `headline`: what is named first, with its value at the end and what it cannot be told from. [`drift`]: parameters that change with time.
 //!    What no feasible value explains is outside the catalogue.
 
 mod accept;
@@ -28,6 +29,8 @@ pub(crate) mod criteria;
 pub(crate) mod drift;
 pub(crate) mod enumerate;
 pub(crate) mod fitted;
+pub(crate) mod formula_screen;
+pub(crate) mod formulas;
 mod gain_bound;
 mod headline;
 pub(crate) mod limbs;

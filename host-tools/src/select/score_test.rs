@@ -243,7 +243,13 @@ impl ScoreTest for Screen<'_> {
 pub(crate) fn possible(fit: &LimbFit, given: &[Place]) -> Vec<Place> {
     let joints = fit.data.joints();
     let has = |place: &Place| fit.places.contains(place) || given.contains(place);
-    let places = catalogue::effects().flat_map(|effect| {
+    // A formula of the model at one joint may be missing at another.
+    let mut own: Vec<EffectKind> = (fit.data.model.effects().iter())
+        .map(|e| e.effect)
+        .filter(|effect| catalogue::formula_of(*effect).is_some())
+        .collect();
+    own.dedup();
+    let places = catalogue::effects().chain(own).flat_map(|effect| {
         let described = effect.description();
         let shared = described.may_be_shared().then_some(BASE);
         let own = (described.reach != Reach::Robot).then_some(0..joints);

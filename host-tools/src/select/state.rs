@@ -10,7 +10,7 @@ use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::{How, LimbFit};
-use crate::estimate::grid::shape_parameter;
+use crate::estimate::grid::{shape_parameter, size_of};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
 use crate::estimate::robot::{self, Shared, side_by_side};
@@ -281,7 +281,8 @@ pub(super) fn held_out_with_shape(
     let of = |(fold, known): (usize, Values)| -> Option<Values> {
         let best = scan.best(place, &|f| f != fold);
         let before = after.values.get(place, shape);
-        let is_other = |best: &f64| (best - before).abs() > SAME_SHAPE * before.abs();
+        let same = SAME_SHAPE * size_of(data, place, before);
+        let is_other = |best: &f64| (best - before).abs() > same;
         let Some(best) = best.filter(is_other) else {
             return Some(known);
         };

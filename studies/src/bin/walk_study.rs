@@ -248,6 +248,7 @@ fn identified(folder: &Path) -> String {
         for walk in walks(folder, gait) {
             match identify_free_base(
                 std::slice::from_ref(&walk.log),
+                &Model::default(),
                 Constraint::Physical,
                 |_, _| (),
             ) {
@@ -268,11 +269,17 @@ fn asked(walk: &Walk) -> Vec<(&'static str, Option<Told>)> {
         let load: Vec<f64> = (0..4).map(|n| number(&walk.truth["load"][n])).collect();
         // As its owner has it: identified before the load came.
         let before = walk.log.with_file_name("").join("../trot/trot.csv.gz");
-        let of_trot = identify_free_base(&[before], Constraint::Physical, |_, _| ()).ok();
+        let of_trot = identify_free_base(
+            &[before],
+            &Model::default(),
+            Constraint::Physical,
+            |_, _| (),
+        )
+        .ok();
         let known = of_trot.and_then(|found| {
             let provenance =
                 proprio_host::model::Provenance::of(std::slice::from_ref(&walk.log)).ok()?;
-            found.to_model(provenance).ok()
+            found.to_model(&Model::default(), provenance).ok()
         });
         asked.push((
             "2 kg on the trunk, CAD's bodies",

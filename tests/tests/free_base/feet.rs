@@ -5,6 +5,7 @@ use std::fs;
 use proprio_host::estimate::{Constraint, Status};
 use proprio_host::free_base::FreeBaseError;
 use proprio_host::identify::identify_free_base;
+use proprio_host::model::Model;
 use proprio_tests::command::folder as empty_folder;
 
 use super::{identified, number, text, truth};
@@ -50,7 +51,8 @@ fn feet_without_sensors_cost_no_truth() {
     for (name, text) in [("without.csv", without), ("dead.csv", dead)] {
         let path = folder.path().join(name);
         fs::write(&path, text).unwrap();
-        let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
+        let found = identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ())
+            .unwrap();
         let total = found.quantity("total_mass").unwrap().value;
         assert!((total / mass - 1.0).abs() < 0.01, "{name}: {total} {mass}");
     }
@@ -101,7 +103,9 @@ fn wrong_feet_in_a_tenth_of_the_windows_move_nothing() {
         assert!((share - 0.1).abs() < 0.01, "{share}");
         let path = folder.path().join(format!("{name}.csv"));
         fs::write(&path, spoilt).unwrap();
-        let spoilt = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
+        let spoilt =
+            identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ())
+                .unwrap();
         let right = identified(name);
         let mut worst: f64 = 0.0;
         for (there, here) in spoilt.parameters.iter().zip(&right.parameters) {
@@ -169,8 +173,9 @@ fn blows_are_left_out_and_told() {
         .collect();
     let path = folder.path().join("struck.csv");
     fs::write(&path, struck.join("\n")).unwrap();
-    let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
-    let windows = found.windows;
+    let found =
+        identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ()).unwrap();
+    let windows = found.windows.clone();
     // Four blows of 100 ms touch two or three windows of 80 ms each; where the calf turns round meanwhile its equation is left out anyway.
     assert!((4..=12).contains(&windows.outside), "{windows:?}");
     assert!(
@@ -210,7 +215,8 @@ fn a_robot_that_stands_still_is_refused() {
     let still: Vec<String> = std::iter::once(head.to_owned()).chain(still).collect();
     let path = folder.path().join("still.csv");
     fs::write(&path, still.join("\n")).unwrap();
-    let error = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap_err();
+    let error = identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ())
+        .unwrap_err();
     assert!(
         matches!(&error, FreeBaseError::NoWindows(windows) if windows.still > 50),
         "{error}"

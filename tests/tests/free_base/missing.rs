@@ -355,7 +355,7 @@ fn a_model_that_walks_are_not_judged_with_is_refused() {
     for command in ["diagnose", "compare"] {
         for (model, words) in [
             ("go2.toml", "`proprio remove backlash:FR_calf`"),
-            ("arm.toml", "another robot's"),
+            ("arm.toml", "no foot of arm is known"),
         ] {
             let output = proprio(folder.path(), &[command, "--free-base", &log, "-m", model]);
             assert_eq!(output.status.code(), Some(1));

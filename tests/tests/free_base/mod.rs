@@ -3,6 +3,7 @@
 
 mod compared;
 mod feet;
+mod legged;
 mod missing;
 mod simulated;
 
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use proprio_host::estimate::Constraint;
 use proprio_host::free_base::FreeBaseError;
 use proprio_host::identify::{FreeBaseIdentification, identify_free_base};
+use proprio_host::model::Model;
 use proprio_tests::command::{done, folder as empty_folder, json, proprio, recorded_logs, stderr};
 use serde_json::Value;
 
@@ -35,7 +37,13 @@ fn text(name: &str) -> String {
 }
 
 fn identified(name: &str) -> FreeBaseIdentification {
-    identify_free_base(&[log(name)], Constraint::Physical, |_, _| ()).unwrap()
+    identify_free_base(
+        &[log(name)],
+        &Model::default(),
+        Constraint::Physical,
+        |_, _| (),
+    )
+    .unwrap()
 }
 
 fn truth(name: &str) -> Value {
@@ -188,7 +196,7 @@ fn an_imu_that_is_askew_late_or_off_in_scale_is_told() {
         }
         let path = folder.path().join(name);
         fs::write(&path, all).unwrap();
-        identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap()
+        identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ()).unwrap()
     };
     let as_it_is = identified("trot_30s");
     let of = |found: &FreeBaseIdentification, name: &str| {
@@ -290,7 +298,8 @@ fn the_command_writes_a_model_with_the_trunk() {
 fn a_real_walk_weighs_what_is_on_paper() {
     let Some(logs) = recorded_logs() else { return };
     let log = logs.join("go2_walk_imu_standard-replay-position.csv");
-    let found = identify_free_base(&[log], Constraint::Physical, |_, _| ()).unwrap();
+    let found =
+        identify_free_base(&[log], &Model::default(), Constraint::Physical, |_, _| ()).unwrap();
     let total = found.quantity("total_mass").unwrap();
     println!("{:.2} ± {:.2} kg", total.value, total.std);
     let off = (15.0 - total.value).max(total.value - 16.1);
@@ -309,6 +318,7 @@ fn a_real_walk_weighs_what_is_on_paper() {
 fn a_log_that_lacks_a_part_is_refused_by_its_name() {
     let error = identify_free_base(
         &[Path::new(env!("CARGO_MANIFEST_DIR")).join("oracle/mujoco/rigid.csv.gz")],
+        &Model::default(),
         Constraint::Physical,
         |_, _| (),
     );
@@ -352,7 +362,8 @@ fn without_an_imu_legs_are_judged_in_swing() {
     let folder = empty_folder();
     let path = folder.path().join("walk.csv");
     fs::write(&path, without(&text("trot_30s"), &["gyro/", "acc/"])).unwrap();
-    let found = identify_free_base(&[path], Constraint::Physical, |_, _| ()).unwrap();
+    let found =
+        identify_free_base(&[path], &Model::default(), Constraint::Physical, |_, _| ()).unwrap();
     assert!(
         found
             .warnings

@@ -20,7 +20,9 @@ pub(super) enum Hidden {
 /// `EFFECT[:JOINT]=VALUE…` or `JOINT[,JOINT…]: FORMULA`.
 pub(super) fn parse(text: &str) -> Result<Hidden, String> {
     let parts = text.split_once(':').and_then(|(joints, formula)| {
-        let joints = joints.split(',').map(|name| JointId::from_name(name.trim()));
+        let joints = joints
+            .split(',')
+            .map(|name| JointId::from_name(name.trim()));
         Some((joints.collect::<Option<Vec<_>>>()?, formula.trim()))
     });
     match parts {
@@ -42,16 +44,18 @@ fn kind(text: &str) -> Result<HiddenKind, String> {
             parameters: vec![times].leak(),
             in_catalogue: false,
         },
-        torque: Box::leak(Box::new(move |values: &[f64], seen: &proprio_simulator::Instant| {
-            values[0]
-                * torque(&Instant {
-                    q: seen.q,
-                    dq: seen.dq,
-                    transmitted: seen.transmitted,
-                    temperature: seen.temperature,
-                    t: seen.t,
-                })
-        })),
+        torque: Box::leak(Box::new(
+            move |values: &[f64], seen: &proprio_simulator::Instant| {
+                values[0]
+                    * torque(&Instant {
+                        q: seen.q,
+                        dq: seen.dq,
+                        transmitted: seen.transmitted,
+                        temperature: seen.temperature,
+                        t: seen.t,
+                    })
+            },
+        )),
     };
     Ok(HiddenKind::Own(Box::leak(Box::new(own))))
 }

@@ -16,7 +16,6 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use proprio_core::effect::Form;
-use proprio_core::go2::{self, JOINT_NAMES};
 use serde::Serialize;
 
 use super::Diagnosis;
@@ -26,6 +25,7 @@ use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::{EffectSite, body_of};
 use crate::free_base::data::Data;
+use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
 use crate::identify::{NotAModel, set_joint, walk_parameters};
@@ -58,7 +58,7 @@ pub struct FreeBaseDiagnosis {
     effects: Vec<EffectSite>,
 }
 
-/// Diagnoses what a Go2's `model` lacks on logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
+/// Diagnoses what a robot's `model` lacks on logs of it walking, taken together. `progress` hears of logs read, and of how many in all.
 ///
 /// # Errors
 /// [`FreeBaseError`]: a log that is bad or too short, or a model that walks are not judged with.
@@ -68,7 +68,7 @@ pub fn diagnose_free_base(
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseDiagnosis, FreeBaseError> {
     let structure = ModelStructure::of(model)?;
-    let walks = Walks::read(logs, progress)?;
+    let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let candidates = structure.candidates(model);
     let data = Data::of(&walks, &structure, &candidates)?;
     if !data.can_hold_out() {
@@ -81,7 +81,7 @@ pub fn diagnose_free_base(
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
     let found = search(source, &[]).ok_or_else(unsolvable)?;
     let mut diagnosis =
-        words::diagnosis(logs, &walks, held_against, &found).ok_or_else(unsolvable)?;
+        words::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
     let WalkModel {
         structure,
         data,
@@ -95,7 +95,7 @@ pub fn diagnose_free_base(
     }
     Ok(FreeBaseDiagnosis {
         diagnosis,
-        windows: data.windows,
+        windows: data.windows.clone(),
         stance: walks.stance(),
         unseen_feet: data.unseen.clone(),
         samples: walks.samples(),
@@ -109,7 +109,8 @@ fn without_loaded(
     structure: &ModelStructure,
     values: &[ParameterEstimate],
 ) -> Vec<ParameterEstimate> {
-    let names = std::iter::once("base").chain(JOINT_NAMES);
+    let names = structure.robot.names.iter().map(String::as_str);
+    let names = std::iter::once("base").chain(names);
     let loaded = names.zip(&structure.bodies).filter(|(_, body)| body.loaded);
     let of_loaded = |of: &str| {
         let names = INERTIAL_NAMES.iter();
@@ -133,8 +134,10 @@ impl FreeBaseDiagnosis {
         for (effect, joint) in loads {
             model.remove_effect(effect, joint);
         }
-        let bodies = std::iter::once((BASE, "base")).chain(JOINT_NAMES.into_iter().enumerate());
-        for (body, of) in bodies {
+        let joints = model.robot().bodies().iter();
+        let joints: Vec<String> = joints.map(|body| body.name.clone()).collect();
+        let joints = joints.iter().map(String::as_str).enumerate();
+        for (body, of) in std::iter::once((BASE, "base")).chain(joints) {
             let named = |fault| NotAModel {
                 of: of.to_owned(),
                 fault,
@@ -170,8 +173,7 @@ fn is_load(effect: proprio_core::effect::EffectKind) -> bool {
 }
 
 /// Where the CAD has the centre of mass of the body that a joint moves, or the trunk's, from its origin, m: a load's first moment is about it.
-fn centre(joint: usize) -> Vector3<f64> {
-    let cad = go2::free::<f64>();
-    let inertia = &cad.bodies()[body_of(joint)].inertia;
+fn centre(robot: &Legged, joint: usize) -> Vector3<f64> {
+    let inertia = &robot.tree.bodies()[body_of(joint)].inertia;
     inertia.first_moment() / inertia.mass()
 }

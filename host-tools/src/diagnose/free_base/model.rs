@@ -73,7 +73,8 @@ impl WalkModel {
             structure = match place.0.description().form {
                 Form::Inertia => structure.with_load(body_of(place.1), true),
                 _ => {
-                    let site = EffectSite::of(model, place, Constraint::Physical);
+                    let robot = structure.robot.clone();
+                    let site = EffectSite::of((model, &robot), place, Constraint::Physical);
                     let shape = self.data.columns().site(place).map(|site| site.shape);
                     structure.with_effect(site.with_shape(shape.unwrap_or(1.0)))
                 }
@@ -183,7 +184,7 @@ impl Fitted for WalkModel {
     fn parameters(&self, &(_, place): &Member) -> Vec<Value> {
         let (effect, joint) = place;
         if is_load(effect) {
-            let (body, com) = (body_of(joint), centre(joint));
+            let (body, com) = (body_of(joint), centre(&self.structure.robot, joint));
             let moment = (0..3).map(|n| self.more(body, &[(1 + n, 1.0), (0, -com[n])]));
             let mass = std::iter::once(self.more(body, &[(0, 1.0)]));
             return mass.chain(moment).collect();

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 use proprio_core::effect::Form;
-use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS};
 use proprio_core::inertia::INERTIAL;
 
 use crate::equation::column::{Column, Columns, Entry};
@@ -14,11 +13,11 @@ use crate::estimate::factor::HeapFactor;
 use crate::estimate::robot::side_by_side;
 use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::free_base::Walks;
-use crate::free_base::columns::{ACC, FIXED, all_places, prior};
-use crate::free_base::coordinates::{BODIES, COORDINATES, SCALE, is_carried};
+use crate::free_base::columns::{all_places, prior};
 use crate::free_base::data::Data;
 use crate::free_base::fit::Fit;
-use crate::free_base::sensors::STD;
+use crate::free_base::free_tree::OF_BASE;
+use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::model::{BASE, Model};
 use crate::select::candidate::{Felt, Finding, Trial};
@@ -27,15 +26,13 @@ use crate::select::criteria::statistics::autocorrelation_time;
 use crate::select::score_test::is_beyond_its_parts;
 use crate::select::trial_factors::{ScoreTest, TrialFactors};
 
-/// Coordinates of the base, before those of the joints.
-const OF_BASE: usize = COORDINATES - JOINTS;
 /// The data of walks beside a fit, over the columns of the model and of all that it might lack.
 pub(super) struct WalkScreen<'a> {
     data: Arc<Data>,
     model: &'a Model,
     factors: TrialFactors,
     /// By which feet may carry a force, what is left of each coordinate's equations.
-    stances: Vec<([bool; LEGS], Sums)>,
+    stances: Vec<(Vec<bool>, Sums)>,
     /// How many neighbouring windows of each coordinate say the same thing.
     memory: Vec<f64>,
     period: f64,
@@ -43,7 +40,7 @@ pub(super) struct WalkScreen<'a> {
 
 /// Sums of squares of each coordinate's equations: what the model leaves of those that it has not seen, in units of the noise, and the torques that were
 /// measured, N² m².
-type Sums = [[f64; 2]; COORDINATES];
+type Sums = Vec<[f64; 2]>;
 
 impl<'a> WalkScreen<'a> {
     /// Beside a fit of `structure`; `None` if numbers overflow.
@@ -82,15 +79,16 @@ impl<'a> WalkScreen<'a> {
         // Of what kind the noise is, what all effects together leave tells best: what the model lacks is no noise.
         let (together, _) = data.with_all(structure)?;
         let thetas = [held_out.iter().collect(), vec![&together]];
-        let (mut stances, mut left) = (Vec::new(), vec![Vec::new(); COORDINATES]);
+        let scale = &structure.robot.scale;
+        let (mut stances, mut left) = (Vec::new(), vec![Vec::new(); scale.len()]);
         data.each_equation(walks, &thetas, |equation| {
             let c = equation.coordinate;
             let [held_out, together] =
-                [0, 1].map(|n| SCALE[c] * (equation.measured - equation.predicted[n]));
+                [0, 1].map(|n| scale[c] * (equation.measured - equation.predicted[n]));
             left[c].push(together);
-            let sums = of_stance(&mut stances, equation.loaded);
+            let sums = of_stance(&mut stances, equation.loaded, scale.len());
             sums[c][0] += (held_out / fit.noise).powi(2);
-            sums[c][1] += (SCALE[c] * equation.measured).powi(2);
+            sums[c][1] += (scale[c] * equation.measured).powi(2);
         });
         let periods = walks.walks.iter().map(|(walk, _)| walk.period);
         Some(Self {
@@ -133,7 +131,9 @@ impl<'a> WalkScreen<'a> {
         Finding {
             place,
             parameters: parameters.clone().map(told).collect(),
-            prior: parameters.map(|n| prior(self.model, place, n)).collect(),
+            prior: parameters
+                .map(|n| prior((self.model, &columns.robot), place, n))
+                .collect(),
             nonlinear: columns.site(place).map_or(0.0, |site| site.shape),
             period: self.period,
             beyond_limit: None,
@@ -148,16 +148,17 @@ impl ScoreTest for WalkScreen<'_> {
 
     /// Where contact forces are projected out, what acts on one of the equations that they enter acts on all of them.
     fn felt(&self, places: &[Place], _: &[usize]) -> Felt {
-        let own: [bool; COORDINATES] =
-            std::array::from_fn(|c| places.iter().any(|place| feels(c, *place)));
+        let robot = &self.data.columns().robot;
+        let feels = |c: usize| places.iter().any(|place| feels(robot, c, *place));
+        let own: Vec<bool> = (0..robot.coordinates()).map(feels).collect();
         let [mut squares, mut torque] = [0.0; 2];
         for (loaded, sums) in &self.stances {
             let projected = |c: usize| match c.checked_sub(OF_BASE) {
-                Some(joint) => loaded[joint / JOINTS_PER_LEG],
+                Some(joint) => robot.limb_is_loaded(joint, loaded),
                 None => loaded.contains(&true),
             };
-            let is_mixed = (0..COORDINATES).any(|c| own[c] && projected(c));
-            for c in (0..COORDINATES).filter(|&c| own[c] || is_mixed && projected(c)) {
+            let is_mixed = (0..own.len()).any(|c| own[c] && projected(c));
+            for c in (0..own.len()).filter(|&c| own[c] || is_mixed && projected(c)) {
                 squares += sums[c][0];
                 torque += sums[c][1];
             }
@@ -177,10 +178,14 @@ impl ScoreTest for WalkScreen<'_> {
 }
 
 /// The sums of a stance, which are zero of one that is new.
-fn of_stance(stances: &mut Vec<([bool; LEGS], Sums)>, loaded: [bool; LEGS]) -> &mut Sums {
+fn of_stance<'a>(
+    stances: &'a mut Vec<(Vec<bool>, Sums)>,
+    loaded: &[bool],
+    coordinates: usize,
+) -> &'a mut Sums {
     let known = stances.iter().position(|(own, _)| *own == loaded);
     let at = known.unwrap_or_else(|| {
-        stances.push((loaded, Sums::default()));
+        stances.push((loaded.to_vec(), vec![[0.0; 2]; coordinates]));
         stances.len() - 1
     });
     &mut stances[at].1
@@ -189,14 +194,15 @@ fn of_stance(stances: &mut Vec<([bool; LEGS], Sums)>, loaded: [bool; LEGS]) -> &
 /// The entries, those of the fit first; and of each column of the data its entry.
 fn ordered(data: &Data, fit: &Fit) -> (Columns, Vec<usize>) {
     let own = data.columns();
-    let candidates = (FIXED..own.len()).filter(|k| fit.active.binary_search(k).is_err());
+    let (acc, fixed) = (own.acc(), own.fixed());
+    let candidates = (fixed..own.len()).filter(|k| fit.active.binary_search(k).is_err());
     let places: Vec<usize> = fit.active.iter().copied().chain(candidates).collect();
     let effects: Vec<_> = own.effects().collect();
     let entries = places.iter().enumerate().map(|(at, &k)| {
         // What is known of the model's own effects the fit has.
-        let known = (at.checked_sub(ACC)).and_then(|n| fit.problem.others.get(n));
+        let known = (at.checked_sub(acc)).and_then(|n| fit.problem.others.get(n));
         match k {
-            0..ACC => Entry {
+            _ if k < acc => Entry {
                 effect: None,
                 joint: k / INERTIAL,
                 parameter: k % INERTIAL,
@@ -204,16 +210,16 @@ fn ordered(data: &Data, fit: &Fit) -> (Columns, Vec<usize>) {
                 std: f64::INFINITY,
                 column: Column::Inertial(k / INERTIAL, k % INERTIAL),
             },
-            ACC..FIXED => Entry {
+            _ if k < fixed => Entry {
                 effect: None,
                 joint: BASE,
-                parameter: k - ACC,
+                parameter: k - acc,
                 mean: 0.0,
-                std: STD[k - ACC],
-                column: Column::Sensor(k - ACC),
+                std: own.robot.sensor_std[k - acc],
+                column: Column::Sensor(k - acc),
             },
             _ => {
-                let (_, n, linear) = effects[k - FIXED];
+                let (_, n, linear) = effects[k - fixed];
                 let place = own.sites[n].place;
                 let prior = known.copied().unwrap_or(linear.prior);
                 Entry {
@@ -234,17 +240,17 @@ fn ordered(data: &Data, fit: &Fit) -> (Columns, Vec<usize>) {
 }
 
 /// Whether the equation of a coordinate is one that an effect acts on where no foot carries a force.
-fn feels(coordinate: usize, place: Place) -> bool {
+fn feels(robot: &Legged, coordinate: usize, place: Place) -> bool {
     let (effect, at) = place;
     let Some(joint) = coordinate.checked_sub(OF_BASE) else {
         let form = effect.description().form;
         return matches!(form, Form::Inertia | Form::Motion(_));
     };
-    let same_leg = at != BASE && joint / JOINTS_PER_LEG == at / JOINTS_PER_LEG;
+    let same_leg = at != BASE && robot.limb_of(joint) == robot.limb_of(at);
     match effect.description().form {
-        Form::Inertia => same_leg && joint <= at,
+        Form::Inertia => same_leg && robot.carries(joint, at),
         Form::Motion(_) => same_leg,
-        Form::Coupled => same_leg && (joint == at || joint + 1 == at),
+        Form::Coupled => same_leg && (joint == at || robot.parents[at] == Some(joint)),
         _ => joint == at,
     }
 }
@@ -252,14 +258,16 @@ fn feels(coordinate: usize, place: Place) -> bool {
 /// Every effect that a model does not have, where it could be.
 pub(super) fn possible(walks: &Walks, model: &Model, structure: &ModelStructure) -> Vec<Place> {
     let has = |place: &Place| structure.has_or_carries(*place);
-    let still: Vec<bool> = (0..JOINTS)
+    let still: Vec<bool> = (0..structure.robot.joints())
         .map(|joint| !moves(walks, model, joint))
         .collect();
-    let all = all_places().into_iter().filter(|place| !has(place));
+    let all = all_places(&structure.robot)
+        .into_iter()
+        .filter(|place| !has(place));
     let moving = all.filter(|place| place.1 == BASE || !still[place.1]);
     moving
         .filter(|place| {
-            let parent = (place.1 != BASE && is_carried(place.1)).then(|| place.1 - 1);
+            let parent = structure.robot.parents.get(place.1).copied().flatten();
             is_beyond_its_parts(*place, parent, &has)
         })
         .collect()
@@ -267,10 +275,8 @@ pub(super) fn possible(walks: &Walks, model: &Model, structure: &ModelStructure)
 
 /// Whether a joint moves for long enough to claim anything of it.
 fn moves(walks: &Walks, model: &Model, joint: usize) -> bool {
-    let samples = walks.walks.iter().flat_map(|(walk, _)| &walk.dq);
+    let samples = walks.walks.iter().flat_map(|(walk, _)| walk.dq.iter());
     let speeds: Vec<f64> = samples.map(|dq| dq[joint]).collect();
     let limit = model.robot().bodies()[joint].velocity;
     presence::moves(speeds.into_iter(), limit)
 }
-
-const _: () = assert!(ACC == INERTIAL * BODIES);

@@ -3,7 +3,6 @@
 use std::sync::{Arc, Weak};
 
 use proprio_core::effect::{Form, Varies};
-use proprio_core::go2::JOINTS_PER_LEG;
 
 use super::is_load;
 use super::model::WalkModel;
@@ -125,9 +124,10 @@ impl Source for WalkSource<'_> {
             return Vec::new();
         };
         // Trunk and legs are one limb; the trunk is like no joint.
+        let robot = &self.given.robot;
         let kind = |joint: usize| match is_shared(joint) {
-            true => JOINTS_PER_LEG,
-            false => joint % JOINTS_PER_LEG,
+            true => robot.joints(),
+            false => robot.kind(joint),
         };
         let trial = |_: usize, places: &[Place]| screen.trial(places);
         let (mut candidates, _) = of_joints(&trial, std::slice::from_ref(possible), &kind);

@@ -3,13 +3,11 @@
 
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
-use proprio_core::go2::{ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS};
 
 use crate::estimate::grid::{Reach, least_displacement, possible, shape_parameter, values};
 use crate::estimate::robot::side_by_side;
 use crate::free_base::Walks;
 use crate::free_base::columns::EffectSite;
-use crate::free_base::coordinates::{COORDINATES, Equations};
 use crate::free_base::data::{Data, LeftOfWindow};
 use crate::free_base::fit::Fit;
 use crate::free_base::projection::{Projection, bristles};
@@ -98,23 +96,21 @@ impl Scan<'_> {
         let (effect, joint) = site.place;
         let logs = || self.walks.walks.iter().map(|(walk, _)| walk);
         let most = |of: &dyn Fn(&Walk) -> f64| logs().map(of).fold(0.0, f64::max);
-        let q = || logs().flat_map(|walk| walk.q.iter().map(|q| q[joint]));
+        let q = || logs().flat_map(|walk| walk.q.of(joint));
         let acceleration = |walk: &Walk| {
-            let steps = walk
-                .dq
-                .windows(2)
-                .map(|dq| (dq[1][joint] - dq[0][joint]).powi(2));
+            let own: Vec<f64> = walk.dq.of(joint).collect();
+            let steps = own.windows(2).map(|dq| (dq[1] - dq[0]).powi(2));
             let square = steps.sum::<f64>() / walk.len().max(1) as f64;
             square.sqrt() / walk.period.max(f64::MIN_POSITIVE)
         };
         let period = most(&|walk| walk.period);
         let lower = effect.description().parameters[shape_parameter(effect)].lower;
         let reach = Reach {
-            gear: ACTUATORS[joint % JOINTS_PER_LEG].gear,
+            gear: self.walks.robot.gears[joint],
             positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
             duration: most(&|walk| walk.seconds(walk.len().max(1) - 1)),
             least_displacement: least_displacement(most(&acceleration), period).max(lower),
-            fastest: most(&|walk| walk.dq.iter().map(|dq| dq[joint].abs()).fold(0.0, f64::max)),
+            fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
             speed_noise: most(&|walk| walk.rest.speed_noise[joint]),
         };
         let searched = effect.description().searched();
@@ -126,10 +122,11 @@ impl Scan<'_> {
     /// Of each effect and each of its shapes the share of what is left of its joint that it explains.
     fn explained(&self, tried: &[(usize, Vec<f64>)]) -> Vec<Vec<f64>> {
         let sites = &self.data.columns().sites;
-        let legs: Vec<usize> = (0..LEGS).collect();
+        let robot = &self.walks.robot;
+        let legs: Vec<usize> = (0..robot.limbs.len()).collect();
         let by_leg = side_by_side(&legs, |&leg| {
             let own = tried.iter().enumerate();
-            let own = own.filter(|(_, (n, _))| sites[*n].place.1 / JOINTS_PER_LEG == leg);
+            let own = own.filter(|(_, (n, _))| robot.limb_of(sites[*n].place.1) == leg);
             self.of_leg(
                 &own.map(|(at, (n, grid))| (at, *n, &grid[..]))
                     .collect::<Vec<_>>(),
@@ -166,8 +163,10 @@ impl Scan<'_> {
             self.data
                 .each_projection(self.walks, log, wanted, |start, projection| {
                     let Ok(at) = at(start) else { return };
-                    let mut basis = [[[0.0; COORDINATES]; BASIS.len()]; JOINTS];
-                    let mut known = [false; JOINTS];
+                    let robot = &self.walks.robot;
+                    let zeros = || vec![0.0; robot.coordinates()];
+                    let mut basis = vec![BASIS.map(|_| zeros()); robot.joints()];
+                    let mut known = vec![false; robot.joints()];
                     for (t, (_, n, grid)) in tried.iter().enumerate() {
                         let (effect, joint) = sites[*n].place;
                         if !known[joint] {
@@ -179,7 +178,7 @@ impl Scan<'_> {
                         }
                         let residual = self.residual(left[at], projection, *n);
                         for (s, shape) in grid.iter().enumerate() {
-                            let mut columns = [[0.0; COORDINATES]; MAX_COLUMNS];
+                            let mut columns: [_; MAX_COLUMNS] = std::array::from_fn(|_| zeros());
                             let count = sites[*n].linear.len();
                             for (m, column) in columns.iter_mut().enumerate().take(count) {
                                 let term = |k: usize| match bent[t].get(s) {
@@ -210,8 +209,8 @@ impl Scan<'_> {
     }
 
     /// What the fit leaves, and what effect n explains with its present shape if the fit has it: that is for another shape to explain.
-    fn residual(&self, left: &LeftOfWindow, projection: &Projection<'_>, n: usize) -> Equations {
-        let mut residual = left.left;
+    fn residual(&self, left: &LeftOfWindow, projection: &Projection<'_>, n: usize) -> Vec<f64> {
+        let mut residual = left.left.clone();
         for (k, own, linear) in self.data.columns().effects() {
             let value = self.fit.theta()[k];
             if own == n && value != 0.0 {
@@ -249,7 +248,7 @@ impl Default for Sums {
 }
 
 impl Sums {
-    fn add(&mut self, basis: &[Equations; 4], own: &[Equations; MAX_COLUMNS], right: &Equations) {
+    fn add(&mut self, basis: &[Vec<f64>; 4], own: &[Vec<f64>; MAX_COLUMNS], right: &[f64]) {
         for c in (0..right.len()).filter(|c| right[*c].is_finite()) {
             let b = Vector4::from_fn(|n, _| basis[n][c]);
             let x = SVector::<f64, MAX_COLUMNS>::from_fn(|n, _| own[n][c]);

@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_core::go2::{JOINT_NAMES, JOINTS};
-
 use super::model::{Value, WalkModel};
 use super::search::WalkSource;
 use super::{FreeBaseDiagnosis, centre, is_load};
@@ -14,7 +12,10 @@ use crate::diagnose::{
 use crate::equation::values::Place;
 use crate::free_base::Walks;
 use crate::free_base::data::Left;
+use crate::free_base::doubtful;
 use crate::free_base::fit::rms;
+use crate::free_base::legged::Legged;
+use crate::free_base::structure::ModelStructure;
 use crate::model::Robot;
 use crate::select::candidate::Member;
 use crate::select::criteria::{LEAST_Z, RESOLUTION, STRUCTURE};
@@ -31,7 +32,8 @@ const LOAD: [(&str, &str); 4] = [("m", "kg"), ("x", "m"), ("y", "m"), ("z", "m")
 pub(super) fn diagnosis(
     logs: &[PathBuf],
     walks: &Walks,
-    (yardsticks, given): (Yardsticks, &Left),
+    given: &ModelStructure,
+    (yardsticks, as_given): (Yardsticks, &Left),
     found: &Found<WalkSource<'_>>,
 ) -> Option<Diagnosis> {
     let data = &found.end.data;
@@ -39,12 +41,13 @@ pub(super) fn diagnosis(
         .map(|part| &part.theta)
         .collect();
     let left = data.by_coordinate(walks, &[after]).pop()?;
-    let outside_catalogue = outside(&left, &walks.torque_rms());
+    let outside_catalogue = outside(&left, walks);
+    let robot = &walks.robot;
     let candidates: Vec<CandidateReport> = (found.first.iter())
-        .map(|judged| report(judged, found))
+        .map(|judged| report(judged, found, robot))
         .collect();
     let missing = candidates.iter().any(|c| c.significant) || !outside_catalogue.is_empty();
-    let (reason, next) = reason(&candidates, missing, logs);
+    let (reason, next) = reason(&candidates, missing, logs, &robot.names);
     Some(Diagnosis {
         verdict: if missing {
             Verdict::Missing
@@ -59,7 +62,7 @@ pub(super) fn diagnosis(
             .iter()
             .map(|step| PathStep {
                 effect: step.effect.name(),
-                joints: names(&step.members),
+                joints: names(&step.members, robot),
                 held_out_rms: rms(&step.errors),
                 log_rms: Vec::new(),
                 removed: step.removed,
@@ -70,24 +73,36 @@ pub(super) fn diagnosis(
         changed: Vec::new(),
         held_out_rms: rms(&found.start),
         log_rms: Vec::new(),
-        joints: joints([given, &left], data.windows.used),
+        joints: joints([as_given, &left], data.windows.used, robot),
         second_encoder: Vec::new(),
         bodies: Vec::new(),
+        formulas: Vec::new(),
         outside_catalogue,
         logs: logs.to_vec(),
-        warnings: [walks.warnings.clone(), data.warnings()].concat(),
+        warnings: [
+            walks.warnings.clone(),
+            data.warnings(),
+            doubtful::sensors(data.columns(), found.end.fit.theta()),
+            doubtful::robot(given, found.end.fit.theta()),
+        ]
+        .concat(),
     })
 }
 
 /// Joints, or the bodies that they move; `base` is the trunk.
-fn names(members: &[Member]) -> Vec<String> {
-    let name = |joint: usize| JOINT_NAMES.get(joint).map_or("base", |name| *name);
+fn names(members: &[Member], robot: &Legged) -> Vec<String> {
     let members = members.iter();
-    members.map(|(_, place)| name(place.1).to_owned()).collect()
+    let names = members.map(|(_, place)| robot.name(place.1).to_owned());
+    names.collect()
 }
 
 /// Why the verdict, and what to do next.
-fn reason(candidates: &[CandidateReport], missing: bool, logs: &[PathBuf]) -> (String, String) {
+fn reason(
+    candidates: &[CandidateReport],
+    missing: bool,
+    logs: &[PathBuf],
+    joints: &[String],
+) -> (String, String) {
     let Some(best) = candidates.iter().find(|c| c.significant) else {
         return if missing {
             (
@@ -101,7 +116,7 @@ fn reason(candidates: &[CandidateReport], missing: bool, logs: &[PathBuf]) -> (S
             )
         };
     };
-    let places = joints_in_words(&best.joints, &JOINT_NAMES.map(str::to_owned));
+    let places = joints_in_words(&best.joints, joints);
     (
         format!("{}, {places}, is missing: {}", best.effect, values(best)),
         format!(
@@ -112,22 +127,23 @@ fn reason(candidates: &[CandidateReport], missing: bool, logs: &[PathBuf]) -> (S
 }
 
 /// Each joint's errors of the file as given and at the end.
-fn joints(left: [&Left; 2], windows: u64) -> Vec<JointError> {
-    let error = |(j, name): (usize, &str)| JointError {
-        joint: name.to_owned(),
+fn joints(left: [&Left; 2], windows: u64, robot: &Legged) -> Vec<JointError> {
+    let error = |(j, name): (usize, &String)| JointError {
+        joint: name.clone(),
         n: usize::try_from(windows).unwrap_or(usize::MAX),
         error: ErrorRange {
             floor_unknown: Some(WALK),
             ..ErrorRange::torque(left[0].rms[6 + j], left[1].rms[6 + j], None)
         },
     };
-    JOINT_NAMES.into_iter().enumerate().map(error).collect()
+    robot.names.iter().enumerate().map(error).collect()
 }
 
 /// The joints of which what is left goes on from window to window, as noise does not, and is more than a sampled log's errors.
-fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
+fn outside(left: &Left, walks: &Walks) -> Vec<String> {
+    let torque_rms = walks.torque_rms();
     let least = |j: usize| (LEAST_Z / (left.pairs[6 + j].max(1) as f64).sqrt()).max(STRUCTURE);
-    let joints = JOINT_NAMES.into_iter().enumerate();
+    let joints = walks.robot.names.iter().enumerate();
     let goes_on = joints.filter(|&(j, _)| {
         left.correlation[6 + j] > least(j) && left.rms[6 + j] > RESOLUTION * torque_rms[j]
     });
@@ -142,16 +158,16 @@ fn outside(left: &Left, torque_rms: &[f64; JOINTS]) -> Vec<String> {
 }
 
 /// What a candidate would add; a load as its mass and its place.
-fn report(judged: &Judged, found: &Found<WalkSource<'_>>) -> CandidateReport {
+fn report(judged: &Judged, found: &Found<WalkSource<'_>>, robot: &Legged) -> CandidateReport {
     let total = WalkModel::total(&found.start);
-    let told = crate::diagnose::report::candidate(judged, total, &names);
+    let told = crate::diagnose::report::candidate(judged, total, &|members| names(members, robot));
     let (member, effect) = (judged.candidate.members[0], judged.candidate.effect);
     if !is_load(effect) {
         return told;
     }
     let own = match found.end.has(&member) {
         true => found.end.load(member.1.1),
-        false => placed(member.1, &judged.parameters[0]),
+        false => placed(robot, member.1, &judged.parameters[0]),
     };
     let parameters = LOAD.into_iter().zip(own);
     let parameters = parameters.map(|((symbol, unit), (value, std))| ParameterReport {
@@ -167,8 +183,8 @@ fn report(judged: &Judged, found: &Found<WalkSource<'_>>) -> CandidateReport {
 }
 
 /// A load's mass and place from its mass and its first moment about its body's centre of mass.
-fn placed(place: Place, told: &[Value]) -> Vec<Value> {
-    let com = centre(place.1);
+fn placed(robot: &Legged, place: Place, told: &[Value]) -> Vec<Value> {
+    let com = centre(robot, place.1);
     let (mass, std) = told[0];
     let at = |axis: usize| {
         let (moment, moment_std) = told[1 + axis];

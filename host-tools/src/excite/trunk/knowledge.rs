@@ -14,10 +14,10 @@ use proprio_core::inertia::INERTIAL;
 
 use super::super::ExciteError;
 use super::super::spectrum::spectrum;
-use super::state::COLUMNS;
+use super::state::{BODIES, COLUMNS, COORDINATES, SCALE};
 use crate::estimate::Constraint;
-use crate::free_base::coordinates::{BODIES, COORDINATES, SCALE};
-use crate::free_base::fit::FIRST_NOISE;
+use crate::free_base::FreeBaseError;
+use crate::free_base::legged::FIRST_NOISE;
 use crate::free_base::sensors::STD;
 use crate::free_base::structure::ModelStructure;
 use crate::model::{BASE, Model};
@@ -50,13 +50,14 @@ pub(super) struct Seen {
 impl Prior {
     /// Of a Go2 with this model's bodies, the trunk with what its owner put on it, as `identify --free-base` takes them.
     pub(super) fn of(model: &Model) -> Result<Self, ExciteError> {
-        let structure = structure(model);
+        let unphysical = || ExciteError::Unphysical("of the Go2".to_owned());
+        let structure = structure(model).map_err(|_| unphysical())?;
         let body = |b: usize| {
             let own = &structure.bodies[b];
             super::super::space::whole_prior(&[(own.inertia, own.relative)], &[])
         };
         let bodies: Option<Vec<_>> = (0..BODIES).map(body).collect();
-        let bodies = bodies.ok_or_else(|| ExciteError::Unphysical("of the Go2".to_owned()))?;
+        let bodies = bodies.ok_or_else(unphysical)?;
         let effects = structure.effects(&structure.columns());
         let effects = effects.iter().map(|effect| effect.std);
         let trunk = &bodies[0];
@@ -133,12 +134,12 @@ impl Prior {
 }
 
 /// The model's bodies with what is known of them where the trunk is to be told, and every effect.
-pub(super) fn structure(model: &Model) -> ModelStructure {
-    let mut structure = ModelStructure::whole(Constraint::Physical);
+pub(super) fn structure(model: &Model) -> Result<ModelStructure, FreeBaseError> {
+    let mut structure = ModelStructure::whole(&Model::default(), Constraint::Physical)?;
     for (b, body) in structure.bodies.iter_mut().enumerate() {
         body.inertia = *model.inertia(b.checked_sub(1).unwrap_or(BASE));
     }
-    structure
+    Ok(structure)
 }
 
 /// Rows of instants, in units of their noise, each standing for `seconds`: growing.

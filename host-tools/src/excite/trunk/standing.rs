@@ -10,9 +10,8 @@ use super::super::{ExciteError, Settings};
 use super::evolve::{Course, Effort, search};
 use super::footing::{Coordinate, Footing};
 use super::knowledge::{Gathered, Prior};
-use super::state::{Drive, Needed, Robot, State, beside_feet, needed, whole_rows};
+use super::state::{Drive, Needed, Robot, SCALE, State, beside_feet, needed, whole_rows};
 use super::{Ground, Supervisor, TrunkCommand};
-use crate::free_base::coordinates::SCALE;
 use crate::model::Model;
 
 /// Instants of a period at which a search looks at limits and at what is told.

@@ -7,7 +7,22 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::{Kinematics, Tree};
 
 use super::super::columns::sign;
-use crate::free_base::coordinates::{BODIES, COORDINATES};
+use crate::free_base::legged::SCALE_OF_BASE;
+
+/// Bodies of a Go2, the base first.
+pub(super) const BODIES: usize = JOINTS + 1;
+/// Velocity coordinates, six of the base before those of the joints.
+pub(super) const COORDINATES: usize = JOINTS + 6;
+/// What the equations of a walk are multiplied by, so that their noise is alike.
+pub(super) const SCALE: [f64; COORDINATES] = {
+    let mut scale = [1.0; COORDINATES];
+    let mut c = 0;
+    while c < 6 {
+        scale[c] = SCALE_OF_BASE[c / 3];
+        c += 1;
+    }
+    scale
+};
 
 /// The free Go2.
 pub(super) type Robot = Tree<f64, BODIES, COORDINATES>;

@@ -85,15 +85,15 @@ pub(super) fn of_standing(
         let [gyro, acc] = state.imu(&standing.robot);
         Some(Played {
             t,
-            q: state.q,
-            dq: state.dq,
-            tau: needed.torque,
+            q: state.q.to_vec(),
+            dq: state.dq.to_vec(),
+            tau: needed.torque.to_vec(),
             gyro,
             acc,
             down: state.down(),
         })
     });
-    let expected = expected(&structure(model), played.collect());
+    let expected = structure(model).and_then(|own| expected(&own, played.collect()));
     let expected = expected.map_err(|_| ExciteError::Unphysical("of the Go2".to_owned()))?;
     Ok(told(model, &expected))
 }
@@ -104,7 +104,7 @@ pub(super) fn of_standing(
 /// # Errors
 /// [`FreeBaseError`]: a log that is bad or lacks what a moving base needs.
 pub fn measured(model: &Model, log: &Path) -> Result<Vec<TrunkParameter>, FreeBaseError> {
-    let expected = expected_of_log(&structure(model), log)?;
+    let expected = expected_of_log((model, &structure(model)?), log)?;
     Ok(told(model, &expected))
 }
 

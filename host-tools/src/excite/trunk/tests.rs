@@ -168,7 +168,7 @@ fn no_force_at_a_foot_is_in_the_rows() {
     let state = Footing::new(0.29)
         .state(&coordinates(&swaying(), 1.1))
         .expect("within reach");
-    let scale = crate::free_base::coordinates::SCALE;
+    let scale = state::SCALE;
     let basis = state::beside_feet(&robot, &state, &scale).expect("legs that bend");
     let k = state.kinematics(&robot);
     for foot in go2::feet::<f64>() {

@@ -99,7 +99,16 @@ fn others<'a>(
 
 /// Names the values that cannot be, by two standard deviations: those of a fit without constraints.
 fn unphysical(f: &mut fmt::Formatter<'_>, parameters: &[FittedParameter]) -> fmt::Result {
-    for effect in catalogue::effects() {
+    let mut effects: Vec<EffectKind> = Vec::new();
+    for p in parameters {
+        if let Where::Effect(effect, ..) = p.place
+            && !effects.contains(&effect)
+        {
+            effects.push(effect);
+        }
+    }
+    effects.sort_by_cached_key(|effect| catalogue::order(*effect));
+    for effect in effects {
         let description = effect.description();
         let beyond = |p: &&FittedParameter| match p.place {
             Where::Effect(own, _, n) if own == effect => {

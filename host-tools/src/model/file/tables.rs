@@ -26,6 +26,10 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) motor: BTreeMap<Spanned<String>, MotorTable>,
     #[serde(default)]
+    pub(super) foot: Vec<Spanned<FootTable>>,
+    #[serde(default)]
+    pub(super) imu: Option<Spanned<ImuTable>>,
+    #[serde(default)]
     pub(super) effect: Vec<Spanned<EffectTable>>,
     #[serde(default)]
     pub(super) body: BTreeMap<Spanned<String>, BodyTable>,
@@ -96,6 +100,29 @@ pub(super) struct PriorEntry {
 pub(super) struct MotorTable {
     pub(super) gear: f64,
     pub(super) rotor_inertia: f64,
+}
+
+/// What touches the ground of a link; what is not stated is the link's own.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FootTable {
+    pub(super) name: Option<String>,
+    pub(super) link: String,
+    pub(super) place: Option<[f64; 3]>,
+    pub(super) points: Option<Vec<[f64; 3]>>,
+    pub(super) radius: Option<f64>,
+    pub(super) radius_std: Option<f64>,
+    pub(super) sensor: Option<bool>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ImuTable {
+    pub(super) link: Option<String>,
+    pub(super) place: Option<[f64; 3]>,
+    pub(super) rpy: Option<[f64; 3]>,
+    pub(super) place_std: Option<f64>,
+    pub(super) turn_std: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -350,3 +350,65 @@ fn a_limb_has_the_effects_of_the_model() {
         "armature:FL_calf"
     );
 }
+
+/// What is stated of feet and IMU is kept; what is not comes from the link.
+#[test]
+fn feet_and_an_imu_are_read_and_written() {
+    let text = r#"format = 1
+[robot]
+builtin = "go2"
+[[foot]]
+link = "FR_foot"
+[[foot]]
+name = "left"
+link = "FL_calf"
+points = [[0.1, 0.0, -0.2], [-0.1, 0.0, -0.2]]
+radius_std = 0.004
+sensor = false
+[imu]
+link = "imu"
+rpy = [0.0, 0.0, 1.5]
+"#;
+    let model = read(text, Path::new("go2.toml")).unwrap();
+    let [right, left] = model.stated_feet() else {
+        panic!("{:?}", model.stated_feet())
+    };
+    assert_eq!((&*right.name, right.radius), ("FR", 0.022));
+    assert!((right.points[0][0] + 0.002).abs() < 1e-12 && right.sensor);
+    assert_eq!(
+        (left.points.len(), left.radius, left.sensor),
+        (2, 0.0, false)
+    );
+    let imu = model.imu();
+    assert_eq!(
+        (imu.rpy[2], imu.place, imu.place_std),
+        (1.5, [0.0; 3], 0.01)
+    );
+    let again = read(
+        &super::text(&model, Path::new("go2.toml")),
+        Path::new("go2.toml"),
+    );
+    assert_eq!(again.unwrap(), model);
+    // The built-in robot's own.
+    let own = Model::default();
+    assert_eq!(own.imu().place_std, 0.002);
+    let names: Vec<String> = own.feet().into_iter().map(|foot| foot.name).collect();
+    assert_eq!(names, ["FR", "FL", "RR", "RL"]);
+}
+
+/// A foot or an IMU on a link that is none, an IMU that a joint moves, numbers that cannot be.
+#[test]
+fn feet_and_imus_that_cannot_be_are_refused() {
+    for (table, told) in [
+        ("[[foot]]\nlink = \"FR_fot\"", "FR_fot"),
+        ("[[foot]]\nlink = \"FR_foot\"\nradius = -0.01", "radius"),
+        ("[[foot]]\nlink = \"FR_foot\"\npoints = []", "points"),
+        ("[[foot]]\nlink = \"FR_foot\"\nsize = 1.0", "size"),
+        ("[imu]\nlink = \"FR_calf\"", "FR_calf"),
+        ("[imu]\nplace_std = 0.0", "imu"),
+    ] {
+        let text = format!("format = 1\n[robot]\nbuiltin = \"go2\"\n{table}\n");
+        let error = read(&text, Path::new("go2.toml")).unwrap_err().to_string();
+        assert!(error.contains(told), "{error}");
+    }
+}

@@ -56,6 +56,7 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             )?;
         }
     }
+    write_feet_and_imu(out, model)?;
     for e in &model.effects {
         let joint = string(model.joint_name(e.joint));
         writeln!(
@@ -183,6 +184,33 @@ fn write_more_parameters(out: &mut String, e: &ModelEffect) -> std::fmt::Result 
         return Ok(());
     }
     writeln!(out, "parameters = {{ {} }}", entries.join(", "))
+}
+
+fn write_feet_and_imu(out: &mut String, model: &Model) -> std::fmt::Result {
+    for foot in model.stated_feet() {
+        let place = match foot.points.as_slice() {
+            [one] => format!("place = {one:?}"),
+            points => format!("points = {points:?}"),
+        };
+        let [name, link] = [&foot.name, &foot.link].map(|name| string(name));
+        writeln!(
+            out,
+            "\n[[foot]]\nname = {name}\nlink = {link}\n{place}\nradius = {:?}\nradius_std = {:?}\nsensor = {}",
+            foot.radius, foot.radius_std, foot.sensor
+        )?;
+    }
+    if let Some(imu) = model.stated_imu() {
+        writeln!(
+            out,
+            "\n[imu]\nlink = {}\nplace = {:?}\nrpy = {:?}\nplace_std = {:?}\nturn_std = {:?}",
+            string(&imu.link),
+            imu.place,
+            imu.rpy,
+            imu.place_std,
+            imu.turn_std
+        )?;
+    }
+    Ok(())
 }
 
 fn write_held(out: &mut String, model: &Model) -> std::fmt::Result {

@@ -46,6 +46,8 @@ pub(super) struct Link<'a> {
     pub(super) inertia: InertialParameters<f64>,
     /// Whether it has a shape.
     pub(super) has_shape: bool,
+    /// Centre (m, in its own frame) and radius of the first sphere that it touches others with; none if what is stated of it cannot be read.
+    pub(super) sphere: Option<(Vector3<f64>, f64)>,
 }
 
 /// A joint.
@@ -114,6 +116,7 @@ impl<'a> Link<'a> {
             name: link.name,
             inertia,
             has_shape: link.child("visual").or(link.child("collision")).is_some(),
+            sphere: link.sphere(),
         })
     }
 }
@@ -249,6 +252,19 @@ impl<'a> Element<'a> {
         Ok(Transform {
             rotation: *Rotation3::from_euler_angles(turned.x, turned.y, turned.z).matrix(),
             translation: there,
+        })
+    }
+
+    /// The first sphere among what a link touches others with.
+    fn sphere(self) -> Option<(Vector3<f64>, f64)> {
+        let shapes = self.node.children();
+        let mut shapes = shapes.filter(|node| node.has_tag_name("collision"));
+        shapes.find_map(|shape| {
+            let geometry = self.within(shape).child("geometry")?;
+            let sphere = self.within(geometry).child("sphere")?;
+            let radius = self.number(sphere, "radius").ok()??;
+            let there = self.within(shape).origin().ok()?;
+            Some((there.translation, radius)).filter(|(_, radius)| *radius > 0.0)
         })
     }
 

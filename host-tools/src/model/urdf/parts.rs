@@ -9,6 +9,7 @@ use super::Fault;
 use super::elements::{Joint, JointType};
 use super::holds::Holds;
 use super::links::{Links, duplicate};
+use crate::model::robot::Frame;
 use crate::model::{Body, JointKind, RobotProblem};
 
 /// How far an axis' length may be from 1: files round their numbers.
@@ -24,6 +25,8 @@ pub(super) struct Parts {
     pub(super) carried: Vec<InertialParameters<f64>>,
     /// Per body, whether it or what is fixed to it has a shape.
     pub(super) shapes: Vec<bool>,
+    /// All links, and where they are.
+    pub(super) frames: Vec<Frame>,
     /// Joints that do not move, and where they are held, rad or m.
     pub(super) held: Vec<(String, f64)>,
     /// What was taken otherwise than the file has it.
@@ -33,17 +36,19 @@ pub(super) struct Parts {
 impl Parts {
     /// Those of a URDF's links, some of its joints held as the user says.
     pub(super) fn of(links: &Links, held: &[(String, f64)]) -> Result<Self, Box<Fault>> {
+        let base = own_base(links);
         let mut parts = Self {
-            base_link: links.elements.links[links.base].name.to_owned(),
+            base_link: links.elements.links[base].name.to_owned(),
             base_inertia: InertialParameters::zero(),
             bodies: Vec::new(),
             carried: Vec::new(),
             shapes: Vec::new(),
+            frames: Vec::new(),
             held: Vec::new(),
             notes: Vec::new(),
         };
         let holds = Holds::new(links, held)?;
-        parts.visit(links, &holds, links.base, None, identity())?;
+        parts.visit(links, &holds, base, None, identity())?;
         for parent in (0..parts.bodies.len())
             .filter_map(|b| parts.bodies[b].parent)
             .collect::<Vec<_>>()
@@ -69,6 +74,12 @@ impl Parts {
         placement: Transform<f64>,
     ) -> Result<(), Box<Fault>> {
         let own = &links.elements.links[link];
+        self.frames.push(Frame {
+            link: own.name.to_owned(),
+            body,
+            placement,
+            sphere: own.sphere,
+        });
         let phi = own.inertia.in_parent(&placement);
         match body {
             None => self.base_inertia = self.base_inertia + phi,
@@ -104,6 +115,16 @@ impl Parts {
             }
         }
         Ok(())
+    }
+}
+
+/// The robot's base: the root, or what floats in it, where the root is nothing but the world.
+fn own_base(links: &Links) -> usize {
+    let mut children = links.children(links.base);
+    let nothing = links.elements.links[links.base].inertia == InertialParameters::zero();
+    match (children.next(), children.next()) {
+        (Some((joint, child)), None) if nothing && joint.kind == JointType::Floating => child,
+        _ => links.base,
     }
 }
 

@@ -30,7 +30,7 @@ pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Un
     let mut header = header("A walk against the model", findings, &found.comparison.logs)?;
     header.headline = summary.headline;
     header.next = summary.next;
-    let mut sections = vec![stance::section(&found.feet)];
+    let mut sections = vec![stance::section(&found.feet, &found.names_of_feet)];
     sections.extend(compare::sections(
         &found.comparison,
         &compare::ladder(&found.comparison),
@@ -99,7 +99,7 @@ pub fn walk_diagnosis(
 fn feet_and_torques(found: &FreeBaseComparison) -> [Section; 2] {
     let comparison = &found.comparison;
     [
-        stance::section(&found.feet),
+        stance::section(&found.feet, &found.names_of_feet),
         torques(&comparison.series, &comparison.baselines, "model"),
     ]
 }

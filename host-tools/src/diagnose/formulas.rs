@@ -1,0 +1,164 @@
+//! Torques outside the catalogue, as formulas: where the catalogue leaves structure, each joint's residual is held against a grammar of physical
+//! terms, and what stands as every other step does is taken.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::Diagnosed;
+use crate::catalogue;
+use crate::equation::values::Place;
+use crate::estimate::fit::LimbFit;
+use crate::estimate::limb_data::LimbData;
+use crate::formula::Kind;
+use crate::identify::model_fit::parameters;
+use crate::select::candidate::Member;
+use crate::select::criteria::STRUCTURE;
+use crate::select::criteria::statistics::FALSE_ALARM;
+use crate::select::fitted::Fitted;
+use crate::select::formula_screen::{Pick, pick};
+use crate::select::formulas::Asked;
+use crate::table::with_std;
+
+/// Terms of one joint: what three do not tell is no formula but a shape.
+const MOST_TERMS: usize = 3;
+/// Draws for each chance of a false alarm: half of it can be told apart from none.
+const DRAWS: f64 = 2.0;
+
+/// A formula that a log's residual has asked for, and that stands.
+#[derive(Debug, Clone, Serialize)]
+pub struct FoundFormula {
+    /// Its name in the model file.
+    pub effect: &'static str,
+    /// Where.
+    pub joint: String,
+    /// The torque.
+    pub torque: String,
+    /// Its values.
+    pub parameters: Vec<super::ParameterReport>,
+    /// Share of the squared error of its joint that it explains, of what the catalogue leaves.
+    pub share: f64,
+    /// How often noise alone makes some term of the grammar explain as much.
+    pub chance: f64,
+    /// Other terms that do as well on this log.
+    pub rivals: Vec<String>,
+}
+
+impl FoundFormula {
+    /// The words for `add`: `'q_sign_dq = FR_calf: c*q*sign(dq)'`.
+    pub fn to_add(&self) -> String {
+        format!("'{} = {}: {}'", self.effect, self.joint, self.torque)
+    }
+
+    /// A sentence.
+    pub(super) fn words(&self) -> String {
+        let values = self.parameters.iter().map(|p| {
+            let value = with_std(p.value, p.std);
+            format!("{} = {value} {}", p.symbol, p.unit)
+        });
+        let values: Vec<String> = values.collect();
+        let rivals = match self.rivals.as_slice() {
+            [] => String::new(),
+            rivals => format!("; as good on these data: {}", rivals.join(", ")),
+        };
+        format!(
+            "{}: {} with {} explains {:.0} % of the square error that the catalogue leaves there{rivals}",
+            self.joint,
+            self.torque,
+            values.join(", "),
+            100.0 * self.share
+        )
+    }
+}
+
+/// Finds formulas at the joints where the catalogue leaves structure, and puts them into the model at the end of the search.
+pub(super) fn find<'a>(
+    d: &mut Diagnosed<'a>,
+    data: &'a [LimbData<'a>],
+    joints: &[(usize, usize)],
+) -> Vec<FoundFormula> {
+    let alarm = FALSE_ALARM / joints.len().max(1) as f64;
+    let draws = (DRAWS / alarm).ceil() as usize;
+    let mut found: Vec<(Member, Pick)> = Vec::new();
+    for &(limb, joint) in joints {
+        let own = &data[limb];
+        let screen = |fit: &LimbFit| -> Option<(Asked, Pick)> {
+            let pick = pick(fit, joint, draws)?;
+            let stands = pick.chance <= alarm && pick.share >= STRUCTURE;
+            let asked = stands.then(|| asked(own, (limb, joint), &pick)).flatten();
+            asked.map(|asked| (asked, pick))
+        };
+        let exchanged = std::cell::RefCell::new(None);
+        let instead = d.found.exchange(data, (limb, joint), &|fit| {
+            let (asked, pick) = screen(fit)?;
+            exchanged.replace(Some(pick));
+            Some(asked)
+        });
+        found.extend(instead.zip(exchanged.into_inner()));
+        for _ in 0..MOST_TERMS {
+            let Some((asked, pick)) = screen(&d.found.end.fits[limb]) else {
+                break;
+            };
+            if d.found.end.has(&asked.0) || !d.found.take(data, &asked) {
+                break;
+            }
+            d.found.take_out_beside(data, asked.0);
+            found.push((asked.0, pick));
+        }
+    }
+    found.retain(|(member, _)| d.found.end.has(member));
+    if !found.is_empty() {
+        d.found.look_again();
+    }
+    let of = |((limb, place), pick): &(Member, Pick)| told(d, data, (*limb, *place), pick);
+    found.iter().map(of).collect()
+}
+
+/// A term as an effect at its joint, with the values that its screen gives it.
+fn asked(own: &LimbData, (limb, joint): (usize, usize), pick: &Pick) -> Option<Asked> {
+    let stated = BTreeMap::new();
+    let robot = own.model.robot();
+    let of = (Kind::Free, &stated);
+    let effect = robot.formula(&pick.name, &pick.text, of, own.body_of(joint));
+    let numbers = pick.values.iter().copied().chain(pick.shape);
+    Some(((limb, (effect.ok()?, joint)), numbers.enumerate().collect()))
+}
+
+/// What is said of one that stands.
+fn told(
+    d: &Diagnosed,
+    data: &[LimbData],
+    (limb, place): (usize, Place),
+    pick: &Pick,
+) -> FoundFormula {
+    let own = &data[limb];
+    let joint = own.joint_names().swap_remove(place.1);
+    let robot = own.model.robot();
+    let text = catalogue::formula_of(place.0).map_or_else(
+        || pick.text.clone(),
+        |formula| robot.formula_text(formula, own.body_of(place.1)),
+    );
+    let named = |n: usize| crate::parameter::of_effect(place.0, n, &joint);
+    let fitted = parameters(&d.found.end.fits[limb]);
+    let described = place.0.description().parameters.iter().enumerate();
+    let of = |(n, p): (usize, &proprio_core::effect::Parameter)| {
+        let estimate = fitted.iter().find(|own| own.estimate.name == named(n));
+        let [value, std] =
+            estimate.map_or([f64::NAN; 2], |own| [own.estimate.value, own.estimate.std]);
+        super::ParameterReport {
+            symbol: p.symbol,
+            unit: p.unit,
+            value,
+            std,
+        }
+    };
+    FoundFormula {
+        effect: place.0.name(),
+        torque: text,
+        parameters: described.map(of).collect(),
+        share: pick.share,
+        chance: pick.chance,
+        rivals: pick.rivals.clone(),
+        joint,
+    }
+}

@@ -1,0 +1,176 @@
+//! The physical terms that a search for an unknown torque goes through: what multiplies (a direction, a speed, a load) times how that
+//! depends on position, speed, load, time and the other joints.
+//!
+//! The forms are those of known mechanisms: friction that depends on where the joint is, end stops, cables, ripple in proportion to a torque
+//! or to friction, dead bands, warming, and what changes at a moment. Each is a text that [`define`](super::define) takes, so that what is
+//! found is an effect as any other.
+
+use proprio_core::effect::{Grid, JointState};
+
+use super::columns::value;
+use super::expression::Expression;
+use super::parse::{Names, parse};
+use super::{FormulaError, NUMBERED_TIMES};
+
+/// What is multiplied: a torque of its own, friction, viscous friction, friction by load, the load.
+const CARRIERS: [&str; 5] = ["", "sign(dq)", "dq", "abs(tau_rigid)*sign(dq)", "tau_rigid"];
+
+/// How it depends on the joint's own position, and on time. With any carrier.
+const ANYWHERE: [(&str, Option<Grid>); 10] = [
+    ("q", None),
+    ("q^2", None),
+    ("abs(q - p)", Some(Grid::Positions)),
+    ("(q - p)*abs(q - p)", Some(Grid::Positions)),
+    ("step(q - p)", Some(Grid::Positions)),
+    ("max(q - p, 0)", Some(Grid::Positions)),
+    ("max(p - q, 0)", Some(Grid::Positions)),
+    ("t", None),
+    ("step(t - p)", Some(Grid::Times)),
+    ("exp(-t/p)", Some(NUMBERED_TIMES)),
+];
+
+/// Places of this share of the joint's travel, to which a magnet pulls or at which friction is larger: of its own, and with friction.
+const WIDTHS: [f64; 3] = [0.25, 0.1, 0.05];
+const AT_PLACES: [&str; 2] = ["exp(-((q - p)/W)^2)", "(q - p)*exp(-((q - p)/W)^2)"];
+
+/// Torques of their own.
+const ALONE: [(&str, Option<Grid>); 3] = [
+    ("tanh(dq/p)", Some(Grid::SpeedsOfMotion)),
+    ("exp(-abs(dq)/p)*sign(dq)", Some(Grid::SpeedsOfMotion)),
+    ("abs(dq)*dq", None),
+];
+
+/// A motor that gives nothing for a small torque: the share of the least torque that is tried, times so much each.
+const DEAD_BAND: &str = "min(max(tau_rigid/p, -1), 1)";
+
+/// By another joint of the limb, `X`. With any carrier.
+const BY_ANOTHER: [&str; 4] = ["q.X", "q.X^2", "q*q.X", "sin(q.X)"];
+
+/// Torques by another joint's motion.
+const OF_ANOTHER: [&str; 3] = ["dq.X", "sign(dq.X)", "abs(dq.X)*dq.X"];
+
+/// A function of a joint's motion with one parameter, `p`, at most.
+pub(crate) struct Factor(Expression);
+
+impl Factor {
+    /// Of a text at a joint.
+    pub(crate) fn read(text: &str, names: Names) -> Result<Self, FormulaError> {
+        Ok(Self(parse(text, names)?.expression))
+    }
+
+    /// Its value where the limb's joints are in these states.
+    pub(crate) fn at(&self, joints: &[JointState<f64>], own: usize, p: f64) -> f64 {
+        value(&self.0, joints, own, &[p])
+    }
+}
+
+/// A term: its factors, and the text of the torque.
+pub(crate) struct Term {
+    /// What multiplies; nothing for a torque of its own.
+    pub(crate) carrier: Option<&'static str>,
+    /// How that depends on the rest: one factor, or a sine and a cosine.
+    pub(crate) factors: Vec<String>,
+    /// Where its parameter is sought.
+    pub(crate) grid: Option<Grid>,
+}
+
+impl Term {
+    /// The text of the torque: `c*(…)*sign(dq)`.
+    pub(crate) fn text(&self) -> String {
+        let coefficients = match self.factors.len() {
+            1 => &["c"][..],
+            _ => &["a", "b"],
+        };
+        let carrier = self.carrier.map_or(String::new(), |by| format!("*{by}"));
+        let of =
+            |(coefficient, factor): (&&str, &String)| format!("{coefficient}*{factor}{carrier}");
+        let all: Vec<String> = coefficients.iter().zip(&self.factors).map(of).collect();
+        all.join(" + ")
+    }
+
+    /// A name for it, of the letters of its factors.
+    pub(crate) fn name(&self) -> String {
+        let text = format!("{} {}", self.factors[0], self.carrier.unwrap_or_default());
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric());
+        let words: Vec<String> = (words.filter(|word| !word.is_empty()))
+            .map(str::to_ascii_lowercase)
+            .collect();
+        words.join("_")
+    }
+
+    /// How much there is to it: what is as good and has less is preferred.
+    pub(crate) fn complexity(&self) -> usize {
+        self.text().chars().filter(|c| !c.is_whitespace()).count()
+    }
+}
+
+/// All terms at a joint of a limb with these joints; `torque` is the greatest of its drive, N m, and `travel` how far it moves, rad.
+pub(crate) fn terms(names: Names, torque: f64, travel: f64) -> Vec<Term> {
+    let mut all = Vec::new();
+    let mut put = |carrier: &'static str, factors: Vec<String>, grid: Option<Grid>| {
+        all.push(Term {
+            carrier: Some(carrier).filter(|carrier| !carrier.is_empty()),
+            factors,
+            grid,
+        });
+    };
+    for carrier in CARRIERS {
+        for (text, grid) in ANYWHERE {
+            // A multiple of the position alone is the catalogue's spring.
+            if (carrier, text) != ("", "q") {
+                put(carrier, vec![text.to_owned()], grid);
+            }
+        }
+        let pair = ["sin(p*q)", "cos(p*q)"].map(str::to_owned);
+        put(carrier, pair.to_vec(), Some(Grid::Frequencies));
+        for other in others(names) {
+            for text in BY_ANOTHER {
+                put(carrier, vec![text.replace('X', &other)], None);
+            }
+        }
+    }
+    for carrier in ["", "sign(dq)"] {
+        for (text, share) in AT_PLACES
+            .iter()
+            .flat_map(|text| WIDTHS.map(|share| (text, share)))
+        {
+            // Two digits: a width is a size.
+            let width = format!("{:.1e}", share * travel)
+                .parse::<f64>()
+                .unwrap_or(share);
+            let text = text.replace('W', &width.to_string());
+            put(carrier, vec![text], Some(Grid::Positions));
+        }
+    }
+    for (text, grid) in ALONE {
+        put("", vec![text.to_owned()], grid);
+    }
+    for other in others(names) {
+        for text in OF_ANOTHER {
+            put("", vec![text.replace('X', &other)], None);
+        }
+    }
+    let bands = Grid::Values {
+        least: 1e-3 * torque,
+        most: torque,
+        count: super::TRIED,
+    };
+    put("", vec![DEAD_BAND.to_owned()], Some(bands));
+    all
+}
+
+/// The other joints of the limb, as texts name them.
+fn others(names: Names) -> Vec<String> {
+    let of = |name: &str| {
+        let is_plain = name.chars().all(|c| c.is_alphanumeric() || c == '_');
+        if is_plain {
+            name.to_owned()
+        } else {
+            format!("\"{name}\"")
+        }
+    };
+    let all = names.joints.iter().enumerate();
+    all.filter(|(n, _)| *n != names.own)
+        .map(|(_, name)| of(name))
+        .collect()
+}

@@ -1,0 +1,377 @@
+//! Which torque outside the catalogue a joint's residual asks for: every term of a grammar, beside all that the model has.
+//!
+//! What the model's own columns at the joint can take is projected out of the residual and of each term, so that no term stands for a body
+//! or a friction. The best term explains most of what is left; of those that do as well within the error of the difference, the simplest is
+//! taken, and the others are told as rivals. A difference is none that is smaller than what any step is worth.
+//!
+//! How often noise alone explains as much is told by the noise: where a term has no part in a residual, the residual's sign in a segment of
+//! time is as likely the other one. So all segments' signs are drawn anew, time and again, and the best of *all* terms is found each time
+//! (Freedman & Lane 1983, *J. Business & Economic Statistics* 1:292; Westfall & Young 1993, max-T): the share of draws that explain as much
+//! is the probability of a false alarm over the whole grammar, whatever the residual's memory within a segment.
+
+use proprio_core::effect::{EffectKind, Form, Input, JointState};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::criteria::step::LEAST_SHARE;
+use super::criteria::sum_and_error;
+use crate::equation::dot::dot;
+use crate::equation::states::States;
+use crate::estimate::fit::LimbFit;
+use crate::estimate::grid::{Reach, values};
+use crate::estimate::shapes::orthonormal;
+use crate::formula::Names;
+use crate::formula::grammar::{Factor, Term, terms};
+
+/// Windows that are looked at, spread over the log.
+const MOST_WINDOWS: usize = 1500;
+/// Segments of time whose signs are drawn: each is longer than noise remembers (0.1 s) in logs of more than four seconds, and of so many
+/// a sign pattern is one of 10¹².
+const SEGMENTS: usize = 40;
+/// Fewer windows in each are no segment.
+const LEAST_IN_SEGMENT: usize = 5;
+/// Rounds of a shape's refinement, each so much narrower: to a hundredth of the grid's spacing.
+const ROUNDS: usize = 8;
+const NARROWER: f64 = 0.6;
+/// Rivals that are told.
+const MOST_RIVALS: usize = 4;
+
+/// A term that a residual asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pick {
+    /// Its torque, and a name of its letters.
+    pub(crate) text: String,
+    pub(crate) name: String,
+    /// Its parameter in which it is not linear.
+    pub(crate) shape: Option<f64>,
+    /// Its coefficients.
+    pub(crate) values: Vec<f64>,
+    /// How much of the residual's square it explains.
+    pub(crate) share: f64,
+    /// How often noise explains as much.
+    pub(crate) chance: f64,
+    /// Texts of terms that do as well.
+    pub(crate) rivals: Vec<String>,
+}
+
+/// A term with one value of its parameter, beside the model.
+struct Tried {
+    term: usize,
+    shape: Option<f64>,
+    /// Of each of its orthonormal columns, segment by segment, how it goes with the residual.
+    along: Vec<Vec<f64>>,
+    /// How much of the square it explains in each segment.
+    gains: Vec<f64>,
+    fall: f64,
+}
+
+/// The term that a joint's residual asks for most; `draws` of signs tell how often noise asks as much. `None` where nothing can be told.
+pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
+    let residual = Residual::of(fit, joint)?;
+    let limb = fit.data.joint_names();
+    let joints: Vec<&str> = limb.iter().map(String::as_str).collect();
+    let names = Names {
+        joints: &joints,
+        own: joint,
+    };
+    let body = &fit.data.model.robot().bodies()[fit.data.body_of(joint)];
+    let reach = Reach::of(fit.data, joint, 0.0);
+    let [from, to] = reach.positions;
+    let all = terms(names, body.effort, to - from);
+    let carriers = residual.factors(&all, names);
+    let tried: Vec<Tried> = (all.par_iter().enumerate())
+        .flat_map_iter(|(n, term)| residual.tried(n, term, &carriers, names, &reach))
+        .collect();
+    let best = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
+    // Of each term its best shape, where it does as well as the best of all.
+    let as_good = |tried: &&Tried| {
+        let gains: Vec<f64> = (best.gains.iter().zip(&tried.gains))
+            .map(|(best, own)| best - own)
+            .collect();
+        let (less, error) = sum_and_error(&gains);
+        less <= error.max(LEAST_SHARE * residual.square)
+    };
+    let mut rivals: Vec<&Tried> = Vec::new();
+    for own in tried.iter().filter(as_good) {
+        match rivals.iter_mut().find(|known| known.term == own.term) {
+            Some(known) if known.fall < own.fall => *known = own,
+            Some(_) => {}
+            None => rivals.push(own),
+        }
+    }
+    rivals.sort_by(|a, b| {
+        let by_size = |tried: &Tried| all[tried.term].complexity();
+        by_size(a).cmp(&by_size(b)).then(b.fall.total_cmp(&a.fall))
+    });
+    let chosen = rivals.first()?;
+    let term = &all[chosen.term];
+    let shape = residual.refined(term, chosen, &carriers, names, &reach);
+    let rest = rivals.iter().skip(1).take(MOST_RIVALS);
+    Some(Pick {
+        text: term.text(),
+        name: term.name(),
+        shape,
+        values: residual.coefficients(term, shape, &carriers, names)?,
+        share: chosen.fall / residual.square,
+        chance: chance(&tried, best.fall, draws),
+        rivals: rest.map(|own| all[own.term].text()).collect(),
+    })
+}
+
+/// How often the best of all terms explains as much where the segments' signs are drawn.
+fn chance(tried: &[Tried], fall: f64, draws: usize) -> f64 {
+    let as_much = |draw: &usize| {
+        let mut random = ChaCha8Rng::seed_from_u64(*draw as u64);
+        let signs: [f64; SEGMENTS] =
+            std::array::from_fn(|_| if random.random::<bool>() { 1.0 } else { -1.0 });
+        let of = |tried: &Tried| -> f64 {
+            let sums = tried.along.iter().map(|along| dot(along, &signs).powi(2));
+            sums.sum()
+        };
+        tried.iter().any(|tried| of(tried) >= fall)
+    };
+    let count = (0..draws).into_par_iter().filter(as_much).count();
+    (count + 1) as f64 / (draws + 1) as f64
+}
+
+/// What a model leaves of a joint, beside all that its own columns can take.
+struct Residual {
+    joint: usize,
+    left: Vec<f64>,
+    square: f64,
+    /// Orthonormal directions of the model's columns.
+    basis: Vec<Vec<f64>>,
+    /// What effects see at the beginning, the middle and the end of each window.
+    states: Vec<Vec<JointState<f64>>>,
+    /// The segment of each window.
+    segment: Vec<usize>,
+}
+
+/// Of a window's mean what each of its three samples tells (Simpson's rule).
+const WEIGHTS: [f64; 3] = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0];
+
+impl Residual {
+    fn of(fit: &LimbFit, joint: usize) -> Option<Self> {
+        let (data, n) = (fit.data, fit.data.joints());
+        let counting: Vec<usize> = (0..data.motion.windows.len())
+            .filter(|&w| data.counts(w, joint))
+            .collect();
+        let stride = counting.len().div_ceil(MOST_WINDOWS).max(1);
+        let windows: Vec<usize> = counting.into_iter().step_by(stride).collect();
+        if windows.len() < SEGMENTS * LEAST_IN_SEGMENT {
+            return None;
+        }
+        let rows = data.rows(&fit.at, &fit.columns);
+        let mut basis: Vec<Vec<f64>> = Vec::new();
+        for column in 0..fit.columns.of_joint[joint].len() {
+            let column = windows.iter().map(|&w| rows.row(w, joint)[column]);
+            basis.extend(orthonormal(column.collect(), &basis));
+        }
+        let predicted = fit.predicted();
+        let left = windows.iter().map(|w| w * n + joint);
+        let mut left: Vec<f64> = left.map(|at| data.torque[at] - predicted[at]).collect();
+        for along in &basis {
+            let share = dot(along, &left);
+            left.iter_mut()
+                .zip(along)
+                .for_each(|(x, b)| *x -= share * b);
+        }
+        let seen = seen(fit);
+        let mut states = Vec::with_capacity(3 * windows.len());
+        for &w in &windows {
+            let [first, last] = data.motion.windows[w].samples;
+            for k in [first, first + (last - first) / 2, last] {
+                let mut joints = Vec::with_capacity(n);
+                seen.all(k, &mut joints);
+                states.push(joints);
+            }
+        }
+        let count = windows.len();
+        Some(Self {
+            joint,
+            square: dot(&left, &left),
+            left,
+            basis,
+            states,
+            segment: (0..count).map(|w| w * SEGMENTS / count).collect(),
+        })
+    }
+
+    /// A factor at the samples.
+    fn factor(&self, text: &str, names: Names, p: f64) -> Option<Vec<f64>> {
+        let factor = Factor::read(text, names).ok()?;
+        let at = |joints: &Vec<JointState<f64>>| factor.at(joints, self.joint, p);
+        Some(self.states.iter().map(at).collect())
+    }
+
+    /// The carriers of terms at the samples, each once.
+    fn factors(&self, all: &[Term], names: Names) -> Vec<(&'static str, Vec<f64>)> {
+        let mut carriers: Vec<(&'static str, Vec<f64>)> = Vec::new();
+        for carrier in all.iter().filter_map(|term| term.carrier) {
+            if carriers.iter().all(|(known, _)| *known != carrier)
+                && let Some(values) = self.factor(carrier, names, 1.0)
+            {
+                carriers.push((carrier, values));
+            }
+        }
+        carriers
+    }
+
+    /// A term's columns over the windows; `None` where they are not finite.
+    fn columns(
+        &self,
+        term: &Term,
+        shape: Option<f64>,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+    ) -> Option<Vec<Vec<f64>>> {
+        let carrier = match term.carrier {
+            None => None,
+            Some(by) => Some(&carriers.iter().find(|(known, _)| *known == by)?.1),
+        };
+        let of = |text: &String| -> Option<Vec<f64>> {
+            let mut values = self.factor(text, names, shape.unwrap_or(1.0))?;
+            if let Some(by) = carrier {
+                values.iter_mut().zip(by).for_each(|(x, by)| *x *= by);
+            }
+            let mean = |samples: &[f64]| dot(&WEIGHTS, samples);
+            let column: Vec<f64> = values.chunks_exact(3).map(mean).collect();
+            column.iter().all(|x| x.is_finite()).then_some(column)
+        };
+        term.factors.iter().map(of).collect()
+    }
+
+    /// A term with each value of its parameter.
+    fn tried(
+        &self,
+        n: usize,
+        term: &Term,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+        reach: &Reach,
+    ) -> Vec<Tried> {
+        let shapes: Vec<Option<f64>> = match term.grid {
+            None => vec![None],
+            Some(grid) => (values(grid, reach).unwrap_or_default().into_iter())
+                .map(Some)
+                .collect(),
+        };
+        let of = |shape: Option<f64>| self.beside(n, term, shape, carriers, names);
+        shapes.into_iter().filter_map(of).collect()
+    }
+
+    /// A term of this shape beside the model.
+    fn beside(
+        &self,
+        n: usize,
+        term: &Term,
+        shape: Option<f64>,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+    ) -> Option<Tried> {
+        let mut own: Vec<Vec<f64>> = Vec::new();
+        for column in self.columns(term, shape, carriers, names)? {
+            own.extend(
+                orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
+            );
+        }
+        let along: Vec<Vec<f64>> = own.iter().map(|column| self.by_segment(column)).collect();
+        let values: Vec<f64> = along.iter().map(|along| along.iter().sum()).collect();
+        let mut explained = vec![0.0; self.left.len()];
+        for (column, value) in own.iter().zip(&values) {
+            explained
+                .iter_mut()
+                .zip(column)
+                .for_each(|(x, c)| *x += value * c);
+        }
+        let mut gains = vec![0.0; SEGMENTS];
+        for ((segment, left), explained) in self.segment.iter().zip(&self.left).zip(&explained) {
+            gains[*segment] += left * left - (left - explained).powi(2);
+        }
+        Some(Tried {
+            term: n,
+            shape,
+            fall: values.iter().map(|value| value * value).sum(),
+            along,
+            gains,
+        })
+    }
+
+    /// The shape between the neighbours of the best of a grid that explains most.
+    fn refined(
+        &self,
+        term: &Term,
+        best: &Tried,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+        reach: &Reach,
+    ) -> Option<f64> {
+        let grid = values(term.grid?, reach)?;
+        let (mut shape, mut most) = (best.shape?, best.fall);
+        let at = grid.iter().position(|value| *value == shape)?;
+        let neighbour = grid.get(at + 1).or_else(|| grid.get(at.checked_sub(1)?))?;
+        let mut step = 0.5 * (neighbour - shape).abs();
+        for _ in 0..ROUNDS {
+            for other in [shape - step, shape + step] {
+                let tried = self.beside(best.term, term, Some(other), carriers, names);
+                if let Some(tried) = tried.filter(|tried| tried.fall > most) {
+                    (shape, most) = (other, tried.fall);
+                }
+            }
+            step *= NARROWER;
+        }
+        Some(shape)
+    }
+
+    fn by_segment(&self, column: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; SEGMENTS];
+        for ((segment, left), x) in self.segment.iter().zip(&self.left).zip(column) {
+            sums[*segment] += left * x;
+        }
+        sums
+    }
+
+    /// A term's coefficients: least squares beside the model.
+    fn coefficients(
+        &self,
+        term: &Term,
+        shape: Option<f64>,
+        carriers: &[(&'static str, Vec<f64>)],
+        names: Names,
+    ) -> Option<Vec<f64>> {
+        let columns = self.columns(term, shape, carriers, names)?;
+        let beside = |mut column: Vec<f64>| {
+            for along in &self.basis {
+                let share = dot(along, &column);
+                column
+                    .iter_mut()
+                    .zip(along)
+                    .for_each(|(x, b)| *x -= share * b);
+            }
+            column
+        };
+        let own: Vec<Vec<f64>> = columns.into_iter().map(beside).collect();
+        let products =
+            nalgebra::DMatrix::from_fn(own.len(), own.len(), |a, b| dot(&own[a], &own[b]));
+        let moments = nalgebra::DVector::from_fn(own.len(), |a, _| dot(&own[a], &self.left));
+        let found = products.cholesky()?.solve(&moments);
+        Some(found.iter().copied().collect())
+    }
+}
+
+/// What effects see under the model, the transmitted torque among it.
+fn seen(fit: &LimbFit) -> States {
+    let data = fit.data;
+    let asks = |effect: &&EffectKind| {
+        let facts = effect.description();
+        facts.form == Form::Columns && facts.input == Input::TransmittedTorque
+    };
+    let loaded = EffectKind::ALL.iter().find(asks);
+    let candidates: Vec<_> = loaded.map(|effect| (*effect, 0)).into_iter().collect();
+    let candidates: Vec<_> = (candidates.into_iter())
+        .filter(|place| !fit.places.contains(place))
+        .collect();
+    let columns = data.columns(&fit.values, &fit.places, &candidates);
+    data.motion.states(&data.body, &fit.values, &columns, 0.0)
+}
