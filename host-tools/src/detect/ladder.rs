@@ -91,8 +91,8 @@ impl Yardsticks {
     pub(crate) fn over_all(joints: &[(f64, Self)]) -> Self {
         let judged = || joints.iter().filter(|(windows, _)| *windows > 0.0);
         let all = |of: &dyn Fn(&Self) -> f64| over_all(judged().map(|(n, own)| (*n, of(own))));
-        let is_known = judged().next().is_some()
-            && judged().all(|(_, own)| own.noise_floor_rms.is_some());
+        let is_known =
+            judged().next().is_some() && judged().all(|(_, own)| own.noise_floor_rms.is_some());
         Self {
             zero_rms: all(&|own| own.zero_rms),
             cad_rms: all(&|own| own.cad_rms),

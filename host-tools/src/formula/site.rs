@@ -99,8 +99,8 @@ impl Site<'_> {
             let base = |of: usize| [2, 3, 5, 7, 11, 13, 17, 19][(of + 3 * j) % 8];
             let share = |of: usize| corput(n + 1, base(of));
             // Standstill and zero are where formulas break.
-            let at_rest = n % 5 == 0;
-            let q = match n % 10 == 0 && from <= 0.0 && to >= 0.0 {
+            let at_rest = n.is_multiple_of(5);
+            let q = match n.is_multiple_of(10) && from <= 0.0 && to >= 0.0 {
                 true => 0.0,
                 false => from + share(0) * (to - from),
             };

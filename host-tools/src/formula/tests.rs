@@ -83,7 +83,7 @@ fn formulas_are_what_the_catalogue_has() {
                 EffectKind::CoupledArmature => effect.coupled(&joints[2], &joints[1]),
                 _ => effect.terms(&joints[2], shape),
             };
-            for n in 0..effect.columns().max(1).min(MAX_COLUMNS) {
+            for n in 0..effect.columns().clamp(1, MAX_COLUMNS) {
                 for (a, b) in [
                     (mine[n].boundary, theirs[n].boundary),
                     (mine[n].rate, theirs[n].rate),

@@ -464,7 +464,7 @@ fn are_go2s(bodies: &[Body]) -> bool {
         })
     };
     let named = |name: &&str| bodies.iter().any(|body| body.name == **name);
-    JOINT_NAMES.iter().all(|name| named(&name))
+    JOINT_NAMES.iter().all(named)
         && bodies.iter().all(|body| {
             // What a Go2 carries has joints of its own.
             place_on_go2(body).is_none() || is_there(body)
