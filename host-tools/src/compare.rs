@@ -24,10 +24,10 @@ use serde::Serialize;
 use asked::{Asked, names};
 use feet::Feet;
 pub use feet::FootForce;
-pub(crate) use free_base::given as given_of_walk;
 pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
+pub(crate) use free_base::{walk_rungs, walk_yardsticks};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
@@ -35,10 +35,12 @@ pub use values::EffectValue;
 
 pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
-use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::detect::contact::leave_out_contact;
+pub use crate::detect::ladder::Yardsticks;
+use crate::detect::ladder::{self, JointLadder};
 use crate::detect::residual::{self, Criticism, Input, Scores};
 use crate::equation::folds::LEAST_HELD_OUT;
-use crate::equation::values::{Values, is_shared};
+use crate::equation::values::is_shared;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
@@ -63,6 +65,10 @@ pub struct Comparison {
     /// What that is to be measured against.
     #[serde(flatten)]
     pub yardsticks: Yardsticks,
+    /// The same rms of the model without the effects that were added last, if they have no value yet, N m.
+    pub before_rms: Option<f64>,
+    /// Share of the square error above the noise floor, %.
+    pub above_noise_percent: Option<f64>,
     /// The effects that the model was given last and that have no value yet, `coulomb:FR_calf`.
     pub added: Vec<String>,
     /// The effects that were left out of the model as it was given, where it is compared with that.
@@ -95,23 +101,6 @@ pub struct Comparison {
     pub baselines: Vec<(&'static str, Vec<JointSeries>)>,
 }
 
-/// What a model's rms is to be measured against, of a joint or of all.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Yardsticks {
-    /// The rms of predicting zero, N m.
-    pub zero_rms: f64,
-    /// The rms of the CAD's rigid body without any effect, N m.
-    pub cad_rms: f64,
-    /// The rms of the model without the effects that were added last, if they have no value yet, N m.
-    pub before_rms: Option<f64>,
-    /// Error that no model can take away, N m; none for fewer than 100 windows, or of all joints if one has none.
-    pub noise_floor_rms: Option<f64>,
-    /// Whether the true floor may be lower: what a poor model leaves looks like noise in part.
-    pub noise_floor_is_upper_bound: bool,
-    /// Share of the square error above that, %.
-    pub above_noise_percent: Option<f64>,
-}
-
 /// One joint.
 #[derive(Debug, Clone, Serialize)]
 pub struct JointComparison {
@@ -126,22 +115,18 @@ pub struct JointComparison {
     /// What that is to be measured against.
     #[serde(flatten)]
     pub yardsticks: Yardsticks,
+    /// As [`Comparison::before_rms`].
+    pub before_rms: Option<f64>,
+    /// As [`Comparison::above_noise_percent`].
+    pub above_noise_percent: Option<f64>,
     /// Whether the error is white; none for too short a series.
     pub white: Option<bool>,
     /// What of the motion the error is not independent of.
     pub depends_on: Vec<Input>,
 }
 
-impl Yardsticks {
-    /// Of a model that leaves `rms`, held against what it was before, or the CAD.
-    fn error(&self, rms: f64) -> ErrorRange {
-        let before = self.before_rms.unwrap_or(self.cad_rms);
-        ErrorRange::torque(before, rms, self.noise_floor_rms)
-    }
-}
-
 impl Comparison {
-    /// The error over all joints: of what the model is held against, and of the model.
+    /// The error over all joints: of the file as it is given, and of the model.
     pub fn error(&self) -> ErrorRange {
         self.yardsticks.error(self.rms)
     }
@@ -192,20 +177,21 @@ pub fn compare_without(
         fitted,
         added,
         before,
+        file,
     } = Asked::of(&recording.logs, &recorded, model, left_out, values);
     let from = if fitted { From::HeldOut } else { From::File };
     let rest = values == ValuesFrom::GivenAlsoAtRest;
-    let (data, feet) = swing(robot::data(recording, model));
+    let (data, feet) = leave_out_contact(robot::data(recording, model));
     let data: Vec<LimbData> = data.into_iter().map(|data| with_rest(data, rest)).collect();
     check(recording, &data, &feet, fitted)?;
-    let predictions = predictions(&data, from);
     let judged = Judged {
         recording,
         model,
         data: &data,
         feet: &feet,
-        predictions,
-        baselines: Baselines::new(recording, model, from, before.as_ref(), &feet, rest),
+        predictions: predictions(&data, from),
+        ladder: side_by_side(&data, |limb| ladder::of(limb, &file)).concat(),
+        baselines: Baselines::new(recording, from, before.as_ref(), &data),
         fitted,
     };
     Ok(judged.told(&added, left_out))
@@ -218,6 +204,8 @@ struct Judged<'a> {
     data: &'a [LimbData<'a>],
     feet: &'a Feet,
     predictions: Vec<Prediction<'a>>,
+    /// Of each joint.
+    ladder: Vec<JointLadder>,
     baselines: Baselines,
     fitted: bool,
 }
@@ -226,7 +214,11 @@ impl Judged<'_> {
     /// How well, where and when; beside the model without what was `added` or with what was `left_out`.
     fn told(self, added: &[ModelEffect], left_out: &[ModelEffect]) -> Comparison {
         let (recording, model, feet) = (self.recording, self.model, self.feet);
-        let series = all_series(self.data, &self.predictions);
+        let torque = self.predictions.iter().map(|of| of.torque.as_slice());
+        let mut series = all_series(self.data, torque);
+        for (series, ladder) in series.iter_mut().zip(&self.ladder) {
+            series.noise = ladder.noise;
+        }
         let predicted: Vec<&[f64]> = (self.predictions.iter())
             .map(|of| of.torque.as_slice())
             .collect();
@@ -239,17 +231,24 @@ impl Judged<'_> {
         let views: Vec<_> = series.iter().map(JointSeries::view).collect();
         let mut criticism = residual::criticise(&views);
         feet::restrain(&mut criticism, &contact);
-        let joints = series.iter().zip(&criticism).enumerate();
+        let joints = series.iter().zip(&criticism).zip(&self.ladder).enumerate();
         let joints: Vec<JointComparison> = joints
-            .map(|(k, (series, criticism))| {
-                JointComparison::of(series, criticism, self.baselines.rms(k))
+            .map(|(k, ((series, criticism), ladder))| {
+                let before = self.baselines.before_rms(k);
+                JointComparison::of(series, criticism, (ladder.errors, before))
             })
             .collect();
-        let rms = over_all(&joints, &|j| j.scores.rms);
+        let all: Vec<_> = (self.ladder.iter())
+            .map(|own| (own.windows, own.errors))
+            .collect();
+        let yardsticks = Yardsticks::over_all(&all);
+        let rms = over_all(&joints, &|j| Some(j.scores.rms)).unwrap_or(0.0);
         Comparison {
             data: recording.gates.clone(),
             rms,
-            yardsticks: Yardsticks::over_all(&joints, rms),
+            before_rms: over_all(&joints, &|j| j.before_rms),
+            above_noise_percent: yardsticks.above_noise_percent(rms),
+            yardsticks,
             added: names(model, added),
             left_out: names(model, left_out),
             effects,
@@ -276,33 +275,24 @@ struct Baselines {
 }
 
 impl Baselines {
-    fn new(
-        recording: &Recording,
-        model: &Model,
-        from: From,
-        before: Option<&Model>,
-        feet: &Feet,
-        rest: bool,
-    ) -> Self {
-        let series = |model: &Model, from| {
-            let data = robot::data(recording, model).into_iter().zip(feet);
-            let data: Vec<LimbData> = data
-                .map(|(data, foot)| with_rest(without_stance(data, foot), rest))
-                .collect();
-            all_series(&data, &predictions(&data, from))
-        };
+    fn new(recording: &Recording, from: From, before: Option<&Model>, data: &[LimbData]) -> Self {
+        let cad = side_by_side(data, LimbData::predicted_by_cad);
+        let before = before.map(|model| {
+            let before = robot::data(recording, model).into_iter().zip(data);
+            let before: Vec<LimbData> = before.map(|(own, data)| own.judged_as(data)).collect();
+            let predictions = predictions(&before, from);
+            let torque = predictions.iter().map(|of| of.torque.as_slice());
+            all_series(&before, torque)
+        });
         Self {
-            before: before.map(|before| series(before, from)),
-            cad: series(
-                &Model::new(model.robot().clone()).mounted_as(model),
-                From::File,
-            ),
+            before,
+            cad: all_series(data, cad.iter().map(Vec::as_slice)),
         }
     }
 
-    /// Of joint k: the CAD's rms and that of the model before, N m.
-    fn rms(&self, k: usize) -> (f64, Option<f64>) {
-        (self.cad[k].rms(), self.before.as_ref().map(|b| b[k].rms()))
+    /// Of joint k, N m.
+    fn before_rms(&self, k: usize) -> Option<f64> {
+        Some(self.before.as_ref()?[k].rms())
     }
 
     fn named(self) -> Vec<(&'static str, Vec<JointSeries>)> {
@@ -311,57 +301,33 @@ impl Baselines {
     }
 }
 
-/// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's.
-fn over_all(joints: &[JointComparison], rms: &dyn Fn(&JointComparison) -> f64) -> f64 {
-    let (sum, n) = joints.iter().fold((0.0, 0), |(sum, n), j| {
-        (sum + rms(j).powi(2) * j.scores.n as f64, n + j.scores.n)
-    });
-    (sum / n.max(1) as f64).sqrt()
-}
-
-impl Yardsticks {
-    /// Of all joints together, where the model's rms over all of them is `rms`.
-    fn over_all(joints: &[JointComparison], rms: f64) -> Self {
-        let all = |of: &dyn Fn(&Self) -> f64| over_all(joints, &|j| of(&j.yardsticks));
-        let all_known = |of: &dyn Fn(&Self) -> Option<f64>| {
-            let known = joints.iter().all(|j| of(&j.yardsticks).is_some());
-            known.then(|| all(&|y| of(y).unwrap_or(0.0)))
-        };
-        let floor = all_known(&|y| y.noise_floor_rms);
-        let above =
-            |floor: f64| 100.0 * (1.0 - (floor / rms.max(f64::MIN_POSITIVE)).powi(2)).max(0.0);
-        Self {
-            zero_rms: all(&|y| y.zero_rms),
-            cad_rms: all(&|y| y.cad_rms),
-            before_rms: all_known(&|y| y.before_rms),
-            noise_floor_rms: floor,
-            noise_floor_is_upper_bound: joints
-                .iter()
-                .any(|j| j.yardsticks.noise_floor_is_upper_bound),
-            above_noise_percent: floor.map(above),
-        }
-    }
+/// Root mean square over the windows of all joints, N m, of what is a root mean square over each joint's; none if one has none.
+fn over_all(
+    joints: &[JointComparison],
+    rms: &dyn Fn(&JointComparison) -> Option<f64>,
+) -> Option<f64> {
+    let all: Option<Vec<_>> = (joints.iter())
+        .map(|j| Some((j.scores.n as f64, rms(j)?)))
+        .collect();
+    Some(ladder::over_all(all?))
 }
 
 impl JointComparison {
-    /// One joint, beside the rms of the CAD and of the model before.
-    fn of(series: &JointSeries, criticism: &Criticism, (cad, before): (f64, Option<f64>)) -> Self {
+    /// One joint, beside its yardsticks and the rms of the model before.
+    fn of(
+        series: &JointSeries,
+        criticism: &Criticism,
+        (yardsticks, before_rms): (Yardsticks, Option<f64>),
+    ) -> Self {
         let scores = Scores::of(&series.view());
-        let zero: f64 = series.tau.iter().map(|tau| tau * tau).sum();
         let dependent = criticism.independence.iter().filter(|i| !i.independent);
-        let yardsticks = Yardsticks {
-            zero_rms: (zero / scores.n.max(1) as f64).sqrt(),
-            cad_rms: cad,
-            before_rms: before,
-            noise_floor_rms: criticism.noise.map(|noise| noise.rms),
-            noise_floor_is_upper_bound: criticism.noise.is_some_and(|noise| noise.upper_bound),
-            above_noise_percent: criticism.above_noise_percent,
-        };
         Self {
             joint: series.joint.clone(),
             error: yardsticks.error(scores.rms),
             scores,
             yardsticks,
+            before_rms,
+            above_noise_percent: yardsticks.above_noise_percent(scores.rms),
             white: criticism.whiteness.as_ref().map(|w| w.white),
             depends_on: dependent.map(|i| i.input).collect(),
         }
@@ -383,24 +349,6 @@ struct Prediction<'a> {
     torque: Vec<f64>,
     /// The fit to all data, where values were fitted.
     fit: Option<LimbFit<'a>>,
-}
-
-/// The limbs without what is in contact with the ground, and the forces that were found.
-fn swing(data: Vec<LimbData>) -> (Vec<LimbData>, Feet) {
-    let of = |data: &LimbData<'_>| leave_out_contact(data.clone()).1;
-    let feet: Feet = side_by_side(&data, of);
-    let data = data
-        .into_iter()
-        .zip(&feet)
-        .map(|(data, foot)| without_stance(data, foot));
-    (data.collect(), feet)
-}
-
-fn without_stance<'a>(data: LimbData<'a>, foot: &Option<LeftOut>) -> LimbData<'a> {
-    match foot {
-        Some(foot) => data.without(&foot.contact.samples),
-        None => data,
-    }
 }
 
 fn with_rest(data: LimbData<'_>, rest: bool) -> LimbData<'_> {
@@ -426,8 +374,7 @@ fn check(
 
 /// What the limbs' model predicts, each limb's.
 fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> {
-    let given =
-        |data: &LimbData<'_>| data.predicted(&Values::given(data.model, data.limb), &|_| true);
+    let given = |data: &LimbData<'_>| data.predicted_as_given(data.model);
     if from == From::File {
         let torque = side_by_side(data, given);
         return torque
@@ -445,11 +392,7 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
         // A fit that is not finite has no prediction: that of the file stands for it.
         return predictions(data, From::File);
     }
-    // Each window by the fit to the other folds.
-    let of = |fit: &LimbFit| match fit.held_out() {
-        Some(values) => fit.data.predicted_by_fold(&values),
-        None => fit.data.predicted(&fit.values, &|_| true),
-    };
+    let of = |fit: &LimbFit| fit.predicted_held_out().unwrap_or_else(|| fit.predicted());
     let torque = side_by_side(&fits, of);
     let both = torque.into_iter().zip(fits);
     both.map(|(torque, fit)| Prediction {
@@ -459,9 +402,13 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
     .collect()
 }
 
-fn all_series(data: &[LimbData], predictions: &[Prediction]) -> Vec<JointSeries> {
-    let limbs = data.iter().zip(predictions);
+/// The series of all joints, of which each limb's torque is predicted so.
+fn all_series<'t>(
+    data: &[LimbData],
+    predicted: impl Iterator<Item = &'t [f64]>,
+) -> Vec<JointSeries> {
+    let limbs = data.iter().zip(predicted);
     limbs
-        .flat_map(|(data, of)| JointSeries::of(data, &of.torque))
+        .flat_map(|(data, torque)| JointSeries::of(data, torque))
         .collect()
 }

@@ -17,6 +17,7 @@ use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::detect::mismatch::Mismatch;
 use crate::detect::twist::Twist;
 use crate::equation::folds::LEAST_HELD_OUT;
@@ -53,9 +54,12 @@ pub struct Diagnosis {
     /// Forward-backward selection: the error after each step. As JSON it is [`rungs`](Self::rungs).
     #[serde(skip)]
     pub path: Vec<PathStep>,
-    /// Error of the model file with the values that it gives, root mean square over all joints, N m; none if it gives none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub given_rms: Option<f64>,
+    /// What an error is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
+    /// Whether the model file gives values: else it is as given the CAD alone.
+    #[serde(skip)]
+    pub has_values: bool,
     /// Values of the model file that the logs contradict, the surest first.
     #[serde(rename = "moved")]
     pub changed: Vec<ChangedValue>,
@@ -64,8 +68,6 @@ pub struct Diagnosis {
     /// The same of each log, predicted by the others; empty where logs are not held out as a whole.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub log_rms: Vec<f64>,
-    /// Error that no model can go below, N m.
-    pub noise_floor_rms: f64,
     /// Each joint's error.
     pub joints: Vec<JointError>,
     /// What second encoders show of gears that give way and the model does not know, in words.
@@ -196,12 +198,11 @@ pub struct Rung<'a> {
 impl Diagnosis {
     /// The way from the model file as it is given to what is complete, or the best that was found.
     pub fn rungs(&self) -> Vec<Rung<'_>> {
-        let given = self
-            .given_rms
-            .map(|error| (RungKind::AsGiven, error, &[][..]));
-        let refitted = (RungKind::Refitted, self.held_out_rms, &self.log_rms[..]);
-        let start = given.into_iter().chain([refitted]);
-        let start = start.map(|(step, error, log_errors)| Rung {
+        let start = [
+            (RungKind::AsGiven, self.yardsticks.given_rms, &[][..]),
+            (RungKind::Refitted, self.held_out_rms, &self.log_rms[..]),
+        ];
+        let start = start.into_iter().map(|(step, error, log_errors)| Rung {
             step,
             effect: None,
             joints: &[],
@@ -223,28 +224,26 @@ impl Diagnosis {
 
     /// The error at either end of the way.
     pub fn error(&self) -> ErrorRange {
-        let before = self.given_rms.unwrap_or(self.held_out_rms);
-        let after = self
-            .path
-            .last()
-            .map_or(self.held_out_rms, |step| step.held_out_rms);
-        ErrorRange::torque(before, after, self.noise_floor_rms)
+        self.yardsticks.error(self.after_rms())
+    }
+
+    /// Held-out error at the end of the path, N m.
+    pub fn after_rms(&self) -> f64 {
+        let last = self.path.last();
+        last.map_or(self.held_out_rms, |step| step.held_out_rms)
     }
 }
 
-/// A joint's held-out errors, root mean square, N m.
+/// A joint's errors, root mean square, N m.
 #[derive(Debug, Clone, Serialize)]
 pub struct JointError {
     /// Which joint.
     pub joint: String,
     /// Windows.
     pub n: usize,
-    /// Of the model as it was given, its values fitted anew.
-    pub before: f64,
-    /// At the end of the path.
-    pub after: f64,
-    /// That no model can go below.
-    pub floor: f64,
+    /// Of the model as given, at the end of the path, and that no model can go below.
+    #[serde(flatten)]
+    pub error: ErrorRange,
 }
 
 /// Diagnoses what `model` lacks on a recording. Where more than one foot carries a force, the base moves, which the model takes as
@@ -300,9 +299,7 @@ fn judge(
         return Err(too_short());
     }
     // Contact first: a force at a foot is no effect of a joint.
-    let swings = side_by_side(&data, |data| leave_out_contact(data.clone()));
-    drop(data);
-    let (all, feet): (Vec<LimbData>, Vec<Option<LeftOut>>) = swings.into_iter().unzip();
+    let (all, feet) = leave_out_contact(data);
     let rests = |limb: &LimbData| limb.windows().iter().all(|n| *n == 0.0);
     if feet.iter().all(Option::is_none) && all.iter().all(rests) {
         return Err(RecordingError::at_rest(recording));
@@ -317,7 +314,7 @@ fn judge(
     let mended: Vec<LimbData> = judged
         .iter()
         .zip(&velocity)
-        .filter_map(|(&n, wrong)| with_velocities(&all[n], wrong))
+        .map(|(&n, wrong)| with_velocities(&all[n], wrong))
         .collect();
     let given: Vec<Vec<Place>> = mended.iter().map(places_of).collect();
     let found = search(Limbs::new(&mended, &given), causes).ok_or_else(too_short)?;
@@ -327,6 +324,8 @@ fn judge(
             .into_iter()
             .collect::<Option<Vec<Squares>>>()
     });
+    // What everything is held against is of the velocities as the file has them.
+    let ladder = side_by_side(&judged, |&n| ladder::of(&all[n], model));
     let twists = mended.iter().zip(&found.end.fits);
     let twists = twists.map(|(data, fit)| unknown_twists(data, fit));
     let other = bodies::of(&mended, &found, model);
@@ -340,6 +339,7 @@ fn judge(
         base_moves,
         judged: &judged,
         velocity: &velocity,
+        ladder: ladder.concat(),
         before: before.flatten(),
         found,
     };
@@ -371,6 +371,8 @@ struct Diagnosed<'a> {
     judged: &'a [usize],
     /// Of those the joints whose velocity is reported wrong.
     velocity: &'a [Vec<(usize, VelocityGain)>],
+    /// Of those what each joint's error is to be measured against.
+    ladder: Vec<JointLadder>,
     /// Of those the gears that second encoders show and the model does not have.
     twists: Vec<Vec<Twist>>,
     /// Of those the held-out sums of squares with the velocities as reported, where any is wrong.
@@ -401,19 +403,12 @@ fn unknown_twists(data: &LimbData, fit: &LimbFit) -> Vec<Twist> {
 }
 
 /// A limb's data with wrong velocities put right.
-fn with_velocities<'a>(
-    data: &LimbData<'a>,
-    wrong: &[(usize, VelocityGain)],
-) -> Option<LimbData<'a>> {
+fn with_velocities<'a>(data: &LimbData<'a>, wrong: &[(usize, VelocityGain)]) -> LimbData<'a> {
     let mut gains = data.velocity_gain.clone();
     for (joint, gain) in wrong {
         gains[*joint] = gain.value;
     }
-    if wrong.is_empty() {
-        return Some(data.clone());
-    }
-    let mended = data.with_gains(gains)?;
-    Some(mended.leaving_out(&data.left_out))
+    data.with_gains(gains)
 }
 
 /// Held-out sums of squares of the model as it is given.

@@ -32,12 +32,15 @@ impl fmt::Display for Summary {
 /// How far a model is from the torque of a log, of all joints or of one, as JSON has it everywhere; none where the data are too short to say.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ErrorRange {
-    /// Of what the result is held against: the model as it was, or the CAD.
+    /// Of the model file as it is given; of the CAD, where there is none.
     pub before: Option<f64>,
     /// Of the result.
     pub after: Option<f64>,
     /// That no model can go below.
     pub floor: Option<f64>,
+    /// Why no floor is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_unknown: Option<&'static str>,
     /// SI unit.
     pub unit: &'static str,
 }
@@ -53,6 +56,7 @@ impl ErrorRange {
             before: before.into(),
             after: after.into(),
             floor: floor.into(),
+            floor_unknown: None,
             unit: "N m",
         }
     }

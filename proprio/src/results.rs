@@ -91,7 +91,7 @@ pub fn identify(recording: &Recording, model: &Model) -> Result<Fitted, Error> {
         parameters: estimates.map(Parameter::of).collect(),
         rms: told.rms,
         held_out_rms: told.held_out_rms,
-        cad_rms: told.cad_rms,
+        cad_rms: told.yardsticks.cad_rms,
         told,
     })
 }
@@ -197,12 +197,12 @@ pub fn compare(recording: &Recording, model: &Model) -> Result<Comparison, Error
 pub struct Diagnosis {
     /// The effects that are missing, in the order in which they were found, as [`add`](crate::add()) takes them: `coulomb:FR_hip`.
     pub missing: Vec<String>,
-    /// Held-out error of the model as it was given, root mean square over all joints, N m.
+    /// Error of the model with the values that it has, root mean square over all joints, N m; an effect without one does nothing.
     pub before: f64,
-    /// The same with what is missing, N m.
+    /// Held-out error with what is missing, N m.
     pub after: f64,
-    /// Error that no model can take away, N m.
-    pub noise_floor_rms: f64,
+    /// Error that no model can take away, N m; none if the log is too short to tell.
+    pub noise_floor_rms: Option<f64>,
     /// What is left that no effect of the catalogue explains, a sentence each.
     pub outside_catalogue: Vec<String>,
     /// What is to be known of the logs, a sentence each.
@@ -236,9 +236,9 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Error
         .filter(|name| model.effects().all(|known| known != *name));
     Ok(Diagnosis {
         missing: missing.collect(),
-        before: told.held_out_rms,
-        after: (told.path.last()).map_or(told.held_out_rms, |step| step.held_out_rms),
-        noise_floor_rms: told.noise_floor_rms,
+        before: told.yardsticks.given_rms,
+        after: told.after_rms(),
+        noise_floor_rms: told.yardsticks.noise_floor_rms,
         outside_catalogue: told.outside_catalogue.clone(),
         warnings: told.warnings.clone(),
         told,

@@ -89,7 +89,7 @@ fn it_is_found_where_it_is_hidden() {
         ("detent", &[JOINT.to_owned()][..])
     );
     assert_eq!(diagnosis.path[0].effect, "detent");
-    assert!(diagnosis.path[0].held_out_rms < 1.1 * diagnosis.noise_floor_rms);
+    assert!(diagnosis.path[0].held_out_rms < 1.1 * diagnosis.yardsticks.noise_floor_rms.unwrap());
 }
 
 #[test]

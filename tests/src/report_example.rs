@@ -100,7 +100,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
         findings: vec![
             format!(
                 "With the URDF alone the torque error is {:.2} N m rms; with what was identified it is {:.3} N m.",
-                result.cad_rms, result.rms
+                result.yardsticks.cad_rms, result.rms
             ),
             format!("The most useful single effect is {}.", gains[0].name),
         ],

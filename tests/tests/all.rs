@@ -30,6 +30,7 @@ mod formulas;
 mod free_base;
 mod hidden_effect;
 mod identify_model;
+mod ladder;
 mod mismatch;
 mod model;
 mod mujoco_logs;

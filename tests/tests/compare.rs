@@ -96,7 +96,8 @@ fn given_values_are_taken_as_given() {
     assert_eq!(given["fitted"], false);
     assert!(number(&given, "rms") < 0.5 * number(&given, "cad_rms"));
     let cad = json(&done(folder, &["compare", "log.csv", "--given", "--json"]));
-    assert_eq!(number(&cad, "rms"), number(&cad, "cad_rms"));
+    // The model's is summed over its series, the CAD's over blocks: in another order.
+    assert!((number(&cad, "rms") / number(&cad, "cad_rms") - 1.0).abs() < 1e-12);
 }
 
 /// Where a leg is wrong is told in words, the joint and the kind of it, most important first; all of it on request.

@@ -90,7 +90,7 @@ fn is_found(hide: &str, known: &[&str]) {
         "{hide}: {before} → {after}, noise floor {floor}"
     );
     assert_eq!(comparison["added"], serde_json::json!([hidden]), "{hide}");
-    // Joint by joint: which windows count is each model's own.
+    // Joint by joint: every model is judged in the same windows.
     let joints = |of: &Value, key: &str| -> Vec<f64> {
         let joints = of["joints"].as_array().unwrap().iter();
         joints.map(|joint| joint[key].as_f64().unwrap()).collect()

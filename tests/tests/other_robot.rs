@@ -13,9 +13,9 @@ use proprio_tests::command::{
 use proprio_tests::recorder::{Recorder, TORQUE_STEP};
 use serde_json::Value;
 
-const ARM: &str = include_str!("../robots/arm.urdf");
+pub(crate) const ARM: &str = include_str!("../robots/arm.urdf");
 const BIPED: &str = include_str!("../robots/biped.urdf");
-const TYPICAL: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
+pub(crate) const TYPICAL: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
 
 fn number(value: &Value, key: &str) -> f64 {
     value[key]
@@ -24,7 +24,7 @@ fn number(value: &Value, key: &str) -> f64 {
 }
 
 /// A folder with the robot's URDF and a model file with `effects` at every joint.
-fn with_model(urdf: &str, effects: &[&str]) -> tempfile::TempDir {
+pub(crate) fn with_model(urdf: &str, effects: &[&str]) -> tempfile::TempDir {
     let folder = folder();
     fs::write(folder.path().join("robot.urdf"), urdf).unwrap();
     let fixed = ["add", "-m", "model.toml", "--urdf", "robot.urdf"];
@@ -32,7 +32,7 @@ fn with_model(urdf: &str, effects: &[&str]) -> tempfile::TempDir {
     folder
 }
 
-fn robot(folder: &Path) -> Robot {
+pub(crate) fn robot(folder: &Path) -> Robot {
     Robot::from_urdf(&folder.join("robot.urdf")).unwrap()
 }
 

@@ -311,9 +311,9 @@ impl Report {
             self.before_rms,
             self.after_rms
         )?;
-        if let Some(floor) = self.noise_floor_rms {
+        if let Some(floor) = self.noise_floor_rms.map(|floor| floor.min(self.after_rms)) {
             let beyond = 100.0 * (self.after_rms / floor - 1.0);
-            write!(f, ", {beyond:+.0} % off the noise floor of {floor:.4}")?;
+            write!(f, ", {beyond:.0} % above the noise floor of {floor:.4}")?;
         }
         writeln!(
             f,
@@ -336,7 +336,7 @@ fn write_comparison(f: &mut fmt::Formatter<'_>, comparison: &Comparison) -> fmt:
             joint.joint.clone(),
             format!("{:.4}", joint.scores.rms),
             number(joint.scores.fit_percent, 1),
-            number(joint.yardsticks.noise_floor_rms, 4),
+            number(joint.yardsticks.floor_beside(joint.scores.rms), 4),
         ]);
     }
     writeln!(f, "{table}\n{}.", comparison.headline())?;

@@ -15,6 +15,8 @@ pub(super) struct Asked {
     pub(super) added: Vec<ModelEffect>,
     /// The model without those and with what was left out, if that is another one.
     pub(super) before: Option<Model>,
+    /// The model as its file has it: what was added last has no value there, or is in it.
+    pub(super) file: Model,
 }
 
 impl Asked {
@@ -42,6 +44,7 @@ impl Asked {
         let is_other = !added.is_empty() || !left_out.is_empty();
         let before = is_other.then(|| with(&without(model, &added), left_out));
         Self {
+            file: with(model, left_out),
             fitted,
             added,
             before,

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::asked::{Asked, names};
 use super::{Baselines, Comparison, JointComparison, ValuesFrom, Yardsticks, ranking};
 use crate::detect::JointSeries;
+use crate::detect::ladder::WALK;
 use crate::detect::residual;
 use crate::free_base::channels::Channels;
 use crate::free_base::data::{Data, Left};
@@ -94,8 +95,6 @@ pub fn compare_free_base_without(
     // The same rows for both: what one of them has is a candidate of the other.
     let candidates = structure.candidates(model);
     let (data, structure) = Data::believed(&walks, structure, &candidates)?;
-    let cad = ModelStructure::of(&model.bare())?;
-    let cad = data.with_sensors(&bare(&data, &cad));
     let judged = |model: &Model, structure: &ModelStructure| {
         if asked.fitted {
             let parts = data.held_out(structure).ok_or(FreeBaseError::TooShort)?;
@@ -116,8 +115,9 @@ pub fn compare_free_base_without(
     let doubtful = (model_thetas.first())
         .map(|theta| doubtful::sensors(data.columns(), theta))
         .unwrap_or_default();
-    let zero = DVector::zeros(data.columns().len());
-    let mut thetas = vec![model_thetas.iter().collect(), vec![&cad], vec![&zero]];
+    let rungs = walk_rungs(&data, &asked.file)?;
+    let mut thetas = vec![model_thetas.iter().collect()];
+    thetas.extend(rungs.iter().map(|theta| vec![theta]));
     thetas.extend(before.iter().map(|(thetas, _)| thetas.iter().collect()));
     let mut all = vec![empty_series(&robot); thetas.len()];
     let by_coordinate = data.by_coordinate_and(&walks, &thetas, |equation| {
@@ -144,29 +144,28 @@ pub fn compare_free_base_without(
         }
     });
     let mut all = all.into_iter();
-    let (series, cad_series) = (
-        all.next().unwrap_or_default(),
-        all.next().unwrap_or_default(),
-    );
+    let series = all.next().unwrap_or_default();
+    let [zero_series, cad_series, file_series] = [(); 3].map(|()| all.next().unwrap_or_default());
     let baselines = Baselines {
         cad: cad_series,
-        before: all.nth(1),
+        before: all.next(),
     };
     let views: Vec<_> = series.iter().map(JointSeries::view).collect();
     let criticism = residual::criticise(&views);
     let joints = series.iter().zip(&criticism).enumerate();
     let joints: Vec<JointComparison> = joints
-        .map(|(k, (series, criticism))| JointComparison::of(series, criticism, baselines.rms(k)))
+        .map(|(k, (series, criticism))| {
+            let yardsticks = Yardsticks {
+                zero_rms: zero_series[k].rms(),
+                cad_rms: baselines.cad[k].rms(),
+                given_rms: file_series[k].rms(),
+                floor_unknown: Some(WALK),
+                ..Yardsticks::default()
+            };
+            JointComparison::of(series, criticism, (yardsticks, baselines.before_rms(k)))
+        })
         .collect();
-    // Floors are of joints; of the base's equations none is known.
-    let yardsticks = Yardsticks {
-        zero_rms: data.rms(&zero),
-        cad_rms: data.rms(&cad),
-        before_rms: before.map(|(_, rms)| rms),
-        noise_floor_rms: None,
-        noise_floor_is_upper_bound: false,
-        above_noise_percent: None,
-    };
+    let yardsticks = walk_yardsticks(&data, &rungs);
     let starts = walks.starts();
     let moment = |t: f64| {
         let n = starts.partition_point(|start| *start <= t).max(1) - 1;
@@ -179,6 +178,8 @@ pub fn compare_free_base_without(
             joints,
             rms,
             yardsticks,
+            before_rms: before.map(|(_, rms)| rms),
+            above_noise_percent: None,
             added: names(model, &asked.added),
             left_out: names(model, left_out),
             fitted: asked.fitted,
@@ -201,6 +202,29 @@ pub fn compare_free_base_without(
     })
 }
 
+/// What every result of a walk is held against: no model, the CAD, the model file as it is given.
+pub(crate) fn walk_rungs(data: &Data, file: &Model) -> Result<[DVector<f64>; 3], FreeBaseError> {
+    let cad = ModelStructure::of(&file.bare())?;
+    let as_given = given(data, file, &ModelStructure::of(file)?);
+    Ok([
+        DVector::zeros(data.columns().len()),
+        data.with_sensors(&bare(data, &cad)),
+        data.with_sensors(&as_given),
+    ])
+}
+
+/// The errors of those over all equations.
+pub(crate) fn walk_yardsticks(data: &Data, rungs: &[DVector<f64>; 3]) -> Yardsticks {
+    let [zero_rms, cad_rms, given_rms] = rungs.each_ref().map(|theta| data.rms(theta));
+    Yardsticks {
+        zero_rms,
+        cad_rms,
+        given_rms,
+        floor_unknown: Some(WALK),
+        ..Yardsticks::default()
+    }
+}
+
 /// No equation yet.
 fn empty_series(robot: &Legged) -> Vec<JointSeries> {
     let series = |joint: &String| JointSeries {
@@ -211,7 +235,7 @@ fn empty_series(robot: &Legged) -> Vec<JointSeries> {
 }
 
 /// The parameters that a model file gives; what has no value does nothing.
-pub(crate) fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
+fn given(data: &Data, model: &Model, structure: &ModelStructure) -> DVector<f64> {
     let mut theta = bare(data, structure);
     for (k, n, linear) in data.columns().effects() {
         let place = data.columns().sites[n].place;

@@ -2,8 +2,9 @@
 
 use proprio_core::effect::EffectKind;
 
-use super::{From, predictions, swing};
+use super::{From, predictions};
 use crate::catalogue;
+use crate::detect::contact::leave_out_contact;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::nested::{Nested, can_be_put_in};
 use crate::estimate::robot;
@@ -58,7 +59,7 @@ pub struct Choice {
 /// Which effects of `model`, and of the catalogue those that need no search, can be ticked, and the factors to judge every choice
 /// by. None if the model cannot be fitted to the recording.
 pub fn choices(recording: &Recording, model: &Model) -> Option<Choices> {
-    let (data, _) = swing(robot::data(recording, model));
+    let (data, _) = leave_out_contact(robot::data(recording, model));
     if data.is_empty() || data.iter().any(|limb| !limb.blocks.can_hold_out()) {
         return None;
     }

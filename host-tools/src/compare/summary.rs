@@ -35,7 +35,6 @@ impl Comparison {
         points.extend(self.black_box.as_ref().map(black_box::sentence));
         let with = typed(&self.logs, model);
         let lacks = self
-            .yardsticks
             .above_noise_percent
             .is_none_or(|share| share > WORTH_A_DIAGNOSIS);
         let next = match (lacks, model) {
@@ -51,7 +50,7 @@ impl Comparison {
 
     fn first_line(&self) -> String {
         let yardsticks = &self.yardsticks;
-        let mut text = match yardsticks.before_rms {
+        let mut text = match self.before_rms {
             Some(before) => format!("Error {} → {} N m rms", torque(before), torque(self.rms)),
             None => format!("Error {} N m rms", torque(self.rms)),
         };
@@ -61,17 +60,11 @@ impl Comparison {
         if !self.left_out.is_empty() {
             text += &format!(" without {}", named(&self.left_out));
         }
-        let mut beside = vec![
+        let beside = [
             format!("CAD alone {}", torque(yardsticks.cad_rms)),
             format!("no model {}", torque(yardsticks.zero_rms)),
+            yardsticks.floor_words(self.rms),
         ];
-        if let Some(floor) = yardsticks.noise_floor_rms {
-            let most = match yardsticks.noise_floor_is_upper_bound {
-                true => "at most ",
-                false => "",
-            };
-            beside.push(format!("noise floor {most}{}", torque(floor)));
-        }
         format!("{text} ({})", beside.join(", "))
     }
 }

@@ -35,7 +35,7 @@ impl Comparison {
 
     /// One line: how large the error is, and how large it was.
     pub fn headline(&self) -> String {
-        let mut text = match self.yardsticks.before_rms {
+        let mut text = match self.before_rms {
             Some(before) => format!(
                 "{}: rms {before:.4} → {:.4} N m ({:+.0} %)",
                 self.changed(),
@@ -49,19 +49,9 @@ impl Comparison {
             "; {:.4} with the CAD alone, {:.4} with nothing",
             self.yardsticks.cad_rms, self.yardsticks.zero_rms
         );
-        if let (Some(floor), Some(above)) = (
-            self.yardsticks.noise_floor_rms,
-            self.yardsticks.above_noise_percent,
-        ) {
-            let _ = write!(
-                text,
-                "; noise floor {}{floor:.4}: {above:.0} % of the square error is above it",
-                if self.yardsticks.noise_floor_is_upper_bound {
-                    "at most "
-                } else {
-                    ""
-                }
-            );
+        let _ = write!(text, "; {}", self.yardsticks.floor_words(self.rms));
+        if let Some(above) = self.above_noise_percent {
+            let _ = write!(text, ": {above:.0} % of the square error is above it");
         }
         text
     }
@@ -125,7 +115,7 @@ impl Comparison {
 
     fn write_scores(&self, to: &mut String) -> fmt::Result {
         let mut table = Table::default();
-        let before = self.yardsticks.before_rms.is_some();
+        let before = self.before_rms.is_some();
         let heads = [
             "joint", "rms", "fit %", "VAF %", "bias", "max", "floor", "above %", "zero", "CAD",
         ];
@@ -155,9 +145,8 @@ impl Comparison {
         let Some(boxes) = &self.black_box else {
             return Ok(());
         };
-        let yardsticks = &self.yardsticks;
-        let noise = yardsticks.noise_floor_rms;
-        let noise = noise.map(|x| floor(x, yardsticks.noise_floor_is_upper_bound));
+        let noise = self.yardsticks.floor_beside(boxes.lowest());
+        let noise = noise.map(|x| floor(x, self.yardsticks.noise_floor_is_upper_bound));
         let table = black_box::table(boxes, noise);
         write!(to, "\n{table}{}.\n", black_box::sentence(boxes))
     }
@@ -169,17 +158,13 @@ impl Comparison {
         let upper_bound = self.yardsticks.noise_floor_is_upper_bound;
         cells.push(
             self.yardsticks
-                .noise_floor_rms
+                .floor_beside(self.rms)
                 .map_or_else(blank, |x| floor(x, upper_bound)),
         );
-        cells.push(
-            self.yardsticks
-                .above_noise_percent
-                .map_or_else(blank, whole),
-        );
+        cells.push(self.above_noise_percent.map_or_else(blank, whole));
         cells.extend([rms(self.yardsticks.zero_rms), rms(self.yardsticks.cad_rms)]);
         if before {
-            cells.push(self.yardsticks.before_rms.map_or_else(blank, rms));
+            cells.push(self.before_rms.map_or_else(blank, rms));
         }
         cells
     }
@@ -324,19 +309,16 @@ fn cells(joint: &JointComparison, before: bool) -> Vec<String> {
         rms(joint.scores.max),
         joint
             .yardsticks
-            .noise_floor_rms
+            .floor_beside(joint.scores.rms)
             .map_or("-".to_owned(), |x| {
                 floor(x, joint.yardsticks.noise_floor_is_upper_bound)
             }),
-        joint
-            .yardsticks
-            .above_noise_percent
-            .map_or("-".to_owned(), whole),
+        joint.above_noise_percent.map_or("-".to_owned(), whole),
         rms(joint.yardsticks.zero_rms),
         rms(joint.yardsticks.cad_rms),
     ];
     if before {
-        cells.push(joint.yardsticks.before_rms.map_or("-".to_owned(), rms));
+        cells.push(joint.before_rms.map_or("-".to_owned(), rms));
     }
     cells.push(left(joint));
     cells

@@ -7,7 +7,7 @@
 //! how much it is shrunk, and whether what a box sees more is used at all, is decided by the folds that are not judged: where it helps
 //! them beyond the error of that).
 
-mod probes;
+pub(super) mod probes;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -99,6 +99,16 @@ impl BlackBox {
             rms: rms(before),
             rungs: ALL.iter().enumerate().map(rung).collect(),
         })
+    }
+}
+
+impl BlackBox {
+    /// The least error of all boxes, N m.
+    pub(crate) fn lowest(&self) -> f64 {
+        self.rungs
+            .iter()
+            .map(|rung| rung.rms)
+            .fold(self.rms, f64::min)
     }
 }
 

@@ -4,6 +4,8 @@
 //!
 //! - `black_box`: what a black box could still take away: how far a model's error falls if something that knows no physics is shown more
 //!   and more of the motion
+//! - `floor`: the noise floor of a log: the error that no model can take away
+//! - `ladder`: what every result is held against, the same in every command
 //! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
 //! - `residual`: what a residual says of the model: where it fails, when, whether anything but noise is left, and how far it is from the
 //!   noise
@@ -14,6 +16,8 @@
 pub mod black_box;
 pub(crate) mod bursts;
 pub(crate) mod contact;
+pub(crate) mod floor;
+pub mod ladder;
 pub mod mismatch;
 pub mod residual;
 pub(crate) mod series;

@@ -1,6 +1,6 @@
 //! A joint's windows as series: what was measured, what a model says, and what the joint did meanwhile.
 
-use super::residual::Series;
+use super::residual::{NoiseFloor, Series};
 use crate::estimate::limb_data::LimbData;
 
 /// A message was lost between samples that lie so many mean periods apart.
@@ -27,6 +27,8 @@ pub struct JointSeries {
     pub temperature: Vec<f64>,
     /// Whether no message of the window was lost: over a longer time between two samples a mean is rough.
     pub whole: Vec<bool>,
+    /// The log's noise floor, where it is known.
+    pub noise: Option<NoiseFloor>,
 }
 
 impl JointSeries {
@@ -41,6 +43,7 @@ impl JointSeries {
             residual: &self.residual,
             temperature: (!self.temperature.is_empty()).then_some(&self.temperature),
             contact: None,
+            noise: self.noise,
         }
     }
 

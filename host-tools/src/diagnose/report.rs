@@ -12,12 +12,12 @@ use super::{
 use crate::detect::black_box::Taken;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
+use crate::detect::ladder::Yardsticks;
 use crate::detect::residual;
 use crate::detect::series::JointSeries;
-use crate::equation::values::Values;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::ParameterEstimate;
-use crate::estimate::limb_data::LimbData;
+use crate::estimate::limb_data::Squares;
 use crate::estimate::robot::side_by_side;
 use crate::identify::model_fit::parameters;
 use crate::select::candidate::Member;
@@ -65,19 +65,19 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
     let stands: Vec<_> = (d.feet.iter().enumerate())
         .filter_map(|(n, foot)| Some((d.foot(n), foot.clone()?)))
         .collect();
-    let windows: f64 = joints.iter().map(|j| j.n as f64).sum();
-    let floor: f64 = joints.iter().map(|j| j.floor.powi(2) * j.n as f64).sum();
-    let (given_rms, changed) = d.as_given();
+    let ladder: Vec<_> = (d.ladder.iter())
+        .map(|own| (own.windows, own.errors))
+        .collect();
     Diagnosis {
-        given_rms,
-        changed,
+        yardsticks: Yardsticks::over_all(&ladder),
+        has_values: d.model.has_values(),
+        changed: d.changed(),
         verdict,
         reason,
         next,
         candidates,
         held_out_rms,
         log_rms,
-        noise_floor_rms: (floor / windows.max(1.0)).sqrt(),
         path,
         joints,
         second_encoder: (d.each_twist())
@@ -178,24 +178,16 @@ impl Diagnosed<'_> {
         self.all[limb].joint_names().pop().unwrap_or_default()
     }
 
-    /// The error of the model with the values that its file gives, and those that these logs contradict; nothing of a file without values or with
-    /// those of these very logs.
-    fn as_given(&self) -> (Option<f64>, Vec<ChangedValue>) {
+    /// The values of the model's file that these logs contradict; nothing of a file without values or with those of these very logs.
+    fn changed(&self) -> Vec<ChangedValue> {
         let model = self.model;
-        if !model.has_values() || self.judged.is_empty() {
-            return (None, Vec::new());
+        if !model.has_values() || model.is_of(&self.recording.logs) {
+            return Vec::new();
         }
-        let limbs: Vec<&LimbData> = self.judged.iter().map(|&n| &self.all[n]).collect();
-        let squares = side_by_side(&limbs, |limb| {
-            limb.squares(&limb.predicted(&Values::given(model, limb.limb), &|_| true))
-        });
-        let values = match model.is_of(&self.recording.logs) {
-            true => Vec::new(),
-            false => side_by_side(&self.found.end.fits, |fit| parameters(fit)),
-        };
+        let values = side_by_side(&self.found.end.fits, |fit| parameters(fit));
         let fitted: Vec<ParameterEstimate> =
             (values.into_iter().flatten()).map(|p| p.estimate).collect();
-        (Some(self.rms(&squares)), changed(model, &fitted))
+        changed(model, &fitted)
     }
 
     /// The forces at feet that the model does not have, the joints' best agreement first.
@@ -267,26 +259,18 @@ impl Diagnosed<'_> {
         }
     }
 
-    /// Each joint's error before the first step and after the last; of a limb that stands, nothing is told.
+    /// Each joint's error of the file as given and after the last step; of a limb that stands, nothing is told.
     fn joint_errors(&self) -> Vec<JointError> {
-        let start = self.before.as_ref().unwrap_or(&self.found.start);
-        let mut errors = Vec::new();
-        for (limb, &n) in self.judged.iter().enumerate() {
-            let windows = self.all[n].windows();
-            let [before, after] =
-                [&start[limb], &self.found.end.squares[limb]].map(|s| s.by_joint());
-            for (j, joint) in self.all[n].joint_names().into_iter().enumerate() {
-                let rms = |square: f64| (square / windows[j].max(1.0)).sqrt();
-                errors.push(JointError {
-                    joint,
-                    n: windows[j] as usize,
-                    before: rms(before[j]),
-                    after: rms(after[j]),
-                    floor: self.found.source.floor(limb)[j].min(rms(after[j])),
-                });
-            }
-        }
-        errors
+        let names = (self.judged.iter()).flat_map(|&n| self.all[n].joint_names());
+        let after = self.found.end.squares.iter().flat_map(Squares::by_joint);
+        let joints = names.zip(after).zip(&self.ladder);
+        joints
+            .map(|((joint, after), ladder)| JointError {
+                joint,
+                n: ladder.windows as usize,
+                error: (ladder.errors).error((after / ladder.windows.max(1.0)).sqrt()),
+            })
+            .collect()
     }
 
     /// What the catalogue's effects leave, joint by joint, where it is more than noise.
@@ -313,6 +297,9 @@ impl Diagnosed<'_> {
             let by_log = fit.data.blocks.by_log;
             let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
             drifting.extend(self.found.source.drifts(limb).iter().map(told));
+        }
+        for ((series, _), ladder) in series.iter_mut().zip(&self.ladder) {
+            series.noise = ladder.noise;
         }
         let views: Vec<_> = series.iter().map(|(series, _)| series.view()).collect();
         let left = residual::criticise(&views)

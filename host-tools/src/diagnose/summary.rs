@@ -102,17 +102,24 @@ impl Diagnosis {
         if self.joints.is_empty() {
             return text.trim_end().to_owned();
         }
-        let last = self.path.last();
-        let mut errors = vec![torque(self.held_out_rms)];
-        errors.extend(last.map(|step| torque(step.held_out_rms)));
-        if let Some(given) = self.given_rms {
-            errors[0] += " refitted";
-            errors.insert(0, format!("{} as given", torque(given)));
+        // The CAD's bodies fitted anew are no step to speak of.
+        let given = torque(self.yardsticks.given_rms);
+        let mut errors = match self.has_values {
+            true => vec![
+                format!("{given} as given"),
+                format!("{} refitted", torque(self.held_out_rms)),
+            ],
+            false => vec![given],
+        };
+        let after = self.after_rms();
+        if !self.has_values || !self.path.is_empty() {
+            errors.push(torque(after));
         }
-        let (errors, floor) = (errors.join(" → "), torque(self.noise_floor_rms));
-        text + &match self.given_rms {
-            Some(_) => format!("Held-out error, N m: {errors} (noise floor {floor})"),
-            None => format!("Held-out error {errors} N m (noise floor {floor})"),
+        let floor = self.yardsticks.floor_words(after);
+        let errors = errors.join(" → ");
+        text + &match self.has_values {
+            true => format!("Held-out error, N m: {errors} ({floor})"),
+            false => format!("Held-out error {errors} N m ({floor})"),
         }
     }
 

@@ -32,19 +32,12 @@ impl Diagnosis {
             let rms = rms.iter().take(shown);
             rms.map(|rms| format!("{rms:.4}")).collect()
         };
-        let mut change = String::new();
-        if let Some(given) = self.given_rms {
-            table.row(["the model as given".to_owned(), format!("{given:.4}")]);
-            change = format!("{:+.1} %", 100.0 * (self.held_out_rms / given - 1.0));
-        }
-        let start = match self.given_rms {
-            Some(_) => "its values fitted anew",
-            None => "the model as given",
-        };
+        let given = self.yardsticks.given_rms;
+        table.row(["the model as given".to_owned(), format!("{given:.4}")]);
         let start = [
-            start.to_owned(),
+            "its values fitted anew".to_owned(),
             format!("{:.4}", self.held_out_rms),
-            change,
+            format!("{:+.1} %", 100.0 * (self.held_out_rms / given - 1.0)),
         ];
         table.row(start.into_iter().chain(logs(&self.log_rms)));
         let mut before = self.held_out_rms;
@@ -58,8 +51,9 @@ impl Diagnosis {
             table.row(cells.into_iter().chain(logs(&step.log_rms)));
             before = step.held_out_rms;
         }
-        let floor = format!("{:.4}", self.noise_floor_rms);
-        table.row(["noise floor".to_owned(), floor]);
+        if let Some(floor) = self.yardsticks.floor_beside(self.after_rms()) {
+            table.row(["noise floor".to_owned(), format!("{floor:.4}")]);
+        }
         for (letter, log) in letters.zip(&self.logs) {
             text += &format!(
                 "{letter}: {}, as the other logs predict it\n",
@@ -141,17 +135,13 @@ impl fmt::Display for Diagnosis {
                 names.join(", ")
             )?;
         }
-        let rms = self
-            .path
-            .last()
-            .map_or(self.held_out_rms, |step| step.held_out_rms);
+        let after = self.after_rms();
         writeln!(
             f,
-            "\nHeld-out error {:.4} N m; {:.4} with {} added; noise floor {:.4}.",
+            "\nHeld-out error {:.4} N m; {after:.4} with {} added; {}.",
             self.held_out_rms,
-            rms,
             counted(self.path.len()),
-            self.noise_floor_rms,
+            self.yardsticks.floor_words(after),
         )?;
         write!(f, "{}", self.verdict_words())
     }

@@ -53,7 +53,8 @@ pub(crate) struct Window {
     pub(crate) block: usize,
     /// First and last sample.
     pub(crate) samples: [usize; 2],
-    /// Whether each joint moves: the torque of one at rest is whatever friction holds.
+    /// Whether each joint moves: the torque of one at rest is whatever friction holds. By velocities as they were reported, so that the same
+    /// windows are judged whatever scale a model gives them.
     pub(crate) moves: Vec<bool>,
 }
 
@@ -84,7 +85,8 @@ impl Motion {
         motion.coarse = motion.joint.iter().any(|joint| joint.is_coarse(period));
         // Samples left out make the mean period longer than the others are: a window has no sample more for that.
         let length = WINDOW.max((LEAST_PERIODS - 0.25) * period);
-        motion.windows = motion.cut(recording.stretches(), blocks, length);
+        let reported = recording.trajectories(&vec![1.0; n]);
+        motion.windows = motion.cut(recording.stretches(), blocks, length, &reported);
         motion
     }
 
@@ -96,6 +98,7 @@ impl Motion {
         velocity_gain: &[f64],
     ) -> Self {
         let mut motion = Self::of(recording, blocks, velocity_gain);
+        let reported = recording.trajectories(&vec![1.0; recording.joints]);
         let inner = |stretch: Range<usize>| stretch.start + 1..stretch.end.max(2) - 1;
         let around = |k: usize| Window {
             t: motion.time[k],
@@ -103,7 +106,7 @@ impl Motion {
             // A series holds nothing out.
             block: 0,
             samples: [k - 1, k + 1],
-            moves: (motion.joint.iter())
+            moves: (reported.iter())
                 .map(|joint| motion.moves(joint, k - 1, k + 1))
                 .collect(),
         };
@@ -111,12 +114,13 @@ impl Motion {
         motion
     }
 
-    /// Cuts stretches without a gap into windows of at least this length (s) that lie within a block.
+    /// Cuts stretches without a gap into windows of at least this length (s) that lie within a block, with joints that move as `reported`.
     fn cut(
         &self,
         stretches: impl Iterator<Item = Range<usize>>,
         blocks: &Blocks,
         length: f64,
+        reported: &[Trajectory],
     ) -> Vec<Window> {
         let mut windows = Vec::new();
         for stretch in stretches {
@@ -133,9 +137,7 @@ impl Motion {
                         length: self.time[k] - self.time[first],
                         block,
                         samples: [first, k],
-                        moves: self
-                            .joint
-                            .iter()
+                        moves: (reported.iter())
                             .map(|joint| self.moves(joint, first, k))
                             .collect(),
                     });

@@ -207,15 +207,8 @@ impl LimbFit<'_> {
         rows.iter().map(|rows| rows.sum_of_squares(theta)).collect()
     }
 
-    /// Sums of squares of the CAD's rigid body without any effect.
+    /// Sums of squares of the CAD's rigid body without any effect, by another equation than momentum's.
     pub(crate) fn cad_squares(&self) -> Vec<f64> {
-        if self.method == Method::Momentum {
-            let cad = Values::cad(self.data.model, self.data.limb);
-            return self
-                .data
-                .squares(&self.data.predicted(&cad, &|_| true))
-                .by_joint();
-        }
         let mut cad = self.problem.start();
         cad.rows_mut(
             INERTIAL * self.problem.bodies.len(),

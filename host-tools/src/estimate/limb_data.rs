@@ -53,21 +53,28 @@ impl<'a> LimbData<'a> {
         recording: &'a LimbRecording,
     ) -> Option<Self> {
         let blocks = Blocks::of(recording)?;
-        let mut velocity_gain = vec![1.0; recording.joints];
-        for (place, e) in places(model, limb) {
-            if place.0.description().form == Form::Motion(Moved::Velocity) {
-                let measured =
-                    || VelocityGain::of(recording, place.1, &blocks).map(|gain| gain.value);
-                let given = e.estimate().map(|estimate| estimate.value);
-                velocity_gain[place.1] = given.or_else(measured).unwrap_or(1.0);
-            }
-        }
-        Self::made(model, limb, recording, velocity_gain)
+        let velocity_gain = gains(model, limb, recording, &blocks);
+        let motion = Motion::of(recording, &blocks, &velocity_gain);
+        Self::cut(model, limb, recording, velocity_gain, motion)
     }
 
-    /// The same with these velocity gains, and no window left out.
-    pub(crate) fn with_gains(&self, velocity_gain: Vec<f64>) -> Option<Self> {
-        Self::made(self.model, self.limb, self.recording, velocity_gain)
+    /// The same with these velocity gains.
+    pub(crate) fn with_gains(&self, velocity_gain: Vec<f64>) -> Self {
+        if velocity_gain == self.velocity_gain {
+            return self.clone();
+        }
+        Self {
+            motion: Arc::new(Motion::of(self.recording, &self.blocks, &velocity_gain)),
+            velocity_gain,
+            integrals: Arc::default(),
+            directions: Arc::default(),
+            ..self.clone()
+        }
+    }
+
+    /// The same with velocities as they were reported.
+    pub(crate) fn as_reported(&self) -> Self {
+        self.with_gains(vec![1.0; self.joints()])
     }
 
     /// The same with a window around each sample ([`Motion::at_samples`]), none left out, also where joints rest.
@@ -75,17 +82,6 @@ impl<'a> LimbData<'a> {
         let (recording, gains) = (self.recording, &self.velocity_gain);
         let motion = Motion::at_samples(recording, &self.blocks, gains);
         Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
-    }
-
-    fn made(
-        model: &'a Model,
-        limb: &'a Limb,
-        recording: &'a LimbRecording,
-        velocity_gain: Vec<f64>,
-    ) -> Option<Self> {
-        let blocks = Blocks::of(recording)?;
-        let motion = Motion::of(recording, &blocks, &velocity_gain);
-        Self::cut(model, limb, recording, velocity_gain, motion)
     }
 
     /// Made of a motion that is cut into windows already.
@@ -124,6 +120,13 @@ impl<'a> LimbData<'a> {
         })
     }
 
+    /// The same without windows in which a joint rests.
+    pub(crate) fn in_motion(mut self) -> Self {
+        self.at_rest = false;
+        self.directions = Arc::default();
+        self
+    }
+
     /// The same with windows in which a joint rests: a prediction can be judged there, but no friction fitted that does not know
     /// how the joint came to rest.
     pub(crate) fn also_at_rest(mut self) -> Self {
@@ -150,6 +153,14 @@ impl<'a> LimbData<'a> {
             self.directions = Arc::default();
         }
         self
+    }
+
+    /// The same in the windows in which `other` data of the same recording are judged.
+    pub(crate) fn judged_as(self, other: &Self) -> Self {
+        Self {
+            at_rest: other.at_rest,
+            ..self.leaving_out(&other.left_out)
+        }
     }
 
     /// The same without one fold's windows.
@@ -191,6 +202,19 @@ impl<'a> LimbData<'a> {
     pub(crate) fn predicted(&self, values: &Values, chosen: &dyn Fn(usize) -> bool) -> Vec<f64> {
         let chosen = |w: usize| chosen(w) && !self.left_out[w];
         predict(&self.body, &self.motion, values, &self.subtree_end, &chosen)
+    }
+
+    /// What the CAD's rigid body alone predicts, from velocities as they were reported, N m.
+    pub(crate) fn predicted_by_cad(&self) -> Vec<f64> {
+        let cad = Values::cad(self.model, self.limb);
+        self.as_reported().predicted(&cad, &|_| true)
+    }
+
+    /// What a model predicts with the values that its file gives, N m: an effect without one does nothing.
+    pub(crate) fn predicted_as_given(&self, model: &Model) -> Vec<f64> {
+        let gains = gains(model, self.limb, self.recording, &self.blocks);
+        let values = Values::given(model, self.limb);
+        self.with_gains(gains).predicted(&values, &|_| true)
     }
 
     /// The predictor of a model with one of its links looser or less loose, of the windows that are chosen.
@@ -414,6 +438,19 @@ impl<'a> LimbData<'a> {
         }
         number
     }
+}
+
+/// Reported over true velocity of each of a limb's joints: as the model gives it, else as positions tell it where the model names it.
+fn gains(model: &Model, limb: &Limb, recording: &LimbRecording, blocks: &Blocks) -> Vec<f64> {
+    let mut gains = vec![1.0; recording.joints];
+    for (place, e) in places(model, limb) {
+        if place.0.description().form == Form::Motion(Moved::Velocity) {
+            let measured = || VelocityGain::of(recording, place.1, blocks).map(|gain| gain.value);
+            let given = e.estimate().map(|estimate| estimate.value);
+            gains[place.1] = given.or_else(measured).unwrap_or(1.0);
+        }
+    }
+    gains
 }
 
 /// Sums of squared residuals \[fold\] \[joint\], (N m)².

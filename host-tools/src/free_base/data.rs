@@ -108,14 +108,6 @@ impl Data {
         })
     }
 
-    /// Root mean square of what is left of each part of the time by parameters of its own, N m.
-    pub(crate) fn rms_of_parts(&self, thetas: &[DVector<f64>]) -> f64 {
-        let parts = || self.parts.iter().map(|part| &part.own).zip(thetas);
-        let squares: f64 = parts().map(|(own, theta)| own.squares(theta)).sum();
-        let equations: f64 = parts().map(|(own, _)| own.equations).sum();
-        (squares / equations.max(1.0)).sqrt()
-    }
-
     /// What parameters leave of each equation, log after log and window by window.
     pub(crate) fn left(&self, walks: &Walks, theta: &DVector<f64>) -> Vec<Vec<LeftOfWindow>> {
         let logs = walks.walks.iter().enumerate();

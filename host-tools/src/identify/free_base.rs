@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::NotAModel;
 use super::to_model::set_joint;
+use crate::detect::ladder::WALK;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
 use crate::free_base::data::Data;
 use crate::free_base::doubtful;
@@ -127,7 +128,10 @@ impl FreeBaseIdentification {
 
     /// The CAD's error, and that of the fit on time it has not seen.
     pub fn error(&self) -> ErrorRange {
-        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
+        ErrorRange {
+            floor_unknown: Some(WALK),
+            ..ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
+        }
     }
 
     /// The estimate of the parameter of that name, such as `m:base` or `coulomb:FR_hip`.

@@ -6,12 +6,13 @@ mod words;
 use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;
 
+use crate::detect::ladder;
 use crate::detect::twist::told_by_encoders;
 use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::robot;
+use crate::estimate::robot::{self, side_by_side};
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
 use crate::log::LEAST_DURATION;
@@ -44,7 +45,8 @@ pub fn fit_model(
     model: &Model,
     options: FitOptions,
 ) -> Result<Fitted, RecordingError> {
-    let mut once = model.clone();
+    let given = model;
+    let mut once = given.clone();
     let repeated = once.take_out_repeated();
     let model = &once;
     let data = robot::data(recording, model);
@@ -73,7 +75,13 @@ pub fn fit_model(
         Vec::new()
     };
     let parameters = fits.iter().flat_map(parameters).collect();
-    let mut fitted = Fitted::new(recording, model, &fits, parameters, &shared, stages);
+    // Of the file as it is given, a torque that it has twice too.
+    let ladder = match options.method {
+        Method::Momentum => side_by_side(&fits, |fit| ladder::of(fit.data, given)).concat(),
+        _ => Vec::new(),
+    };
+    let of = (recording, model);
+    let mut fitted = Fitted::new(of, &fits, parameters, &shared, (&ladder, stages));
     fitted.warnings.extend(repeated);
     Ok(fitted)
 }
@@ -105,7 +113,7 @@ pub fn check_reproduced(
         windows += limb.windows().iter().sum::<f64>();
     }
     let rms = (sum / f64::max(windows, 1.0)).sqrt();
-    let rounding = ROUNDING * (1.0 + fitted.cad_rms);
+    let rounding = ROUNDING * (1.0 + fitted.yardsticks.cad_rms);
     match (rms - fitted.rms).abs() <= rounding {
         true => Ok(()),
         false => Err(NotReproduced {

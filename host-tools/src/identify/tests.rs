@@ -91,7 +91,7 @@ fn hidden_corrections_and_a_shape_come_out_of_one_fit() {
         "{}",
         value("coulomb:FR_calf")
     );
-    assert!(fitted.held_out_rms.unwrap() < 0.2 * fitted.cad_rms);
+    assert!(fitted.held_out_rms.unwrap() < 0.2 * fitted.yardsticks.cad_rms);
 
     let provenance = Provenance {
         version: String::new(),

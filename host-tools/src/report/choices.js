@@ -194,11 +194,13 @@ async function startChoices(specs, draw) {
     const rms = errorOfAll(now);
     get('rms').textContent = rms.toFixed(4);
     get('rms').dataset.value = String(rms);
-    const noise = floor ? `; noise ${floor.toFixed(4)}` : '';
+    const noise = floor ? `; noise ${Math.min(floor, rms, errorOfAll(found)).toFixed(4)}` : '';
     get('beside').textContent = `on data that the fit has not seen; ${errorOfAll(before).toFixed(4)} before, ${errorOfAll(found).toFixed(4)} as found${noise}`;
     for (const { joint, cells, bars } of lines) {
       const [was, is] = [before, now].map((fits) => (joint ? errorOf(fits, joint) : errorOfAll(fits)));
-      const rest = joint ? joint.floor : floor;
+      const noise = joint ? joint.floor : floor;
+      // An error that is below its noise by chance is at it.
+      const rest = noise === null ? null : Math.min(noise, was, is);
       cells.forEach((cell, k) => { const x = [was, is, rest][k]; cell.textContent = Number.isFinite(x) && x !== null ? x.toFixed(4) : '–'; });
       [...bars.children].forEach((bar, k) => { bar.style.width = `${Math.min(100, 100 * [was, is][k] / most)}%`; });
     }

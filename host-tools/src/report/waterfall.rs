@@ -20,7 +20,13 @@ pub struct Step {
 
 /// Bars for the `steps` in order; `noise_floor` is the rms, N m, that no model can go below.
 pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
-    let floor = noise_floor.filter(|floor| floor.is_finite());
+    // An error that is below its noise by chance is at it.
+    let least = steps
+        .iter()
+        .map(|step| step.rms)
+        .fold(f64::INFINITY, f64::min);
+    let floor = noise_floor.map(|floor| floor.min(least));
+    let floor = floor.filter(|floor| floor.is_finite());
     let key = |label: &str, colour, mark| Key {
         label: label.to_owned(),
         colour,

@@ -35,11 +35,6 @@ impl<'a> Limbs<'a> {
         }
     }
 
-    /// What the model that was looked at and the whole catalogue leave of each of a limb's joints, N m.
-    pub(crate) fn floor(&self, limb: usize) -> &[f64] {
-        &self.screens.of_limbs[limb].floor
-    }
-
     /// What a limb's parameters do from fold to fold.
     pub(crate) fn drifts(&self, limb: usize) -> Vec<Drift> {
         drifts(&self.screens.of_limbs[limb])

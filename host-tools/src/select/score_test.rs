@@ -41,9 +41,6 @@ pub(crate) struct Screen<'a> {
     torque: Vec<f64>,
     /// What the model predicts, as the limb's data have the torque, N m.
     predicted: Vec<f64>,
-    /// What the model and all candidates together, each within its prior, leave of each joint's torque, N m: no model of the
-    /// catalogue leaves less.
-    pub(crate) floor: Vec<f64>,
     /// What springs and plays can take away at most.
     bounds: GainBounds,
 }
@@ -107,10 +104,7 @@ impl<'a> Screen<'a> {
         let (trains, all) = folds.without_each(&columns);
         let all = triangle(&all);
         if is_other {
-            left = Left {
-                floor: left.floor,
-                ..Left::of(fit, &columns, rows, &all.solve_all())
-            };
+            left = Left::of(fit, &columns, rows, &all.solve_all());
         }
         let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
         let kinds = (columns, order.active);
@@ -118,7 +112,6 @@ impl<'a> Screen<'a> {
             memory: left.memory,
             noise_memory: left.noise_memory,
             torque: data.squares(&vec![0.0; data.torque.len()]).by_joint(),
-            floor: left.floor,
             predicted,
             factors: TrialFactors::new(kinds, fit.noise.clone(), all, trains, folds.blocks),
             fit: own.clone(),
@@ -399,8 +392,6 @@ struct Left {
     memory: Vec<f64>,
     /// The same as far as noise remembers.
     noise_memory: Vec<f64>,
-    /// Root mean square, N m.
-    floor: Vec<f64>,
 }
 
 impl Left {
@@ -411,9 +402,7 @@ impl Left {
             correlation: Vec::new(),
             memory: Vec::new(),
             noise_memory: Vec::new(),
-            floor: Vec::new(),
         };
-        let fitted = columns.entries.len() as f64 / data.joints() as f64;
         for j in 0..data.joints() {
             let residual = |w: usize| {
                 let torque = data.torque[w * data.joints() + j];
@@ -424,7 +413,6 @@ impl Left {
             };
             let windows = (0..data.motion.windows.len()).filter(|&w| data.counts(w, j));
             let residuals: Vec<_> = windows.map(residual).collect();
-            let square: f64 = residuals.iter().map(|(_, r)| r * r).sum();
             let correlation = neighbour_correlation(&residuals);
             let mut chain = Whitening::new(correlation);
             let whitened: Vec<f64> = residuals
@@ -440,8 +428,6 @@ impl Left {
             let lags = noise_lags(window_length(data));
             let unwhitened: Vec<f64> = residuals.iter().map(|(_, r)| *r).collect();
             left.noise_memory.push(noise_memory(&unwhitened, lags));
-            left.floor
-                .push((square / (residuals.len() as f64 - fitted).max(1.0)).sqrt());
         }
         left
     }

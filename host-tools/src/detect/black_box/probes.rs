@@ -76,22 +76,7 @@ pub(super) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Probes {
         .map(|j| Course::of(data, predicted, j))
         .collect();
     let own = &courses[joint];
-    let count = data.motion.windows.len();
-    let mut columns = vec![vec![1.0; count]];
-    for x in own.all() {
-        columns.extend(bent(x, &OWN_BENDS));
-    }
-    columns.push(own.direction.clone());
-    for x in [&own.q, &own.dq, &own.ddq] {
-        columns.push(product(&own.direction, x));
-    }
-    columns.push(product(
-        &own.direction,
-        &own.torque.iter().map(|x| x.abs()).collect::<Vec<_>>(),
-    ));
-    columns.push(product(&own.q, &own.dq));
-    columns.push(product(&own.q, &own.torque));
-    columns.push(product(&own.dq, &own.torque));
+    let mut columns = own_motion(own, &OWN_BENDS);
     let joint_sees = columns.len();
     for other in (0..courses.len())
         .filter(|j| *j != joint)
@@ -108,8 +93,37 @@ pub(super) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Probes {
         columns.push(product(&other.torque, &own.direction));
     }
     let limb_sees = columns.len();
-    columns.extend(past(data, own));
-    let windows: Vec<usize> = (0..count).filter(|&w| data.counts(w, joint)).collect();
+    let runs = runs(data);
+    columns.extend(ago(own, &runs));
+    columns.extend(memory(own, &runs));
+    let windows: Vec<usize> = (0..data.motion.windows.len())
+        .filter(|&w| data.counts(w, joint))
+        .collect();
+    Probes {
+        seen: [joint_sees, limb_sees, columns.len()],
+        values: rows(&columns, &windows),
+        windows,
+    }
+}
+
+/// A joint's own motion and its memory, in these windows: a constant first, then numbers of mean zero and unit variance. With fewer bends, for a
+/// regression that is to be quick.
+pub(in crate::detect) fn of_joint(
+    data: &LimbData,
+    predicted: &[f64],
+    joint: usize,
+    windows: &[usize],
+) -> Vec<Vec<f64>> {
+    let own = Course::of(data, predicted, joint);
+    let columns: Vec<_> = own_motion(&own, &OTHER_BENDS)
+        .into_iter()
+        .chain(memory(&own, &runs(data)))
+        .collect();
+    rows(&columns, windows)
+}
+
+/// Columns of all windows as rows of some, scaled there.
+fn rows(columns: &[Vec<f64>], windows: &[usize]) -> Vec<Vec<f64>> {
     let scaled: Vec<Vec<f64>> = (columns.iter().enumerate())
         .map(|(k, column)| {
             let chosen: Vec<f64> = windows.iter().map(|&w| column[w]).collect();
@@ -117,45 +131,60 @@ pub(super) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Probes {
         })
         .collect();
     let row = |n: usize| scaled.iter().map(|column| column[n]).collect();
-    Probes {
-        values: (0..windows.len()).map(row).collect(),
-        windows,
-        seen: [joint_sees, limb_sees, columns.len()],
-    }
+    (0..windows.len()).map(row).collect()
 }
 
-/// What came before: the joint some windows ago, how fast and how much more the model's torque changes, and where its displacement was
-/// held by bristles of several lengths (Dahl's, in the limit of a sharp bend).
-fn past(data: &LimbData, own: &Course) -> Vec<Vec<f64>> {
-    let runs = runs(data);
-    let count = own.q.len();
+/// A constant, and what a joint does at the moment.
+fn own_motion(own: &Course, bends: &[f64]) -> Vec<Vec<f64>> {
+    let mut columns = vec![vec![1.0; own.q.len()]];
+    for x in own.all() {
+        columns.extend(bent(x, bends));
+    }
+    columns.push(own.direction.clone());
+    for x in [&own.q, &own.dq, &own.ddq] {
+        columns.push(product(&own.direction, x));
+    }
+    columns.push(product(
+        &own.direction,
+        &own.torque.iter().map(|x| x.abs()).collect::<Vec<_>>(),
+    ));
+    columns.push(product(&own.q, &own.dq));
+    columns.push(product(&own.q, &own.torque));
+    columns.push(product(&own.dq, &own.torque));
+    columns
+}
+
+/// The joint some windows ago.
+fn ago(own: &Course, runs: &[Range<usize>]) -> Vec<Vec<f64>> {
     let mut columns = Vec::new();
     for ago in AGO {
         for x in [&own.dq, &own.ddq, &own.torque, &own.direction] {
-            let mut column = vec![0.0; count];
-            for run in &runs {
+            let mut column = vec![0.0; own.q.len()];
+            for run in runs {
                 run.clone()
                     .for_each(|w| column[w] = x[w.saturating_sub(ago).max(run.start)]);
             }
             columns.push(column);
         }
     }
-    let slope = change(&own.torque, &runs);
-    let bend = change(&slope, &runs);
+    columns
+}
+
+/// How fast and how much more the model's torque changes, and where the joint's displacement was held by bristles of several lengths (Dahl's, in the
+/// limit of a sharp bend).
+fn memory(own: &Course, runs: &[Range<usize>]) -> Vec<Vec<f64>> {
+    let slope = change(&own.torque, runs);
+    let bend = change(&slope, runs);
     let bends = MEMORIES.map(|length| {
-        let mut column = vec![0.0; count];
-        for run in &runs {
+        let mut column = vec![0.0; own.q.len()];
+        for run in runs {
             for w in run.clone().skip(1) {
                 column[w] = (column[w - 1] + (own.q[w] - own.q[w - 1]) / length).clamp(-1.0, 1.0);
             }
         }
         column
     });
-    columns
-        .into_iter()
-        .chain([slope, bend])
-        .chain(bends)
-        .collect()
+    [slope, bend].into_iter().chain(bends).collect()
 }
 
 /// Windows that follow each other without a gap.

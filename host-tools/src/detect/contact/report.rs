@@ -4,6 +4,7 @@ use super::Contact;
 use crate::equation::values::{Place, places};
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
+use crate::estimate::robot::side_by_side;
 
 /// Windows of swing that the other effects need at least: 4 s.
 const LEAST_WINDOWS: f64 = 200.0;
@@ -18,8 +19,14 @@ pub(crate) struct LeftOut {
     pub(crate) too_little_swing: bool,
 }
 
+/// Limbs without the windows in which the ground carries their feet, and what was found at each foot.
+pub(crate) fn leave_out_contact(data: Vec<LimbData>) -> (Vec<LimbData>, Vec<Option<LeftOut>>) {
+    let swings = side_by_side(&data, |limb| swing(limb.clone()));
+    swings.into_iter().unzip()
+}
+
 /// Looks for a contact under a limb's own effects; where there is one, the data without its windows, and what was found.
-pub(crate) fn leave_out_contact<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option<LeftOut>) {
+fn swing<'a>(data: LimbData<'a>) -> (LimbData<'a>, Option<LeftOut>) {
     let own: Vec<Place> = places(data.model, data.limb)
         .map(|(place, _)| place)
         .collect();

@@ -100,6 +100,7 @@ mod tests {
             residual: &residual,
             temperature: None,
             contact: None,
+            noise: None,
         };
         let worst = worst(&series);
         let values: Vec<f64> = worst.iter().map(|e| e.residual).collect();

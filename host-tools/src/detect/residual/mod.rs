@@ -56,6 +56,11 @@ use shape::Variables;
 /// The noise floor is that of noise without a memory: a first-order one of 20 ms, a window's length, leaves up to 0.45 of its square above it.
 const MEMORY_ABOVE: f64 = 2.0 / 3.0;
 
+/// The noise of a residual of which a model explains all that is not noise; none for fewer than 100 windows.
+pub(crate) fn noise_floor(series: &Series) -> Option<NoiseFloor> {
+    noise::floor(series, &Runs::of(series.t))
+}
+
 /// What a joint's residual says of the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Criticism {
@@ -191,7 +196,7 @@ fn in_parallel<'a, T: Sync, R: Send>(items: &'a [T], f: impl Fn(&'a T) -> R + Sy
 fn judge(series: &Series, everywhere: Vec<Where>, patterns: Vec<Pattern>) -> Criticism {
     let runs = Runs::of(series.t);
     let scores = Scores::of(series);
-    let noise = noise::floor(series, &runs);
+    let noise = series.noise.or_else(|| noise::floor(series, &runs));
     let above = |noise: NoiseFloor| {
         let share = (noise.rms / scores.rms.max(f64::MIN_POSITIVE)).powi(2);
         100.0 * (1.0 - share).max(0.0)

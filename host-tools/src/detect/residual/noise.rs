@@ -12,9 +12,10 @@
 //! and what a smooth structure leaves in d is alike at lags this short: a constant s. From the four sample autocovariances γ0,
 //! γ1 and s follow by least squares, weighted by their covariance in white noise (Bartlett's formula): without weights the
 //! error is twice as large, without s a structure of 2 Hz and five times the noise adds 14 % to it. For 1000 windows the
-//! standard error is 4 % of the floor. Structure that changes within a few windows counts as noise here
-//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. Judge the floor
-//! on the residual of the best model there is.
+//! standard error of γ0 is 4 %, of the mean square itself 2 %: what the mean square has above γ0 is structure only as far as it is beyond
+//! the error of that. Structure that changes within a few windows counts as noise here
+//! and comes and goes with the motion, which the spread over time betrays: the value is then an upper bound. A log's floor is
+//! that of what a regression on the motion leaves ([`crate::detect::floor`]).
 
 use std::fmt;
 
@@ -76,6 +77,10 @@ impl fmt::Display for NoiseFloor {
 /// Windows per stretch whose spread gives the error.
 const STRETCH: usize = 50;
 
+/// What the mean square has above the noise of differences is structure from so many standard deviations on, and less of it is left out the
+/// nearer it is to that.
+const SURE: f64 = 2.0;
+
 /// Fewer windows than this say nothing of noise.
 const LEAST: usize = 100;
 
@@ -95,6 +100,8 @@ pub(super) fn floor(series: &Series, runs: &Runs) -> Option<NoiseFloor> {
 struct Sums {
     sum: [f64; 4],
     count: [f64; 4],
+    /// Sum of squares of the windows themselves, and how many.
+    squares: [f64; 2],
 }
 
 impl Sums {
@@ -103,7 +110,15 @@ impl Sums {
             self.sum[lag] += sign * other.sum[lag];
             self.count[lag] += sign * other.count[lag];
         }
+        for n in 0..2 {
+            self.squares[n] += sign * other.squares[n];
+        }
         self
+    }
+
+    /// Mean square of the windows.
+    fn square(&self) -> f64 {
+        self.squares[0] / self.squares[1].max(1.0)
     }
 
     fn mean(&self, lag: usize) -> f64 {
@@ -128,6 +143,11 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     let mut stretches = vec![Sums::default(); residual.len() / STRETCH + 1];
     for run in &runs.0 {
         let values = &residual[run.clone()];
+        for (k, value) in values.iter().enumerate() {
+            let stretch = &mut stretches[(run.start + k) / STRETCH];
+            stretch.squares[0] += value * value;
+            stretch.squares[1] += 1.0;
+        }
         let d: Vec<f64> = values
             .windows(3)
             .map(|w| w[0] - 2.0 * w[1] + w[2])
@@ -143,7 +163,14 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
     if stretches.iter().map(|s| s.count[3]).sum::<f64>() < LEAST as f64 / 2.0 {
         return None;
     }
-    let (rms, rms_std) = jackknife(&stretches, |sums| moving_average(sums)[0].sqrt());
+    let above = |sums: &Sums| (sums.square() - moving_average(sums)[0]).max(0.0);
+    let (_, above_std) = jackknife(&stretches, above);
+    let variance = |sums: &Sums| {
+        let above = above(sums);
+        let beyond = above - (SURE * above_std).powi(2) / above.max(f64::MIN_POSITIVE);
+        sums.square() - beyond.max(0.0)
+    };
+    let (rms, rms_std) = jackknife(&stretches, |sums| variance(sums).max(0.0).sqrt());
     let all = stretches
         .iter()
         .fold(Sums::default(), |all, s| all.plus(s, 1.0));
@@ -205,7 +232,11 @@ fn moving_average(sums: &Sums) -> [f64; 2] {
         1.0, -4.0, 1.0, //
         0.0, 1.0, 1.0,
     ]);
-    let [g0, g1, _]: [f64; 3] = weighted(columns, y).into();
+    let [mut g0, mut g1, slow]: [f64; 3] = weighted(columns, y).into();
+    if slow < 0.0 {
+        // What is alike at all lags is the variance of something.
+        [g0, g1] = weighted(columns.fixed_columns::<2>(0).into_owned(), y).into();
+    }
     if g1.abs() <= 0.5 * g0 {
         return [g0, g1];
     }

@@ -1,5 +1,6 @@
 //! What is judged: one joint's windows in time.
 
+use super::NoiseFloor;
 use crate::robust;
 use std::ops::Range;
 
@@ -24,6 +25,8 @@ pub struct Series<'a> {
     pub temperature: Option<&'a [f64]>,
     /// 1 while the leg's foot carries load, else 0.
     pub contact: Option<&'a [f64]>,
+    /// The log's noise floor; where nobody says, it is that of the residual.
+    pub noise: Option<NoiseFloor>,
 }
 
 impl Series<'_> {
@@ -108,6 +111,7 @@ impl Held {
             residual,
             temperature: self.temperature.as_deref(),
             contact: self.contact.as_deref(),
+            noise: None,
         }
     }
 }
@@ -221,6 +225,7 @@ mod tests {
             residual: &q,
             temperature: None,
             contact: None,
+            noise: None,
         };
         let ddq = series.acceleration(&Runs::of(&t));
         assert!(ddq[0].is_nan() && ddq[5].is_nan());

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use super::Diagnosis;
 use super::changed::changed;
-use crate::compare::given_of_walk;
+use crate::compare::{walk_rungs, walk_yardsticks};
 use crate::equation::values::Place;
 use crate::estimate::{ParameterEstimate, find};
 use crate::free_base::columns::{EffectSite, body_of};
@@ -75,12 +75,13 @@ pub fn diagnose_free_base(
         return Err(FreeBaseError::TooShort);
     }
     let unsolvable = || FreeBaseError::Unsolvable;
-    let given = (model.has_values())
-        .then(|| data.rms(&data.with_sensors(&given_of_walk(&data, model, &structure))));
+    let rungs = walk_rungs(&data, model)?;
+    let as_given = data.by_coordinate(&walks, &[vec![&rungs[2]]]);
+    let held_against = (walk_yardsticks(&data, &rungs), &as_given[0]);
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
     let found = search(source, &[]).ok_or_else(unsolvable)?;
     let mut diagnosis =
-        words::diagnosis(logs, &walks, &structure, &found).ok_or_else(unsolvable)?;
+        words::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
     let WalkModel {
         structure,
         data,
@@ -88,7 +89,7 @@ pub fn diagnose_free_base(
         ..
     } = &found.end;
     let values = walk_parameters(data, fit, &data.deviations(fit));
-    diagnosis.given_rms = given;
+    diagnosis.has_values = model.has_values();
     if !model.is_of(logs) {
         diagnosis.changed = changed(model, &without_loaded(structure, &values));
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::model::{Value, WalkModel};
 use super::search::WalkSource;
 use super::{FreeBaseDiagnosis, centre, is_load};
+use crate::detect::ladder::{WALK, Yardsticks};
 use crate::diagnose::{
     CandidateReport, Diagnosis, JointError, NEW_MODEL, ParameterReport, PathStep, Verdict,
 };
@@ -12,7 +13,7 @@ use crate::equation::values::Place;
 use crate::free_base::Walks;
 use crate::free_base::data::Left;
 use crate::free_base::doubtful;
-use crate::free_base::fit::{HeldOut, rms};
+use crate::free_base::fit::rms;
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::model::Robot;
@@ -21,33 +22,26 @@ use crate::select::criteria::{LEAST_Z, RESOLUTION, STRUCTURE};
 use crate::select::fitted::Fitted;
 use crate::select::ranking::Judged;
 use crate::select::search::Found;
-use crate::summary::{Summary, joints_in_words, torque, typed, word};
+use crate::summary::{ErrorRange, Summary, joints_in_words, torque, typed, word};
 use crate::table::with_std;
 
 /// A load's parameters as they are told.
 const LOAD: [(&str, &str); 4] = [("m", "kg"), ("x", "m"), ("y", "m"), ("z", "m")];
 
-/// The diagnosis; none if numbers overflow.
+/// The diagnosis, held against what the model leaves as it is given; none if numbers overflow.
 pub(super) fn diagnosis(
     logs: &[PathBuf],
     walks: &Walks,
     given: &ModelStructure,
+    (yardsticks, as_given): (Yardsticks, &Left),
     found: &Found<WalkSource<'_>>,
 ) -> Option<Diagnosis> {
-    let (data, after) = (&found.end.data, found.end.errors());
-    // The rows may have found other nonlinear parameters since.
-    let before = data.held_out_from(given, &found.start)?;
-    let (_, floor) = data.with_all(given)?;
-    let floor_rms = data.rms_of_parts(&floor);
-    let theta = |part: &HeldOut| part.theta.clone();
-    let all: [Vec<_>; 3] = [
-        before.iter().map(theta).collect(),
-        after.iter().map(theta).collect(),
-        floor,
-    ];
-    let borrowed: Vec<Vec<_>> = all.iter().map(|own| own.iter().collect()).collect();
-    let left = data.by_coordinate(walks, &borrowed);
-    let outside_catalogue = outside(&left[1], walks);
+    let data = &found.end.data;
+    let after: Vec<_> = (found.end.errors().iter())
+        .map(|part| &part.theta)
+        .collect();
+    let left = data.by_coordinate(walks, &[after]).pop()?;
+    let outside_catalogue = outside(&left, walks);
     let robot = &walks.robot;
     let candidates: Vec<CandidateReport> = (found.first.iter())
         .map(|judged| report(judged, found, robot))
@@ -74,13 +68,12 @@ pub(super) fn diagnosis(
                 removed: step.removed,
             })
             .collect(),
-        given_rms: None,
+        yardsticks,
+        has_values: false,
         changed: Vec::new(),
         held_out_rms: rms(&found.start),
         log_rms: Vec::new(),
-        // A model of everything learns some of the noise by heart.
-        noise_floor_rms: floor_rms.min(rms(after)),
-        joints: joints(&left, data.windows.used, robot),
+        joints: joints([as_given, &left], data.windows.used, robot),
         second_encoder: Vec::new(),
         bodies: Vec::new(),
         formulas: Vec::new(),
@@ -133,14 +126,15 @@ fn reason(
     )
 }
 
-/// Each joint's held-out errors.
-fn joints(left: &[Left], windows: u64, robot: &Legged) -> Vec<JointError> {
+/// Each joint's errors of the file as given and at the end.
+fn joints(left: [&Left; 2], windows: u64, robot: &Legged) -> Vec<JointError> {
     let error = |(j, name): (usize, &String)| JointError {
         joint: name.clone(),
         n: usize::try_from(windows).unwrap_or(usize::MAX),
-        before: left[0].rms[6 + j],
-        after: left[1].rms[6 + j],
-        floor: left[2].rms[6 + j],
+        error: ErrorRange {
+            floor_unknown: Some(WALK),
+            ..ErrorRange::torque(left[0].rms[6 + j], left[1].rms[6 + j], None)
+        },
     };
     robot.names.iter().enumerate().map(error).collect()
 }

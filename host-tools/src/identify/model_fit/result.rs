@@ -7,6 +7,7 @@ use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use serde::Serialize;
 
+use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::robot::Shared;
 use crate::estimate::stages::Stage;
@@ -27,8 +28,9 @@ pub struct Fitted {
     pub joints: Vec<FittedJoint>,
     /// Root mean square of the fit's residuals over all joints: mean torque over a window, N m.
     pub rms: f64,
-    /// The same under the CAD's rigid body without any effect, N m.
-    pub cad_rms: f64,
+    /// What an error is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
     /// The same on contiguous stretches of time that the fit has not seen, N m.
     pub held_out_rms: Option<f64>,
     /// What motion can tell, and what these data say of it.
@@ -114,37 +116,42 @@ pub struct FittedJoint {
     pub rms: f64,
     /// The same on stretches of time that the fit has not seen.
     pub held_out_rms: Option<f64>,
-    /// The same under the CAD's rigid body without any effect.
-    pub cad_rms: f64,
+    /// As [`Fitted::error`].
+    #[serde(flatten)]
+    pub error: ErrorRange,
+    /// What an error is to be measured against.
+    #[serde(flatten)]
+    pub yardsticks: Yardsticks,
 }
 
 impl Fitted {
     pub(super) fn new(
-        recording: &Recording,
-        model: &Model,
+        (recording, model): (&Recording, &Model),
         fits: &[LimbFit],
         mut parameters: Vec<FittedParameter>,
         shared: &[Shared],
-        stages: Vec<Stage>,
+        (ladder, stages): (&[JointLadder], Vec<Stage>),
     ) -> Self {
-        let mut joints = Vec::new();
+        let mut joints: Vec<FittedJoint> = Vec::new();
         let mut identifiability = Identifiability::default();
         for fit in fits {
             identifiability.extend(Identifiability::of(fit));
-            joints.extend(joint_fits(fit));
+            let ladder = ladder.get(joints.len()..).unwrap_or_default();
+            joints.extend(joint_fits(fit, ladder));
         }
         parameters.extend(shared.iter().map(|one| of_shared(model, one)));
-        let windows: f64 = joints.iter().map(|j| j.windows as f64).sum();
         let rms = |of: &dyn Fn(&FittedJoint) -> f64| {
-            let squares = joints.iter().map(|j| of(j).powi(2) * j.windows as f64);
-            (squares.sum::<f64>() / windows.max(1.0)).sqrt()
+            ladder::over_all(joints.iter().map(|j| (j.windows as f64, of(j))))
         };
+        let yardsticks: Vec<_> = (joints.iter())
+            .map(|j| (j.windows as f64, j.yardsticks))
+            .collect();
         let held_out = joints
             .iter()
             .all(|j| j.held_out_rms.is_some() || j.windows == 0);
         Self {
             rms: rms(&|j| j.rms),
-            cad_rms: rms(&|j| j.cad_rms),
+            yardsticks: Yardsticks::over_all(&yardsticks),
             held_out_rms: held_out.then(|| rms(&|j| j.held_out_rms.unwrap_or(0.0))),
             parameters,
             joints,
@@ -174,9 +181,9 @@ impl Fitted {
         all.map(|p| (&p.estimate, p.std_between)).collect()
     }
 
-    /// The CAD's error, and that of the fit on time it has not seen.
+    /// The error of the file as it is given, and that of the fit on time it has not seen.
     pub fn error(&self) -> ErrorRange {
-        ErrorRange::torque(self.cad_rms, self.held_out_rms, None)
+        self.yardsticks.error(self.held_out_rms)
     }
 
     /// The estimate of the parameter of that name, such as `coulomb:FR_hip`.
@@ -230,9 +237,10 @@ impl Fitted {
     }
 }
 
-/// How well a limb's joints are explained; by energy, the limb.
-fn joint_fits(fit: &LimbFit) -> Vec<FittedJoint> {
-    let (own, cad, held_out) = (fit.squares(), fit.cad_squares(), fit.held_out_squares());
+/// How well a limb's joints are explained; by energy, the limb. Without a `ladder` the errors are of another equation, under the CAD alone.
+fn joint_fits(fit: &LimbFit, ladder: &[JointLadder]) -> Vec<FittedJoint> {
+    let (own, held_out) = (fit.squares(), fit.held_out_squares());
+    let cad = ladder.is_empty().then(|| fit.cad_squares());
     let names = match own.len() == fit.data.joints() {
         true => fit.data.joint_names(),
         false => vec![fit.data.limb.name.clone()],
@@ -240,15 +248,20 @@ fn joint_fits(fit: &LimbFit) -> Vec<FittedJoint> {
     let of = |(g, joint): (usize, String)| {
         let windows = fit.all[g].count();
         let rms = |square: f64| (square / windows.max(1.0)).sqrt();
+        let yardsticks = match &cad {
+            None => ladder[g].errors,
+            Some(cad) => Yardsticks::of_other_equation(rms(cad[g])),
+        };
+        let held_out_rms = (held_out.as_ref())
+            .filter(|_| windows > 0.0)
+            .map(|squares| rms(squares[g]));
         FittedJoint {
             joint,
             windows: windows as u64,
             rms: rms(own[g]),
-            held_out_rms: held_out
-                .as_ref()
-                .filter(|_| windows > 0.0)
-                .map(|squares| rms(squares[g])),
-            cad_rms: rms(cad[g]),
+            held_out_rms,
+            error: yardsticks.error(held_out_rms),
+            yardsticks,
         }
     };
     names.into_iter().enumerate().map(of).collect()

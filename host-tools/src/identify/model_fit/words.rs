@@ -21,10 +21,19 @@ impl fmt::Display for Fitted {
             |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.4}"));
         let errors = |joint: &FittedJoint| {
             let known = |rms| (joint.windows > 0).then_some(rms);
-            let errors = [known(joint.rms), joint.held_out_rms, known(joint.cad_rms)];
+            let errors = [
+                known(joint.rms),
+                joint.held_out_rms,
+                known(joint.yardsticks.cad_rms),
+            ];
             (joint.joint.clone(), errors.map(rms))
         };
-        let all = [Some(self.rms), self.held_out_rms, Some(self.cad_rms)].map(rms);
+        let all = [
+            Some(self.rms),
+            self.held_out_rms,
+            Some(self.yardsticks.cad_rms),
+        ]
+        .map(rms);
         let rows = self.joints.iter().map(errors);
         let rows: Vec<_> = rows.chain([("all".to_owned(), all)]).collect();
         let headings = [["rms", "N m"], ["held-out", "N m"], ["CAD's", "N m"]];

@@ -111,12 +111,7 @@ pub(super) fn ladder(comparison: &Comparison) -> Vec<Step> {
         step("no model", comparison.yardsticks.zero_rms),
         step("CAD", comparison.yardsticks.cad_rms),
     ];
-    steps.extend(
-        comparison
-            .yardsticks
-            .before_rms
-            .map(|rms| step("before", rms)),
-    );
+    steps.extend(comparison.before_rms.map(|rms| step("before", rms)));
     let last = if comparison.added.is_empty() || comparison.added.len() > 3 {
         "model".to_owned()
     } else {

@@ -82,15 +82,17 @@ impl DiagnosisPage<'_> {
 
 /// How the error fell, step by step.
 pub(super) fn ladder(diagnosis: &Diagnosis) -> Vec<Step> {
-    let start = Step {
-        label: "the model as given".to_owned(),
-        rms: diagnosis.held_out_rms,
+    let step = |label: &str, rms| Step {
+        label: label.to_owned(),
+        rms,
     };
-    let steps = diagnosis.path.iter().map(|step| Step {
-        label: step.to_string(),
-        rms: step.held_out_rms,
-    });
-    [start].into_iter().chain(steps).collect()
+    let start = [
+        step("the model as given", diagnosis.yardsticks.given_rms),
+        step("its values fitted anew", diagnosis.held_out_rms),
+    ];
+    let steps = diagnosis.path.iter();
+    let steps = steps.map(|own| step(&own.to_string(), own.held_out_rms));
+    start.into_iter().chain(steps).collect()
 }
 
 /// What each candidate would gain.

@@ -7,6 +7,7 @@ use crate::identify::Fitted;
 use crate::report::Page;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};
+use crate::summary::torque;
 
 /// What was identified: errors, torque under the CAD and under the estimate, residual and its correlations, parameters. `comparison` is that
 /// of the model that the fit became.
@@ -16,9 +17,15 @@ use crate::report::waterfall::{self, Step};
 pub fn fit(fitted: &Fitted, comparison: &Comparison) -> Result<Page, Unreadable> {
     let parameters = || fitted.parameters.iter().map(|p| &p.estimate);
     let is_identified = |p: &&ParameterEstimate| p.status == Status::Identified;
-    let (cad_rms, rms) = (comparison.yardsticks.cad_rms, comparison.rms);
+    let errors = &fitted.yardsticks;
+    let after = fitted.held_out_rms.unwrap_or(fitted.rms);
     let mut findings = vec![format!(
-        "Torque error {rms:.4} N m rms; {cad_rms:.4} with the CAD alone. {} of {} parameters are identified.",
+        "Held-out error {} N m (fitted data {}, file as given {}, CAD alone {}; {}). {} of {} parameters are identified.",
+        torque(after),
+        torque(fitted.rms),
+        torque(errors.given_rms),
+        torque(errors.cad_rms),
+        errors.floor_words(after),
         parameters().filter(is_identified).count(),
         fitted.parameters.len(),
     )];
@@ -29,12 +36,16 @@ pub fn fit(fitted: &Fitted, comparison: &Comparison) -> Result<Page, Unreadable>
         label: label.to_owned(),
         rms,
     };
-    let ladder = [step("CAD", cad_rms), step(name, rms)];
+    let ladder = [
+        step("CAD", errors.cad_rms),
+        step("file as given", errors.given_rms),
+        step(name, after),
+    ];
     let rows: Vec<ParameterRow> = parameters().map(row).collect();
     Ok(Page {
         header: header("What was identified", findings, &fitted.logs)?,
         sections: vec![
-            waterfall::section(&ladder, None),
+            waterfall::section(&ladder, errors.noise_floor_rms),
             torques(&comparison.series, &comparison.baselines, name),
             residuals(&comparison.series, name),
             correlations(&comparison.criticism, name),

@@ -88,7 +88,7 @@ pub fn walk_diagnosis(
     header.headline = summary.headline;
     header.next = summary.next;
     let mut sections = vec![
-        waterfall::section(&ladder(diagnosis), Some(diagnosis.noise_floor_rms)),
+        waterfall::section(&ladder(diagnosis), None),
         bars(diagnosis).folded(),
     ];
     sections.extend(feet_and_torques(after));

@@ -189,6 +189,7 @@ fn empty_and_silent_series_are_no_trouble() {
                 residual: &vec![residual; n],
                 temperature: None,
                 contact: Some(&zero),
+                noise: None,
             };
             let found = criticise(&[series]).remove(0);
             let told = found.patterns.len();
