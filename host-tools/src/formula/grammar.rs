@@ -12,8 +12,8 @@ use super::expression::Expression;
 use super::parse::{Names, parse};
 use super::{FormulaError, NUMBERED_TIMES};
 
-/// What is multiplied: a torque of its own, friction, viscous friction, friction by load, the load.
-const CARRIERS: [&str; 5] = ["", "sign(dq)", "dq", "abs(tau_rigid)*sign(dq)", "tau_rigid"];
+/// What is multiplied beside nothing: friction, viscous friction, friction by load, the load.
+pub(crate) const CARRIERS: [&str; 4] = ["sign(dq)", "dq", "abs(tau_rigid)*sign(dq)", "tau_rigid"];
 
 /// How it depends on the joint's own position, and on time. With any carrier.
 const ANYWHERE: [(&str, Option<Grid>); 10] = [
@@ -119,7 +119,7 @@ pub(crate) fn terms(names: Names, torque: f64, travel: f64) -> Vec<Term> {
             grid,
         });
     };
-    for carrier in CARRIERS {
+    for carrier in std::iter::once("").chain(CARRIERS) {
         for (text, grid) in ANYWHERE {
             // A multiple of the position alone is the catalogue's spring.
             if (carrier, text) != ("", "q") {

@@ -9,6 +9,8 @@
 //! (Freedman & Lane 1983, *J. Business & Economic Statistics* 1:292; Westfall & Young 1993, max-T): the share of draws that explain as much
 //! is the probability of a false alarm over the whole grammar, whatever the residual's memory within a segment.
 
+use std::collections::{BTreeMap, HashMap};
+
 use proprio_core::effect::{EffectKind, Form, Input, JointState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,10 +24,10 @@ use crate::estimate::fit::LimbFit;
 use crate::estimate::grid::{Reach, values};
 use crate::estimate::shapes::orthonormal;
 use crate::formula::Names;
-use crate::formula::grammar::{Factor, Term, terms};
+use crate::formula::grammar::{CARRIERS, Factor, Term, terms};
 
 /// Windows that are looked at, spread over the log.
-const MOST_WINDOWS: usize = 1500;
+const MOST_WINDOWS: usize = 1000;
 /// Segments of time whose signs are drawn: each is longer than noise remembers (0.1 s) in logs of more than four seconds, and of so many
 /// a sign pattern is one of 10¹².
 const SEGMENTS: usize = 40;
@@ -79,13 +81,13 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
     let reach = Reach::of(fit.data, joint, 0.0);
     let [from, to] = reach.positions;
     let all = terms(names, body.effort, to - from);
-    let carriers = residual.factors(&all, names);
+    let factors = residual.factors(&all, names, &reach);
     let tried: Vec<Tried> = (all.par_iter().enumerate())
-        .flat_map_iter(|(n, term)| residual.tried(n, term, &carriers, names, &reach))
+        .flat_map_iter(|(n, term)| residual.tried(n, term, &factors, &reach))
         .collect();
     let most = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
     // A number more explains something of any noise: each is worth as much of it as its description is long (Rissanen 1978, Automatica 14:465).
-    let noise = residual.noise(&all[most.term], most.shape, &carriers, names)?;
+    let noise = residual.noise(&all[most.term], most.shape, &factors)?;
     let price = noise * (residual.left.len() as f64).ln();
     let worth = |tried: &Tried| tried.fall - price * all[tried.term].numbers() as f64;
     let best = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
@@ -112,13 +114,13 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
     });
     let chosen = rivals.first()?;
     let term = &all[chosen.term];
-    let shape = residual.refined(term, chosen, &carriers, names, &reach);
+    let shape = residual.refined(term, chosen, &factors, &reach);
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
     Some(Pick {
         text: term.text(),
         name: term.name(),
         shape,
-        values: residual.coefficients(term, shape, &carriers, names)?,
+        values: residual.coefficients(term, shape, &factors)?,
         share: chosen.fall / residual.square,
         chance: chance(&tried, chosen.fall, draws),
         rivals: rest.map(|own| all[own.term].text()).collect(),
@@ -148,14 +150,28 @@ struct Residual {
     square: f64,
     /// Orthonormal directions of the model's columns.
     basis: Vec<Vec<f64>>,
-    /// What effects see at the beginning, the middle and the end of each window.
+    /// What effects see in the middle of each third of each window.
     states: Vec<Vec<JointState<f64>>>,
+    /// Of each carrier its integral over each third of each window, over the window's length: what friction does where it turns round is not
+    /// told by a few samples. The first is of no carrier.
+    carriers: Vec<(Option<&'static str>, Vec<f64>)>,
     /// The segment of each window.
     segment: Vec<usize>,
 }
 
-/// Of a window's mean what each of its three samples tells (Simpson's rule).
-const WEIGHTS: [f64; 3] = [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0];
+/// Parts of a window in which what multiplies a carrier is taken to be what it is in the middle.
+const PARTS: usize = 3;
+
+/// Values of factors at the parts' middles, by their texts and shapes.
+struct Factors<'a> {
+    names: Names<'a>,
+    known: HashMap<(String, u64), Vec<f64>>,
+}
+
+/// What a shape is known by; of none, one.
+fn key(shape: Option<f64>) -> u64 {
+    shape.unwrap_or(1.0).to_bits()
+}
 
 impl Residual {
     fn of(fit: &LimbFit, joint: usize) -> Option<Self> {
@@ -184,13 +200,47 @@ impl Residual {
                 .for_each(|(x, b)| *x -= share * b);
         }
         let seen = seen(fit);
-        let mut states = Vec::with_capacity(3 * windows.len());
+        let time = &data.motion.time;
+        let joints = |k: usize| {
+            let mut joints = Vec::with_capacity(n);
+            seen.all(k, &mut joints);
+            joints
+        };
+        let limb = data.joint_names();
+        let limb: Vec<&str> = limb.iter().map(String::as_str).collect();
+        let names = Names {
+            joints: &limb,
+            own: joint,
+        };
+        let mut carriers: Vec<(Option<&'static str>, Vec<f64>)> = vec![(None, Vec::new())];
+        carriers.extend(CARRIERS.iter().map(|text| (Some(*text), Vec::new())));
+        let read = |(text, _): &(Option<&'static str>, Vec<f64>)| {
+            text.map(|text| Factor::read(text, names)).transpose().ok()
+        };
+        let read: Vec<Option<Factor>> = carriers.iter().map(read).collect::<Option<_>>()?;
+        let mut states = Vec::with_capacity(PARTS * windows.len());
         for &w in &windows {
             let [first, last] = data.motion.windows[w].samples;
-            for k in [first, first + (last - first) / 2, last] {
-                let mut joints = Vec::with_capacity(n);
-                seen.all(k, &mut joints);
-                states.push(joints);
+            let length = time[last] - time[first];
+            let mut sums = vec![[0.0; PARTS]; carriers.len()];
+            for k in first..=last {
+                let before = time[k.saturating_sub(1).max(first)];
+                let weight = 0.5 * (time[(k + 1).min(last)] - before) / length;
+                let part = (PARTS as f64 * (time[k] - time[first]) / length) as usize;
+                let seen = joints(k);
+                for (sums, read) in sums.iter_mut().zip(&read) {
+                    let value = read.as_ref().map_or(1.0, |f| f.at(&seen, joint, 1.0));
+                    sums[part.min(PARTS - 1)] += weight * value;
+                }
+            }
+            for ((_, carrier), sums) in carriers.iter_mut().zip(sums) {
+                carrier.extend(sums);
+            }
+            for part in 0..PARTS {
+                let middle = (part as f64 + 0.5) / PARTS as f64;
+                states.push(joints(
+                    first + (middle * (last - first) as f64).round() as usize,
+                ));
             }
         }
         let count = windows.len();
@@ -200,71 +250,67 @@ impl Residual {
             left,
             basis,
             states,
+            carriers,
             segment: (0..count).map(|w| w * SEGMENTS / count).collect(),
         })
     }
 
-    /// A factor at the samples.
+    /// A factor at the parts' middles.
     fn factor(&self, text: &str, names: Names, p: f64) -> Option<Vec<f64>> {
         let factor = Factor::read(text, names).ok()?;
         let at = |joints: &Vec<JointState<f64>>| factor.at(joints, self.joint, p);
-        Some(self.states.iter().map(at).collect())
+        let values: Vec<f64> = self.states.iter().map(at).collect();
+        values.iter().all(|x| x.is_finite()).then_some(values)
     }
 
-    /// The carriers of terms at the samples, each once.
-    fn factors(&self, all: &[Term], names: Names) -> Vec<(&'static str, Vec<f64>)> {
-        let mut carriers: Vec<(&'static str, Vec<f64>)> = Vec::new();
-        for carrier in all.iter().filter_map(|term| term.carrier) {
-            if carriers.iter().all(|(known, _)| *known != carrier)
-                && let Some(values) = self.factor(carrier, names, 1.0)
-            {
-                carriers.push((carrier, values));
+    /// The factors of all terms with all their shapes, each once: carriers share them.
+    fn factors<'n>(&self, all: &[Term], names: Names<'n>, reach: &Reach) -> Factors<'n> {
+        let mut asked: BTreeMap<(&str, u64), f64> = BTreeMap::new();
+        for term in all {
+            for shape in shapes(term, reach) {
+                for text in &term.factors {
+                    asked.insert((text, key(shape)), shape.unwrap_or(1.0));
+                }
             }
         }
-        carriers
+        let of = |((text, key), p): ((&str, u64), f64)| {
+            Some(((text.to_owned(), key), self.factor(text, names, p)?))
+        };
+        Factors {
+            names,
+            known: asked.into_par_iter().filter_map(of).collect(),
+        }
     }
 
     /// A term's columns over the windows; `None` where they are not finite.
-    fn columns(
-        &self,
-        term: &Term,
-        shape: Option<f64>,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
-    ) -> Option<Vec<Vec<f64>>> {
-        let carrier = match term.carrier {
-            None => None,
-            Some(by) => Some(&carriers.iter().find(|(known, _)| *known == by)?.1),
-        };
+    fn columns(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<Vec<f64>>> {
+        let carrier = &self
+            .carriers
+            .iter()
+            .find(|(known, _)| *known == term.carrier)?
+            .1;
         let of = |text: &String| -> Option<Vec<f64>> {
-            let mut values = self.factor(text, names, shape.unwrap_or(1.0))?;
-            if let Some(by) = carrier {
-                values.iter_mut().zip(by).for_each(|(x, by)| *x *= by);
-            }
-            let mean = |samples: &[f64]| dot(&WEIGHTS, samples);
-            let column: Vec<f64> = values.chunks_exact(3).map(mean).collect();
+            let made;
+            let values = match factors.known.get(&(text.clone(), key(shape))) {
+                Some(values) => values,
+                None => {
+                    made = self.factor(text, factors.names, shape.unwrap_or(1.0))?;
+                    &made
+                }
+            };
+            let parts = values.chunks_exact(PARTS).zip(carrier.chunks_exact(PARTS));
+            let column: Vec<f64> = parts
+                .map(|(values, carrier)| dot(values, carrier))
+                .collect();
             column.iter().all(|x| x.is_finite()).then_some(column)
         };
         term.factors.iter().map(of).collect()
     }
 
     /// A term with each value of its parameter.
-    fn tried(
-        &self,
-        n: usize,
-        term: &Term,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
-        reach: &Reach,
-    ) -> Vec<Tried> {
-        let shapes: Vec<Option<f64>> = match term.grid {
-            None => vec![None],
-            Some(grid) => (values(grid, reach).unwrap_or_default().into_iter())
-                .map(Some)
-                .collect(),
-        };
-        let of = |shape: Option<f64>| self.beside(n, term, shape, carriers, names);
-        shapes.into_iter().filter_map(of).collect()
+    fn tried(&self, n: usize, term: &Term, factors: &Factors, reach: &Reach) -> Vec<Tried> {
+        let of = |shape: Option<f64>| self.beside(n, term, shape, factors);
+        shapes(term, reach).into_iter().filter_map(of).collect()
     }
 
     /// A term of this shape beside the model.
@@ -273,11 +319,10 @@ impl Residual {
         n: usize,
         term: &Term,
         shape: Option<f64>,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
+        factors: &Factors,
     ) -> Option<Tried> {
         let mut own: Vec<Vec<f64>> = Vec::new();
-        for column in self.columns(term, shape, carriers, names)? {
+        for column in self.columns(term, shape, factors)? {
             own.extend(
                 orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
             );
@@ -305,16 +350,10 @@ impl Residual {
     }
 
     /// What one direction explains of the noise that a term leaves: the mean square of a window, as many times more as neighbours say the same.
-    fn noise(
-        &self,
-        term: &Term,
-        shape: Option<f64>,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
-    ) -> Option<f64> {
+    fn noise(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<f64> {
         let mut left = self.left.clone();
         let mut own: Vec<Vec<f64>> = Vec::new();
-        for column in self.columns(term, shape, carriers, names)? {
+        for column in self.columns(term, shape, factors)? {
             own.extend(
                 orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
             );
@@ -330,14 +369,7 @@ impl Residual {
     }
 
     /// The shape between the neighbours of the best of a grid that explains most.
-    fn refined(
-        &self,
-        term: &Term,
-        best: &Tried,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
-        reach: &Reach,
-    ) -> Option<f64> {
+    fn refined(&self, term: &Term, best: &Tried, factors: &Factors, reach: &Reach) -> Option<f64> {
         let grid = values(term.grid?, reach)?;
         let (mut shape, mut most) = (best.shape?, best.fall);
         let at = grid.iter().position(|value| *value == shape)?;
@@ -345,7 +377,7 @@ impl Residual {
         let mut step = 0.5 * (neighbour - shape).abs();
         for _ in 0..ROUNDS {
             for other in [shape - step, shape + step] {
-                let tried = self.beside(best.term, term, Some(other), carriers, names);
+                let tried = self.beside(best.term, term, Some(other), factors);
                 if let Some(tried) = tried.filter(|tried| tried.fall > most) {
                     (shape, most) = (other, tried.fall);
                 }
@@ -364,14 +396,8 @@ impl Residual {
     }
 
     /// A term's coefficients: least squares beside the model.
-    fn coefficients(
-        &self,
-        term: &Term,
-        shape: Option<f64>,
-        carriers: &[(&'static str, Vec<f64>)],
-        names: Names,
-    ) -> Option<Vec<f64>> {
-        let columns = self.columns(term, shape, carriers, names)?;
+    fn coefficients(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
+        let columns = self.columns(term, shape, factors)?;
         let beside = |mut column: Vec<f64>| {
             for along in &self.basis {
                 let share = dot(along, &column);
@@ -388,6 +414,16 @@ impl Residual {
         let moments = nalgebra::DVector::from_fn(own.len(), |a, _| dot(&own[a], &self.left));
         let found = products.cholesky()?.solve(&moments);
         Some(found.iter().copied().collect())
+    }
+}
+
+/// The values of a term's parameter that are tried.
+fn shapes(term: &Term, reach: &Reach) -> Vec<Option<f64>> {
+    match term.grid {
+        None => vec![None],
+        Some(grid) => (values(grid, reach).unwrap_or_default().into_iter())
+            .map(Some)
+            .collect(),
     }
 }
 
