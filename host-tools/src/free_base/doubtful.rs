@@ -116,7 +116,7 @@ pub(crate) fn sensors(columns: &WalkColumns, theta: &DVector<f64>) -> Vec<String
 }
 
 /// The same structure, where the IMU is as open as the data put it, if these parameters of a fit are far from where it is stated to be. A prior that
-/// is refuted pulls: with 10 cm instead of the 2 mm that are known of a Go2's, nine tenths were found and the mass was 1.6 % too large, 0.1 % without.
+/// is refuted pulls: of 10 cm on a Go2, whose place was taken to be known to 2 mm, nine tenths were found and the mass was 1.6 % too large, 0.1 % without.
 pub(super) fn refuted(
     structure: &ModelStructure,
     columns: &WalkColumns,

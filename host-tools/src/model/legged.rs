@@ -16,8 +16,8 @@ const ANY_RADIUS: [f64; 2] = [0.022, 0.01];
 const RADIUS_STD: f64 = 0.001;
 /// Where drawings have an IMU, m: its chip lies somewhere in its case.
 const PLACE_STD: f64 = 0.01;
-/// The same of a Go2, m: the chip is soldered to a board whose place the maker's URDF states to a hundredth of a millimetre.
-const GO2_PLACE_STD: f64 = 0.002;
+/// The same of a Go2, m: the maker's URDF states the chip's place to a hundredth of a millimetre, and what senses lies within half a one of its middle.
+const GO2_PLACE_STD: f64 = 5e-4;
 /// A board is mounted by hand within three degrees, rad.
 const TURN_STD: f64 = 0.05;
 /// How far an IMU of which nothing is stated may be from the base's origin, m: somewhere in a trunk.

@@ -325,7 +325,7 @@ fn a_log_that_lacks_a_part_is_refused_by_its_name() {
     assert!(matches!(
         error,
         Err(FreeBaseError::Missing {
-            what: "all four legs",
+            what: "all joints of all legs",
             ..
         })
     ));

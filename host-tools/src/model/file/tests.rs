@@ -391,7 +391,7 @@ rpy = [0.0, 0.0, 1.5]
     assert_eq!(again.unwrap(), model);
     // The built-in robot's own.
     let own = Model::default();
-    assert_eq!(own.imu().place_std, 0.002);
+    assert_eq!(own.imu().place_std, 5e-4);
     let names: Vec<String> = own.feet().into_iter().map(|foot| foot.name).collect();
     assert_eq!(names, ["FR", "FL", "RR", "RL"]);
 }
