@@ -15,6 +15,7 @@ use crate::identify::model_fit::parameters;
 use crate::select::candidate::Member;
 use crate::select::criteria::STRUCTURE;
 use crate::select::criteria::statistics::FALSE_ALARM;
+use crate::select::criteria::step::is_held;
 use crate::select::fitted::Fitted;
 use crate::select::formula_screen::{Pick, pick};
 use crate::select::formulas::Asked;
@@ -99,7 +100,16 @@ pub(super) fn find<'a>(
             let Some((asked, pick)) = screen(&d.found.end.fits[limb]) else {
                 break;
             };
+            let before = d.found.clone_end();
             if d.found.end.has(&asked.0) || !d.found.take(data, &asked) {
+                break;
+            }
+            // As it is reported, with what its shape leaves open: a value within two standard deviations of nothing is no finding.
+            let told = told(d, data, asked.0, &pick);
+            let linear = told.parameters.len() - usize::from(pick.shape.is_some());
+            let mut sizes = told.parameters[..linear].iter();
+            if !sizes.any(|p| is_held((p.value / p.std).abs())) {
+                d.found.undo(before);
                 break;
             }
             d.found.take_out_beside(data, asked.0);

@@ -25,6 +25,17 @@ impl<'a> Found<Limbs<'a>> {
         true
     }
 
+    /// The model at the end as it is.
+    pub(crate) fn clone_end(&self) -> State<'a> {
+        self.end.clone()
+    }
+
+    /// Goes back to the model before the last step.
+    pub(crate) fn undo(&mut self, before: State<'a>) {
+        self.end = before;
+        self.steps.pop();
+    }
+
     /// Takes one effect for all that the search has added at a joint beyond what every drive has, where these are several and the model does as
     /// well with the one that a screen of the model without them asks for.
     pub(crate) fn exchange(
