@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use proprio_tests::command::{done, folder, parameter, proprio, refusal, simulated, stderr};
+use proprio_tests::command::{done, folder, proprio, refusal, simulated, stderr};
 use serde_json::Value;
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {
