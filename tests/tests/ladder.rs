@@ -168,7 +168,7 @@ fn commands_agree_on_an_arm() {
     let folder = folder.path();
     fs::write(
         folder.join("bare.toml"),
-        "format = 1\nurdf = \"robot.urdf\"\n",
+        "format = 1\n\n[robot]\nurdf = \"robot.urdf\"\n",
     )
     .unwrap();
     let recorder = Recorder::new(robot(folder));

@@ -164,10 +164,11 @@ fn high_frequency(residual: &[f64], runs: &Runs) -> Option<NoiseFloor> {
         return None;
     }
     let above = |sums: &Sums| (sums.square() - moving_average(sums)[0]).max(0.0);
-    let (_, above_std) = jackknife(&stretches, above);
+    // Without structure the mean square tells the variance best, and what differs is the error of the other (Hausman 1978).
+    let (_, differences_std) = jackknife(&stretches, |sums| moving_average(sums)[0]);
     let variance = |sums: &Sums| {
         let above = above(sums);
-        let beyond = above - (SURE * above_std).powi(2) / above.max(f64::MIN_POSITIVE);
+        let beyond = above - (SURE * differences_std).powi(2) / above.max(f64::MIN_POSITIVE);
         sums.square() - beyond.max(0.0)
     };
     let (rms, rms_std) = jackknife(&stretches, |sums| variance(sums).max(0.0).sqrt());
