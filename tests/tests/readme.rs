@@ -24,6 +24,27 @@ fn commands(page: &str) -> Vec<String> {
     found
 }
 
+/// The words of a line as a shell has them: what stands between single quotes is one.
+fn words(command: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    for (n, part) in command.split('\'').enumerate() {
+        let mut parts = part.split(' ');
+        if n % 2 == 1 {
+            parts = part.split('\'');
+        }
+        for (k, word) in parts.enumerate() {
+            if k > 0 {
+                words.push(String::new());
+            }
+            if let Some(last) = words.last_mut() {
+                last.push_str(word);
+            }
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
 /// Runs them in one folder; `cargo run --release -- X` is `proprio X`.
 fn all_run(page: &str, folder: &Path) {
     let commands = commands(page);
@@ -33,7 +54,8 @@ fn all_run(page: &str, folder: &Path) {
         if NOT_RUN.iter().any(|start| command.starts_with(start)) {
             continue;
         }
-        let words: Vec<&str> = command.split_whitespace().collect();
+        let words = words(&command);
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
         assert_eq!(words[0], "proprio", "{page}: {command}");
         let output = proprio(folder, &words[1..]);
         assert_eq!(

@@ -13,9 +13,8 @@ use crate::estimate::limb_data::LimbData;
 use crate::formula::Kind;
 use crate::identify::model_fit::parameters;
 use crate::select::candidate::Member;
-use crate::select::criteria::STRUCTURE;
 use crate::select::criteria::statistics::FALSE_ALARM;
-use crate::select::criteria::step::is_held;
+use crate::select::criteria::{LEAST_Z, STRUCTURE};
 use crate::select::fitted::Fitted;
 use crate::select::formula_screen::{Pick, pick};
 use crate::select::formulas::Asked;
@@ -84,7 +83,7 @@ pub(super) fn find<'a>(
     for &(limb, joint) in joints {
         let own = &data[limb];
         let screen = |fit: &LimbFit| -> Option<(Asked, Pick)> {
-            let pick = pick(fit, joint, draws)?;
+            let pick = pick(fit, joint, (draws, STRUCTURE))?;
             let stands = pick.chance <= alarm && pick.share >= STRUCTURE;
             let asked = stands.then(|| asked(own, (limb, joint), &pick)).flatten();
             asked.map(|asked| (asked, pick))
@@ -104,11 +103,11 @@ pub(super) fn find<'a>(
             if d.found.end.has(&asked.0) || !d.found.take(data, &asked) {
                 break;
             }
-            // As it is reported, with what its shape leaves open: a value within two standard deviations of nothing is no finding.
+            // As it is reported, with what its shape leaves open.
             let told = told(d, data, asked.0, &pick);
             let linear = told.parameters.len() - usize::from(pick.shape.is_some());
             let mut sizes = told.parameters[..linear].iter();
-            if !sizes.any(|p| is_held((p.value / p.std).abs())) {
+            if !sizes.any(|p| (p.value / p.std).abs() >= LEAST_Z) {
                 d.found.undo(before);
                 break;
             }

@@ -33,6 +33,19 @@ const FORMAT: i64 = 1;
 /// How far a quaternion's length may be from 1: files round their numbers.
 const QUATERNION_ROUNDING: f64 = 1e-6;
 
+/// The keys of an effect; a formula has one more for each of its parameters.
+const EFFECT_KEYS: [&str; 9] = [
+    "name",
+    "joint",
+    "value",
+    "std",
+    "parameters",
+    "prior",
+    "just_added",
+    "torque",
+    "kind",
+];
+
 /// Byte offset in the file, if the fault has a place, and the fault.
 type Fault = (Option<usize>, ModelProblem);
 
@@ -100,7 +113,7 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
     }
     file.effect
         .iter()
-        .try_for_each(|effect| read_effect(&mut model, effect))?;
+        .try_for_each(|effect| read_effect(&mut model, effect, text))?;
     model.provenance = file.provenance.map(|table| Provenance {
         version: table.version,
         command: table.command,
@@ -405,24 +418,25 @@ fn read_more_parameters(
     Ok(())
 }
 
-fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>) -> Result<(), Fault> {
+fn read_effect(model: &mut Model, entry: &Spanned<EffectTable>, text: &str) -> Result<(), Fault> {
     let (at, table) = (entry.span().start, entry.get_ref());
+    // The keys that are no parameter of a formula, which serde gives together with those that are.
+    let is_stray =
+        |(_, value): &(&String, &toml::Value)| table.torque.is_none() || !value.is_table();
+    if let Some((unknown, _)) = table.symbols.iter().find(is_stray) {
+        let own = text.get(at..).unwrap_or_default();
+        let place = own.find(&format!("\n{unknown}")).map_or(at, |n| at + n + 1);
+        let unknown = UnknownName::new("key", unknown, EFFECT_KEYS);
+        return Err((Some(place), ModelProblem::UnknownKey(unknown)));
+    }
+    for (key, value) in [("name", &table.name), ("joint", &table.joint)] {
+        if value.is_empty() {
+            let problem = ModelProblem::Syntax(format!("missing field `{key}`"));
+            return Err((Some(at), problem));
+        }
+    }
     if table.torque.is_some() {
         return formulas::read(model, at, table);
-    }
-    if let Some(unknown) = table.symbols.keys().next() {
-        let known = [
-            "name",
-            "joint",
-            "value",
-            "std",
-            "parameters",
-            "prior",
-            "just_added",
-            "torque",
-        ];
-        let unknown = UnknownName::new("key", unknown, known);
-        return Err((Some(at), ModelProblem::UnknownKey(unknown)));
     }
     let effect = effect_named(&table.name, at)?;
     let joint = effect_joint(model, effect, &table.joint, at)?;

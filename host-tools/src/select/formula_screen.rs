@@ -68,8 +68,9 @@ struct Tried {
     fall: f64,
 }
 
-/// The term that a joint's residual asks for most; `draws` of signs tell how often noise asks as much. `None` where nothing can be told.
-pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
+/// The term that a joint's residual asks for most; `draws` of signs tell how often noise asks as much. `None` where nothing can be told, or no
+/// term explains this `least` share of the residual's square.
+pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) -> Option<Pick> {
     let residual = Residual::of(fit, joint)?;
     let limb = fit.data.joint_names();
     let joints: Vec<&str> = limb.iter().map(String::as_str).collect();
@@ -86,6 +87,9 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, draws: usize) -> Option<Pick> {
         .flat_map_iter(|(n, term)| residual.tried(n, term, &factors, &reach))
         .collect();
     let most = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
+    if most.fall < least * residual.square {
+        return None;
+    }
     // A number more explains something of any noise: each is worth as much of it as its description is long (Rissanen 1978, Automatica 14:465).
     let noise = residual.noise(&all[most.term], most.shape, &factors)?;
     let price = noise * (residual.left.len() as f64).ln();

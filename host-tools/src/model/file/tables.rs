@@ -127,7 +127,10 @@ pub(super) struct ImuTable {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct EffectTable {
+    /// Empty where it is missing: an unknown key is told first.
+    #[serde(default)]
     pub(super) name: String,
+    #[serde(default)]
     pub(super) joint: String,
     pub(super) value: Option<f64>,
     pub(super) std: Option<f64>,
