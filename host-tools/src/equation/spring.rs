@@ -37,17 +37,14 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
     // The state of friction inside, from −1 to 1.
     let mut state = 0.0f64;
     for k in 0..t.len() {
-        // The step from the sample before; of the first one, which has none, the one that follows, backwards.
-        let (a, b) = if k == 0 {
-            (0, 1.min(t.len() - 1))
-        } else {
-            (k - 1, k)
-        };
+        let (a, b) = (k.saturating_sub(1), k);
         let step = t[b] - t[a];
-        let rate = if step > 0.0 {
-            (load[b] - load[a]) / step
+        let [load, rate] = if k == 0 {
+            before(t, load, inertia[0] * gear.compliance)
+        } else if step > 0.0 {
+            [load[a], (load[b] - load[a]) / step]
         } else {
-            0.0
+            [load[a], 0.0]
         };
         let mass = 0.5 * (inertia[a] + inertia[b]);
         let (mut compliance, mut held) = (gear.compliance, 0.0);
@@ -56,7 +53,6 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
             held = gear.friction * state - stiffer * now[0];
             compliance = (compliance.recip() + stiffer).recip();
         }
-        let load = [load[a] + held, load[b] + held];
         let natural = (mass * compliance).sqrt().recip();
         let (decay, damped) = (
             DAMPING * natural,
@@ -64,7 +60,7 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
         );
         // Behind a load that runs straight the link runs straight: x = start + slope τ.
         let slope = -compliance * rate;
-        let start = -compliance * load[0] - 2.0 * DAMPING / natural * slope;
+        let start = -compliance * (load + held) - 2.0 * DAMPING / natural * slope;
         if k == 0 {
             now = [start, slope];
         } else {
@@ -89,6 +85,24 @@ pub(crate) fn spring(t: &[f64], load: &[f64], inertia: &[f64], gear: Gear) -> Ve
         all.push(now);
     }
     all
+}
+
+/// Value and slope at the first sample of the load that a spring of this mass times compliance (s²) has followed until there, N m and N m/s.
+///
+/// What was before is not known, so the link is taken to have followed without swinging. One difference of samples is noise, which the
+/// spring would swing with for long: the straight line is of the load over one radian of the spring's own swing.
+fn before(t: &[f64], load: &[f64], mass_by_compliance: f64) -> [f64; 2] {
+    let end = t[0] + mass_by_compliance.sqrt();
+    let count = t.partition_point(|t| *t <= end).max(2).min(t.len());
+    let n = count as f64;
+    let [mean_t, mean] = [t, load].map(|x| x[..count].iter().sum::<f64>() / n);
+    let (mut product, mut square) = (0.0, 0.0);
+    for (t, load) in t[..count].iter().zip(load) {
+        product += (t - mean_t) * (load - mean);
+        square += (t - mean_t).powi(2);
+    }
+    let slope = if square > 0.0 { product / square } else { 0.0 };
+    [mean + slope * (t[0] - mean_t), slope]
 }
 
 #[cfg(test)]

@@ -254,14 +254,7 @@ impl<'a> LimbFit<'a> {
         let all = groups.sum(|_| true);
         let sizes: Vec<f64> = all.iter().map(Group::size).collect();
         let mut problem = Problem {
-            bodies: (data.limb.bodies.clone())
-                .map(|b| {
-                    (
-                        data.model.robot().bodies()[b].inertia,
-                        data.model.cad_uncertainty(b),
-                    )
-                })
-                .collect(),
+            bodies: data.bodies_before(),
             others: others(&columns, &at, how),
             data: stacked(&all, &sizes),
             free: how.constraint == Constraint::Free,

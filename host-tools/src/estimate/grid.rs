@@ -28,6 +28,10 @@ const GAPS: i32 = 8;
 const LOWEST: f64 = 0.8;
 const HIGHER: f64 = 1.25;
 const RESONANCES: i32 = 14;
+/// Beyond them the link follows without swinging, its torque is nearly linear in the compliance, and wider steps do: up to two hundred
+/// times the motion's frequency, where a link sags by less than any encoder resolves.
+const STIFFER: f64 = 1.6;
+const STIFF: i32 = 6;
 /// Positions and times that a shape is looked for at. A step in the middle of two is off by a fiftieth of the range, and is refined.
 const PLACES: usize = 24;
 /// Spatial frequencies that a shape is looked for at, in steps of a quarter turn of phase over the travel: up to eight turns.
@@ -224,8 +228,11 @@ pub(crate) fn values_to_try(data: &LimbData, values: &Values, place: Place) -> V
     }
     let inertia = (data.motion).mean_inertia(&data.body, values, place.1);
     let lowest = LOWEST * usual_frequency(data, place.1);
-    let compliance = |k: i32| (inertia * (lowest * HIGHER.powi(k)).powi(2)).recip();
-    (0..RESONANCES).rev().map(compliance).collect()
+    let compliance = |resonance: f64| (inertia * resonance.powi(2)).recip();
+    let highest = lowest * HIGHER.powi(RESONANCES - 1);
+    let stiff = (1..=STIFF).rev().map(|k| highest * STIFFER.powi(k));
+    let swinging = (0..RESONANCES).rev().map(|k| lowest * HIGHER.powi(k));
+    stiff.chain(swinging).map(compliance).collect()
 }
 
 /// So many values from the least to the most, each as many times the one before.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use proprio_core::effect::{Enters, Form, Input, Moved, Transmission};
+use proprio_core::inertia::InertialParameters;
 use rayon::prelude::*;
 
 use super::directions::Directions;
@@ -230,9 +231,28 @@ impl<'a> LimbData<'a> {
 
     /// The rows of columns at a model's values, of all windows that are not left out.
     pub(crate) fn rows(&self, values: &Values, columns: &Columns) -> Rows {
-        let chosen = |w: usize| !self.left_out[w];
+        self.rows_of(values, columns, &|_| true)
+    }
+
+    /// The same of the windows that are chosen.
+    pub(crate) fn rows_of(
+        &self,
+        values: &Values,
+        columns: &Columns,
+        chosen: &(dyn Fn(usize) -> bool + Sync),
+    ) -> Rows {
+        let chosen = |w: usize| chosen(w) && !self.left_out[w];
         let (body, motion) = (&self.body, &self.motion);
         Rows::of(motion, body, &self.integrals, values, columns, &chosen)
+    }
+
+    /// The CAD's bodies, each with its relative uncertainty.
+    pub(crate) fn bodies_before(&self) -> Vec<(InertialParameters<f64>, f64)> {
+        let of = |b: usize| {
+            let body = &self.model.robot().bodies()[b];
+            (body.inertia, self.model.cad_uncertainty(b))
+        };
+        self.limb.bodies.clone().map(of).collect()
     }
 
     /// What models predict, each of the windows of its own fold, N m.

@@ -1,29 +1,21 @@
 //! How far a link can move against its motor, found by trying: the width of a play, the compliance of a spring.
 //!
 //! A torque is far from linear in them: in a play the link is free for a while, on a spring it has a resonance. So each of a grid of
-//! values is put into the model, the whole limb is predicted, and what friction, a rotor and a constant torque of each joint then leave
-//! is counted, of all joints: the link that is let go moves those after it and lacks in those before.
+//! values is put into the model, the whole limb is predicted, and what the model's other parameters then leave is counted, of all joints:
+//! the link that is let go moves those after it and lacks in those before, and where it sags the bodies have stood for that.
 
 use proprio_core::effect::Enters;
 use rayon::prelude::*;
 
-use super::directions::Span;
 pub(crate) use super::grid::values_to_try;
 use super::grid::{SMALLEST, step_near};
+use super::refit::{Refit, Told};
 use super::shapes::{Scan, refined};
-use crate::equation::dot::dot;
 use crate::equation::values::Place;
 
 /// A value that takes away less than this share of the sum of squares is not looked for more closely: no effect counts that does
 /// (`select::criteria::LEAST_GAIN`).
 const LEAST_FALL: f64 = 0.01;
-
-/// A joint's windows, the torque that was measured in them, and directions that its own columns may take of what is left.
-struct Told {
-    joint: usize,
-    windows: Vec<usize>,
-    basis: Span,
-}
 
 impl Scan<'_> {
     /// The gap or the compliance of a joint under which least is left in the chosen folds; `None` if their windows are too few, or no
@@ -34,13 +26,12 @@ impl Scan<'_> {
         chosen: &dyn Fn(usize) -> bool,
     ) -> Option<f64> {
         self.told(place.1, chosen)?;
-        let told = |j: usize| {
-            let (windows, _) = self.told(j, chosen)?;
-            let basis = self.basis(&windows, j);
+        let told = |joint: usize| {
+            let (windows, now) = self.told(joint, chosen)?;
             Some(Told {
-                joint: j,
+                joint,
                 windows,
-                basis,
+                now,
             })
         };
         let told: Vec<Told> = (0..self.data.joints()).filter_map(told).collect();
@@ -49,12 +40,9 @@ impl Scan<'_> {
             told.windows.iter().for_each(|&w| judged[w] = true);
         }
         let judged = |w: usize| judged[w];
+        let refit = Refit::of((self.data, self.values), place, told, &judged)?;
         let with = self.data.loose_link(self.values, place, &judged);
-        let fall = |value: f64| {
-            let predicted = with.predicted(value);
-            let left = told.iter().map(|told| self.left(told, &predicted));
-            -left.sum::<f64>()
-        };
+        let fall = |value: f64| -refit.left(&with.predicted(value));
         let grid = self.values_to_try(place);
         let falls = || -> Vec<f64> { grid.par_iter().map(|&value| fall(value)).collect() };
         let (falls, without) = rayon::join(falls, || fall(0.0));
@@ -80,17 +68,5 @@ impl Scan<'_> {
             grid.sort_unstable_by(f64::total_cmp);
         }
         grid
-    }
-
-    /// The sum of squares that a prediction leaves of a joint, (N m)².
-    fn left(&self, told: &Told, predicted: &[f64]) -> f64 {
-        let at = |w: &usize| w * self.data.joints() + told.joint;
-        let left = told
-            .windows
-            .iter()
-            .map(|w| self.data.torque[at(w)] - predicted[at(w)]);
-        let left: Vec<f64> = left.collect();
-        let taken: f64 = told.basis.iter().map(|b| dot(b, &left).powi(2)).sum();
-        dot(&left, &left) - taken
     }
 }

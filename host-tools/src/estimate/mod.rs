@@ -5,7 +5,7 @@
 //!    from here on the data are not needed (`design.md` §3).
 //! 3. [`proprio_solve::bounded`]: one solve, every body one that could exist and every effect within its bounds. `triangle`: the same without
 //!    bounds, ordered so that many nested models can be read off.
-//! 4. `fit`, with `grid`, `shapes`, `looseness`, `limit` and `directions`: Gauss-Newton over the predictor's derivatives. `robot`: all limbs, and what they share.
+//! 4. `fit`, with `grid`, `shapes`, `looseness`, `refit`, `limit` and `directions`: Gauss-Newton over the predictor's derivatives. `robot`: all limbs, and what they share.
 //! 5. `leaves`: what a fit predicts, and what it leaves. `nested`: a fit as factors, from which every model that leaves effects out of it can be read.
 //! 6. `deviation`: standard deviations that hold where residuals remember; `spread`: by how much values differ from stretch to stretch;
 //!    [`parameter_estimate`]: what is told of a parameter.
@@ -26,6 +26,7 @@ pub(crate) mod looseness;
 pub(crate) mod method;
 pub(crate) mod nested;
 pub mod parameter_estimate;
+mod refit;
 pub(crate) mod robot;
 pub(crate) mod shape_deviation;
 pub(crate) mod shapes;

@@ -1,10 +1,8 @@
 //! What lies between motor and link, found by trying: of a soft spring or a wide play a column says little, and other effects look like
 //! them to first order.
 
-use proprio_core::effect::EffectKind;
-
 use super::accept::Context;
-use super::candidate::{Candidate, Finding};
+use super::candidate::{Candidate, Finding, Trial};
 use super::criteria::choice::{handicap, may_be_transmission};
 use super::criteria::step::{
     LEAST_SHARE, is_held, is_less, is_resolved, is_structure, may_take_away,
@@ -14,6 +12,9 @@ use super::refused::Refused;
 use super::score_test::Screen;
 use super::source::Tried;
 use super::state::State;
+
+/// Springs and plays that are tried where no column shows one: a fit with each predicts a limb some thirty times.
+const MOST_TRIED: usize = 2;
 
 /// A candidate that takes a sure part of a joint's error, and the model with it; or a spring or a play there with which the model
 /// predicts better. With the springs and plays that were found to be none.
@@ -69,7 +70,8 @@ pub(super) fn best_by_trying<'c, 'a>(
     (told, useless)
 }
 
-/// Springs and plays at the joint of a candidate; of several joints at the one where most is gained.
+/// Springs and plays at the joint of a candidate; of several joints at the one where most is gained. Where one may be there also those at
+/// other joints of the limb that promise most: what a soft link does, the columns of its neighbours show too.
 fn transmission_at<'c, 'a>(
     context: &Context<'_, 'a>,
     refused: &Refused<State<'a>>,
@@ -79,52 +81,64 @@ fn transmission_at<'c, 'a>(
     let is_one = |c: &&Candidate| {
         c.members.len() == 1
             && c.effect.description().is_compliant()
-            && c.is_within(best)
             && !c.is_same(best)
             && !refused.has(c, context.model)
     };
-    let mut found: Vec<&Candidate> = all.iter().filter(is_one).collect();
+    let (mut found, elsewhere): (Vec<&Candidate>, Vec<&Candidate>) =
+        all.iter().filter(is_one).partition(|c| c.is_within(best));
     if best.members.len() > 1 {
         found.retain(|c| c.effect == best.effect);
         found.sort_by(|a, b| b.gain().0.total_cmp(&a.gain().0));
         found.truncate(1);
+        return found;
+    }
+    let may_be = |c: &&Candidate| may_be_worth(context.screens, c, LEAST_SHARE, context.now());
+    if best.effect.description().is_compliant() || found.iter().any(may_be) {
+        let of_limb = (elsewhere.into_iter()).filter(|c| c.members[0].0 == best.members[0].0);
+        let promise = of_limb.filter_map(|c| Some((c, most(context.screens, c)?)));
+        let mut promise: Vec<(&Candidate, f64)> = promise.collect();
+        promise.sort_by(|a, b| b.1.total_cmp(&a.1));
+        found.extend(promise.into_iter().take(MOST_TRIED).map(|(c, _)| c));
     }
     found
 }
 
-/// A spring or a play at the joint with the largest error, where no column shows anything that helps, and the model with it; and whether
-/// it takes away a share of that joint's error that no sampling makes.
-pub(super) fn transmission_of_largest_error<'c, 'a>(
+/// A spring or a play where no column shows anything that helps, and the model with it; and whether it takes away a share of its joint's
+/// error that no sampling makes.
+///
+/// The joint with the largest error need not be the soft one: what its link does, those that carry it feel. So those are tried that
+/// promise most, at whichever joint.
+pub(super) fn most_promising_transmission<'c, 'a>(
     context: &Context<'_, 'a>,
     refused: &Refused<State<'a>>,
     all: &'c [Candidate],
 ) -> Option<(&'c Candidate, State<'a>, bool)> {
-    let model = context.model;
-    let joints = (model.squares.iter().enumerate()).flat_map(|(limb, squares)| {
-        let joints = squares.by_joint().into_iter().enumerate();
-        joints.map(move |(joint, square)| (limb, joint, square))
-    });
-    let (limb, joint, square) = joints.max_by(|a, b| a.2.total_cmp(&b.2))?;
-    let data = &context.data[limb];
-    let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint()[joint];
-    if !is_resolved(square, torque) {
-        return None;
-    }
-    let is_here = |effect: EffectKind| {
-        (all.iter()).find(|c| c.members == [(limb, (effect, joint))] && !refused.has(c, model))
+    let (model, now) = (context.model, context.now());
+    // What is left of the joint where it would be, (N m)²; none where that is no more than samples resolve.
+    let left = |c: &Candidate| -> Option<f64> {
+        let [(limb, (_, joint))] = c.members[..] else {
+            return None;
+        };
+        let data = &context.data[limb];
+        let torque = data.squares(&vec![0.0; data.torque.len()]).by_joint()[joint];
+        let square = model.squares[limb].by_joint()[joint];
+        is_resolved(square, torque).then_some(square)
     };
-    let now = context.now();
-    let tried = EffectKind::COMPLIANT.into_iter().filter_map(is_here);
-    let tried = tried.filter(|c| may_be_worth(context.screens, c, LEAST_SHARE, now));
-    let tried = tried.filter_map(|c| Some((c, context.with(c)?)));
-    let (candidate, after) = tried.min_by(|a, b| {
+    let is_open = |c: &&Candidate| c.effect.description().is_compliant() && !refused.has(c, model);
+    let mut open: Vec<(&Candidate, f64, f64)> = (all.iter().filter(is_open))
+        .filter_map(|c| Some((c, left(c)?, most(context.screens, c).unwrap_or(now))))
+        .filter(|(_, _, most)| may_take_away(*most, LEAST_SHARE, now))
+        .collect();
+    open.sort_by(|a, b| b.2.total_cmp(&a.2));
+    open.truncate(MOST_TRIED);
+    let tried = open.into_iter();
+    let tried = tried.filter_map(|(c, left, _)| Some((c, left, context.with(c)?)));
+    let (candidate, left, after) = tried.min_by(|a, b| {
         let error = |after: &State| after.weighted(model);
-        error(&a.1).total_cmp(&error(&b.1))
+        error(&a.2).total_cmp(&error(&b.2))
     })?;
-    let is_sure = is_structure(
-        State::total(&model.squares) - State::total(&after.squares),
-        square,
-    );
+    let fall = State::total(&model.squares) - State::total(&after.squares);
+    let is_sure = is_structure(fall, left);
     Some((candidate, after, is_sure))
 }
 
@@ -133,7 +147,12 @@ fn may_be_worth(screens: &[Screen], candidate: &Candidate, share: f64, now: f64)
     if !candidate.effect.description().is_compliant() {
         return true;
     }
-    let most = (candidate.trials.iter()).map(|(limb, trial)| {
+    most(screens, candidate).is_none_or(|most| may_take_away(most, share, now))
+}
+
+/// How much of the error a candidate between motor and link takes away at most; `None` where that cannot be told.
+fn most(screens: &[Screen], candidate: &Candidate) -> Option<f64> {
+    let of = |(limb, trial): &(usize, Trial)| {
         let screen = &screens[*limb];
         if let [place] = trial.places[..]
             && candidate.members.len() == 1
@@ -143,7 +162,6 @@ fn may_be_worth(screens: &[Screen], candidate: &Candidate, share: f64, now: f64)
         let size = |told: &Finding| Some(told.parameters[0]?.0);
         let sizes: Option<Vec<f64>> = trial.findings.iter().map(size).collect();
         screen.most_of_several(&trial.places, &sizes?)
-    });
-    let most: Option<f64> = most.sum();
-    most.is_none_or(|most| may_take_away(most, share, now))
+    };
+    candidate.trials.iter().map(of).sum()
 }

@@ -123,7 +123,7 @@ impl<'a> Source for Limbs<'a> {
         refused: &Refused<State<'a>>,
         all: &'c [Candidate],
     ) -> Option<(&'c Candidate, State<'a>, bool)> {
-        compliance_scan::transmission_of_largest_error(&self.context(model), refused, all)
+        compliance_scan::most_promising_transmission(&self.context(model), refused, all)
     }
 
     fn limits(&mut self, model: &State<'a>) -> Vec<(Member, Limit)> {
