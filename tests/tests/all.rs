@@ -23,6 +23,7 @@ mod compare;
 mod contact_oracle;
 mod device_delay;
 mod diagnose;
+mod elastic_arm;
 mod excite;
 mod export;
 mod faults;

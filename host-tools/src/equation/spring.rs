@@ -168,6 +168,23 @@ mod tests {
         );
     }
 
+    /// A link that has followed a slow load goes on so, however noisy the load's first samples are.
+    #[test]
+    fn noise_of_the_first_samples_is_no_swing() {
+        let t: Vec<f64> = (0..4000).map(|k| 2e-3 * f64::from(k)).collect();
+        let noise = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let load: Vec<f64> = (0..t.len())
+            .map(|k| 20.0 * (t[k] + 0.5).sin() + noise(k))
+            .collect();
+        let compliance = 1.0 / 1500.0;
+        let moved = spring(&t, &load, &vec![4.0; t.len()], frictionless(compliance));
+        let slow = |k: usize| -compliance * 20.0 * (t[k] + 0.5).sin();
+        let most = (0..500)
+            .map(|k| (moved[k][0] - slow(k)).abs())
+            .fold(0.0, f64::max);
+        assert!(most < 0.05 * compliance * 20.0, "{most}");
+    }
+
     #[test]
     fn velocity_is_the_slope_of_position() {
         let t: Vec<f64> = (0..4000).map(|k| 1e-4 * f64::from(k)).collect();
