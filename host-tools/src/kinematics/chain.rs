@@ -109,7 +109,10 @@ impl Chain {
         });
         Self {
             links: links.collect(),
-            gravity: model.base().rotation.tr_mul(&Vector3::new(0.0, 0.0, -GRAVITY)),
+            gravity: model
+                .base()
+                .rotation
+                .tr_mul(&Vector3::new(0.0, 0.0, -GRAVITY)),
         }
     }
 
@@ -151,7 +154,8 @@ impl Chain {
         ];
         let mut frames = self.placed(state, pose, None);
         frames.load = self.loads(state, pose, &frames);
-        let deflects = |values: &[f64; QUANTITIES]| elastic.iter().any(|q| values[q.index()] != 0.0);
+        let deflects =
+            |values: &[f64; QUANTITIES]| elastic.iter().any(|q| values[q.index()] != 0.0);
         if state.joints.iter().any(deflects) {
             let load = std::mem::take(&mut frames.load);
             frames = self.placed(state, pose, Some(&load));
@@ -212,7 +216,12 @@ impl Chain {
         let count = self.links.len();
         // Mass and first moment about the base's origin of all that each joint carries.
         let mut carried: Vec<(f64, Vector3<f64>)> = (self.links.iter().zip(&frames.link))
-            .map(|(link, at)| (link.mass, at.rotation * link.moment + at.translation * link.mass))
+            .map(|(link, at)| {
+                (
+                    link.mass,
+                    at.rotation * link.moment + at.translation * link.mass,
+                )
+            })
             .collect();
         if let Some((target, body)) = state.targets.first().and_then(|t| Some((t, t.body?))) {
             let place = point(&frames.link[body], &target.placement.translation);

@@ -129,7 +129,9 @@ pub(super) fn rows(
         .iter()
         .map(|target| {
             let path = chain.path(target.body);
-            (0..chain.joints()).map(|joint| path.contains(&joint)).collect()
+            (0..chain.joints())
+                .map(|joint| path.contains(&joint))
+                .collect()
         })
         .collect();
     let mut row = 0;
@@ -147,14 +149,22 @@ pub(super) fn rows(
             for axis in 0..3 {
                 rows.b[row + axis] = left[axis] / unit;
             }
-            let turned = measured.orientation.map(|r| rotation_left(&r, &seen.rotation));
+            let turned = measured
+                .orientation
+                .map(|r| rotation_left(&r, &seen.rotation));
             if let Some(turned) = turned {
                 for axis in 0..3 {
                     rows.b[row + 3 + axis] = turned[axis] / noise.turn;
                 }
             }
             for (n, column) in columns.iter().enumerate() {
-                let moved = moved(chain, &frames, pose, (t, &paths[t], &placed), column.unknown);
+                let moved = moved(
+                    chain,
+                    &frames,
+                    pose,
+                    (t, &paths[t], &placed),
+                    column.unknown,
+                );
                 let Some([turn, shift]) = moved else { continue };
                 let shift = state.mount.rotation * shift * (column.prior / unit);
                 for axis in 0..3 {
@@ -217,11 +227,17 @@ fn moved(
         // A correction comes before the bend: the joint's frame differs by that mrad from the one that is corrected.
         Unknown::Shift(joint, n) => {
             let frame = &frames.joint[joint];
-            Some([Vector3::zeros(), frame.rotation * chain.directions(joint)[n]])
+            Some([
+                Vector3::zeros(),
+                frame.rotation * chain.directions(joint)[n],
+            ])
         }
         Unknown::Turn(joint, n) => {
             let frame = &frames.joint[joint];
-            Some(about(frame.rotation * chain.directions(joint)[n], frame.translation))
+            Some(about(
+                frame.rotation * chain.directions(joint)[n],
+                frame.translation,
+            ))
         }
         Unknown::Joint(joint, quantity) => {
             let frame = &frames.joint[joint];

@@ -50,7 +50,9 @@ pub enum CalibrateError {
         after: f64,
     },
     /// Joint positions are in degrees: the mount's fit says so.
-    #[error("joint positions are in degrees, not rad: the error of the best mount falls from {before:.1} to {after:.1} mm in rad")]
+    #[error(
+        "joint positions are in degrees, not rad: the error of the best mount falls from {before:.1} to {after:.1} mm in rad"
+    )]
     Degrees {
         /// Error as the file is, mm.
         before: f64,
@@ -58,7 +60,9 @@ pub enum CalibrateError {
         after: f64,
     },
     /// Joints are in another order, or turn the other way: the best of all that were tried.
-    #[error("joint columns do not fit the model: {what}; the error of the best mount falls from {before:.1} to {after:.1} mm")]
+    #[error(
+        "joint columns do not fit the model: {what}; the error of the best mount falls from {before:.1} to {after:.1} mm"
+    )]
     JointOrder {
         /// Which column is which joint.
         what: String,
@@ -68,7 +72,9 @@ pub enum CalibrateError {
         after: f64,
     },
     /// Nothing that was tried makes model and poses fit.
-    #[error("model and poses do not belong together: with the best mount the error is {error:.1} mm where the targets move by {spread:.1} mm; units, order and signs of joints were tried")]
+    #[error(
+        "model and poses do not belong together: with the best mount the error is {error:.1} mm where the targets move by {spread:.1} mm; units, order and signs of joints were tried"
+    )]
     Unrelated {
         /// Error with the best mount, mm.
         error: f64,
@@ -86,7 +92,9 @@ pub enum CalibrateError {
         poses: usize,
     },
     /// A target or the measuring system moved between two poses.
-    #[error("{what} moved by {by:.2} mm between {before} and {after}: the held-out error is {error:.3} mm, {split:.3} mm with the move")]
+    #[error(
+        "{what} moved by {by:.2} mm between {before} and {after}: the held-out error is {error:.3} mm, {split:.3} mm with the move"
+    )]
     Moved {
         /// Target or measuring system.
         what: String,
@@ -141,14 +149,24 @@ impl CalibrateError {
                 return Some(format!("multiply the x/, y/ and z/ columns by {factor}"));
             }
             Self::Degrees { .. } => "multiply the q/ columns by π/180 = 0.0174533",
-            Self::JointOrder { .. } => "rename the columns accordingly, or correct signs in the file or axes in the URDF",
-            Self::Unrelated { .. } => "check that the URDF is this robot's, and in which frame the targets were measured",
-            Self::SameTargets { .. } => "delete the columns of one of them: the same numbers twice are no further measurement",
-            Self::Moved { .. } => "calibrate the poses before and after separately, or name the target differently from there on",
+            Self::JointOrder { .. } => {
+                "rename the columns accordingly, or correct signs in the file or axes in the URDF"
+            }
+            Self::Unrelated { .. } => {
+                "check that the URDF is this robot's, and in which frame the targets were measured"
+            }
+            Self::SameTargets { .. } => {
+                "delete the columns of one of them: the same numbers twice are no further measurement"
+            }
+            Self::Moved { .. } => {
+                "calibrate the poses before and after separately, or name the target differently from there on"
+            }
             Self::TooFew { .. } => {
                 "measure more poses (`proprio excite --poses 30 -m MODEL` chooses them), or ask for less: `--only offsets`"
             }
-            Self::Outliers { .. } => "measure these poses again, or delete their lines if you know why they are wrong",
+            Self::Outliers { .. } => {
+                "measure these poses again, or delete their lines if you know why they are wrong"
+            }
             Self::Design(_) => "widen the joint limits, or ask for fewer poses",
         };
         Some(hint.to_owned())

@@ -41,7 +41,14 @@ pub enum Per {
 /// and uncalibrated industrial robots miss by 1–10 mm at 2 m (Mooring, Roth & Driels 1991, ch. 1). The search scales it.
 pub const LINK_GEOMETRY: Fact = Fact {
     name: "link_geometry",
-    quantities: &[Q::Shift(0), Q::Shift(1), Q::Shift(2), Q::Turn(0), Q::Turn(1), Q::Turn(2)],
+    quantities: &[
+        Q::Shift(0),
+        Q::Shift(1),
+        Q::Shift(2),
+        Q::Turn(0),
+        Q::Turn(1),
+        Q::Turn(2),
+    ],
     words: "joint frames stand elsewhere than the description has them",
     separated_by: "poses that turn every joint through its range",
     size: 1e-3,

@@ -42,7 +42,10 @@ pub(super) struct Fit {
 impl Problem<'_> {
     /// The used poses.
     pub(super) fn used(&self) -> Vec<(usize, &Pose)> {
-        self.used.iter().map(|&n| (n, &self.poses.poses[n])).collect()
+        self.used
+            .iter()
+            .map(|&n| (n, &self.poses.poses[n]))
+            .collect()
     }
 
     /// Fits these columns, beginning at a state with this noise.
@@ -52,14 +55,20 @@ impl Problem<'_> {
         let mut last = None;
         for _ in 0..ITERATIONS {
             let rows = columns::rows(self.chain, &state, &used, &columns, noise);
-            let prior = columns.iter().map(|c| -state.value(self.chain, c.unknown) / c.prior);
+            let prior = columns
+                .iter()
+                .map(|c| -state.value(self.chain, c.unknown) / c.prior);
             let solved = held_out::solve(&rows, &DVector::from_iterator(columns.len(), prior));
             let shown = shown_noise(&rows, &solved, noise);
             let same = |a: f64, b: f64| (a / b - 1.0).abs() < NOISE_SETTLED;
-            let is_settled = columns.iter().zip(solved.step.iter()).all(|(c, step)| match c.unknown {
-                Unknown::Mount(_) | Unknown::Target(..) => (c.prior * step).abs() < 1e-6,
-                _ => step.abs() < SETTLED,
-            });
+            let is_settled =
+                columns
+                    .iter()
+                    .zip(solved.step.iter())
+                    .all(|(c, step)| match c.unknown {
+                        Unknown::Mount(_) | Unknown::Target(..) => (c.prior * step).abs() < 1e-6,
+                        _ => step.abs() < SETTLED,
+                    });
             let steps = columns.iter().zip(solved.step.iter());
             let steps: Vec<(Unknown, f64)> = steps.map(|(c, s)| (c.unknown, c.prior * s)).collect();
             state = state.stepped(self.chain, &steps);
@@ -137,7 +146,10 @@ impl Fit {
     /// Held-out error of orientations, mrad; none where none is measured.
     pub(super) fn turn_mrad(&self) -> Option<f64> {
         let turns = (0..self.held_out.len()).filter(|&k| !self.rows.is_place[k]);
-        let squares: f64 = turns.clone().map(|k| (self.held_out[k] * self.rows.unit[k]).powi(2)).sum();
+        let squares: f64 = turns
+            .clone()
+            .map(|k| (self.held_out[k] * self.rows.unit[k]).powi(2))
+            .sum();
         let count = turns.count();
         (count > 0).then(|| 1e3 * (3.0 * squares / count as f64).sqrt())
     }
@@ -157,14 +169,25 @@ impl Fit {
     /// Studentised size of each pose: the length of its residuals in standard deviations, as many as it has numbers on average.
     pub(super) fn sizes(&self) -> Vec<(usize, f64)> {
         let size = |(pose, range): &(usize, std::ops::Range<usize>)| {
-            let [e, r] = [&self.held_out, &self.solved.left].map(|x| x.rows(range.start, range.len()));
-            (*pose, (e.dot(&r).max(0.0) / range.len().max(1) as f64).sqrt())
+            let [e, r] =
+                [&self.held_out, &self.solved.left].map(|x| x.rows(range.start, range.len()));
+            (
+                *pose,
+                (e.dot(&r).max(0.0) / range.len().max(1) as f64).sqrt(),
+            )
         };
         self.rows.poses.iter().map(size).collect()
     }
 
     /// Columns of further unknowns, scaled, at where the fit stands.
     pub(super) fn more(&self, problem: &Problem, columns: &[Column]) -> DMatrix<f64> {
-        columns::rows(problem.chain, &self.state, &problem.used(), columns, self.noise).w
+        columns::rows(
+            problem.chain,
+            &self.state,
+            &problem.used(),
+            columns,
+            self.noise,
+        )
+        .w
     }
 }

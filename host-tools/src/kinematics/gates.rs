@@ -54,7 +54,11 @@ pub(super) fn check(
     }
     let mm = |m: f64| 1e3 * m;
     let degrees = map_joints(poses, |q, joint| {
-        if chain.slides(joint) { q } else { q.to_radians() }
+        if chain.slides(joint) {
+            q
+        } else {
+            q.to_radians()
+        }
     });
     let after = error_of(&degrees);
     if after < error / EXPLAINS {
@@ -110,14 +114,20 @@ fn spread(poses: &Poses) -> f64 {
         .collect();
     let count = places.len().max(1) as f64;
     let mean = places.iter().sum::<nalgebra::Vector3<f64>>() / count;
-    let squares: f64 = places.iter().map(|place| (place - mean).norm_squared()).sum();
+    let squares: f64 = places
+        .iter()
+        .map(|place| (place - mean).norm_squared())
+        .sum();
     (squares / count).sqrt()
 }
 
 /// The poses with lengths times a factor.
 fn scaled(poses: &Poses, factor: f64) -> Vec<Pose> {
     let mut changed = poses.poses.clone();
-    for measured in changed.iter_mut().flat_map(|pose| pose.measured.iter_mut().flatten()) {
+    for measured in changed
+        .iter_mut()
+        .flat_map(|pose| pose.measured.iter_mut().flatten())
+    {
         measured.place *= factor;
     }
     changed
@@ -178,7 +188,10 @@ fn best_order(
         .map(|(error, signs)| {
             let turned = (0..joints.len()).filter(|place| signs >> place & 1 == 1);
             let names: Vec<&str> = turned.map(|place| name(joints[place])).collect();
-            (format!("{} with the opposite sign", names.join(", ")), error)
+            (
+                format!("{} with the opposite sign", names.join(", ")),
+                error,
+            )
         });
     by_order
         .into_iter()

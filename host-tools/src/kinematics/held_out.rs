@@ -157,7 +157,10 @@ pub(super) fn by_pose(rows: &Rows, errors: &HeldOut) -> Vec<f64> {
 /// Root mean square distance of places, m.
 pub(super) fn place_rms(rows: &Rows, errors: &HeldOut) -> f64 {
     let places = (0..errors.len()).filter(|&k| rows.is_place[k]);
-    let squares: f64 = places.clone().map(|k| (errors[k] * rows.unit[k]).powi(2)).sum();
+    let squares: f64 = places
+        .clone()
+        .map(|k| (errors[k] * rows.unit[k]).powi(2))
+        .sum();
     (3.0 * squares / places.count().max(1) as f64).sqrt()
 }
 
@@ -180,7 +183,9 @@ mod tests {
         let count = 3 * poses;
         let number = |k: usize| ((k * k * 7919 + k * 104_729) % 1009) as f64 / 504.5 - 1.0;
         Rows {
-            w: DMatrix::from_fn(count, parameters, |r, c| 5.0 * number(r * parameters + c + 1)),
+            w: DMatrix::from_fn(count, parameters, |r, c| {
+                5.0 * number(r * parameters + c + 1)
+            }),
             b: DVector::from_fn(count, |r, _| number(r + 17)),
             unit: vec![1.0; count],
             is_place: vec![true; count],

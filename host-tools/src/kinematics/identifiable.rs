@@ -82,7 +82,10 @@ pub(super) fn rank(problem: &Problem, robot: &Robot, state: &State, columns: &[C
     let w = rows(problem.chain, state, &all, columns, UNKNOWN_NOISE).w;
     let values = triangle(w).singular_values();
     let greatest = values.max();
-    values.iter().filter(|value| **value > RANK * greatest).count()
+    values
+        .iter()
+        .filter(|value| **value > RANK * greatest)
+        .count()
 }
 
 /// The columns of a fit that the data leave open.

@@ -7,6 +7,7 @@
 //!
 //! - `chain`: forward kinematics with corrected frames, and what gravity does at each joint
 //! - `columns`: residuals of poses and their derivatives
+//! - `compare`: poses against a model as it is
 //! - `error`: why poses are refused
 //! - `facts`: what can be wrong with kinematics: the list of candidates and their priors from manufacture
 //! - `fit`: a fit of chosen parameters
@@ -23,6 +24,7 @@
 
 mod chain;
 mod columns;
+mod compare;
 mod error;
 mod facts;
 mod fit;
@@ -37,8 +39,9 @@ mod search;
 mod start;
 mod words;
 
+pub use compare::{ComparedPose, ComparedTarget, PoseComparison, compare_poses};
 pub use error::CalibrateError;
-pub use poses::{Poses, is_pose_file};
+pub use poses::{Poses, is_pose_file, joint_positions};
 pub use result::{
     Alternative, Calibration, Candidate, JointShare, Outlier, PoseError, Step, Value, calibrate,
 };

@@ -41,7 +41,9 @@ pub(super) fn check(problem: &Problem, fit: &Fit) -> Result<(), CalibrateError> 
         let whole = fit.more(problem, &columns);
         let last = fit.rows.poses.len().saturating_sub(LEAST_POSES);
         for split in LEAST_POSES..=last {
-            let Some((_, range)) = fit.rows.poses.get(split) else { continue };
+            let Some((_, range)) = fit.rows.poses.get(split) else {
+                continue;
+            };
             let mut after = whole.clone();
             after.rows_mut(0, range.start).fill(0.0);
             let errors = fit.solved.held_out_with(&fit.rows, Some(&after));

@@ -26,13 +26,23 @@ pub(super) fn of(fit: &Fit) -> Vec<(usize, f64)> {
 }
 
 /// Takes the worst pose out of the problem: another may only look bad beside it. Its place, and its error in mm.
-pub(super) fn worst(problem: &mut Problem, fit: &Fit, found: Vec<(usize, f64)>) -> Option<(usize, f64)> {
+pub(super) fn worst(
+    problem: &mut Problem,
+    fit: &Fit,
+    found: Vec<(usize, f64)>,
+) -> Option<(usize, f64)> {
     let (pose, _) = found.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
     problem.used.retain(|&used| used != pose);
     let (_, range) = fit.rows.poses.iter().find(|(number, _)| *number == pose)?;
     let places = range.clone().filter(|&k| fit.rows.is_place[k]);
-    let squares: f64 = places.clone().map(|k| (fit.held_out[k] * fit.rows.unit[k]).powi(2)).sum();
-    Some((pose, 1e3 * (3.0 * squares / places.count().max(1) as f64).sqrt()))
+    let squares: f64 = places
+        .clone()
+        .map(|k| (fit.held_out[k] * fit.rows.unit[k]).powi(2))
+        .sum();
+    Some((
+        pose,
+        1e3 * (3.0 * squares / places.count().max(1) as f64).sqrt(),
+    ))
 }
 
 /// Refuses more than may be.
@@ -41,7 +51,9 @@ pub(super) fn check(outliers: &[(usize, f64)], poses: &Poses) -> Result<(), Cali
     if outliers.len() <= most {
         return Ok(());
     }
-    let which = outliers.iter().map(|(pose, mm)| format!("{} by {mm:.1} mm", poses.called(*pose)));
+    let which = outliers
+        .iter()
+        .map(|(pose, mm)| format!("{} by {mm:.1} mm", poses.called(*pose)));
     Err(CalibrateError::Outliers {
         count: outliers.len(),
         poses: poses.count(),

@@ -86,8 +86,44 @@ struct PoseColumns {
 /// If it cannot be opened.
 pub fn is_pose_file(path: &Path) -> Result<bool, LogError> {
     let names = column_names(path)?;
-    let places = names.iter().any(|name| target_part(name).is_some_and(|(part, _)| part == Part::Place(0)));
+    let places = names
+        .iter()
+        .any(|name| target_part(name).is_some_and(|(part, _)| part == Part::Place(0)));
     Ok(places && !names.iter().any(|name| name.starts_with("dq/")))
+}
+
+/// Positions of all joints at each row of a file, as `excite --poses` writes it; of a joint without a column 0.
+///
+/// # Errors
+/// If it cannot be read or has no joint's column.
+pub fn joint_positions(path: &Path, model: &Model) -> Result<Vec<Vec<f64>>, CalibrateError> {
+    let robot = model.robot();
+    let mut joints = Vec::new();
+    let table = read_numbers(path, |names| -> Result<_, CalibrateError> {
+        for (cell, name) in names.iter().enumerate() {
+            if let Some(joint) = name.strip_prefix("q/") {
+                joints.push((robot.joint(joint)?, cell));
+            }
+        }
+        if joints.is_empty() {
+            return Err(CalibrateError::Columns {
+                path: path.to_owned(),
+                what: "no joint position `q/<joint>`".to_owned(),
+            });
+        }
+        Ok(joints
+            .iter()
+            .map(|(_, cell)| (*cell, Need::Always))
+            .collect())
+    })?;
+    let row = |row: &Vec<f64>| {
+        let mut q = vec![0.0; robot.bodies().len()];
+        for (&(joint, _), value) in joints.iter().zip(row) {
+            q[joint] = *value;
+        }
+        q
+    };
+    Ok(table.rows.iter().map(row).collect())
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,7 +171,10 @@ impl PoseColumns {
     fn find(path: &Path, names: &[String], robot: &Robot) -> Result<Self, CalibrateError> {
         let mut columns = Self::default();
         let bare = |name: &str| {
-            robot.bodies().iter().position(|body| body.name == name || body.joint_name == name)
+            robot
+                .bodies()
+                .iter()
+                .position(|body| body.name == name || body.joint_name == name)
         };
         for (cell, name) in names.iter().enumerate() {
             if let Some(joint) = name.strip_prefix("q/") {
@@ -168,10 +207,15 @@ impl PoseColumns {
         };
         if columns.joints.is_empty() {
             let joints: Vec<&str> = robot.bodies().iter().map(|b| b.name.as_str()).collect();
-            return Err(missing(format!("no joint position `q/<joint>`; joints are {}", joints.join(", "))));
+            return Err(missing(format!(
+                "no joint position `q/<joint>`; joints are {}",
+                joints.join(", ")
+            )));
         }
         if columns.targets.is_empty() {
-            return Err(missing("no measured target `x/<name>`, `y/<name>`, `z/<name>`".to_owned()));
+            return Err(missing(
+                "no measured target `x/<name>`, `y/<name>`, `z/<name>`".to_owned(),
+            ));
         }
         for target in &columns.targets {
             for (axis, cell) in ["x", "y", "z"].iter().zip(target.place) {
@@ -179,15 +223,25 @@ impl PoseColumns {
                     return Err(missing(format!("no `{axis}/{}`", target.name)));
                 }
             }
-            let counts = [target.quaternion.iter().flatten().count(), target.rpy.iter().flatten().count()];
+            let counts = [
+                target.quaternion.iter().flatten().count(),
+                target.rpy.iter().flatten().count(),
+            ];
             if ![0, 4].contains(&counts[0]) || ![0, 3].contains(&counts[1]) {
-                return Err(missing(format!("part of the orientation of target {}", target.name)));
+                return Err(missing(format!(
+                    "part of the orientation of target {}",
+                    target.name
+                )));
             }
         }
         let mut seen = Vec::new();
         for &(joint, cell) in &columns.joints {
             if seen.contains(&joint) {
-                return Err(missing(format!("two columns of joint {}, the second `{}`", robot.bodies()[joint].name, names[cell])));
+                return Err(missing(format!(
+                    "two columns of joint {}, the second `{}`",
+                    robot.bodies()[joint].name,
+                    names[cell]
+                )));
             }
             seen.push(joint);
         }
@@ -213,9 +267,15 @@ impl PoseColumns {
         let targets = self.targets.iter().flat_map(|target| {
             let all = target.place.iter().chain(&target.quaternion);
             let all = all.chain(&target.rpy).chain(std::iter::once(&target.std));
-            all.flatten().map(|cell| (*cell, Need::Optional)).collect::<Vec<_>>()
+            all.flatten()
+                .map(|cell| (*cell, Need::Optional))
+                .collect::<Vec<_>>()
         });
-        let more = self.payload.iter().chain(&self.t).map(|cell| (*cell, Need::Optional));
+        let more = self
+            .payload
+            .iter()
+            .chain(&self.t)
+            .map(|cell| (*cell, Need::Optional));
         always.chain(sides).chain(targets).chain(more).collect()
     }
 }
@@ -271,7 +331,11 @@ impl Poses {
                 place: table.place(n),
                 q: vec![0.0; joints],
                 side: vec![0.0; joints],
-                payload: found.payload.map(value).filter(|x| x.is_finite()).unwrap_or(0.0),
+                payload: found
+                    .payload
+                    .map(value)
+                    .filter(|x| x.is_finite())
+                    .unwrap_or(0.0),
                 measured: Vec::with_capacity(found.targets.len()),
             };
             for &(joint, cell) in &found.joints {
@@ -286,7 +350,11 @@ impl Poses {
             if let (true, Some(_), Some(before)) = (found.sides.is_empty(), found.t, poses.last()) {
                 for &(joint, _) in &found.joints {
                     let moved = pose.q[joint] - before.q[joint];
-                    pose.side[joint] = if moved.abs() > STILL { moved.signum() } else { 0.0 };
+                    pose.side[joint] = if moved.abs() > STILL {
+                        moved.signum()
+                    } else {
+                        0.0
+                    };
                 }
             }
             for target in &found.targets {
@@ -301,7 +369,11 @@ impl Poses {
         }
         Ok(Self {
             files: vec![path.to_owned()],
-            targets: found.targets.iter().map(|target| target.name.clone()).collect(),
+            targets: found
+                .targets
+                .iter()
+                .map(|target| target.name.clone())
+                .collect(),
             joints: found.joints.iter().map(|(joint, _)| *joint).collect(),
             has_sides: !found.sides.is_empty() || found.t.is_some(),
             poses,
@@ -316,7 +388,10 @@ impl Poses {
     /// Of each target, whether its orientation is measured.
     pub(super) fn oriented(&self) -> Vec<bool> {
         let has = |target: usize| {
-            let mut seen = self.poses.iter().filter_map(|pose| pose.measured[target].as_ref());
+            let mut seen = self
+                .poses
+                .iter()
+                .filter_map(|pose| pose.measured[target].as_ref());
             seen.any(|measured| measured.orientation.is_some())
         };
         (0..self.targets.len()).map(has).collect()
@@ -327,7 +402,9 @@ impl Poses {
         let Some(pose) = self.poses.get(pose) else {
             return String::new();
         };
-        let place = pose.place.map_or_else(String::new, |place| place.to_string());
+        let place = pose
+            .place
+            .map_or_else(String::new, |place| place.to_string());
         match self.files.len() {
             0 | 1 => place,
             _ => format!("{}, {place}", self.files[pose.file].display()),
@@ -335,12 +412,25 @@ impl Poses {
     }
 
     /// The body that carries a target, by default that of the recorded joint farthest from the base.
-    pub(super) fn carrier(&self, model: &Model, target: usize) -> Result<(Option<usize>, String, nalgebra::Vector3<f64>, Matrix3<f64>), UnknownName> {
+    pub(super) fn carrier(
+        &self,
+        model: &Model,
+        target: usize,
+    ) -> Result<(Option<usize>, String, nalgebra::Vector3<f64>, Matrix3<f64>), UnknownName> {
         let name = &self.targets[target];
-        let stated = model.kinematics().tools.iter().find(|tool| tool.name == *name);
+        let stated = model
+            .kinematics()
+            .tools
+            .iter()
+            .find(|tool| tool.name == *name);
         if let Some(tool) = stated {
             let frame = model.robot().frame(&tool.link)?;
-            return Ok((frame.body, tool.link.clone(), frame.placement.translation, frame.placement.rotation));
+            return Ok((
+                frame.body,
+                tool.link.clone(),
+                frame.placement.translation,
+                frame.placement.rotation,
+            ));
         }
         let depth = |joint: &usize| {
             std::iter::successors(Some(*joint), |&j| model.robot().bodies()[j].parent).count()
@@ -369,9 +459,16 @@ fn measured(
         let quaternion = Quaternion::new(w, x, y, z);
         let length = quaternion.norm();
         if !((length - 1.0).abs() < QUATERNION_ROUNDING) {
-            return Err(format!("the quaternion of target {} has the length {length:.3}, not 1", target.name));
+            return Err(format!(
+                "the quaternion of target {} has the length {length:.3}, not 1",
+                target.name
+            ));
         }
-        Some(*UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix().matrix())
+        Some(
+            *UnitQuaternion::from_quaternion(quaternion)
+                .to_rotation_matrix()
+                .matrix(),
+        )
     } else if target.rpy[0].is_some() {
         let [r, p, y] = target.rpy.each_ref().map(read);
         if ![r, p, y].iter().all(|x| x.is_finite()) {

@@ -217,7 +217,13 @@ pub(super) fn stated(poses: &Poses, model: &Model) -> Result<Option<State>, Cali
 /// The error of the file as given, m, if it states all that is needed.
 fn given(problem: &Problem, model: &Model) -> Option<(f64, Vec<Vector3<f64>>)> {
     let state = stated(problem.poses, model).ok().flatten()?;
-    let rows = rows(problem.chain, &state, &problem.used(), &[], start::UNKNOWN_NOISE);
+    let rows = rows(
+        problem.chain,
+        &state,
+        &problem.used(),
+        &[],
+        start::UNKNOWN_NOISE,
+    );
     Some((place_rms(&rows, &rows.b), Vec::new()))
 }
 
@@ -229,7 +235,10 @@ fn not_recorded(chain: &Chain, poses: &Poses, model: &Model, state: &State) -> V
         .collect();
     joints.sort_unstable();
     joints.dedup();
-    let names: Vec<&str> = joints.iter().map(|&joint| model.joint_name(joint)).collect();
+    let names: Vec<&str> = joints
+        .iter()
+        .map(|&joint| model.joint_name(joint))
+        .collect();
     if names.is_empty() {
         return Vec::new();
     }
@@ -298,13 +307,17 @@ pub(super) fn name(problem: &Problem, model: &Model, unknown: Unknown) -> String
         Unknown::Turn(j, 0) => format!("joint_offset:{}", joint(j)),
         Unknown::Shift(j, n) => format!("shift_{n}:link_geometry:{}", joint(j)),
         Unknown::Turn(j, n) => format!("turn_{n}:link_geometry:{}", joint(j)),
-        Unknown::Joint(j, quantity) => format!("{}:{}:{}", quantity.key(), owner(quantity), joint(j)),
+        Unknown::Joint(j, quantity) => {
+            format!("{}:{}:{}", quantity.key(), owner(quantity), joint(j))
+        }
     }
 }
 
 /// The fact that a quantity belongs to.
 pub(super) fn owner(quantity: Q) -> &'static str {
-    let found = super::facts::EFFECTS.iter().find(|fact| fact.quantities.contains(&quantity));
+    let found = super::facts::EFFECTS
+        .iter()
+        .find(|fact| fact.quantities.contains(&quantity));
     found.map_or(super::facts::LINK_GEOMETRY.name, |fact| fact.name)
 }
 
@@ -316,7 +329,10 @@ fn report(
     warnings: Vec<String>,
 ) -> Calibration {
     let names = |joints: &[usize]| -> Vec<String> {
-        joints.iter().map(|&joint| model.joint_name(joint).to_owned()).collect()
+        joints
+            .iter()
+            .map(|&joint| model.joint_name(joint).to_owned())
+            .collect()
     };
     let fit = &found.fit;
     let mut path: Vec<Step> = given
@@ -335,7 +351,11 @@ fn report(
         error: rung.error,
     }));
     let mut judged: Vec<&search::Judged> = found.judged.iter().collect();
-    judged.sort_by(|a, b| (b.taken, b.z).partial_cmp(&(a.taken, a.z)).unwrap_or(std::cmp::Ordering::Equal));
+    judged.sort_by(|a, b| {
+        (b.taken, b.z)
+            .partial_cmp(&(a.taken, a.z))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
     let error_before = |judged: &search::Judged| {
         let at = found.path.iter().position(|rung| {
             judged.taken && rung.step == judged.fact.name && rung.joints == judged.joints
@@ -360,7 +380,11 @@ fn report(
     });
     let first = problem.fit_fixtures(&fit.state_without_joints(model));
     Calibration {
-        verdict: if found.path.len() > 1 { "missing" } else { "complete" },
+        verdict: if found.path.len() > 1 {
+            "missing"
+        } else {
+            "complete"
+        },
         poses: found.used.len(),
         numbers: fit.rows.b.len(),
         unknowns: fit.columns.len(),
@@ -418,7 +442,13 @@ fn along_frame(
         prior += (share * column.prior).powi(2);
         any |= share.abs() > 1e-9;
     }
-    any.then(|| (state.joints[joint][quantity.index()], std.sqrt(), prior.sqrt()))
+    any.then(|| {
+        (
+            state.joints[joint][quantity.index()],
+            std.sqrt(),
+            prior.sqrt(),
+        )
+    })
 }
 
 fn values(problem: &Problem, model: &Model, fit: &Fit) -> Vec<Value> {
@@ -436,12 +466,21 @@ fn values(problem: &Problem, model: &Model, fit: &Fit) -> Vec<Value> {
     let mut values = Vec::new();
     for joint in 0..chain.joints() {
         for quantity in Q::ALL {
-            let own = all.iter().find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
+            let own = all
+                .iter()
+                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
             let own = own.map(|(column, value, std)| (*value, *std, column.prior));
             let known = own.or_else(|| along_frame(chain, &all, joint, quantity, &fit.state));
-            let Some((value, std, prior_std)) = known else { continue };
+            let Some((value, std, prior_std)) = known else {
+                continue;
+            };
             values.push(Value {
-                name: format!("{}:{}:{}", quantity.key(), owner(quantity), model.joint_name(joint)),
+                name: format!(
+                    "{}:{}:{}",
+                    quantity.key(),
+                    owner(quantity),
+                    model.joint_name(joint)
+                ),
                 unit: quantity.unit(chain.slides(joint)),
                 value,
                 std,
@@ -518,7 +557,9 @@ fn applied(
     model.clear_kinematics();
     for joint in 0..chain.joints() {
         for quantity in Q::ALL {
-            let own = all.iter().find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
+            let own = all
+                .iter()
+                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
             let own = own.map(|(_, value, std)| (*value, *std));
             let known = own.or_else(|| {
                 let (value, std, _) = along_frame(chain, &all, joint, quantity, &fit.state)?;
@@ -595,4 +636,3 @@ impl Calibration {
         }
     }
 }
-

@@ -9,6 +9,7 @@ use super::error::CalibrateError;
 use super::facts::{EFFECTS, Fact, LINK_GEOMETRY, OFFSETS, Per};
 use super::fit::{Fit, Problem};
 use super::held_out;
+use super::identifiable::OPEN;
 use super::outliers;
 use super::poses::Poses;
 use crate::model::JointQuantity as Q;
@@ -21,6 +22,8 @@ pub(super) const LEAST_GAIN: f64 = 0.02;
 const MOST_STEPS: usize = 6;
 /// Scales of the priors of geometry that are tried.
 const SCALES: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+/// Share by which a held-out error may be larger and count as the same.
+const AS_GOOD: f64 = 0.02;
 /// Candidates whose gain differs from the best one's by fewer standard errors are its look-alikes.
 const ALIKE: f64 = 2.0;
 
@@ -68,7 +71,9 @@ pub(super) fn search(
     let mut problem = Problem {
         chain,
         poses,
-        used: (0..poses.count()).filter(|&n| super::columns::numbers(&poses.poses[n]) > 0).collect(),
+        used: (0..poses.count())
+            .filter(|&n| super::columns::numbers(&poses.poses[n]) > 0)
+            .collect(),
     };
     let mut outliers = Vec::new();
     // Poses that do not fit are found with the frames that a robot may have, and again with all that was found.
@@ -87,30 +92,107 @@ pub(super) fn search(
     }
 }
 
+/// A way up the ladder.
+struct Climb {
+    fit: Fit,
+    path: Vec<Rung>,
+    judged: Vec<Judged>,
+}
+
 fn climb(problem: &Problem, started: &State, only_offsets: bool) -> Found {
     let mut fit = problem.fit_fixtures(started);
     let mut path = vec![rung("mount", &fit)];
-    for (name, step) in [(OFFSETS.name, false), (LINK_GEOMETRY.name, true)] {
-        if step && only_offsets {
-            break;
-        }
-        let better = geometry(problem, &fit, step);
-        if gains(&fit, &better) {
-            fit = better;
-            path.push(rung(name, &fit));
-        }
+    let zeros = geometry(problem, &fit, false);
+    if gains(&fit, &zeros) {
+        fit = zeros;
+        path.push(rung(OFFSETS.name, &fit));
     }
-    let mut judged: Vec<Judged> = Vec::new();
-    if !only_offsets {
-        effects(problem, &mut fit, &mut path, &mut judged);
-    }
-    Found {
+    let here = Climb {
         fit,
         path,
-        judged,
+        judged: Vec::new(),
+    };
+    let found = if only_offsets {
+        here
+    } else {
+        beyond_zeros(problem, here)
+    };
+    Found {
+        fit: found.fit,
+        path: found.path,
+        judged: found.judged,
         outliers: Vec::new(),
         used: Vec::new(),
     }
+}
+
+/// Frames, then effects. What is missing otherwise may hide what frames gain: where they do not gain alone, both ways are gone, and the one
+/// with frames has to gain over the other as a whole.
+fn beyond_zeros(problem: &Problem, here: Climb) -> Climb {
+    let frames = geometry(problem, &here.fit, true);
+    let alone = gains(&here.fit, &frames);
+    let mut path = here.path.clone();
+    path.push(rung(LINK_GEOMETRY.name, &frames));
+    let with_frames = add_effects(
+        problem,
+        Climb {
+            fit: frames,
+            path,
+            judged: Vec::new(),
+        },
+    );
+    if alone {
+        return with_frames;
+    }
+    let without = add_effects(problem, here);
+    if gains(&without.fit, &with_frames.fit) {
+        with_frames
+    } else {
+        without
+    }
+}
+
+fn add_effects(problem: &Problem, mut climb: Climb) -> Climb {
+    effects(problem, &mut climb.fit, &mut climb.path, &mut climb.judged);
+    let fit = rescaled(problem, &climb.fit);
+    if let Some(last) = climb.path.last_mut() {
+        last.error = fit.error_mm();
+    }
+    Climb { fit, ..climb }
+}
+
+/// The fit with the widest priors of geometry whose held-out error is the least, or within [`AS_GOOD`] of it: they were chosen when the model
+/// lacked its effects, and a prior that is too narrow makes standard deviations too small.
+fn rescaled(problem: &Problem, fit: &Fit) -> Fit {
+    let is_frame = |c: &Column| matches!(c.unknown, Unknown::Shift(..) | Unknown::Turn(..));
+    if !fit.columns.iter().any(is_frame) {
+        return fit.clone();
+    }
+    let joints = asked_joints(problem, &fit.state);
+    let whole = fit
+        .columns
+        .iter()
+        .any(|c| matches!(c.unknown, Unknown::Turn(_, 1)));
+    let tried: Vec<Fit> = SCALES
+        .iter()
+        .map(|&scale| {
+            let priors = frame_columns(problem.chain, &joints, whole, scale);
+            let mut columns = fit.columns.clone();
+            for column in columns.iter_mut().filter(|c| is_frame(c)) {
+                if let Some(own) = priors.iter().find(|own| own.unknown == column.unknown) {
+                    column.prior = own.prior;
+                }
+            }
+            problem.fit(columns, &fit.state, fit.noise)
+        })
+        .collect();
+    let sums: Vec<f64> = tried.iter().map(|t| sum(&t.by_pose(fit.noise))).collect();
+    let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
+    let widest = sums
+        .iter()
+        .rposition(|s| *s <= least * (1.0 + AS_GOOD).powi(2));
+    let chosen = widest.and_then(|n| tried.into_iter().nth(n));
+    chosen.unwrap_or_else(|| fit.clone())
 }
 
 fn rung(step: &'static str, fit: &Fit) -> Rung {
@@ -140,7 +222,12 @@ fn asked_joints(problem: &Problem, state: &State) -> Vec<usize> {
 }
 
 /// The columns of joint frames: their zeros alone, or all six numbers; priors scaled.
-pub(super) fn frame_columns(chain: &Chain, joints: &[usize], whole: bool, scale: f64) -> Vec<Column> {
+pub(super) fn frame_columns(
+    chain: &Chain,
+    joints: &[usize],
+    whole: bool,
+    scale: f64,
+) -> Vec<Column> {
     let size = LINK_GEOMETRY.size * scale;
     let zero = |joint: usize| Column {
         unknown: if chain.slides(joint) {
@@ -148,7 +235,11 @@ pub(super) fn frame_columns(chain: &Chain, joints: &[usize], whole: bool, scale:
         } else {
             Unknown::Turn(joint, 0)
         },
-        prior: if whole { size.max(OFFSETS.size * scale.min(1.0)) } else { OFFSETS.size * scale },
+        prior: if whole {
+            size.max(OFFSETS.size * scale.min(1.0))
+        } else {
+            OFFSETS.size * scale
+        },
     };
     let mut columns: Vec<Column> = joints.iter().map(|&joint| zero(joint)).collect();
     if whole {
@@ -177,7 +268,11 @@ fn geometry(problem: &Problem, before: &Fit, whole: bool) -> Fit {
     let joints = asked_joints(problem, &before.state);
     let mut best: Option<(f64, Fit)> = None;
     for scale in SCALES {
-        let columns = [&fixtures[..], &frame_columns(problem.chain, &joints, whole, scale)].concat();
+        let columns = [
+            &fixtures[..],
+            &frame_columns(problem.chain, &joints, whole, scale),
+        ]
+        .concat();
         let from = best.as_ref().map_or(before, |(_, fit)| fit);
         let fit = problem.fit(columns, &from.state, from.noise);
         let sum: f64 = fit.by_pose(before.noise).iter().sum();
@@ -192,7 +287,9 @@ fn geometry(problem: &Problem, before: &Fit, whole: bool) -> Fit {
 fn prior(problem: &Problem, fit: &Fit, fact: &Fact, joint: usize) -> Option<f64> {
     let greatest = |of: &dyn Fn(&super::poses::Pose) -> f64| {
         let used = problem.used();
-        used.iter().map(|(_, pose)| of(pose).abs()).fold(0.0, f64::max)
+        used.iter()
+            .map(|(_, pose)| of(pose).abs())
+            .fold(0.0, f64::max)
     };
     let per = match fact.per {
         Per::One => 1.0,
@@ -235,7 +332,9 @@ fn candidates(problem: &Problem, fit: &Fit) -> Vec<(&'static Fact, Vec<usize>, V
             continue;
         }
         let open: Vec<usize> = (joints.iter().copied())
-            .filter(|&joint| fact.can_be_at(problem.chain, joint) && !has(joint, fact.quantities[0]))
+            .filter(|&joint| {
+                fact.can_be_at(problem.chain, joint) && !has(joint, fact.quantities[0])
+            })
             .collect();
         let single = open.iter().map(|&joint| vec![joint]);
         let family = (open.len() > 1).then(|| open.clone());
@@ -253,7 +352,10 @@ fn candidates(problem: &Problem, fit: &Fit) -> Vec<(&'static Fact, Vec<usize>, V
 fn effects(problem: &Problem, fit: &mut Fit, path: &mut Vec<Rung>, judged: &mut Vec<Judged>) {
     for _ in 0..MOST_STEPS {
         let candidates = candidates(problem, fit);
-        let columns: Vec<Column> = candidates.iter().flat_map(|c| c.2.iter().copied()).collect();
+        let columns: Vec<Column> = candidates
+            .iter()
+            .flat_map(|c| c.2.iter().copied())
+            .collect();
         let all = fit.more(problem, &columns);
         let before = held_out::by_pose(&fit.rows, &fit.held_out);
         let mut first = 0;
@@ -278,9 +380,11 @@ fn effects(problem: &Problem, fit: &mut Fit, path: &mut Vec<Rung>, judged: &mut 
         let Some(best) = scored.first() else { return };
         let mut best_judged = judge(best);
         judged.extend(scored.iter().skip(1).map(judge));
-        let worth = best_judged.z >= LEAST_Z
-            && (sum(&best.1) / sum(&before)).sqrt() <= 1.0 - LEAST_GAIN;
-        let taken = worth.then(|| take(problem, fit, &candidates[best.0])).flatten();
+        let worth =
+            best_judged.z >= LEAST_Z && (sum(&best.1) / sum(&before)).sqrt() <= 1.0 - LEAST_GAIN;
+        let taken = worth
+            .then(|| take(problem, fit, &candidates[best.0]))
+            .flatten();
         let Some((next, joints)) = taken.filter(|(next, _)| gains(fit, next)) else {
             judged.push(best_judged);
             return;
@@ -311,31 +415,38 @@ fn sum(x: &[f64]) -> f64 {
     x.iter().sum()
 }
 
-/// The fit with a candidate, but for the joints where it comes out with a sign that it cannot have; and the joints that stay. None if none
-/// does.
+/// The fit with a candidate, but for what comes out with a sign that it cannot have or that the poses do not move at all; and the joints that
+/// stay. None if none does.
 fn take(
     problem: &Problem,
     fit: &Fit,
-    (fact, joints, columns): &(&'static Fact, Vec<usize>, Vec<Column>),
+    (fact, joints, own): &(&'static Fact, Vec<usize>, Vec<Column>),
 ) -> Option<(Fit, Vec<usize>)> {
-    let positive = |quantity: Q| matches!(quantity, Q::Elasticity | Q::Backlash);
-    let mut joints = joints.clone();
-    let mut own = columns.clone();
-    while !own.is_empty() {
-        let next = problem.fit([&fit.columns[..], &own].concat(), &fit.state, fit.noise);
-        let wrong = |column: &Column| match column.unknown {
+    let mut columns = [&fit.columns[..], own].concat();
+    // Each round takes at least one column away.
+    for _ in 0..=columns.len() {
+        let next = problem.fit(columns, &fit.state, fit.noise);
+        let stays = |k: usize, column: &Column| match column.unknown {
             Unknown::Joint(_, quantity) => {
-                positive(quantity) && next.state.value(problem.chain, column.unknown) <= 0.0
+                let value = next.state.value(problem.chain, column.unknown);
+                let is_open = next.solved.inverse.row(k).norm() > OPEN;
+                let is_possible = !matches!(quantity, Q::Elasticity | Q::Backlash) || value > 0.0;
+                is_possible && !is_open
             }
-            _ => false,
+            _ => true,
         };
-        if !own.iter().any(wrong) {
-            return Some((next, joints));
+        columns = (next.columns.iter().enumerate())
+            .filter(|(k, column)| stays(*k, column))
+            .map(|(_, column)| *column)
+            .collect();
+        if columns.len() == next.columns.len() {
+            let has = |&joint: &usize| {
+                let unknown = Unknown::Joint(joint, fact.quantities[0]);
+                columns.iter().any(|column| column.unknown == unknown)
+            };
+            let joints: Vec<usize> = joints.iter().copied().filter(has).collect();
+            return (!joints.is_empty()).then_some((next, joints));
         }
-        own.retain(|column| !wrong(column));
-        joints.retain(|&joint| {
-            own.iter().any(|c| c.unknown == Unknown::Joint(joint, fact.quantities[0]))
-        });
     }
     None
 }

@@ -50,7 +50,10 @@ pub(super) fn fit(chain: &Chain, state: &State, poses: &[(usize, &Pose)]) -> (St
         let steps = columns.iter().zip(solved.step.iter());
         let steps: Vec<(Unknown, f64)> = steps.map(|(c, s)| (c.unknown, c.prior * s)).collect();
         let places = (0..rows.b.len()).filter(|&k| rows.is_place[k]);
-        let squares: f64 = places.clone().map(|k| (solved.left[k] * rows.unit[k]).powi(2)).sum();
+        let squares: f64 = places
+            .clone()
+            .map(|k| (solved.left[k] * rows.unit[k]).powi(2))
+            .sum();
         error = (3.0 * squares / places.count().max(1) as f64).sqrt();
         state = state.stepped(chain, &steps);
         if steps.iter().all(|(_, step)| step.abs() < SETTLED) {
@@ -69,7 +72,9 @@ pub(super) fn columns(state: &State, poses: &[(usize, &Pose)]) -> Vec<Column> {
     let mut columns: Vec<Column> = (0..6).map(|k| free(Unknown::Mount(k))).collect();
     for t in 0..state.targets.len() {
         let turned = poses.iter().any(|(_, pose)| {
-            pose.measured[t].as_ref().is_some_and(|m| m.orientation.is_some())
+            pose.measured[t]
+                .as_ref()
+                .is_some_and(|m| m.orientation.is_some())
         });
         let numbers = if turned { 6 } else { 3 };
         columns.extend((0..numbers).map(|k| free(Unknown::Target(t, k))));

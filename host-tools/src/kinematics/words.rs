@@ -30,11 +30,23 @@ impl Calibration {
     pub fn summary(&self, poses: &Poses, model: Option<&Path>, applied: bool) -> Summary {
         let first = self.path.first().map_or(f64::NAN, |step| step.error);
         let last = self.path.last().map_or(f64::NAN, |step| step.error);
-        let steps: Vec<&Step> = self.path.iter().filter(|step| step.effect.is_some()).collect();
+        let steps: Vec<&Step> = self
+            .path
+            .iter()
+            .filter(|step| step.effect.is_some())
+            .collect();
         let headline = if steps.is_empty() {
-            format!("Nothing is missing. Held-out error {} mm over {} poses", mm(last), self.poses)
+            format!(
+                "Nothing is missing. Held-out error {} mm over {} poses",
+                mm(last),
+                self.poses
+            )
         } else {
-            let causes = if steps.len() == 1 { "1 cause".to_owned() } else { format!("{} causes", steps.len()) };
+            let causes = if steps.len() == 1 {
+                "1 cause".to_owned()
+            } else {
+                format!("{} causes", steps.len())
+            };
             format!(
                 "Missing: {causes}. Held-out error {} → {} mm over {} poses",
                 mm(first),
@@ -75,14 +87,26 @@ impl Calibration {
         for candidate in self.candidates.iter().filter(|candidate| candidate.taken) {
             for joint in candidate.joints.iter().take(3) {
                 let end = format!(":{}:{joint}", candidate.effect);
-                let own = self.parameters.iter().filter(|value| value.name.ends_with(&end));
+                let own = self
+                    .parameters
+                    .iter()
+                    .filter(|value| value.name.ends_with(&end));
                 for value in own.take(2) {
                     let symbol = value.name.split(':').next().unwrap_or_default();
                     words.push(if symbol == "1/k" && value.value > 0.0 {
                         let k = 1.0 / value.value;
-                        format!("{joint} k {} ± {} N m/rad", short(k), short(value.std * k * k))
+                        format!(
+                            "{joint} k {} ± {} N m/rad",
+                            short(k),
+                            short(value.std * k * k)
+                        )
                     } else {
-                        format!("{joint} {symbol} {} ± {} {}", short(value.value), short(value.std), value.unit)
+                        format!(
+                            "{joint} {symbol} {} ± {} {}",
+                            short(value.value),
+                            short(value.std),
+                            value.unit
+                        )
                     });
                 }
             }
@@ -99,7 +123,11 @@ impl Calibration {
         if !words.is_empty() {
             return words.join("; ");
         }
-        match self.candidates.iter().find(|candidate| candidate.effect == "elasticity") {
+        match self
+            .candidates
+            .iter()
+            .find(|candidate| candidate.effect == "elasticity")
+        {
             Some(tried) => format!(
                 "No effect beyond geometry gains: elasticity changes the held-out error by {:+.3} mm (z {:.1})",
                 -tried.held_out_gain, tried.z
@@ -112,10 +140,21 @@ impl Calibration {
     fn doubts(&self) -> Option<String> {
         let mut words = Vec::new();
         if !self.outliers.is_empty() {
-            let named = self.outliers.iter().take(3).map(|o| format!("{} ({} mm)", o.pose, mm(o.error)));
-            words.push(format!("Left out: {}", named.collect::<Vec<_>>().join(", ")));
+            let named = self
+                .outliers
+                .iter()
+                .take(3)
+                .map(|o| format!("{} ({} mm)", o.pose, mm(o.error)));
+            words.push(format!(
+                "Left out: {}",
+                named.collect::<Vec<_>>().join(", ")
+            ));
         }
-        let open = self.parameters.iter().filter(|value| value.status == "unexcited").count();
+        let open = self
+            .parameters
+            .iter()
+            .filter(|value| value.status == "unexcited")
+            .count();
         if open > 0 {
             words.push(format!(
                 "{open} of {} corrections stay as open as their priors; {} of {} parameters are identifiable as combinations",
@@ -129,7 +168,9 @@ impl Calibration {
 
     /// Every value, candidate and pose.
     pub fn details(&self) -> String {
-        let mut out = String::from("\nvalue                                    estimate            std  status\n");
+        let mut out = String::from(
+            "\nvalue                                    estimate            std  status\n",
+        );
         for value in &self.parameters {
             out += &format!(
                 "{:<34} {:>14} {:>14}  {} ({})\n",
@@ -147,12 +188,25 @@ impl Calibration {
             } else {
                 candidate.joints.join(",")
             };
-            let called = format!("{} {joints}{}", candidate.effect, if candidate.taken { " (added)" } else { "" });
-            out += &format!("{called:<44} {:>11.4} {:>8.1}\n", candidate.held_out_gain, candidate.z);
+            let called = format!(
+                "{} {joints}{}",
+                candidate.effect,
+                if candidate.taken { " (added)" } else { "" }
+            );
+            out += &format!(
+                "{called:<44} {:>11.4} {:>8.1}\n",
+                candidate.held_out_gain, candidate.z
+            );
         }
         out += "\npose                 target         before mm   after mm\n";
         for error in &self.by_pose {
-            out += &format!("{:<20} {:<14} {:>9} {:>10}\n", error.pose, error.target, mm(error.before), mm(error.after));
+            out += &format!(
+                "{:<20} {:<14} {:>9} {:>10}\n",
+                error.pose,
+                error.target,
+                mm(error.before),
+                mm(error.after)
+            );
         }
         out
     }

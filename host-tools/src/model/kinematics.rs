@@ -116,11 +116,7 @@ impl Fixture {
     }
 
     /// Of a transform.
-    pub fn new(
-        at: &Transform<f64>,
-        xyz_std: Option<[f64; 3]>,
-        rpy_std: Option<[f64; 3]>,
-    ) -> Self {
+    pub fn new(at: &Transform<f64>, xyz_std: Option<[f64; 3]>, rpy_std: Option<[f64; 3]>) -> Self {
         let (r, p, y) = Rotation3::from_matrix_unchecked(at.rotation).euler_angles();
         let rounded = |x: [f64; 3]| x.map(super::rounded);
         Self {

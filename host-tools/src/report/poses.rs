@@ -44,8 +44,16 @@ pub fn vectors(errors: &[PoseError]) -> Section {
         .fold(0.0, f64::max);
     let longest = errors.iter().map(|e| e.before).fold(0.0, f64::max);
     // m on the page per mm of error.
-    let scale = if longest > 0.0 { LONGEST * span.max(0.1) / longest } else { 0.0 };
-    let views = [("from the side", 0, 2), ("from the front", 1, 2), ("from above", 0, 1)];
+    let scale = if longest > 0.0 {
+        LONGEST * span.max(0.1) / longest
+    } else {
+        0.0
+    };
+    let views = [
+        ("from the side", 0, 2),
+        ("from the front", 1, 2),
+        ("from above", 0, 1),
+    ];
     let figures = views.map(|(name, a, b)| {
         let lines = |of: fn(&PoseError) -> [f64; 3]| {
             let shown = || thin::spread(errors.len(), VECTORS).map(|k| &errors[k]);
@@ -56,7 +64,10 @@ pub fn vectors(errors: &[PoseError]) -> Section {
         };
         let trace = |of: fn(&PoseError) -> [f64; 3], name: &str, colour: &'static str, width| {
             let (x, y) = lines(of);
-            Scatter::new(x, y).name(name).mode(Mode::Lines).line(line(colour, width))
+            Scatter::new(x, y)
+                .name(name)
+                .mode(Mode::Lines)
+                .line(line(colour, width))
         };
         const AXES: [&str; 3] = ["x (m)", "y (m)", "z (m)"];
         Figure {
@@ -82,7 +93,11 @@ pub fn vectors(errors: &[PoseError]) -> Section {
             key("before", colour::REMOVED, Mark::Solid, Some(0)),
             key("after", colour::MODELS[0], Mark::Solid, Some(1)),
         ],
-        figures: if errors.is_empty() { Vec::new() } else { figures.into() },
+        figures: if errors.is_empty() {
+            Vec::new()
+        } else {
+            figures.into()
+        },
         columns: 3,
         ..Section::default()
     }
@@ -108,7 +123,12 @@ pub fn by_pose(errors: &[PoseError]) -> Section {
         height: 240,
     };
     let row = |e: &PoseError| {
-        vec![Cell::text(&e.pose), Cell::text(&e.target), mm(e.before), mm(e.after)]
+        vec![
+            Cell::text(&e.pose),
+            Cell::text(&e.target),
+            mm(e.before),
+            mm(e.after),
+        ]
     };
     Section {
         id: "poses",
@@ -135,7 +155,11 @@ pub fn by_pose(errors: &[PoseError]) -> Section {
 
 /// How much each joint's corrections move the targets.
 pub fn by_joint(shares: &[JointShare]) -> Section {
-    let names: Vec<String> = shares.iter().rev().map(|s| escape::plot(&s.joint).into_owned()).collect();
+    let names: Vec<String> = shares
+        .iter()
+        .rev()
+        .map(|s| escape::plot(&s.joint).into_owned())
+        .collect();
     let bar = Bar::new(plotted(shares.iter().rev().map(|s| s.moves)), names)
         .name("moves the targets by")
         .orientation(Orientation::Horizontal)
@@ -166,7 +190,10 @@ pub fn by_joint(shares: &[JointShare]) -> Section {
 /// All candidates.
 pub fn candidates(candidates: &[Candidate]) -> Section {
     let row = |c: &Candidate| {
-        let alike = c.alternatives.iter().map(|a| format!("{} {}", a.effect, a.joints.join(", ")));
+        let alike = c
+            .alternatives
+            .iter()
+            .map(|a| format!("{} {}", a.effect, a.joints.join(", ")));
         vec![
             Cell::text(c.effect),
             Cell::text(c.joints.join(", ")),

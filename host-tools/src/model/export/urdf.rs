@@ -199,7 +199,10 @@ impl Target<'_> {
         let corrected = place.compose(&correction);
         let turned = Rotation3::from_matrix_unchecked(corrected.rotation);
         let (r, p, y) = turned.euler_angles();
-        let (xyz, rpy) = (numbers(corrected.translation.iter().copied()), numbers([r, p, y]));
+        let (xyz, rpy) = (
+            numbers(corrected.translation.iter().copied()),
+            numbers([r, p, y]),
+        );
         match origin {
             Some(origin) => {
                 edits.set(origin, "xyz", &xyz);

@@ -61,7 +61,11 @@ pub(super) fn read(model: &mut Model, file: &File) -> Result<(), Fault> {
 /// The quantity of a key; elasticity and backlash are effects and have tables of their own.
 fn quantity(name: &str, at: usize) -> Result<JointQuantity, Fault> {
     let effects = [JointQuantity::Elasticity, JointQuantity::Backlash];
-    let own = || JointQuantity::ALL.into_iter().filter(|q| !effects.contains(q));
+    let own = || {
+        JointQuantity::ALL
+            .into_iter()
+            .filter(|q| !effects.contains(q))
+    };
     own().find(|q| q.key() == name).ok_or_else(|| {
         let unknown = UnknownName::new("correction", name, own().map(JointQuantity::key));
         (Some(at), ModelProblem::UnknownName(unknown))
@@ -112,7 +116,11 @@ pub(super) fn write(out: &mut String, model: &Model) -> std::fmt::Result {
     {
         let [name, link] = [name, link].map(|name| string(name));
         writeln!(out, "\n[[tool]]\nname = {name}\nlink = {link}")?;
-        write_fixture(out, fixture, fixture.rpy != [0.0; 3] || fixture.rpy_std.is_some())?;
+        write_fixture(
+            out,
+            fixture,
+            fixture.rpy != [0.0; 3] || fixture.rpy_std.is_some(),
+        )?;
     }
     let mut last = None;
     for (joint, quantity, Estimate { value, std }) in &known.corrections {
