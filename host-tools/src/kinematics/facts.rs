@@ -7,26 +7,26 @@ use crate::model::JointQuantity as Q;
 
 /// A cause of error at a joint, or at all.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fact {
+pub(super) struct Fact {
     /// Its name, as in JSON.
-    pub name: &'static str,
+    pub(super) name: &'static str,
     /// The numbers that it has at a joint.
-    pub quantities: &'static [Q],
+    pub(super) quantities: &'static [Q],
     /// What it is, in words.
-    pub words: &'static str,
+    pub(super) words: &'static str,
     /// The motion that separates it from its look-alikes.
-    pub separated_by: &'static str,
+    pub(super) separated_by: &'static str,
     /// What its numbers move the joint or link by in manufacture: one standard deviation, in rad (of a shift in m).
-    pub size: f64,
+    pub(super) size: f64,
     /// What the size is divided by to give the number's own unit.
-    pub per: Per,
+    pub(super) per: Per,
     /// Whether it needs to be known from which side the joint came.
-    pub needs_sides: bool,
+    pub(super) needs_sides: bool,
 }
 
 /// What one unit of a number moves the joint by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Per {
+pub(super) enum Per {
     /// One rad or m.
     One,
     /// The joint's greatest distance from zero among the poses.
@@ -39,7 +39,7 @@ pub enum Per {
 
 /// Frames off by some tenths of a mm and mrad: machining and assembly of links of 0.1–1 m leave that by ISO 2768-m (±0.1 mm to ±0.8 mm),
 /// and uncalibrated industrial robots miss by 1–10 mm at 2 m (Mooring, Roth & Driels 1991, ch. 1). The search scales it.
-pub const LINK_GEOMETRY: Fact = Fact {
+pub(super) const LINK_GEOMETRY: Fact = Fact {
     name: "link_geometry",
     quantities: &[
         Q::Shift(0),
@@ -57,7 +57,7 @@ pub const LINK_GEOMETRY: Fact = Fact {
 };
 
 /// The zero of a joint's encoder, set by marks or by hand: 10 mrad.
-pub const OFFSETS: Fact = Fact {
+pub(super) const OFFSETS: Fact = Fact {
     name: "joint_offset",
     quantities: &[],
     words: "zeros of the joints",
@@ -68,7 +68,7 @@ pub const OFFSETS: Fact = Fact {
 };
 
 /// All effects beyond geometry, in the order in which equals are named.
-pub const EFFECTS: [Fact; 6] = [
+pub(super) const EFFECTS: [Fact; 6] = [
     // Gears of industrial robots yield by some mrad at full load (Zimmermann & Moberg; Khalil & Besnard 2002).
     Fact {
         name: "elasticity",

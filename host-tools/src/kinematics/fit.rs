@@ -166,19 +166,6 @@ impl Fit {
             .collect()
     }
 
-    /// Studentised size of each pose: the length of its residuals in standard deviations, as many as it has numbers on average.
-    pub(super) fn sizes(&self) -> Vec<(usize, f64)> {
-        let size = |(pose, range): &(usize, std::ops::Range<usize>)| {
-            let [e, r] =
-                [&self.held_out, &self.solved.left].map(|x| x.rows(range.start, range.len()));
-            (
-                *pose,
-                (e.dot(&r).max(0.0) / range.len().max(1) as f64).sqrt(),
-            )
-        };
-        self.rows.poses.iter().map(size).collect()
-    }
-
     /// Columns of further unknowns, scaled, at where the fit stands.
     pub(super) fn more(&self, problem: &Problem, columns: &[Column]) -> DMatrix<f64> {
         columns::rows(

@@ -50,11 +50,6 @@ pub(super) fn solve(rows: &Rows, prior: &DVector<f64>) -> Solved {
 }
 
 impl Solved {
-    /// How many parameters the data, rather than the priors, determine: the trace of the hat matrix.
-    pub(super) fn determined(&self) -> f64 {
-        self.q.norm_squared()
-    }
-
     /// Held-out errors.
     pub(super) fn held_out(&self, rows: &Rows) -> HeldOut {
         self.held_out_with(rows, None)

@@ -8,6 +8,7 @@
 //! - `chain`: forward kinematics with corrected frames, and what gravity does at each joint
 //! - `columns`: residuals of poses and their derivatives
 //! - `compare`: poses against a model as it is
+//! - `design`: which poses to measure
 //! - `error`: why poses are refused
 //! - `facts`: what can be wrong with kinematics: the list of candidates and their priors from manufacture
 //! - `fit`: a fit of chosen parameters
@@ -25,6 +26,7 @@
 mod chain;
 mod columns;
 mod compare;
+mod design;
 mod error;
 mod facts;
 mod fit;
@@ -40,6 +42,7 @@ mod start;
 mod words;
 
 pub use compare::{ComparedPose, ComparedTarget, PoseComparison, compare_poses};
+pub use design::{Expected, PoseDesign, design_poses};
 pub use error::CalibrateError;
 pub use poses::{Poses, is_pose_file, joint_positions};
 pub use result::{

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::error::CalibrateError;
-use crate::log::{LogError, Need, Place, column_names, read_numbers};
+use crate::log::{Need, Place, column_names, read_numbers};
 use crate::model::{Model, Robot, UnknownName};
 
 /// How far a quaternion's length may be from 1.
@@ -80,16 +80,19 @@ struct PoseColumns {
     t: Option<usize>,
 }
 
-/// Whether a file is one of poses rather than a log: it places a target and has no velocity.
-///
-/// # Errors
-/// If it cannot be opened.
-pub fn is_pose_file(path: &Path) -> Result<bool, LogError> {
-    let names = column_names(path)?;
-    let places = names
-        .iter()
-        .any(|name| target_part(name).is_some_and(|(part, _)| part == Part::Place(0)));
-    Ok(places && !names.iter().any(|name| name.starts_with("dq/")))
+/// Whether a file is one of poses rather than a log: it places a target and has no velocity. Streams are logs: what was read of them is gone.
+pub fn is_pose_file(path: &Path) -> bool {
+    const BAGS: [&str; 2] = ["mcap", "db3"];
+    let is_bag = path
+        .extension()
+        .is_some_and(|e| BAGS.iter().any(|bag| e == *bag));
+    if is_bag || !path.is_file() {
+        return false;
+    }
+    // What cannot be read is told as of a log.
+    let names = column_names(path).unwrap_or_default();
+    let places = |name: &String| target_part(name).is_some_and(|(part, _)| part == Part::Place(0));
+    names.iter().any(places) && !names.iter().any(|name| name.starts_with("dq/"))
 }
 
 /// Positions of all joints at each row of a file, as `excite --poses` writes it; of a joint without a column 0.
@@ -416,7 +419,7 @@ impl Poses {
         &self,
         model: &Model,
         target: usize,
-    ) -> Result<(Option<usize>, String, nalgebra::Vector3<f64>, Matrix3<f64>), UnknownName> {
+    ) -> Result<(Option<usize>, String, Vector3<f64>, Matrix3<f64>), UnknownName> {
         let name = &self.targets[target];
         let stated = model
             .kinematics()

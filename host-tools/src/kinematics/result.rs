@@ -10,7 +10,7 @@ use super::error::CalibrateError;
 use super::fit::{Fit, Problem};
 use super::held_out::place_rms;
 use super::identifiable;
-use super::poses::{Pose, Poses};
+use super::poses::Poses;
 use super::search::{self, Found, frame_columns};
 use super::{gates, moved, start};
 use crate::model::{Fixture, JointQuantity as Q, Model, Provenance, Tool};

@@ -10,8 +10,8 @@ use super::facts::{EFFECTS, Fact, LINK_GEOMETRY, OFFSETS, Per};
 use super::fit::{Fit, Problem};
 use super::held_out;
 use super::identifiable::OPEN;
-use super::outliers;
 use super::poses::Poses;
+use super::{outliers, start};
 use crate::model::JointQuantity as Q;
 
 /// Standard errors that a step's mean gain needs.
@@ -75,21 +75,26 @@ pub(super) fn search(
             .filter(|&n| super::columns::numbers(&poses.poses[n]) > 0)
             .collect(),
     };
-    let mut outliers = Vec::new();
-    // Poses that do not fit are found with the frames that a robot may have, and again with all that was found.
-    loop {
-        let found = climb(&problem, started, only_offsets);
-        let more = outliers::of(&found.fit);
-        if more.is_empty() {
-            return Ok(Found {
-                outliers,
-                used: problem.used,
-                ..found
-            });
-        }
-        outliers.extend(outliers::worst(&mut problem, &found.fit, more));
-        outliers::check(&outliers, poses)?;
-    }
+    let rich = all_columns(&problem, started, only_offsets);
+    let outliers = outliers::find(&problem, started, rich)?;
+    problem
+        .used
+        .retain(|used| outliers.iter().all(|(pose, _)| pose != used));
+    let found = climb(&problem, started, only_offsets);
+    Ok(Found {
+        outliers,
+        used: problem.used,
+        ..found
+    })
+}
+
+/// All that is looked for first: mount, targets, frames (or zeros), elasticity.
+fn all_columns(problem: &Problem, state: &State, only_offsets: bool) -> Vec<Column> {
+    let fixtures = start::columns(state, &problem.used());
+    let joints = asked_joints(problem, state);
+    let frames = frame_columns(problem.chain, &joints, !only_offsets, 1.0);
+    let elastic = effect_columns(problem, state, &EFFECTS[0], &joints);
+    [fixtures, frames, elastic].concat()
 }
 
 /// A way up the ladder.
@@ -185,6 +190,10 @@ fn rescaled(problem: &Problem, fit: &Fit) -> Fit {
             }
             problem.fit(columns, &fit.state, fit.noise)
         })
+        .collect();
+    let tried: Vec<Fit> = tried
+        .into_iter()
+        .filter(|t| wrong_signs(problem, t) == 0)
         .collect();
     let sums: Vec<f64> = tried.iter().map(|t| sum(&t.by_pose(fit.noise))).collect();
     let least = sums.iter().copied().fold(f64::INFINITY, f64::min);
@@ -284,7 +293,7 @@ fn geometry(problem: &Problem, before: &Fit, whole: bool) -> Fit {
 }
 
 /// What an effect's numbers are before the data at a joint: its size per what the poses multiply it by.
-fn prior(problem: &Problem, fit: &Fit, fact: &Fact, joint: usize) -> Option<f64> {
+fn prior(problem: &Problem, state: &State, fact: &Fact, joint: usize) -> Option<f64> {
     let greatest = |of: &dyn Fn(&super::poses::Pose) -> f64| {
         let used = problem.used();
         used.iter()
@@ -298,15 +307,15 @@ fn prior(problem: &Problem, fit: &Fit, fact: &Fact, joint: usize) -> Option<f64>
             let carrier = problem.chain.parent(joint)?;
             greatest(&|pose| pose.q[carrier])
         }
-        Per::Load => greatest(&|pose| problem.chain.frames(&fit.state, pose).load[joint].norm()),
+        Per::Load => greatest(&|pose| problem.chain.frames(state, pose).load[joint].norm()),
     };
     (per > 1e-9).then_some(fact.size / per)
 }
 
 /// The columns of an effect at joints.
-fn effect_columns(problem: &Problem, fit: &Fit, fact: &Fact, joints: &[usize]) -> Vec<Column> {
+fn effect_columns(problem: &Problem, state: &State, fact: &Fact, joints: &[usize]) -> Vec<Column> {
     let of_joint = |&joint: &usize| {
-        let prior = prior(problem, fit, fact, joint)?;
+        let prior = prior(problem, state, fact, joint)?;
         let columns = fact.quantities.iter().map(move |&quantity| Column {
             unknown: Unknown::Joint(joint, quantity),
             prior,
@@ -339,7 +348,7 @@ fn candidates(problem: &Problem, fit: &Fit) -> Vec<(&'static Fact, Vec<usize>, V
         let single = open.iter().map(|&joint| vec![joint]);
         let family = (open.len() > 1).then(|| open.clone());
         for joints in family.into_iter().chain(single) {
-            let columns = effect_columns(problem, fit, fact, &joints);
+            let columns = effect_columns(problem, &fit.state, fact, &joints);
             if !columns.is_empty() {
                 all.push((fact, joints, columns));
             }
@@ -409,6 +418,17 @@ fn effects(problem: &Problem, fit: &mut Fit, path: &mut Vec<Rung>, judged: &mut 
         });
         judged.push(best_judged);
     }
+}
+
+/// How many springs and gaps of a fit are negative, which none can be.
+fn wrong_signs(problem: &Problem, fit: &Fit) -> usize {
+    let is_wrong = |column: &&Column| match column.unknown {
+        Unknown::Joint(_, Q::Elasticity | Q::Backlash) => {
+            fit.state.value(problem.chain, column.unknown) <= 0.0
+        }
+        _ => false,
+    };
+    fit.columns.iter().filter(is_wrong).count()
 }
 
 fn sum(x: &[f64]) -> f64 {

@@ -15,13 +15,22 @@ pub(super) fn mm(x: f64) -> String {
     }
 }
 
+/// Joints by name, or how many.
+fn listed(joints: &[String]) -> String {
+    if joints.len() <= 3 {
+        joints.join(", ")
+    } else {
+        format!("at {} joints", joints.len())
+    }
+}
+
 /// What was added, in words: `elasticity A2, A3`.
 fn added(step: &Step) -> String {
     let effect = step.effect.unwrap_or(step.step);
     if step.joints.is_empty() {
         effect.to_owned()
     } else {
-        format!("{effect} {}", step.joints.join(", "))
+        format!("{effect} {}", listed(&step.joints))
     }
 }
 
@@ -85,55 +94,64 @@ impl Calibration {
     fn effects_in_words(&self) -> String {
         let mut words = Vec::new();
         for candidate in self.candidates.iter().filter(|candidate| candidate.taken) {
-            for joint in candidate.joints.iter().take(3) {
-                let end = format!(":{}:{joint}", candidate.effect);
-                let own = self
-                    .parameters
-                    .iter()
-                    .filter(|value| value.name.ends_with(&end));
-                for value in own.take(2) {
-                    let symbol = value.name.split(':').next().unwrap_or_default();
-                    words.push(if symbol == "1/k" && value.value > 0.0 {
-                        let k = 1.0 / value.value;
-                        format!(
-                            "{joint} k {} ± {} N m/rad",
-                            short(k),
-                            short(value.std * k * k)
-                        )
-                    } else {
-                        format!(
-                            "{joint} {symbol} {} ± {} {}",
-                            short(value.value),
-                            short(value.std),
-                            value.unit
-                        )
-                    });
-                }
-            }
+            words.extend(self.values_in_words(candidate));
             if let Some(other) = candidate.alternatives.first() {
                 words.push(format!(
-                    "{} {} confounded with {} {} on these poses",
+                    "{} is confounded with {} {} on these poses",
                     candidate.effect,
-                    candidate.joints.join(", "),
                     other.effect,
-                    other.joints.join(", ")
+                    listed(&other.joints)
                 ));
             }
         }
         if !words.is_empty() {
             return words.join("; ");
         }
-        match self
+        let tried = self
             .candidates
             .iter()
-            .find(|candidate| candidate.effect == "elasticity")
-        {
+            .find(|candidate| candidate.effect == "elasticity");
+        match tried {
             Some(tried) => format!(
-                "No effect beyond geometry gains: elasticity changes the held-out error by {:+.3} mm (z {:.1})",
+                "No effect beyond geometry gains. Elasticity changes the held-out error by {:+.3} mm (z {:.1}) and is refused",
                 -tried.held_out_gain, tried.z
             ),
-            None => "Effects beyond joint zeros were not tried".to_owned(),
+            None => "Joint frames and effects were not tried (`--only offsets`)".to_owned(),
         }
+    }
+
+    /// The best known values of an effect, two at most.
+    fn values_in_words(&self, candidate: &super::result::Candidate) -> Vec<String> {
+        let mut own: Vec<(&String, &super::result::Value)> = Vec::new();
+        for joint in &candidate.joints {
+            let end = format!(":{}:{joint}", candidate.effect);
+            let values = self
+                .parameters
+                .iter()
+                .filter(|value| value.name.ends_with(&end));
+            own.extend(values.map(|value| (joint, value)));
+        }
+        own.sort_by(|(_, a), (_, b)| (b.value.abs() / b.std).total_cmp(&(a.value.abs() / a.std)));
+        let say = |(joint, value): &(&String, &super::result::Value)| {
+            let symbol = value.name.split(':').next().unwrap_or_default();
+            if symbol == "1/k" && value.value > 0.0 {
+                let k = 1.0 / value.value;
+                let std = value.std * k * k;
+                return format!(
+                    "{joint} k {} ± {} {}",
+                    short(k),
+                    short(std),
+                    inverse_unit(value.unit)
+                );
+            }
+            format!(
+                "{joint} {symbol} {} ± {} {}",
+                short(value.value),
+                short(value.std),
+                value.unit
+            )
+        };
+        own.iter().take(2).map(say).collect()
     }
 
     /// Outliers and what stays open.
@@ -210,6 +228,11 @@ impl Calibration {
         }
         out
     }
+}
+
+/// The unit of a stiffness by that of its inverse.
+fn inverse_unit(unit: &str) -> &'static str {
+    if unit == "m/N" { "N/m" } else { "N m/rad" }
 }
 
 /// Three digits.

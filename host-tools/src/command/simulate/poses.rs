@@ -1,6 +1,5 @@
 //! `proprio simulate --poses`: what a tracker measures of an arm whose kinematics is known to be wrong.
 
-use std::io::Write;
 use std::path::Path;
 
 use clap::error::ErrorKind;
