@@ -62,7 +62,7 @@ fn steps(found: &Value) -> Vec<&str> {
 /// Elasticity is the first effect beyond frames, values are within two standard deviations, and the written file predicts other poses.
 #[test]
 fn what_yields_is_named_and_other_poses_are_predicted() {
-    let (mut within, mut all) = (0, 0);
+    let (mut within, mut all) = (0_u32, 0_u32);
     for seed in ["1", "2", "3"] {
         let folder = arm();
         let folder = folder.path();
@@ -89,7 +89,7 @@ fn what_yields_is_named_and_other_poses_are_predicted() {
             let number = |of: &Value, key: &str| of[key].as_f64().unwrap();
             let z = (number(value, "value") - number(truth, "value")) / number(value, "std");
             all += 1;
-            within += usize::from(z.abs() <= 2.0);
+            within += u32::from(z.abs() <= 2.0);
         }
         let other = json(&done(
             folder,

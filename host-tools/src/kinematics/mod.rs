@@ -5,6 +5,7 @@
 //!
 //! Files beside:
 //!
+//! - `applied`: what a calibration makes of the model
 //! - `chain`: forward kinematics with corrected frames, and what gravity does at each joint
 //! - `columns`: residuals of poses and their derivatives
 //! - `compare`: poses against a model as it is
@@ -23,6 +24,7 @@
 //! - `start`: where the measuring system and the targets are, from nothing
 //! - `words`: the first screen
 
+mod applied;
 mod chain;
 mod columns;
 mod compare;

@@ -1,19 +1,20 @@
 //! What `calibrate` finds, as data: errors by pose and joint, candidates, values; and what it makes of the model.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use proprio_core::spatial::Transform;
 use serde::Serialize;
 
+use super::applied::{along_frame, applied};
 use super::chain::{Chain, State, Target, inverse};
-use super::columns::{Column, Unknown, numbers, rows};
+use super::columns::{Unknown, numbers, rows};
 use super::error::CalibrateError;
 use super::fit::{Fit, Problem};
 use super::held_out::place_rms;
 use super::identifiable;
 use super::poses::Poses;
-use super::search::{self, Found, frame_columns};
+use super::search::{self, Found};
 use super::{gates, moved, start};
-use crate::model::{Fixture, JointQuantity as Q, Model, Provenance, Tool};
+use crate::model::{JointQuantity as Q, Model, Provenance};
 use crate::summary::ErrorRange;
 
 /// Fewest poses that anything is found from.
@@ -170,7 +171,7 @@ pub fn calibrate(
         used: (0..poses.count()).collect(),
     };
     enough(&problem, model, &started, only_offsets)?;
-    let given = given(&problem, model);
+    let given = given(&problem, model)?;
     let found = search::search(&chain, poses, &started, only_offsets)?;
     let problem = Problem {
         used: found.used.clone(),
@@ -215,16 +216,13 @@ pub(super) fn stated(poses: &Poses, model: &Model) -> Result<Option<State>, Cali
 }
 
 /// The error of the file as given, m, if it states all that is needed.
-fn given(problem: &Problem, model: &Model) -> Option<(f64, Vec<Vector3<f64>>)> {
-    let state = stated(problem.poses, model).ok().flatten()?;
-    let rows = rows(
-        problem.chain,
-        &state,
-        &problem.used(),
-        &[],
-        start::UNKNOWN_NOISE,
-    );
-    Some((place_rms(&rows, &rows.b), Vec::new()))
+fn given(problem: &Problem, model: &Model) -> Result<Option<f64>, CalibrateError> {
+    let Some(state) = stated(problem.poses, model)? else {
+        return Ok(None);
+    };
+    let used = problem.used();
+    let rows = rows(problem.chain, &state, &used, &[], start::UNKNOWN_NOISE);
+    Ok(Some(place_rms(&rows, &rows.b)))
 }
 
 /// Joints between the base and a target whose positions are not recorded.
@@ -265,7 +263,7 @@ fn enough(
     state: &State,
     only_offsets: bool,
 ) -> Result<(), CalibrateError> {
-    let columns = all_columns(problem, state, only_offsets);
+    let columns = search::frames_and_fixtures(problem, state, only_offsets);
     let needed = identifiable::rank(problem, model.robot(), state, &columns);
     let rows: usize = problem.poses.poses.iter().map(numbers).sum();
     if rows >= needed {
@@ -282,19 +280,6 @@ fn enough(
         _ => format!("; open stay {}", names.join(", ")),
     };
     few(rows, needed, problem.poses, open)
-}
-
-/// Mount, targets and frames (or zeros).
-pub(super) fn all_columns(problem: &Problem, state: &State, only_offsets: bool) -> Vec<Column> {
-    let mut joints: Vec<usize> = (state.targets.iter())
-        .flat_map(|target| problem.chain.path(target.body))
-        .filter(|&joint| problem.chain.parent(joint).is_some())
-        .collect();
-    joints.sort_unstable();
-    joints.dedup();
-    let fixtures = start::columns(state, &problem.used());
-    let frames = frame_columns(problem.chain, &joints, !only_offsets, 1.0);
-    [fixtures, frames].concat()
 }
 
 /// What an unknown is called.
@@ -325,7 +310,7 @@ fn report(
     problem: &Problem,
     model: &Model,
     found: &Found,
-    given: Option<(f64, Vec<Vector3<f64>>)>,
+    given: Option<f64>,
     warnings: Vec<String>,
 ) -> Calibration {
     let names = |joints: &[usize]| -> Vec<String> {
@@ -337,7 +322,7 @@ fn report(
     let fit = &found.fit;
     let mut path: Vec<Step> = given
         .iter()
-        .map(|(error, _)| Step {
+        .map(|error| Step {
             step: "as_given",
             effect: None,
             joints: Vec::new(),
@@ -415,40 +400,6 @@ impl Fit {
             ..State::nominal(model.robot(), self.state.targets.clone())
         }
     }
-}
-
-/// Frame corrections along the frame's own axes: value, standard deviation and prior's.
-fn along_frame(
-    chain: &Chain,
-    values: &[(Column, f64, f64)],
-    joint: usize,
-    quantity: Q,
-    state: &State,
-) -> Option<(f64, f64, f64)> {
-    let (k, turns) = match quantity {
-        Q::Shift(k) => (k, false),
-        Q::Turn(k) => (k, true),
-        _ => return None,
-    };
-    let (mut std, mut prior, mut any) = (0.0_f64, 0.0_f64, false);
-    for (column, _, deviation) in values {
-        let n = match column.unknown {
-            Unknown::Shift(j, n) if j == joint && !turns => n,
-            Unknown::Turn(j, n) if j == joint && turns => n,
-            _ => continue,
-        };
-        let share = chain.directions(joint)[n][k];
-        std += (share * deviation).powi(2);
-        prior += (share * column.prior).powi(2);
-        any |= share.abs() > 1e-9;
-    }
-    any.then(|| {
-        (
-            state.joints[joint][quantity.index()],
-            std.sqrt(),
-            prior.sqrt(),
-        )
-    })
 }
 
 fn values(problem: &Problem, model: &Model, fit: &Fit) -> Vec<Value> {
@@ -542,69 +493,6 @@ fn by_joint(problem: &Problem, model: &Model, fit: &Fit) -> Vec<JointShare> {
             }
         })
         .collect()
-}
-
-/// The model with all values.
-fn applied(
-    chain: &Chain,
-    poses: &Poses,
-    model: &Model,
-    fit: &Fit,
-    links: &[(String, Transform<f64>)],
-) -> Result<Model, CalibrateError> {
-    let all = fit.values(chain);
-    let mut model = model.clone();
-    model.clear_kinematics();
-    for joint in 0..chain.joints() {
-        for quantity in Q::ALL {
-            let own = all
-                .iter()
-                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
-            let own = own.map(|(_, value, std)| (*value, *std));
-            let known = own.or_else(|| {
-                let (value, std, _) = along_frame(chain, &all, joint, quantity, &fit.state)?;
-                Some((value, std))
-            });
-            if let Some((value, std)) = known {
-                model.set_joint_quantity(joint, quantity, value, Some(std))?;
-            }
-        }
-    }
-    let std_of = |unknown: Unknown| {
-        let found = all.iter().find(|(c, ..)| c.unknown == unknown);
-        found.map(|(_, _, std)| *std)
-    };
-    let six = |of: &dyn Fn(usize) -> Unknown, axes: &Matrix3<f64>| {
-        let three = |from: usize| {
-            let own = Vector3::from_fn(|k, _| std_of(of(from + k)).unwrap_or(f64::NAN));
-            own.iter().all(|x| x.is_finite()).then_some(own)
-        };
-        // Shifts are along the fixture's own axes, places along those of what carries it.
-        let turned = three(0).map(|std| -> [f64; 3] {
-            let along = |k: usize| (0..3).map(|n| (axes[(k, n)] * std[n]).powi(2)).sum::<f64>();
-            [0, 1, 2].map(|k| along(k).sqrt())
-        });
-        (turned, three(3).map(<[f64; 3]>::from))
-    };
-    let (xyz, rpy) = six(&Unknown::Mount, &fit.state.mount.rotation);
-    let mount = Fixture::new(&fit.state.mount, xyz, rpy);
-    let tools = poses.targets.iter().enumerate().map(|(t, name)| {
-        let (link, in_body) = &links[t];
-        let at = inverse(in_body).compose(&fit.state.targets[t].placement);
-        let (xyz, rpy) = six(&|k| Unknown::Target(t, k), &at.rotation);
-        let mut fixture = Fixture::new(&at, xyz, rpy);
-        if rpy.is_none() {
-            fixture.rpy = [0.0; 3];
-        }
-        Tool {
-            name: name.clone(),
-            link: link.clone(),
-            fixture,
-        }
-    });
-    let tools = tools.collect();
-    model.set_fixtures(Some(mount), tools);
-    Ok(model)
 }
 
 impl Calibration {

@@ -88,13 +88,23 @@ pub(super) fn search(
     })
 }
 
-/// All that is looked for first: mount, targets, frames (or zeros), elasticity.
-fn all_columns(problem: &Problem, state: &State, only_offsets: bool) -> Vec<Column> {
+/// Mount, targets and frames (or zeros).
+pub(super) fn frames_and_fixtures(
+    problem: &Problem,
+    state: &State,
+    only_offsets: bool,
+) -> Vec<Column> {
     let fixtures = start::columns(state, &problem.used());
     let joints = asked_joints(problem, state);
     let frames = frame_columns(problem.chain, &joints, !only_offsets, 1.0);
+    [fixtures, frames].concat()
+}
+
+/// The same with elasticity: all that is looked for first.
+fn all_columns(problem: &Problem, state: &State, only_offsets: bool) -> Vec<Column> {
+    let joints = asked_joints(problem, state);
     let elastic = effect_columns(problem, state, &EFFECTS[0], &joints);
-    [fixtures, frames, elastic].concat()
+    [frames_and_fixtures(problem, state, only_offsets), elastic].concat()
 }
 
 /// A way up the ladder.
