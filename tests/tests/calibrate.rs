@@ -209,7 +209,7 @@ fn bad_poses_are_refused_in_words_of_their_own() {
         .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
         .collect();
     type Change = fn(usize, &mut Vec<f64>);
-    let cases: [(&str, Change, &[&str]); 6] = [
+    let cases: [(&str, Change, &[&str]); 7] = [
         (
             "mm",
             |_, row| row[6..].iter_mut().for_each(|x| *x *= 1e3),
@@ -229,6 +229,12 @@ fn bad_poses_are_refused_in_words_of_their_own() {
             "moved",
             |n, row| row[7] += if n >= 20 { 2e-3 } else { 0.0 },
             &["moved by", "line 21 and line 22"],
+        ),
+        (
+            // A target that turned about the flange's axis.
+            "tool",
+            |n, row| row[5] += if n >= 20 { 0.02 } else { 0.0 },
+            &["target target moved by", "line 21 and line 22"],
         ),
         (
             "outliers",

@@ -73,7 +73,7 @@ impl Calibrate {
             values.save(path)?;
         }
         if let Some(path) = &self.html {
-            pages::calibration(&calibration, &poses, &model, Some(&self.model))
+            pages::calibration(&calibration, &poses, Some(&self.model))
                 .map_err(unreadable)?
                 .write(path)?;
         }

@@ -10,7 +10,7 @@ use nalgebra::{Rotation3, Vector3};
 use proprio_core::spatial::Transform;
 
 use super::poses::Pose;
-use crate::model::{JointKind, JointQuantity, Model, Robot};
+use crate::model::{Fixture, JointKind, JointQuantity, Model};
 
 /// Gravity, m/s².
 const GRAVITY: f64 = 9.81;
@@ -258,27 +258,30 @@ fn across(axis: &Vector3<f64>) -> [Vector3<f64>; 2] {
 }
 
 impl State {
-    /// Nothing corrected, the base at the measuring system's origin, these targets.
-    pub(super) fn nominal(robot: &Robot, targets: Vec<Target>) -> Self {
-        Self {
-            mount: Transform::identity(),
-            targets,
-            joints: vec![[0.0; QUANTITIES]; robot.bodies().len()],
-        }
+    /// Frames as described, springs and gaps as the model file has them, the base at the measuring system's origin, these targets.
+    pub(super) fn nominal(model: &Model, targets: Vec<Target>) -> Self {
+        let effects = [JointQuantity::Elasticity, JointQuantity::Backlash];
+        Self::with(model, targets, &effects)
     }
 
-    /// What a model file says.
+    /// All that a model file says.
     pub(super) fn of_model(model: &Model, targets: Vec<Target>) -> Self {
-        let mut state = Self::nominal(model.robot(), targets);
-        for (j, values) in state.joints.iter_mut().enumerate() {
-            for quantity in JointQuantity::ALL {
-                let known = model.joint_quantity(j, quantity);
+        Self::with(model, targets, &JointQuantity::ALL)
+    }
+
+    fn with(model: &Model, targets: Vec<Target>, quantities: &[JointQuantity]) -> Self {
+        let mut joints = vec![[0.0; QUANTITIES]; model.robot().bodies().len()];
+        for (j, values) in joints.iter_mut().enumerate() {
+            for quantity in quantities {
+                let known = model.joint_quantity(j, *quantity);
                 values[quantity.index()] = known.map_or(0.0, |e| e.value);
             }
         }
-        if let Some(mount) = &model.kinematics().mount {
-            state.mount = mount.transform();
+        let mount = model.kinematics().mount.as_ref();
+        Self {
+            mount: mount.map_or_else(Transform::identity, Fixture::transform),
+            targets,
+            joints,
         }
-        state
     }
 }

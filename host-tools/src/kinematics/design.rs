@@ -164,7 +164,7 @@ fn assumed(model: &Model) -> Result<State, CalibrateError> {
         });
     }
     targets.truncate(1);
-    Ok(State::nominal(robot, targets))
+    Ok(State::nominal(model, targets))
 }
 
 /// All that a calibration may find: mount, target, frames, elasticity.

@@ -22,6 +22,9 @@ const LEAST_POSES: usize = 5;
 /// A value within so many standard deviations of nothing is not identified.
 const PRESENT: f64 = 2.0;
 
+/// Two values of one spring contradict each other beyond this chi² of one degree of freedom: one in a thousand does by chance.
+const CONTRADICTS: f64 = 10.8;
+
 /// A rung of the ladder.
 #[derive(Debug, Clone, Serialize)]
 pub struct Step {
@@ -85,7 +88,7 @@ pub struct PoseError {
     pub pose: String,
     /// The target.
     pub target: String,
-    /// Held-out error with the mount and the targets alone, or of the model as given, mm.
+    /// Held-out error with the mount and the targets alone placed, mm.
     pub before: f64,
     /// Held-out error of the result, mm.
     pub after: f64,
@@ -93,7 +96,7 @@ pub struct PoseError {
     pub place: [f64; 3],
     /// The errors as vectors in the base's frame, mm.
     pub before_vector: [f64; 3],
-    /// …
+    /// The same after.
     pub after_vector: [f64; 3],
 }
 
@@ -163,7 +166,12 @@ pub fn calibrate(
     let chain = Chain::new(model);
     let (nominal, links) = nominal(poses, model)?;
     let warnings = not_recorded(&chain, poses, model, &nominal);
-    few(poses.count(), LEAST_POSES, poses, String::new())?;
+    if poses.count() < LEAST_POSES {
+        let used: Vec<_> = poses.poses.iter().enumerate().collect();
+        let needed = start::columns(&nominal, &used).len();
+        let open = format!("; {LEAST_POSES} poses are the least");
+        return Err(too_few(poses, needed, open));
+    }
     let (started, _) = gates::check(&chain, &nominal, poses, model)?;
     let problem = Problem {
         chain: &chain,
@@ -180,7 +188,26 @@ pub fn calibrate(
     moved::check(&problem, &found.fit)?;
     let mut calibration = report(&problem, model, &found, given, warnings);
     calibration.model = applied(&chain, poses, model, &found.fit, &links)?;
+    let disagreements = disagreements(model, &calibration.model);
+    calibration.warnings.extend(disagreements);
     Ok(calibration)
+}
+
+/// Springs of the model file, from motion logs or earlier poses, that these poses contradict: both values.
+fn disagreements(was: &Model, is: &Model) -> Vec<String> {
+    let joint = |joint: usize| {
+        let [old, new] = [was, is].map(|model| model.joint_quantity(joint, Q::Elasticity));
+        let (old, new) = (old?, new?);
+        let (old_std, new_std) = (old.std?, new.std?);
+        let chi2 = (old.value - new.value).powi(2) / (old_std.powi(2) + new_std.powi(2));
+        (chi2 > CONTRADICTS).then(|| {
+            format!(
+                "elasticity of {}: 1/k is {:.3e} ± {:.1e} in the model file, {:.3e} ± {:.1e} by these poses (chi² {chi2:.1})",
+                was.joint_name(joint), old.value, old_std, new.value, new_std
+            )
+        })
+    };
+    (0..was.robot().bodies().len()).filter_map(joint).collect()
 }
 
 /// The state before anything is known, and each target's link with where it is in its body.
@@ -198,7 +225,7 @@ pub(super) fn nominal(
         targets.push(Target { body, placement });
         links.push((link, placement));
     }
-    Ok((State::nominal(model.robot(), targets), links))
+    Ok((State::nominal(model, targets), links))
 }
 
 /// The state that the file states, if it places the measuring system and every target.
@@ -243,17 +270,13 @@ fn not_recorded(chain: &Chain, poses: &Poses, model: &Model, state: &State) -> V
     vec![format!("{}: no column q/…, taken as 0", names.join(", "))]
 }
 
-fn few(count: usize, needed: usize, poses: &Poses, open: String) -> Result<(), CalibrateError> {
-    let rows = poses.poses.iter().map(numbers).sum();
-    if count >= needed {
-        return Ok(());
-    }
-    Err(CalibrateError::TooFew {
+fn too_few(poses: &Poses, needed: usize, open: String) -> CalibrateError {
+    CalibrateError::TooFew {
         poses: poses.count(),
-        rows,
+        rows: poses.poses.iter().map(numbers).sum(),
         needed,
         open,
-    })
+    }
 }
 
 /// Refuses poses that give fewer numbers than there are combinations to find.
@@ -279,7 +302,7 @@ fn enough(
         n if n > 8 => format!("; {n} stay open, such as {}", names[..8].join(", ")),
         _ => format!("; open stay {}", names.join(", ")),
     };
-    few(rows, needed, problem.poses, open)
+    Err(too_few(problem.poses, needed, open))
 }
 
 /// What an unknown is called.
@@ -397,7 +420,7 @@ impl Fit {
     fn state_without_joints(&self, model: &Model) -> State {
         State {
             mount: self.state.mount,
-            ..State::nominal(model.robot(), self.state.targets.clone())
+            ..State::nominal(model, self.state.targets.clone())
         }
     }
 }

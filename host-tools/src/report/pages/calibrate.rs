@@ -4,7 +4,6 @@ use std::path::Path;
 
 use super::{Unreadable, header};
 use crate::kinematics::{Calibration, Poses};
-use crate::model::Model;
 use crate::report::{Header, Page, poses};
 
 /// Errors before and after: on the robot, by pose, by joint; values; candidates.
@@ -14,7 +13,6 @@ use crate::report::{Header, Page, poses};
 pub fn calibration(
     calibration: &Calibration,
     files: &Poses,
-    _model: &Model,
     path: Option<&Path>,
 ) -> Result<Page, Unreadable> {
     let summary = calibration.summary(files, path, false);
