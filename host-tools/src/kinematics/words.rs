@@ -44,7 +44,13 @@ impl Calibration {
             .iter()
             .filter(|step| step.effect.is_some())
             .collect();
-        let headline = if steps.is_empty() {
+        let headline = if steps.is_empty() && self.candidates.is_empty() {
+            format!(
+                "Joint zeros gain nothing. Held-out error {} mm over {} poses",
+                mm(last),
+                self.poses
+            )
+        } else if steps.is_empty() {
             format!(
                 "Nothing is missing. Held-out error {} mm over {} poses",
                 mm(last),
