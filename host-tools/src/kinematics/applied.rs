@@ -1,13 +1,12 @@
 //! What a calibration makes of the model: fixtures, corrections in the frames' own axes, effects.
 
 use nalgebra::{Matrix3, Vector3};
-use proprio_core::spatial::Transform;
 
 use super::chain::{Chain, State, inverse};
 use super::columns::{Column, Unknown};
 use super::error::CalibrateError;
 use super::fit::Fit;
-use super::poses::Poses;
+use super::poses::{Carrier, Poses};
 use crate::model::{Fixture, JointQuantity as Q, Model, Tool};
 
 /// Frame corrections along the frame's own axes: value, standard deviation and prior's.
@@ -50,7 +49,7 @@ pub(super) fn applied(
     poses: &Poses,
     model: &Model,
     fit: &Fit,
-    links: &[(String, Transform<f64>)],
+    carriers: &[Carrier],
 ) -> Result<Model, CalibrateError> {
     let all = fit.values(chain);
     let mut model = model.clone();
@@ -89,8 +88,8 @@ pub(super) fn applied(
     let (xyz, rpy) = six(&Unknown::Mount, &fit.state.mount.rotation);
     let mount = Fixture::new(&fit.state.mount, xyz, rpy);
     let tools = poses.targets.iter().enumerate().map(|(t, name)| {
-        let (link, in_body) = &links[t];
-        let at = inverse(in_body).compose(&fit.state.targets[t].placement);
+        let carrier = &carriers[t];
+        let at = inverse(&carrier.placement).compose(&fit.state.targets[t].placement);
         let (xyz, rpy) = six(&|k| Unknown::Target(t, k), &at.rotation);
         let mut fixture = Fixture::new(&at, xyz, rpy);
         if rpy.is_none() {
@@ -98,7 +97,7 @@ pub(super) fn applied(
         }
         Tool {
             name: name.clone(),
-            link: link.clone(),
+            link: carrier.link.clone(),
             fixture,
         }
     });

@@ -8,6 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
+use proprio_core::spatial::Transform;
 
 use super::error::CalibrateError;
 use crate::log::{Need, Place, column_names, read_numbers};
@@ -414,34 +415,39 @@ impl Poses {
         }
     }
 
-    /// The body that carries a target, by default that of the recorded joint farthest from the base.
-    pub(super) fn carrier(
-        &self,
-        model: &Model,
-        target: usize,
-    ) -> Result<(Option<usize>, String, Vector3<f64>, Matrix3<f64>), UnknownName> {
+    /// What carries a target: the link that the model states, by default that of the recorded joint farthest from the base.
+    pub(super) fn carrier(&self, model: &Model, target: usize) -> Result<Carrier, UnknownName> {
         let name = &self.targets[target];
-        let stated = model
-            .kinematics()
-            .tools
-            .iter()
-            .find(|tool| tool.name == *name);
-        if let Some(tool) = stated {
+        let tools = &model.kinematics().tools;
+        if let Some(tool) = tools.iter().find(|tool| tool.name == *name) {
             let frame = model.robot().frame(&tool.link)?;
-            return Ok((
-                frame.body,
-                tool.link.clone(),
-                frame.placement.translation,
-                frame.placement.rotation,
-            ));
+            return Ok(Carrier {
+                body: frame.body,
+                link: tool.link.clone(),
+                placement: frame.placement,
+            });
         }
-        let depth = |joint: &usize| {
-            std::iter::successors(Some(*joint), |&j| model.robot().bodies()[j].parent).count()
-        };
+        let bodies = model.robot().bodies();
+        let depth =
+            |joint: &usize| std::iter::successors(Some(*joint), |&j| bodies[j].parent).count();
         let body = self.joints.iter().copied().max_by_key(depth);
-        let link = body.map_or_else(String::new, |b| model.robot().bodies()[b].link_name.clone());
-        Ok((body, link, Vector3::zeros(), Matrix3::identity()))
+        Ok(Carrier {
+            body,
+            link: body.map_or_else(String::new, |b| bodies[b].link_name.clone()),
+            placement: Transform::identity(),
+        })
     }
+}
+
+/// What carries a target.
+#[derive(Debug, Clone)]
+pub(super) struct Carrier {
+    /// The body; none is the base.
+    pub(super) body: Option<usize>,
+    /// Its link, or one that is fixed to it.
+    pub(super) link: String,
+    /// The link's frame in the body's joint frame.
+    pub(super) placement: Transform<f64>,
 }
 
 /// What a row says of a target; none where it was not seen.
@@ -461,7 +467,7 @@ fn measured(
         let [w, x, y, z] = target.quaternion.each_ref().map(read);
         let quaternion = Quaternion::new(w, x, y, z);
         let length = quaternion.norm();
-        if !((length - 1.0).abs() < QUATERNION_ROUNDING) {
+        if !length.is_finite() || (length - 1.0).abs() > QUATERNION_ROUNDING {
             return Err(format!(
                 "the quaternion of target {} has the length {length:.3}, not 1",
                 target.name

@@ -1,7 +1,6 @@
 //! What `calibrate` finds, as data: errors by pose and joint, candidates, values; and what it makes of the model.
 
 use nalgebra::Vector3;
-use proprio_core::spatial::Transform;
 use serde::Serialize;
 
 use super::applied::{along_frame, applied};
@@ -11,7 +10,7 @@ use super::error::CalibrateError;
 use super::fit::{Fit, Problem};
 use super::held_out::place_rms;
 use super::identifiable;
-use super::poses::Poses;
+use super::poses::{Carrier, Poses};
 use super::search::{self, Found};
 use super::{gates, moved, start};
 use crate::model::{JointQuantity as Q, Model, Provenance};
@@ -210,22 +209,19 @@ fn disagreements(was: &Model, is: &Model) -> Vec<String> {
     (0..was.robot().bodies().len()).filter_map(joint).collect()
 }
 
-/// The state before anything is known, and each target's link with where it is in its body.
+/// The state before anything is known, and what carries each target.
 pub(super) fn nominal(
     poses: &Poses,
     model: &Model,
-) -> Result<(State, Vec<(String, Transform<f64>)>), CalibrateError> {
-    let (mut targets, mut links) = (Vec::new(), Vec::new());
-    for target in 0..poses.targets.len() {
-        let (body, link, translation, rotation) = poses.carrier(model, target)?;
-        let placement = Transform {
-            rotation,
-            translation,
-        };
-        targets.push(Target { body, placement });
-        links.push((link, placement));
-    }
-    Ok((State::nominal(model, targets), links))
+) -> Result<(State, Vec<Carrier>), CalibrateError> {
+    let carriers = (0..poses.targets.len())
+        .map(|target| poses.carrier(model, target))
+        .collect::<Result<Vec<_>, _>>()?;
+    let targets = carriers.iter().map(|carrier| Target {
+        body: carrier.body,
+        placement: carrier.placement,
+    });
+    Ok((State::nominal(model, targets.collect()), carriers))
 }
 
 /// The state that the file states, if it places the measuring system and every target.

@@ -94,10 +94,8 @@ fn mount(state: &State, links: &[Vec<Transform<f64>>], poses: &[(usize, &Pose)])
         }
     }
     let count = pairs.len().max(1) as f64;
-    let mean = |of: fn(&(Vector3<f64>, Vector3<f64>)) -> Vector3<f64>| {
-        pairs.iter().map(of).sum::<Vector3<f64>>() / count
-    };
-    let (from, to) = (mean(|p| p.0), mean(|p| p.1));
+    let from = pairs.iter().map(|p| p.0).sum::<Vector3<f64>>() / count;
+    let to = pairs.iter().map(|p| p.1).sum::<Vector3<f64>>() / count;
     let products = pairs.iter().map(|(a, b)| (b - to) * (a - from).transpose());
     let rotation = nearest_rotation(&products.sum());
     Transform {
