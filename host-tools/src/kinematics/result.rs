@@ -18,6 +18,8 @@ use crate::summary::ErrorRange;
 
 /// Fewest poses that anything is found from.
 const LEAST_POSES: usize = 5;
+/// With fewer numbers than so many for each combination, nothing that is found does not mean that nothing is missing.
+const FEW: usize = 2;
 /// A value within so many standard deviations of nothing is not identified.
 const PRESENT: f64 = 2.0;
 
@@ -164,7 +166,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let chain = Chain::new(model);
     let (nominal, links) = nominal(poses, model)?;
-    let warnings = not_recorded(&chain, poses, model, &nominal);
+    let mut warnings = not_recorded(&chain, poses, model, &nominal);
     if poses.count() < LEAST_POSES {
         let used: Vec<_> = poses.poses.iter().enumerate().collect();
         let needed = start::columns(&nominal, &used).len();
@@ -177,7 +179,7 @@ pub fn calibrate(
         poses,
         used: (0..poses.count()).collect(),
     };
-    enough(&problem, model, &started, only_offsets)?;
+    let needed = enough(&problem, model, &started, only_offsets)?;
     let given = given(&problem, model)?;
     let found = search::search(&chain, poses, &started, only_offsets)?;
     let problem = Problem {
@@ -185,6 +187,12 @@ pub fn calibrate(
         ..problem
     };
     moved::check(&problem, &found.fit)?;
+    if found.path.len() == 1 && found.fit.rows.b.len() < FEW * needed {
+        warnings.push(format!(
+            "{} numbers for {needed} combinations of parameters: what is missing may not show; measure more poses (`proprio excite --poses 30`)",
+            found.fit.rows.b.len()
+        ));
+    }
     let mut calibration = report(&problem, model, &found, given, warnings);
     calibration.model = applied(&chain, poses, model, &found.fit, &links)?;
     let disagreements = disagreements(model, &calibration.model);
@@ -275,18 +283,18 @@ fn too_few(poses: &Poses, needed: usize, open: String) -> CalibrateError {
     }
 }
 
-/// Refuses poses that give fewer numbers than there are combinations to find.
+/// How many combinations there are to find; refuses poses that give fewer numbers.
 fn enough(
     problem: &Problem,
     model: &Model,
     state: &State,
     only_offsets: bool,
-) -> Result<(), CalibrateError> {
+) -> Result<usize, CalibrateError> {
     let columns = search::frames_and_fixtures(problem, state, only_offsets);
     let needed = identifiable::rank(problem, model.robot(), state, &columns);
     let rows: usize = problem.poses.poses.iter().map(numbers).sum();
     if rows >= needed {
-        return Ok(());
+        return Ok(needed);
     }
     let fit = problem.fit(columns, state, start::UNKNOWN_NOISE);
     let names: Vec<String> = identifiable::open(&fit)
