@@ -2,7 +2,7 @@
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`formula`], [`model`], [`gate`], `trajectory`, [`recording`],
 //! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
-//! [`compare`] and [`identify`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
+//! [`compare`], [`identify`] and [`kinematics`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
 //! demos, independent of them, is a crate of its own: [`proprio_simulator`].
 
 pub mod advise;
@@ -22,6 +22,7 @@ pub mod free_base;
 pub mod gate;
 pub mod identifiability;
 pub mod identify;
+pub mod kinematics;
 pub mod log;
 pub mod model;
 pub mod monitor;

@@ -1,5 +1,5 @@
 //! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make; and in [`walk`]
-//! the whole robot on its feet.
+//! the whole robot on its feet; in [`poses`] an arm at rest, measured by a tracker.
 //!
 //! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
 //! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
@@ -15,6 +15,7 @@ mod inertia_error;
 mod leg;
 mod motion;
 mod plant;
+pub mod poses;
 mod report;
 mod sensors;
 mod sizes;

@@ -9,6 +9,7 @@ mod battery_logged;
 mod board_tables;
 mod bus_load;
 mod bus_noise;
+mod calibrate;
 mod changes;
 mod cli;
 mod cli_capture;

@@ -139,6 +139,16 @@ fn the_reports_commands_run() {
 }
 
 #[test]
+fn the_calibrations_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = root().join("tests/robots/arm_2500.urdf");
+    fs::copy(urdf, folder.path().join("arm.urdf")).unwrap();
+    let model = "format = 1\n[robot]\nurdf = \"arm.urdf\"\n";
+    fs::write(folder.path().join("arm.toml"), model).unwrap();
+    all_run("docs/calibrate.md", folder.path());
+}
+
+#[test]
 fn the_walks_commands_run() {
     let folder = tempfile::tempdir().unwrap();
     for (log, name) in [("trot", "walk.csv"), ("load", "next.csv")] {

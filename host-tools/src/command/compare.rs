@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use crate::compare::{Comparison, ValuesFrom, compare_free_base_without, compare_without, csv};
 use crate::detect::mismatch::mismatches;
+use crate::kinematics::{Poses, compare_poses, is_pose_file};
 use crate::model::{AskedError, Model, ModelEffect, asked_texts};
 use crate::output::{AtomicFile, WriteError};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
+use clap::error::ErrorKind;
 
 use super::result::judged;
 use super::{Error, remove, unreadable};
@@ -20,6 +22,8 @@ use crate::progress::{Progress, Underway};
 /// these very logs, as after `diagnose --apply`, parameters are
 /// fitted within their priors to every stretch of time but the one that is predicted. Time in which a foot carries a force is told
 /// and left out.
+///
+/// A file of measured poses is compared as `calibrate` reads it: the error in mm, by target and pose.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio compare chirp.csv
@@ -28,6 +32,7 @@ use crate::progress::{Progress, Underway};
   proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
   proprio compare chirp.csv --model go2.toml -o torque.csv
   proprio compare --free-base walk.csv --model go2.toml
+  proprio compare poses.csv --model arm.toml
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
@@ -76,6 +81,9 @@ impl Compare {
         if self.free_base {
             return self.run_free_base();
         }
+        if self.logs.first().is_some_and(|log| is_pose_file(log)) {
+            return self.run_poses();
+        }
         let mut model = super::model_or_default(self.model.as_deref(), false)?;
         let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
@@ -110,6 +118,39 @@ impl Compare {
             judged("compare", comparison.error(), &comparison)
         } else {
             self.text(&comparison)
+        })
+    }
+
+    /// Measured poses.
+    fn run_poses(&self) -> Result<String, Error> {
+        let asked = !self.with.is_empty() || !self.without.is_empty();
+        let other = [
+            (asked, "--with and --without"),
+            (self.fit, "--fit"),
+            (self.given, "--given"),
+            (self.at_rest, "--at-rest"),
+            (self.html.is_some(), "--html"),
+            (self.output.is_some(), "-o"),
+        ];
+        if let Some((_, name)) = other.iter().find(|(given, _)| *given) {
+            let message =
+                format!("{name}: not of poses; `proprio calibrate` fits them and writes pages");
+            super::usage_error("compare", ErrorKind::ArgumentConflict, message);
+        }
+        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let poses = Poses::read(&self.logs, &model)?;
+        let comparison = compare_poses(&poses, &model)?;
+        Ok(match (self.json, self.all || self.verbose) {
+            (true, _) => judged("compare", comparison.error(), &comparison),
+            (false, details) => {
+                let summary = comparison.summary(&poses, self.model.as_deref());
+                let more = if details {
+                    comparison.details()
+                } else {
+                    "More: --verbose (every target and pose)\n".to_owned()
+                };
+                format!("{summary}{more}")
+            }
         })
     }
 

@@ -1,6 +1,7 @@
 //! `proprio excite`: the motion that tells.
 
 mod arguments;
+mod poses;
 mod report;
 mod trunk;
 
@@ -84,6 +85,9 @@ pub(crate) struct Excite {
     trunk: TrunkArguments,
     #[command(flatten)]
     limits: LimitArguments,
+    /// Choose so many poses to measure for `calibrate` instead of a motion: rows of q/<joint>
+    #[arg(long, value_name = "N", conflicts_with_all = ["parameters", "separate", "from", "standing", "html", "shapes"], value_parser = clap::value_parser!(u32).range(3..=200))]
+    poses: Option<u32>,
     /// A file of shapes to stay clear of: capsules of the robot and around it, planes
     #[arg(long, value_name = "SHAPES")]
     shapes: Option<PathBuf>,
@@ -108,6 +112,9 @@ impl Excite {
     pub(crate) fn run(self) -> Result<String, Error> {
         let begun = Instant::now();
         let model = model_or_default(self.model.as_deref(), false)?;
+        if let Some(count) = self.poses {
+            return poses::choose(&self, &model, count as usize, begun);
+        }
         if self.trunk.standing {
             return trunk::standing(&self, &model, begun);
         }

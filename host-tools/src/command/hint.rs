@@ -13,6 +13,7 @@ use crate::excite::ExciteError;
 use crate::excite::earlier::EarlierError;
 use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
+use crate::kinematics::CalibrateError;
 use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
@@ -81,6 +82,11 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Web(WebError::Bind { .. }) => Some(
             "take an address of this machine and a port from 1024 on: --web=127.0.0.1:7700".to_owned(),
         ),
+        Error::Calibrate(error) => match error {
+            CalibrateError::Log(error) => Some(of_log(error)),
+            CalibrateError::Name(unknown) => model::of_name(unknown),
+            other => other.hint(),
+        },
         Error::Terminal(_) => Some("print lines instead: --lines".to_owned()),
         Error::Replay(ReplayError::Encode { .. }) => {
             Some("no motor reports such a value: check the units, or delete the line".to_owned())

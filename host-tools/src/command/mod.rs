@@ -1,9 +1,10 @@
-//! The subcommands, one file each: `add`, `advise`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
+//! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
 //! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`. `hint`: what the user can do about an error;
 //! `overwrite`: what a command would replace; `result`: what --json prints.
 
 mod add;
 mod advise;
+mod calibrate;
 mod capture;
 mod compare;
 mod completions;
@@ -41,6 +42,7 @@ use crate::excite::shapes::ShapesError;
 use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
+use crate::kinematics::CalibrateError;
 use crate::log::LogError;
 use crate::model::export::ExportError;
 use crate::model::{AskedError, Model, ModelError, RobotError, UnknownName};
@@ -79,6 +81,7 @@ pub(crate) struct Arguments {
 enum Command {
     Add(add::Add),
     Advise(advise::Advise),
+    Calibrate(calibrate::Calibrate),
     Capture(capture::Capture),
     Compare(compare::Compare),
     Completions(completions::Completions),
@@ -168,6 +171,7 @@ impl Command {
         match self {
             Self::Add(command) => command.run(),
             Self::Advise(command) => command.run(),
+            Self::Calibrate(command) => command.run(),
             Self::Capture(command) => command.run(),
             Self::Compare(command) => command.run(),
             Self::Completions(command) => command.run(),
@@ -204,6 +208,8 @@ pub(crate) enum Error {
         is_go2: bool,
         has_imu: bool,
     },
+    #[error(transparent)]
+    Calibrate(#[from] CalibrateError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(transparent)]

@@ -112,6 +112,10 @@ fn standing(path: &Path) -> Standing {
     if header.starts_with("t,") && ["ddq/", "kp/", "kd/"].iter().all(|of| header.contains(of)) {
         return Standing::Own("a designed motion");
     }
+    // Those of `excite --poses`: positions and nothing measured.
+    if !header.is_empty() && header.split(',').all(|name| name.starts_with("q/")) {
+        return Standing::Own("a list of poses");
+    }
     if path.with_extension("truth.json").exists() {
         return Standing::Own("a simulated log");
     }

@@ -2,6 +2,7 @@
 
 mod formula;
 mod help;
+mod poses;
 mod walk;
 
 use std::io::{self, Write};
@@ -50,9 +51,21 @@ pub(crate) struct Simulate {
     /// Coulomb friction between its feet and the ground [default: 0.9]
     #[arg(long, value_name = "MU", requires = "walk", value_parser = within(0.05, 2.0))]
     ground_friction: Option<f64>,
+    /// Measure an arm of any robot (-m) at so many poses instead: a file for `calibrate`
+    #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical"], value_parser = clap::value_parser!(u32).range(1..100_000))]
+    poses: Option<u32>,
+    /// The robot that is measured, of --poses
+    #[arg(short, long, value_name = "MODEL", requires = "poses")]
+    model: Option<PathBuf>,
+    /// How far joint frames are off, of --poses: standard deviations of each coordinate and angle
+    #[arg(long, value_name = "MM,MRAD", requires = "poses", value_parser = parse_two, default_value = "0.5,0.7")]
+    geometry_error: Two,
+    /// Measure the target's orientation too, with so much noise, of --poses
+    #[arg(long, value_name = "MRAD", requires = "poses", value_parser = within(0.0, 100.0))]
+    orientation_noise: Option<f64>,
     /// An effect to add, at one joint or, without JOINT, at all; replaces an earlier one. Or a torque by a formula, `JOINT: FORMULA`
-    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = formula::parse)]
-    hide: Vec<formula::Hidden>,
+    #[arg(long, value_name = "EFFECT[:JOINT]=VALUE[,NAME=VALUE...]", value_parser = formula::Asked::parse)]
+    hide: Vec<formula::Asked>,
     /// How far the bodies are off the CAD: relative standard deviation of a mass
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = within(0.0, 1.0))]
     inertia_error: f64,
@@ -133,8 +146,13 @@ struct Report {
     legs: Vec<&'static str>,
     samples: u64,
     duration: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    poses: Option<usize>,
     seed: u64,
 }
+
+/// Two numbers: mm and mrad.
+type Two = [f64; 2];
 
 /// What the truth file holds; parameters are named as `identify` names them.
 #[derive(Debug, Serialize)]
@@ -147,9 +165,10 @@ struct Truth {
 impl Simulate {
     pub(crate) fn run(self) -> Result<String, Error> {
         let as_json = self.json;
-        let report = match self.walk {
-            Some(gait) => self.walk(gait.into())?,
-            None => self.hang()?,
+        let report = match (self.poses, self.walk) {
+            (Some(count), _) => self.measure(count as usize)?,
+            (None, Some(gait)) => self.walk(gait.into())?,
+            (None, None) => self.hang()?,
         };
         Ok(if as_json {
             result("simulate", &report)
@@ -191,6 +210,7 @@ impl Simulate {
             legs: simulation.legs.iter().map(|leg| leg.name()).collect(),
             samples,
             duration: simulation.duration,
+            poses: None,
             seed: simulation.seed,
         })
     }
@@ -221,7 +241,8 @@ impl Simulate {
         } else {
             Vec::new()
         };
-        for hide in &self.hide {
+        for asked in &self.hide {
+            let hide = asked.hidden();
             let joints = hide.joints();
             if let Some(joint) = joints.iter().find(|joint| !legs.contains(&joint.leg())) {
                 let message = format!("--hide names {joint}, but --legs leaves its leg out");
@@ -303,6 +324,13 @@ fn written<T>(
 impl std::fmt::Display for Report {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let log = self.log.display();
+        if let Some(poses) = self.poses {
+            writeln!(f, "{log}: {poses} poses, seed {}", self.seed)?;
+            return match &self.truth {
+                Some(truth) => writeln!(f, "{}: the truth", truth.display()),
+                None => Ok(()),
+            };
+        }
         let legs = self.legs.join(", ");
         let what = self.gait.map_or(legs, |gait| format!("a robot: {gait}"));
         writeln!(
@@ -345,6 +373,13 @@ fn parse_legs(text: &str) -> Result<Legs, String> {
     legs.sort_by_key(|leg| leg.index());
     legs.dedup();
     Ok(Legs(legs))
+}
+
+/// `MM,MRAD`.
+fn parse_two(text: &str) -> Result<Two, String> {
+    let parse = |text: &str| within(0.0, 1000.0)(text.trim());
+    let (a, b) = text.split_once(',').ok_or("expected MM,MRAD")?;
+    Ok([parse(a)?, parse(b)?])
 }
 
 /// What `--hide` says.

@@ -31,6 +31,7 @@
 //! - `samples`: what became of a log's samples
 //! - `slots`: where a row in memory keeps what
 //! - `source`: files of many formats as one thing: named cells, row after row
+//! - `table`: any file of rows as numbers by name: what is no log of samples, such as poses
 //! - `warning`: what a user should know about a log that can still be used
 //! - `writer`: writing a log
 
@@ -47,6 +48,7 @@ mod row;
 mod samples;
 mod slots;
 mod source;
+mod table;
 mod warning;
 mod writer;
 
@@ -66,6 +68,7 @@ pub use row::Row;
 pub use samples::Samples;
 pub use source::files;
 pub(crate) use source::open_bytes;
+pub use table::{Need, NumberTable, column_names, read_numbers};
 pub use warning::{Cause, Warning};
 pub use writer::{CanonicalWriter, LogWriter, WalkWriter};
 

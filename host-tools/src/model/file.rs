@@ -3,9 +3,10 @@
 //! It is written by hand so that keys stay where they are and a change of a value is a change of one line; numbers are the
 //! shortest that read back the same.
 //!
-//! Files beside: `tables`, as serde reads them; `formulas`, effects that are a formula; `write`, the text.
+//! Files beside: `tables`, as serde reads them; `formulas`, effects that are a formula; `kinematics`, what calibration knows; `write`, the text.
 
 mod formulas;
+mod kinematics;
 mod tables;
 mod write;
 
@@ -111,6 +112,7 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
         let imu = read_imu(&model, imu)?;
         model.set_imu(imu);
     }
+    kinematics::read(&mut model, &file)?;
     file.effect
         .iter()
         .try_for_each(|effect| read_effect(&mut model, effect, text))?;

@@ -59,6 +59,19 @@
 //! std = 0.004
 //! prior = { mean = 0.15, std = 0.1 }
 //!
+//! [[mount]]                       # of `proprio calibrate`: the base in the measuring system's frame, m and rad
+//! xyz = [1.2, 0.1, 0.4]
+//! rpy = [0.0, 0.0, 1.57]
+//! xyz_std = [1e-5, 1e-5, 1e-5]    # … and rpy_std; absent where they are not known
+//!
+//! [[tool]]                        # a measured target
+//! name = "ball"                   # `x/ball` in pose files
+//! link = "flange"
+//! xyz = [0.0, 0.0, 0.12]          # in the link, m; rpy where its orientation is measured
+//!
+//! [kinematics.A2]                 # corrections of the joint's frame, in the frame itself, and of what moves it
+//! dx = { value = 0.0004, std = 0.0001 }   # dy, dz (m), rx, ry, rz (rad), ratio, coupling, sin, cos, bend_1, bend_2
+//!
 //! [[effect]]                      # a torque of your own ([`formula`](crate::formula))
 //! name = "cable"
 //! joint = "FR_calf"
@@ -86,6 +99,7 @@
 //! - `asked`: effects as users ask for them, a formula among them
 //! - `conventions`: how a robot's logs speak of its joints, where their columns do not say so themselves
 //! - `error`: why a model file, or a robot's description, is refused
+//! - `kinematics`: what calibration knows: the measuring system, the targets, corrections of joint frames
 //! - `legged`: feet and IMU of a robot that walks
 //! - `limb`: a limb of a model as the core takes it: tree, columns, prior, parameters
 //! - `physical`: which inertial parameters a body can have, and what is wrong with those it cannot
@@ -100,6 +114,7 @@ mod effects;
 mod error;
 pub mod export;
 mod file;
+mod kinematics;
 mod legged;
 mod limb;
 mod physical;
@@ -122,6 +137,7 @@ pub use crate::name::UnknownName;
 pub use asked::{AskedError, asked_texts};
 pub use effects::{BASE, ModelEffect};
 pub use error::{ModelError, ModelProblem, RobotError, RobotProblem};
+pub use kinematics::{Fixture, JointQuantity, Kinematics, Tool};
 pub use legged::{Foot, ImuMount};
 pub use limb::ModelParameter;
 pub(crate) use physical::other_unit;
@@ -148,6 +164,7 @@ pub struct Model {
     motors: Vec<Option<Motor>>,
     feet: Vec<Foot>,
     imu: Option<ImuMount>,
+    kinematics: Kinematics,
     provenance: Option<Provenance>,
 }
 
@@ -198,6 +215,7 @@ impl Model {
             motors: vec![None; bodies],
             feet: Vec::new(),
             imu: None,
+            kinematics: Kinematics::default(),
             provenance: None,
         }
     }

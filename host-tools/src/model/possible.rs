@@ -44,6 +44,19 @@ pub(super) fn in_bounds(
     })
 }
 
+/// A number of any sign and size.
+pub(super) fn finite(symbol: &'static str, value: f64) -> Result<f64, Impossible> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(Impossible::Bounds {
+        symbol,
+        value,
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+    })
+}
+
 /// A standard deviation of an estimate, which may be zero.
 pub(super) fn deviation(std: f64) -> Result<f64, Impossible> {
     if std.is_finite() && std >= 0.0 {

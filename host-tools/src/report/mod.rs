@@ -35,6 +35,7 @@
 //! - `choices`: tick boxes: every model that leaves effects out, or has more of the simple ones, fitted anew in the page
 //! - `data_table`: a table that can be sorted, and filtered where it is long
 //! - `motion`: a designed motion: what each joint does and how the search went; and the feedback that models leave
+//! - `poses`: measured poses: error vectors, errors by pose and by joint
 //! - `robot`: the robot as lines, from its URDF: each link in the colour of its joint's error
 //! - `stance`: which feet carry a force, or may, and why that is believed
 //! - `stick`: a moving figure of limbs
@@ -51,6 +52,7 @@ pub mod motion;
 mod page;
 pub mod pages;
 pub mod parameters;
+pub mod poses;
 pub mod residual;
 mod robot;
 mod section;

@@ -5,6 +5,10 @@ use proprio_simulator::{
     Description, EffectParameter, HiddenEffect, HiddenError, HiddenKind, Hide, OwnHidden, Scope,
 };
 
+use clap::error::ErrorKind;
+use proprio_simulator::poses::PoseKind;
+
+use super::super::usage_error;
 use super::parse_hide;
 use crate::formula::{Instant, torque};
 
@@ -15,6 +19,39 @@ pub(super) enum Hidden {
     Effect(Hide),
     /// A torque at these joints.
     Formula(HiddenKind, Vec<JointId>),
+}
+
+/// What `--hide` says, as it was written: an arm's poses have other effects and other joints than a Go2's logs.
+#[derive(Debug, Clone)]
+pub(super) struct Asked {
+    /// As written.
+    pub(super) text: String,
+    /// As a Go2's, or why it is none.
+    parsed: Result<Hidden, String>,
+}
+
+impl Asked {
+    /// Refuses nothing that poses may hide.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        let parsed = parse(text);
+        let name = text.split(['=', ':']).next().unwrap_or_default();
+        let of_poses = PoseKind::ALL.iter().any(|(known, _)| *known == name);
+        match parsed {
+            Err(message) if !of_poses => Err(message),
+            parsed => Ok(Self {
+                text: text.to_owned(),
+                parsed,
+            }),
+        }
+    }
+
+    /// As a Go2's; ends the program where it is none.
+    pub(super) fn hidden(&self) -> &Hidden {
+        match &self.parsed {
+            Ok(hidden) => hidden,
+            Err(message) => usage_error("simulate", ErrorKind::ValueValidation, message.clone()),
+        }
+    }
 }
 
 /// `EFFECT[:JOINT]=VALUE…` or `JOINT[,JOINT…]: FORMULA`.

@@ -1,6 +1,7 @@
 //! What `proprio simulate --help` says beyond its arguments.
 
 use proprio_simulator::hidden::walking;
+use proprio_simulator::poses::PoseKind;
 use proprio_simulator::{Description, HiddenKind, Scope};
 
 pub(super) const EXAMPLES: &str = "Examples:
@@ -10,7 +11,8 @@ pub(super) const EXAMPLES: &str = "Examples:
   proprio simulate --follow motion.csv --typical --inertia-error 0.06 -o fr_log.csv
   proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02
   proprio simulate --typical --hide 'FR_calf: 0.3*q*sign(dq)' -o unknown.csv
-  proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv";
+  proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv
+  proprio simulate --poses 30 -m arm.toml --hide elasticity:A2=2e6 -o poses.csv";
 
 /// Examples, then every effect with its parameters.
 pub(super) fn long_help() -> String {
@@ -28,6 +30,11 @@ pub(super) fn long_help() -> String {
     }
     let walking = walking();
     text += &format!("With --walk: {walking}; payload:base is one on the trunk.");
+    let poses: Vec<&str> = PoseKind::ALL.iter().map(|(name, _)| *name).collect();
+    text += &format!(
+        "\nWith --poses: {} (N m/rad, rad or a share).",
+        poses.join(", ")
+    );
     text
 }
 

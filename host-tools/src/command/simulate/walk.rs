@@ -74,6 +74,7 @@ impl Simulate {
             legs: Leg::ALL.map(Leg::name).to_vec(),
             samples,
             duration: walk.duration,
+            poses: None,
             seed: walk.seed,
         })
     }

@@ -1,7 +1,9 @@
-//! URDF: inertials of links, damping and friction of joints.
+//! URDF: inertials of links, origins that calibration corrected, damping and friction of joints.
 
 use std::path::Path;
 
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use proprio_core::spatial::Transform;
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
@@ -55,6 +57,7 @@ pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         target.write_inertial(&mut edits, model, b)?;
     }
     for joint in 0..model.robot().bodies().len() {
+        target.write_origin(&mut edits, model, joint)?;
         let of_joint: Vec<_> = effects.iter().filter(|e| e.joint == joint).collect();
         if !of_joint.is_empty() {
             let name = &target.body(model, joint)?.1.joint_name;
@@ -152,6 +155,61 @@ impl Target<'_> {
             for (name, value) in INERTIA.iter().zip(inertial.six()) {
                 edits.set(inertia, name, &number(value));
             }
+        }
+        Ok(())
+    }
+
+    /// A joint's origin as calibration corrects it. The file's origin is in the parent link's own frame, whatever that is fixed to: the
+    /// correction, in the joint's frame, comes after it.
+    fn write_origin(
+        &self,
+        edits: &mut Edits,
+        model: &Model,
+        joint: usize,
+    ) -> Result<(), ExportError> {
+        let Some(correction) = model.frame_correction(joint) else {
+            return Ok(());
+        };
+        let name = &self.body(model, joint)?.1.joint_name;
+        let Some(element) = self.element("joint", name) else {
+            return Ok(());
+        };
+        let origin = element.children().find(|n| n.has_tag_name("origin"));
+        let three = |attribute| -> Vector3<f64> {
+            let text = origin.and_then(|o| o.attribute(attribute)).unwrap_or("");
+            let mut numbers = text.split_whitespace().map(|x| x.parse().unwrap_or(0.0));
+            Vector3::from_fn(|_, _| numbers.next().unwrap_or(0.0))
+        };
+        let rpy = three("rpy");
+        let rotation = match origin.and_then(|o| o.attribute("quat_xyzw")) {
+            Some(text) => {
+                let q: Vec<f64> = text.split_whitespace().flat_map(str::parse).collect();
+                match q.as_slice() {
+                    &[x, y, z, w] => UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
+                        .to_rotation_matrix(),
+                    _ => Rotation3::identity(),
+                }
+            }
+            None => Rotation3::from_euler_angles(rpy.x, rpy.y, rpy.z),
+        };
+        let place = Transform {
+            rotation: *rotation.matrix(),
+            translation: three("xyz"),
+        };
+        let corrected = place.compose(&correction);
+        let turned = Rotation3::from_matrix_unchecked(corrected.rotation);
+        let (r, p, y) = turned.euler_angles();
+        let (xyz, rpy) = (
+            numbers(corrected.translation.iter().copied()),
+            numbers([r, p, y]),
+        );
+        match origin {
+            Some(origin) => {
+                edits.set(origin, "xyz", &xyz);
+                edits.set(origin, "rpy", &rpy);
+                edits.remove(origin, "quat_xyzw");
+            }
+            None => edits.prepend(element, &format!("<origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>")),
         }
         Ok(())
     }

@@ -28,7 +28,8 @@ pub(super) fn urdf(model: &Model, effects: &[JointAttribute]) -> String {
             .parent
             .map_or(robot.base_link(), |p| &robot.bodies()[p].link_name);
         let effects: Vec<_> = effects.iter().filter(|e| e.joint == b).collect();
-        push_joint(&mut out, body, parent, &effects);
+        let placement = corrected(model, b, &body.placement);
+        push_joint(&mut out, (body, &placement), parent, &effects);
     }
     out + "</robot>\n"
 }
@@ -44,7 +45,20 @@ fn push_link(out: &mut String, name: &str, phi: &InertialParameters<f64>) {
     }
 }
 
-fn push_joint(out: &mut String, body: &Body, parent: &str, effects: &[&JointAttribute]) {
+/// Where a joint is by the calibration: its placement times the correction in its own frame.
+pub(super) fn corrected(model: &Model, joint: usize, place: &Transform<f64>) -> Transform<f64> {
+    match model.frame_correction(joint) {
+        Some(correction) => place.compose(&correction),
+        None => *place,
+    }
+}
+
+fn push_joint(
+    out: &mut String,
+    (body, placement): (&Body, &Transform<f64>),
+    parent: &str,
+    effects: &[&JointAttribute],
+) {
     let kind = match body.kind {
         JointKind::Revolute => "revolute",
         JointKind::Continuous => "continuous",
@@ -53,7 +67,7 @@ fn push_joint(out: &mut String, body: &Body, parent: &str, effects: &[&JointAttr
     let Transform {
         rotation,
         translation,
-    } = body.placement;
+    } = *placement;
     let (r, p, y) = Rotation3::from_matrix_unchecked(rotation).euler_angles();
     let rpy = if rotation == Matrix3::identity() {
         String::new()

@@ -30,6 +30,13 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) imu: Option<Spanned<ImuTable>>,
     #[serde(default)]
+    pub(super) mount: Vec<Spanned<FixtureTable>>,
+    #[serde(default)]
+    pub(super) tool: Vec<Spanned<ToolTable>>,
+    /// Corrections by joint and quantity.
+    #[serde(default)]
+    pub(super) kinematics: BTreeMap<Spanned<String>, BTreeMap<Spanned<String>, ParameterEntry>>,
+    #[serde(default)]
     pub(super) effect: Vec<Spanned<EffectTable>>,
     #[serde(default)]
     pub(super) body: BTreeMap<Spanned<String>, BodyTable>,
@@ -123,6 +130,30 @@ pub(super) struct ImuTable {
     pub(super) rpy: Option<[f64; 3]>,
     pub(super) place_std: Option<f64>,
     pub(super) turn_std: Option<f64>,
+}
+
+/// The base in the measuring system's frame.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FixtureTable {
+    pub(super) xyz: [f64; 3],
+    #[serde(default)]
+    pub(super) rpy: [f64; 3],
+    pub(super) xyz_std: Option<[f64; 3]>,
+    pub(super) rpy_std: Option<[f64; 3]>,
+}
+
+/// A measured target.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ToolTable {
+    pub(super) name: String,
+    pub(super) link: String,
+    pub(super) xyz: [f64; 3],
+    #[serde(default)]
+    pub(super) rpy: [f64; 3],
+    pub(super) xyz_std: Option<[f64; 3]>,
+    pub(super) rpy_std: Option<[f64; 3]>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -57,6 +57,7 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
         }
     }
     write_feet_and_imu(out, model)?;
+    super::kinematics::write(out, model)?;
     for e in &model.effects {
         let joint = string(model.joint_name(e.joint));
         writeln!(
@@ -285,14 +286,14 @@ fn write_priors(out: &mut String, model: &Model) -> std::fmt::Result {
 }
 
 /// A TOML basic string: escaped as JSON's, but for the one control character that JSON leaves alone.
-fn string(text: &str) -> String {
+pub(super) fn string(text: &str) -> String {
     serde_json::Value::from(text)
         .to_string()
         .replace('\u{7f}', "\\u007f")
 }
 
 /// A TOML key: bare where it can be.
-fn key(name: &str) -> String {
+pub(super) fn key(name: &str) -> String {
     let bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if !name.is_empty() && name.chars().all(bare) {
         name.to_owned()

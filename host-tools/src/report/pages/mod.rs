@@ -2,6 +2,7 @@
 //!
 //! Files beside:
 //!
+//! - `calibrate`: the page of `calibrate`
 //! - `compare`: the page of `compare`
 //! - `diagnose`: the page of `diagnose`
 //! - `excite`: the page of `excite`
@@ -9,6 +10,7 @@
 //! - `validate`: the page of `validate`
 //! - `walk`: the pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`
 
+mod calibrate;
 mod compare;
 mod diagnose;
 pub mod excite;
@@ -29,6 +31,7 @@ use crate::detect::residual::{Correlation as Lagged, Criticism, Input};
 use crate::model::{Model, Provenance};
 use crate::recording::LogGates;
 
+pub use calibrate::calibration;
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
 pub use identify::fit;

@@ -1,0 +1,243 @@
+//! What is wrong with poses before a model is blamed: each cause is tested by what it does to the error of the best mount.
+
+use super::chain::{Chain, State};
+use super::error::CalibrateError;
+use super::poses::{Pose, Poses};
+use super::start;
+use crate::model::Model;
+
+/// A mount's error beyond this share of how far the targets move asks for a cause: uncalibrated robots miss by less than 1 % of their reach
+/// (Mooring, Roth & Driels 1991), a wrong column by more than a tenth.
+const SUSPICIOUS: f64 = 0.05;
+/// A cause is named if it makes the error this many times smaller.
+const EXPLAINS: f64 = 4.0;
+/// An error beyond this share that no cause explains: the poses are of something else.
+const UNRELATED: f64 = 0.25;
+/// Joints of which all orders are tried, 720 of them; of more each exchange of two.
+const ALL_ORDERS: usize = 6;
+/// Joints of which all combinations of signs are tried.
+const ALL_SIGNS: usize = 8;
+/// Two targets nearer than this in all poses, m, are the same numbers.
+const SAME: f64 = 1e-9;
+/// Units that lengths come in, and how many m they are.
+const UNITS: [(&str, f64); 3] = [("mm", 1e-3), ("cm", 1e-2), ("inches", 0.0254)];
+
+/// Refuses what cannot be; else where mount and targets are, and the error of that, m.
+pub(super) fn check(
+    chain: &Chain,
+    state: &State,
+    poses: &Poses,
+    model: &Model,
+) -> Result<(State, f64), CalibrateError> {
+    same_targets(poses)?;
+    let all: Vec<(usize, &Pose)> = poses.poses.iter().enumerate().collect();
+    let (started, error) = start::fit(chain, state, &all);
+    let spread = spread(poses);
+    if error <= SUSPICIOUS * spread {
+        return Ok((started, error));
+    }
+    let error_of = |changed: &[Pose]| {
+        let all: Vec<(usize, &Pose)> = changed.iter().enumerate().collect();
+        start::fit(chain, state, &all).1
+    };
+    for (unit, factor) in UNITS {
+        let after = error_of(&scaled(poses, factor));
+        // In the file's unit the error itself is as much smaller.
+        if after < factor * error / EXPLAINS {
+            return Err(CalibrateError::LengthUnit {
+                unit,
+                factor,
+                before: error,
+                after,
+            });
+        }
+    }
+    let mm = |m: f64| 1e3 * m;
+    let degrees = map_joints(poses, |q, joint| {
+        if chain.slides(joint) {
+            q
+        } else {
+            q.to_radians()
+        }
+    });
+    let after = error_of(&degrees);
+    if after < error / EXPLAINS {
+        return Err(CalibrateError::Degrees {
+            before: mm(error),
+            after: mm(after),
+        });
+    }
+    if let Some((what, after)) = best_order(poses, model, &error_of)
+        && after < error / EXPLAINS
+    {
+        return Err(CalibrateError::JointOrder {
+            what,
+            before: mm(error),
+            after: mm(after),
+        });
+    }
+    if error > UNRELATED * spread {
+        return Err(CalibrateError::Unrelated {
+            error: mm(error),
+            spread: mm(spread),
+        });
+    }
+    Ok((started, error))
+}
+
+fn same_targets(poses: &Poses) -> Result<(), CalibrateError> {
+    for second in 1..poses.targets.len() {
+        for first in 0..second {
+            let both = poses.poses.iter().filter_map(|pose| {
+                let [a, b] = [first, second].map(|t| pose.measured[t].as_ref());
+                Some((a?.place - b?.place).norm())
+            });
+            let both: Vec<f64> = both.collect();
+            if !both.is_empty() && both.iter().all(|distance| *distance < SAME) {
+                return Err(CalibrateError::SameTargets {
+                    first: poses.targets[first].clone(),
+                    second: poses.targets[second].clone(),
+                    poses: both.len(),
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Root mean square of the measured places about their mean, m.
+fn spread(poses: &Poses) -> f64 {
+    let places: Vec<_> = poses
+        .poses
+        .iter()
+        .flat_map(|pose| pose.measured.iter().flatten().map(|m| m.place))
+        .collect();
+    let count = places.len().max(1) as f64;
+    let mean = places.iter().sum::<nalgebra::Vector3<f64>>() / count;
+    let squares: f64 = places
+        .iter()
+        .map(|place| (place - mean).norm_squared())
+        .sum();
+    (squares / count).sqrt()
+}
+
+/// The poses with lengths times a factor.
+fn scaled(poses: &Poses, factor: f64) -> Vec<Pose> {
+    let mut changed = poses.poses.clone();
+    for measured in changed
+        .iter_mut()
+        .flat_map(|pose| pose.measured.iter_mut().flatten())
+    {
+        measured.place *= factor;
+    }
+    changed
+}
+
+/// The poses with recorded positions changed.
+fn map_joints(poses: &Poses, change: impl Fn(f64, usize) -> f64) -> Vec<Pose> {
+    let mut changed = poses.poses.clone();
+    for pose in &mut changed {
+        for &joint in &poses.joints {
+            pose.q[joint] = change(pose.q[joint], joint);
+        }
+    }
+    changed
+}
+
+/// The order or the signs of joints that fit best, in words, and their error.
+fn best_order(
+    poses: &Poses,
+    model: &Model,
+    error_of: &impl Fn(&[Pose]) -> f64,
+) -> Option<(String, f64)> {
+    let joints = &poses.joints;
+    let ordered = |order: &[usize]| {
+        let mut changed = poses.poses.clone();
+        for (pose, was) in changed.iter_mut().zip(&poses.poses) {
+            for (&to, &from) in joints.iter().zip(order) {
+                pose.q[to] = was.q[from];
+            }
+        }
+        error_of(&changed)
+    };
+    let best = orders(joints)
+        .into_iter()
+        .map(|order| (ordered(&order), order))
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    let name = |joint: usize| model.joint_name(joint);
+    let by_order = best.map(|(error, order)| {
+        let moved = joints.iter().zip(&order).filter(|(to, from)| to != from);
+        let words = moved.map(|(&to, &from)| format!("{} holds {}", name(from), name(to)));
+        (words.collect::<Vec<_>>().join(", "), error)
+    });
+    let signed = |signs: usize| {
+        map_joints(poses, |q, joint| {
+            let place = joints.iter().position(|j| *j == joint).unwrap_or(0);
+            if signs >> place & 1 == 1 { -q } else { q }
+        })
+    };
+    let signs: Vec<usize> = if joints.len() <= ALL_SIGNS {
+        (1..1 << joints.len()).collect()
+    } else {
+        (0..joints.len().min(63)).map(|place| 1 << place).collect()
+    };
+    let by_sign = signs
+        .into_iter()
+        .map(|signs| (error_of(&signed(signs)), signs))
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(error, signs)| {
+            let turned = (0..joints.len()).filter(|place| signs >> place & 1 == 1);
+            let names: Vec<&str> = turned.map(|place| name(joints[place])).collect();
+            (
+                format!("{} with the opposite sign", names.join(", ")),
+                error,
+            )
+        });
+    by_order
+        .into_iter()
+        .chain(by_sign)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// Orders of joints other than their own: all of few, of many each exchange of two and the reverse.
+fn orders(joints: &[usize]) -> Vec<Vec<usize>> {
+    let mut orders = Vec::new();
+    if joints.len() <= ALL_ORDERS {
+        permute(&mut joints.to_vec(), 0, &mut orders);
+    } else {
+        for a in 0..joints.len() {
+            for b in 0..a {
+                let mut order = joints.to_vec();
+                order.swap(a, b);
+                orders.push(order);
+            }
+        }
+        orders.push(joints.iter().rev().copied().collect());
+    }
+    orders.retain(|order| order != joints);
+    orders
+}
+
+fn permute(order: &mut Vec<usize>, from: usize, found: &mut Vec<Vec<usize>>) {
+    if from == order.len() {
+        found.push(order.clone());
+        return;
+    }
+    for k in from..order.len() {
+        order.swap(from, k);
+        permute(order, from + 1, found);
+        order.swap(from, k);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_orders_of_few_joints_are_tried_and_never_their_own() {
+        assert_eq!(orders(&[4, 7, 9]).len(), 5);
+        assert_eq!(orders(&[0, 1, 2, 3, 4, 5]).len(), 719);
+        assert_eq!(orders(&[0, 1, 2, 3, 4, 5, 6]).len(), 22);
+    }
+}

@@ -1,0 +1,553 @@
+//! What `calibrate` finds, as data: errors by pose and joint, candidates, values; and what it makes of the model.
+
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::applied::{along_frame, applied};
+use super::chain::{Chain, State, Target, inverse};
+use super::columns::{Unknown, numbers, rows};
+use super::error::CalibrateError;
+use super::fit::{Fit, Problem};
+use super::held_out::place_rms;
+use super::identifiable;
+use super::poses::{Carrier, Poses};
+use super::search::{self, Found};
+use super::{gates, moved, start};
+use crate::model::{JointQuantity as Q, Model, Provenance};
+use crate::summary::ErrorRange;
+
+/// Fewest poses that anything is found from.
+const LEAST_POSES: usize = 5;
+/// With fewer numbers than so many for each combination, nothing that is found does not mean that nothing is missing.
+const FEW: usize = 2;
+/// A value within so many standard deviations of nothing is not identified.
+const PRESENT: f64 = 2.0;
+
+/// Two values of one spring contradict each other beyond this chi² of one degree of freedom: one in a thousand does by chance.
+const CONTRADICTS: f64 = 10.8;
+
+/// A rung of the ladder.
+#[derive(Debug, Clone, Serialize)]
+pub struct Step {
+    /// `as_given`, `mount` or `add`.
+    pub step: &'static str,
+    /// What was added.
+    pub effect: Option<&'static str>,
+    /// At which joints; empty for the whole robot.
+    pub joints: Vec<String>,
+    /// Held-out error, mm.
+    pub error: f64,
+}
+
+/// A candidate as it was judged.
+#[derive(Debug, Clone, Serialize)]
+pub struct Candidate {
+    /// Its name.
+    pub effect: &'static str,
+    /// Where.
+    pub joints: Vec<String>,
+    /// How much smaller the held-out error is with it, mm; negative where it is larger.
+    pub held_out_gain: f64,
+    /// The mean gain over poses in its standard errors.
+    pub z: f64,
+    /// Whether it is part of the result.
+    pub taken: bool,
+    /// What these poses cannot separate from it.
+    pub alternatives: Vec<Alternative>,
+}
+
+/// What cannot be separated from another.
+#[derive(Debug, Clone, Serialize)]
+pub struct Alternative {
+    /// Its name.
+    pub effect: &'static str,
+    /// Where.
+    pub joints: Vec<String>,
+}
+
+/// A value.
+#[derive(Debug, Clone, Serialize)]
+pub struct Value {
+    /// `dx:link_geometry:A2`, `1/k:elasticity:A2`, `x:mount`, `x:tool:ball`.
+    pub name: String,
+    /// SI unit.
+    pub unit: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Its standard deviation, by the scatter over poses.
+    pub std: f64,
+    /// Standard deviation before the data.
+    pub prior_std: f64,
+    /// `identified`, `prior` (within two deviations of nothing, or hardly better known than before) or `unexcited`.
+    pub status: &'static str,
+}
+
+/// The error at a pose.
+#[derive(Debug, Clone, Serialize)]
+pub struct PoseError {
+    /// The pose: line, row.
+    pub pose: String,
+    /// The target.
+    pub target: String,
+    /// Held-out error with the mount and the targets alone placed, mm.
+    pub before: f64,
+    /// Held-out error of the result, mm.
+    pub after: f64,
+    /// Where the target was measured, in the base's frame, m.
+    pub place: [f64; 3],
+    /// The errors as vectors in the base's frame, mm.
+    pub before_vector: [f64; 3],
+    /// The same after.
+    pub after_vector: [f64; 3],
+}
+
+/// How much a joint's corrections move the targets.
+#[derive(Debug, Clone, Serialize)]
+pub struct JointShare {
+    /// The joint.
+    pub joint: String,
+    /// Root mean square over poses and targets, mm.
+    pub moves: f64,
+}
+
+/// A pose that was left out.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outlier {
+    /// The pose.
+    pub pose: String,
+    /// Its error by the others, mm.
+    pub error: f64,
+}
+
+/// What was found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Calibration {
+    /// `missing` or `complete`.
+    pub verdict: &'static str,
+    /// Poses used.
+    pub poses: usize,
+    /// Numbers measured at them.
+    pub numbers: usize,
+    /// Parameters of the result.
+    pub unknowns: usize,
+    /// Combinations of them that poses of this robot can determine at all.
+    pub identifiable: usize,
+    /// Held-out error of orientations after, mrad.
+    pub turn_error: Option<f64>,
+    /// Noise of a place, one axis, that the residuals show, mm.
+    pub noise: f64,
+    /// The ladder.
+    pub path: Vec<Step>,
+    /// All candidates, best first.
+    pub candidates: Vec<Candidate>,
+    /// All values.
+    pub parameters: Vec<Value>,
+    /// Errors by pose and target.
+    pub by_pose: Vec<PoseError>,
+    /// By joint.
+    pub by_joint: Vec<JointShare>,
+    /// Poses left out.
+    pub outliers: Vec<Outlier>,
+    /// What a user should know.
+    pub warnings: Vec<String>,
+    /// The model with the values.
+    #[serde(skip)]
+    pub(super) model: Model,
+}
+
+/// Finds what is wrong with the model's kinematics.
+///
+/// # Errors
+/// [`CalibrateError`]: poses that are wrong or too few; nothing is found then.
+pub fn calibrate(
+    poses: &Poses,
+    model: &Model,
+    only_offsets: bool,
+) -> Result<Calibration, CalibrateError> {
+    let chain = Chain::new(model);
+    let (nominal, links) = nominal(poses, model)?;
+    let mut warnings = not_recorded(&chain, poses, model, &nominal);
+    if poses.count() < LEAST_POSES {
+        let used: Vec<_> = poses.poses.iter().enumerate().collect();
+        let needed = start::columns(&nominal, &used).len();
+        let open = format!("; {LEAST_POSES} poses are the least");
+        return Err(too_few(poses, needed, open));
+    }
+    let (started, _) = gates::check(&chain, &nominal, poses, model)?;
+    let problem = Problem {
+        chain: &chain,
+        poses,
+        used: (0..poses.count()).collect(),
+    };
+    let needed = enough(&problem, model, &started, only_offsets)?;
+    let given = given(&problem, model)?;
+    let found = search::search(&chain, poses, &started, only_offsets)?;
+    let problem = Problem {
+        used: found.used.clone(),
+        ..problem
+    };
+    moved::check(&problem, &found.fit)?;
+    if found.path.len() == 1 && found.fit.rows.b.len() < FEW * needed {
+        warnings.push(format!(
+            "{} numbers for {needed} combinations of parameters: what is missing may not show; measure more poses (`proprio excite --poses 30`)",
+            found.fit.rows.b.len()
+        ));
+    }
+    let mut calibration = report(&problem, model, &found, given, warnings);
+    calibration.model = applied(&chain, poses, model, &found.fit, &links)?;
+    let disagreements = disagreements(model, &calibration.model);
+    calibration.warnings.extend(disagreements);
+    Ok(calibration)
+}
+
+/// Springs of the model file, from motion logs or earlier poses, that these poses contradict: both values.
+fn disagreements(was: &Model, is: &Model) -> Vec<String> {
+    let joint = |joint: usize| {
+        let [old, new] = [was, is].map(|model| model.joint_quantity(joint, Q::Elasticity));
+        let (old, new) = (old?, new?);
+        let (old_std, new_std) = (old.std?, new.std?);
+        let chi2 = (old.value - new.value).powi(2) / (old_std.powi(2) + new_std.powi(2));
+        (chi2 > CONTRADICTS).then(|| {
+            format!(
+                "elasticity of {}: 1/k is {:.3e} ± {:.1e} in the model file, {:.3e} ± {:.1e} by these poses (chi² {chi2:.1})",
+                was.joint_name(joint), old.value, old_std, new.value, new_std
+            )
+        })
+    };
+    (0..was.robot().bodies().len()).filter_map(joint).collect()
+}
+
+/// The state before anything is known, and what carries each target.
+pub(super) fn nominal(
+    poses: &Poses,
+    model: &Model,
+) -> Result<(State, Vec<Carrier>), CalibrateError> {
+    let carriers = (0..poses.targets.len())
+        .map(|target| poses.carrier(model, target))
+        .collect::<Result<Vec<_>, _>>()?;
+    let targets = carriers.iter().map(|carrier| Target {
+        body: carrier.body,
+        placement: carrier.placement,
+    });
+    Ok((State::nominal(model, targets.collect()), carriers))
+}
+
+/// The state that the file states, if it places the measuring system and every target.
+pub(super) fn stated(poses: &Poses, model: &Model) -> Result<Option<State>, CalibrateError> {
+    let (mut nominal, _) = nominal(poses, model)?;
+    let known = model.kinematics();
+    for (target, name) in nominal.targets.iter_mut().zip(&poses.targets) {
+        let Some(tool) = known.tools.iter().find(|tool| tool.name == *name) else {
+            return Ok(None);
+        };
+        target.placement = target.placement.compose(&tool.fixture.transform());
+    }
+    let stated = known.mount.is_some();
+    Ok(stated.then(|| State::of_model(model, nominal.targets)))
+}
+
+/// The error of the file as given, m, if it states all that is needed.
+fn given(problem: &Problem, model: &Model) -> Result<Option<f64>, CalibrateError> {
+    let Some(state) = stated(problem.poses, model)? else {
+        return Ok(None);
+    };
+    let used = problem.used();
+    let rows = rows(problem.chain, &state, &used, &[], start::UNKNOWN_NOISE);
+    Ok(Some(place_rms(&rows, &rows.b)))
+}
+
+/// Joints between the base and a target whose positions are not recorded.
+fn not_recorded(chain: &Chain, poses: &Poses, model: &Model, state: &State) -> Vec<String> {
+    let mut joints: Vec<usize> = (state.targets.iter())
+        .flat_map(|target| chain.path(target.body))
+        .filter(|joint| !poses.joints.contains(joint))
+        .collect();
+    joints.sort_unstable();
+    joints.dedup();
+    let names: Vec<&str> = joints
+        .iter()
+        .map(|&joint| model.joint_name(joint))
+        .collect();
+    if names.is_empty() {
+        return Vec::new();
+    }
+    vec![format!("{}: no column q/…, taken as 0", names.join(", "))]
+}
+
+fn too_few(poses: &Poses, needed: usize, open: String) -> CalibrateError {
+    CalibrateError::TooFew {
+        poses: poses.count(),
+        rows: poses.poses.iter().map(numbers).sum(),
+        needed,
+        open,
+    }
+}
+
+/// How many combinations there are to find; refuses poses that give fewer numbers.
+fn enough(
+    problem: &Problem,
+    model: &Model,
+    state: &State,
+    only_offsets: bool,
+) -> Result<usize, CalibrateError> {
+    let columns = search::frames_and_fixtures(problem, state, only_offsets);
+    let needed = identifiable::rank(problem, model.robot(), state, &columns);
+    let rows: usize = problem.poses.poses.iter().map(numbers).sum();
+    if rows >= needed {
+        return Ok(needed);
+    }
+    let fit = problem.fit(columns, state, start::UNKNOWN_NOISE);
+    let names: Vec<String> = identifiable::open(&fit)
+        .iter()
+        .map(|column| name(problem, model, column.unknown))
+        .collect();
+    let open = match names.len() {
+        0 => String::new(),
+        n if n > 8 => format!("; {n} stay open, such as {}", names[..8].join(", ")),
+        _ => format!("; open stay {}", names.join(", ")),
+    };
+    Err(too_few(problem.poses, needed, open))
+}
+
+/// What an unknown is called.
+pub(super) fn name(problem: &Problem, model: &Model, unknown: Unknown) -> String {
+    const AXES: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
+    let joint = |joint: usize| model.joint_name(joint);
+    match unknown {
+        Unknown::Mount(k) => format!("{}:mount", AXES[k]),
+        Unknown::Target(t, k) => format!("{}:tool:{}", AXES[k], problem.poses.targets[t]),
+        Unknown::Turn(j, 0) => format!("joint_offset:{}", joint(j)),
+        Unknown::Shift(j, n) => format!("shift_{n}:link_geometry:{}", joint(j)),
+        Unknown::Turn(j, n) => format!("turn_{n}:link_geometry:{}", joint(j)),
+        Unknown::Joint(j, quantity) => {
+            format!("{}:{}:{}", quantity.key(), owner(quantity), joint(j))
+        }
+    }
+}
+
+/// The fact that a quantity belongs to.
+pub(super) fn owner(quantity: Q) -> &'static str {
+    let found = super::facts::EFFECTS
+        .iter()
+        .find(|fact| fact.quantities.contains(&quantity));
+    found.map_or(super::facts::LINK_GEOMETRY.name, |fact| fact.name)
+}
+
+fn report(
+    problem: &Problem,
+    model: &Model,
+    found: &Found,
+    given: Option<f64>,
+    warnings: Vec<String>,
+) -> Calibration {
+    let names = |joints: &[usize]| -> Vec<String> {
+        joints
+            .iter()
+            .map(|&joint| model.joint_name(joint).to_owned())
+            .collect()
+    };
+    let fit = &found.fit;
+    let mut path: Vec<Step> = given
+        .iter()
+        .map(|error| Step {
+            step: "as_given",
+            effect: None,
+            joints: Vec::new(),
+            error: 1e3 * error,
+        })
+        .collect();
+    path.extend(found.path.iter().map(|rung| Step {
+        step: if rung.step == "mount" { "mount" } else { "add" },
+        effect: (rung.step != "mount").then_some(rung.step),
+        joints: names(&rung.joints),
+        error: rung.error,
+    }));
+    let mut judged: Vec<&search::Judged> = found.judged.iter().collect();
+    judged.sort_by(|a, b| {
+        (b.taken, b.z)
+            .partial_cmp(&(a.taken, a.z))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
+    let error_before = |judged: &search::Judged| {
+        let at = found.path.iter().position(|rung| {
+            judged.taken && rung.step == judged.fact.name && rung.joints == judged.joints
+        });
+        match at {
+            Some(at) if at > 0 => found.path[at - 1].error,
+            _ => found.path.last().map_or(f64::NAN, |rung| rung.error),
+        }
+    };
+    let candidates = judged.into_iter().map(|judged| Candidate {
+        effect: judged.fact.name,
+        joints: names(&judged.joints),
+        held_out_gain: error_before(judged) - judged.error,
+        z: judged.z,
+        taken: judged.taken,
+        alternatives: (judged.alternatives.iter())
+            .map(|(effect, joints)| Alternative {
+                effect,
+                joints: names(joints),
+            })
+            .collect(),
+    });
+    let first = problem.fit_fixtures(&fit.state_without_joints(model));
+    Calibration {
+        verdict: if found.path.len() > 1 {
+            "missing"
+        } else {
+            "complete"
+        },
+        poses: found.used.len(),
+        numbers: fit.rows.b.len(),
+        unknowns: fit.columns.len(),
+        identifiable: identifiable::rank(problem, model.robot(), &fit.state, &fit.columns),
+        turn_error: fit.turn_mrad(),
+        noise: 1e3 * fit.noise.place,
+        path,
+        candidates: candidates.collect(),
+        parameters: values(problem, model, fit),
+        by_pose: by_pose(problem, &first, fit),
+        by_joint: by_joint(problem, model, fit),
+        outliers: (found.outliers.iter())
+            .map(|(pose, error)| Outlier {
+                pose: problem.poses.called(*pose),
+                error: *error,
+            })
+            .collect(),
+        warnings,
+        model: model.clone(),
+    }
+}
+
+impl Fit {
+    /// Where the fit stands, with nothing of the joints corrected.
+    fn state_without_joints(&self, model: &Model) -> State {
+        State {
+            mount: self.state.mount,
+            ..State::nominal(model, self.state.targets.clone())
+        }
+    }
+}
+
+fn values(problem: &Problem, model: &Model, fit: &Fit) -> Vec<Value> {
+    let chain = problem.chain;
+    let all = fit.values(chain);
+    let status = |value: f64, std: f64, prior: f64| {
+        if std > identifiable::OPEN * prior {
+            "unexcited"
+        } else if std > 0.5 * prior || value.abs() < PRESENT * std {
+            "prior"
+        } else {
+            "identified"
+        }
+    };
+    let mut values = Vec::new();
+    for joint in 0..chain.joints() {
+        for quantity in Q::ALL {
+            let own = all
+                .iter()
+                .find(|(c, ..)| c.unknown == Unknown::Joint(joint, quantity));
+            let own = own.map(|(column, value, std)| (*value, *std, column.prior));
+            let known = own.or_else(|| along_frame(chain, &all, joint, quantity, &fit.state));
+            let Some((value, std, prior_std)) = known else {
+                continue;
+            };
+            values.push(Value {
+                name: format!(
+                    "{}:{}:{}",
+                    quantity.key(),
+                    owner(quantity),
+                    model.joint_name(joint)
+                ),
+                unit: quantity.unit(chain.slides(joint)),
+                value,
+                std,
+                prior_std,
+                status: status(value, std, prior_std),
+            });
+        }
+    }
+    values
+}
+
+/// Errors by pose in the base's frame.
+pub(super) fn by_pose(problem: &Problem, before: &Fit, after: &Fit) -> Vec<PoseError> {
+    let mut errors = Vec::new();
+    let vector = |fit: &Fit, row: usize| {
+        let error = Vector3::from_fn(|k, _| 1e3 * fit.held_out[row + k] * fit.rows.unit[row + k]);
+        fit.state.mount.rotation.tr_mul(&error)
+    };
+    for ((pose, range), (_, other)) in after.rows.poses.iter().zip(&before.rows.poses) {
+        let mut row = range.start;
+        while row < range.end {
+            let target = after.rows.target[row];
+            let measured = problem.poses.poses[*pose].measured[target].as_ref();
+            let oriented = measured.is_some_and(|m| m.orientation.is_some());
+            let [was, is] = [
+                vector(before, other.start + row - range.start),
+                vector(after, row),
+            ];
+            let place = measured.map_or_else(Vector3::zeros, |m| m.place);
+            errors.push(PoseError {
+                pose: problem.poses.called(*pose),
+                target: problem.poses.targets[target].clone(),
+                before: was.norm(),
+                after: is.norm(),
+                place: super::chain::point(&inverse(&after.state.mount), &place).into(),
+                before_vector: was.into(),
+                after_vector: is.into(),
+            });
+            row += if oriented { 6 } else { 3 };
+        }
+    }
+    errors
+}
+
+/// By how much each joint's corrections move the targets, beside the mount and the targets where they are.
+fn by_joint(problem: &Problem, model: &Model, fit: &Fit) -> Vec<JointShare> {
+    let used = problem.used();
+    let places = |state: &State| rows(problem.chain, state, &used, &[], start::UNKNOWN_NOISE);
+    let whole = places(&fit.state);
+    (0..problem.chain.joints())
+        .filter(|&joint| fit.state.joints[joint].iter().any(|x| *x != 0.0))
+        .map(|joint| {
+            let mut without = fit.state.clone();
+            without.joints[joint].fill(0.0);
+            let difference = places(&without).b - &whole.b;
+            JointShare {
+                joint: model.joint_name(joint).to_owned(),
+                moves: 1e3 * place_rms(&whole, &difference),
+            }
+        })
+        .collect()
+}
+
+impl Calibration {
+    /// The model with the values ±, and where they come from; what motion logs gave it stays.
+    ///
+    /// # Errors
+    /// The path of a file that cannot be read any more, and why.
+    pub fn to_model(&self, poses: &Poses) -> Result<Model, (String, std::io::Error)> {
+        let mut model = self.model.clone();
+        let mut provenance = Provenance::of(&poses.files)?;
+        if let Some(earlier) = model.provenance() {
+            let mut logs = earlier.logs.clone();
+            logs.retain(|log| provenance.logs.iter().all(|new| new.sha256 != log.sha256));
+            logs.append(&mut provenance.logs);
+            provenance.logs = logs;
+        }
+        model.set_provenance(provenance);
+        Ok(model)
+    }
+
+    /// The errors, as JSON has them.
+    pub fn error(&self) -> ErrorRange {
+        ErrorRange {
+            before: self.path.first().map(|step| step.error),
+            after: self.path.last().map(|step| step.error),
+            floor: None,
+            floor_unknown: Some("no pose was measured twice"),
+            unit: "mm",
+        }
+    }
+}

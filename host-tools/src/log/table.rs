@@ -1,0 +1,90 @@
+//! Any file of rows as numbers by name: what is no log of samples, such as poses.
+
+use std::path::Path;
+
+use super::error::{LogError, Place, Unit};
+use super::source::{self, Empty, Wanted};
+
+/// Slots begin after the time's: rows of equal time are rows of their own.
+const FIRST_SLOT: usize = 1;
+
+/// Columns of a file, chosen by their names, and all its rows.
+#[derive(Debug, Clone)]
+pub struct NumberTable {
+    /// What rows are counted in.
+    pub unit: Unit,
+    /// Where each row stands in the file.
+    pub numbers: Vec<u64>,
+    /// The chosen columns' values, a row each; not a number where an optional cell is empty.
+    pub rows: Vec<Vec<f64>>,
+}
+
+/// What a column is to be read for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// Every row has a number there.
+    Always,
+    /// A cell may be empty.
+    Optional,
+}
+
+impl NumberTable {
+    /// The place of a row in its file.
+    pub fn place(&self, row: usize) -> Option<Place> {
+        let number = *self.numbers.get(row)?;
+        Some(Place {
+            unit: self.unit,
+            number,
+        })
+    }
+}
+
+/// What a file of any known format calls its columns.
+///
+/// # Errors
+/// If it cannot be opened or is no table.
+pub fn column_names(path: &Path) -> Result<Vec<String>, LogError> {
+    Ok(source::open(path)?.names().to_vec())
+}
+
+/// Reads the columns that `choose` picks of the file's names, by their indices.
+///
+/// # Errors
+/// If the file cannot be read, or a cell that is needed holds no number: with its line and column.
+pub fn read_numbers<E: From<LogError>>(
+    path: &Path,
+    choose: impl FnOnce(&[String]) -> Result<Vec<(usize, Need)>, E>,
+) -> Result<NumberTable, E> {
+    let mut source = source::open(path)?;
+    let names = source.names().to_vec();
+    let chosen = choose(&names)?;
+    let wanted: Vec<Wanted> = chosen
+        .iter()
+        .enumerate()
+        .map(|(n, &(cell, need))| Wanted {
+            cell,
+            slot: n + FIRST_SLOT,
+            scale: 1.0,
+            empty: match need {
+                Need::Always => Empty::Refuse,
+                Need::Optional => Empty::Nan,
+            },
+        })
+        .collect();
+    let mut table = NumberTable {
+        unit: source.unit(),
+        numbers: Vec::new(),
+        rows: Vec::new(),
+    };
+    let mut values = vec![f64::NAN; chosen.len() + FIRST_SLOT];
+    loop {
+        match source.next(&wanted, &mut values) {
+            Ok(Some(number)) => {
+                table.numbers.push(number);
+                table.rows.push(values[FIRST_SLOT..].to_vec());
+            }
+            Ok(None) => return Ok(table),
+            Err(fault) => return Err(fault.error(path, source.unit(), &names).into()),
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! What calibration knows of a robot: where the measuring system and the targets are, and by how much joint frames and transmissions differ
+//! from the description.
+//!
+//! Values are corrections: the description stays as it is, and `proprio export --urdf` adds them to its origins. Elasticity and backlash of a
+//! joint are effects of the model like any other ([`Model::effect`]), because motion logs estimate the same numbers.
+
+use nalgebra::{Rotation3, Vector3};
+use proprio_core::effect::EffectKind;
+use proprio_core::spatial::Transform;
+
+use super::{Estimate, Impossible, Model, possible};
+use crate::catalogue;
+
+/// A number that calibration estimates at a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum JointQuantity {
+    /// The frame is displaced along its own x, y or z (0, 1, 2), m.
+    Shift(usize),
+    /// The frame is turned about its own x, y or z, rad.
+    Turn(usize),
+    /// The joint moves by this share more than is read.
+    Ratio,
+    /// The joint moves by this much per rad (or m) of the joint that carries it.
+    Coupling,
+    /// The joint's error is this times the sine of its position, rad.
+    Sine,
+    /// The same with the cosine.
+    Cosine,
+    /// The link turns about the first axis across the joint's by this much per N m, rad/(N m).
+    BendFirst,
+    /// The same about the second.
+    BendSecond,
+    /// The joint yields by this much per N m of its load, rad/(N m), or m/N.
+    Elasticity,
+    /// Play between motor and link, rad.
+    Backlash,
+}
+
+impl JointQuantity {
+    /// All of them, in the order of model files.
+    pub const ALL: [Self; 14] = [
+        Self::Shift(0),
+        Self::Shift(1),
+        Self::Shift(2),
+        Self::Turn(0),
+        Self::Turn(1),
+        Self::Turn(2),
+        Self::Ratio,
+        Self::Coupling,
+        Self::Sine,
+        Self::Cosine,
+        Self::BendFirst,
+        Self::BendSecond,
+        Self::Elasticity,
+        Self::Backlash,
+    ];
+
+    /// Its place in [`ALL`](Self::ALL).
+    pub fn index(self) -> usize {
+        Self::ALL.iter().position(|q| *q == self).unwrap_or(0)
+    }
+
+    /// Its key in `[kinematics.JOINT]` and in JSON.
+    pub fn key(self) -> &'static str {
+        const KEYS: [&str; 14] = [
+            "dx", "dy", "dz", "rx", "ry", "rz", "ratio", "coupling", "sin", "cos", "bend_1",
+            "bend_2", "1/k", "gap",
+        ];
+        KEYS[self.index()]
+    }
+
+    /// Its SI unit at a joint that turns or slides.
+    pub fn unit(self, slides: bool) -> &'static str {
+        match self {
+            Self::Shift(_) => "m",
+            Self::Turn(_) => "rad",
+            Self::Ratio | Self::Coupling => "1",
+            Self::Sine | Self::Cosine | Self::Backlash if slides => "m",
+            Self::Sine | Self::Cosine | Self::Backlash => "rad",
+            Self::Elasticity if slides => "m/N",
+            Self::BendFirst | Self::BendSecond | Self::Elasticity => "rad/(N m)",
+        }
+    }
+
+    /// The effect of the catalogue that has this number, where one has.
+    fn effect(self) -> Option<EffectKind> {
+        match self {
+            Self::Elasticity => catalogue::effect_named("elasticity"),
+            Self::Backlash => catalogue::effect_named("backlash"),
+            _ => None,
+        }
+    }
+}
+
+/// Where something is fixed: a place and a rotation, each with standard deviations if known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fixture {
+    /// Place, m.
+    pub xyz: [f64; 3],
+    /// Roll, pitch, yaw, rad.
+    pub rpy: [f64; 3],
+    /// Standard deviations of the place, m.
+    pub xyz_std: Option<[f64; 3]>,
+    /// Standard deviations about the fixture's own axes, rad.
+    pub rpy_std: Option<[f64; 3]>,
+}
+
+impl Fixture {
+    /// As a transform: its frame in that of what carries it.
+    pub fn transform(&self) -> Transform<f64> {
+        let [r, p, y] = self.rpy;
+        Transform {
+            rotation: *Rotation3::from_euler_angles(r, p, y).matrix(),
+            translation: Vector3::from(self.xyz),
+        }
+    }
+
+    /// Of a transform.
+    pub fn new(at: &Transform<f64>, xyz_std: Option<[f64; 3]>, rpy_std: Option<[f64; 3]>) -> Self {
+        let (r, p, y) = Rotation3::from_matrix_unchecked(at.rotation).euler_angles();
+        let rounded = |x: [f64; 3]| x.map(super::rounded);
+        Self {
+            xyz: rounded(at.translation.into()),
+            rpy: rounded([r, p, y]),
+            xyz_std: xyz_std.map(rounded),
+            rpy_std: rpy_std.map(rounded),
+        }
+    }
+
+    /// Whether all numbers are finite and deviations not negative.
+    pub(super) fn is_possible(&self) -> bool {
+        let stds = self.xyz_std.iter().chain(&self.rpy_std).flatten();
+        self.xyz.iter().chain(&self.rpy).all(|x| x.is_finite())
+            && stds.into_iter().all(|x| x.is_finite() && *x >= 0.0)
+    }
+}
+
+/// A measured target that is fixed to a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tool {
+    /// Its name in pose files: `x/NAME`.
+    pub name: String,
+    /// The link that carries it.
+    pub link: String,
+    /// Where, in the link's frame; of a target whose orientation is not measured the rotation is zero.
+    pub fixture: Fixture,
+}
+
+/// What calibration knows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Kinematics {
+    /// The robot's base in the measuring system's frame.
+    pub mount: Option<Fixture>,
+    /// Targets.
+    pub tools: Vec<Tool>,
+    /// Corrections, by joint.
+    pub(super) corrections: Vec<(usize, JointQuantity, Estimate)>,
+}
+
+impl Model {
+    /// What calibration knows of the robot.
+    pub fn kinematics(&self) -> &Kinematics {
+        &self.kinematics
+    }
+
+    /// States where the measuring system and the targets are.
+    pub fn set_fixtures(&mut self, mount: Option<Fixture>, tools: Vec<Tool>) {
+        self.kinematics.mount = mount;
+        self.kinematics.tools = tools;
+    }
+
+    /// What is known of a quantity at a joint.
+    pub fn joint_quantity(&self, joint: usize, quantity: JointQuantity) -> Option<Estimate> {
+        if let Some(effect) = quantity.effect() {
+            return self.effect(effect, joint)?.estimate();
+        }
+        let found = self.kinematics.corrections.iter();
+        let mut found = found.filter(|(j, q, _)| (*j, *q) == (joint, quantity));
+        found.next().map(|(_, _, estimate)| *estimate)
+    }
+
+    /// States a quantity at a joint, rounded as identified values are.
+    ///
+    /// # Errors
+    /// [`Impossible`] if it is not finite or beyond an effect's bounds; then nothing changes.
+    pub fn set_joint_quantity(
+        &mut self,
+        joint: usize,
+        quantity: JointQuantity,
+        value: f64,
+        std: Option<f64>,
+    ) -> Result<(), Impossible> {
+        if let Some(effect) = quantity.effect() {
+            return self.set_effect(effect, joint, value, std);
+        }
+        let (value, std) = (super::rounded(value), std.map(super::rounded));
+        self.place_joint_quantity(joint, quantity, Estimate { value, std })
+    }
+
+    /// [`set_joint_quantity`](Self::set_joint_quantity) of what is no effect, to the last digit.
+    pub(super) fn place_joint_quantity(
+        &mut self,
+        joint: usize,
+        quantity: JointQuantity,
+        estimate: Estimate,
+    ) -> Result<(), Impossible> {
+        possible::finite(quantity.key(), estimate.value)?;
+        estimate.std.map(possible::deviation).transpose()?;
+        let all = &mut self.kinematics.corrections;
+        all.retain(|(j, q, _)| (*j, *q) != (joint, quantity));
+        all.push((joint, quantity, estimate));
+        all.sort_by_key(|(joint, quantity, _)| (*joint, *quantity));
+        Ok(())
+    }
+
+    /// Forgets what an earlier calibration found, but not the effects that motion logs estimate too.
+    pub fn clear_kinematics(&mut self) {
+        self.kinematics = Kinematics::default();
+    }
+
+    /// The correction of a joint's frame, in the frame itself: its placement is the description's times this. None where there is none.
+    pub fn frame_correction(&self, joint: usize) -> Option<Transform<f64>> {
+        let value = |quantity| self.joint_quantity(joint, quantity).map(|e| e.value);
+        let three = |of: fn(usize) -> JointQuantity| [0, 1, 2].map(|k| value(of(k)));
+        let (shift, turn) = (three(JointQuantity::Shift), three(JointQuantity::Turn));
+        let any = shift.iter().chain(&turn).any(Option::is_some);
+        let vector = |x: [Option<f64>; 3]| Vector3::from(x.map(Option::unwrap_or_default));
+        any.then(|| Transform {
+            rotation: *Rotation3::new(vector(turn)).matrix(),
+            translation: vector(shift),
+        })
+    }
+}
