@@ -38,6 +38,11 @@ const ROUNDS: usize = 8;
 const NARROWER: f64 = 0.6;
 /// Rivals that are told.
 const MOST_RIVALS: usize = 4;
+/// One that explains less than this share of what the best does is no rival: where that much is within the error, chance explains the best.
+const LEAST_OF_RIVAL: f64 = 0.5;
+/// What of a column the model's own leave, as a share of its square: below this its length is worked out by what is left and not as a
+/// difference of squares, which rounding leaves ten digits of.
+const NEARLY_NOTHING: f64 = 1e-6;
 
 /// A term that a residual asks for.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,9 +68,20 @@ struct Tried {
     shape: Option<f64>,
     /// Of each of its orthonormal columns, segment by segment, how it goes with the residual.
     along: Vec<Vec<f64>>,
-    /// How much of the square it explains in each segment.
-    gains: Vec<f64>,
+    /// How much of the square it explains.
     fall: f64,
+}
+
+impl Tried {
+    fn of(term: usize, shape: Option<f64>, along: Vec<Vec<f64>>) -> Self {
+        let value = |along: &Vec<f64>| along.iter().sum::<f64>().powi(2);
+        Self {
+            term,
+            shape,
+            fall: along.iter().map(value).sum(),
+            along,
+        }
+    }
 }
 
 /// The term that a joint's residual asks for most; `draws` of signs tell how often noise asks as much. `None` where nothing can be told, or no
@@ -96,8 +112,18 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) ->
     let worth = |tried: &Tried| tried.fall - price * all[tried.term].numbers() as f64;
     let best = tried.iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
     // Terms that do as well as the best, within the error of the difference.
+    let gains = |tried: &Tried| residual.gains(&all[tried.term], tried.shape, &factors);
+    let of_best = gains(best)?;
     let as_good = |tried: &&Tried| {
-        let gains: Vec<f64> = (best.gains.iter().zip(&tried.gains))
+        if tried.fall < LEAST_OF_RIVAL * best.fall {
+            return false;
+        }
+        let Some(own) = gains(tried) else {
+            return false;
+        };
+        let gains: Vec<f64> = of_best
+            .iter()
+            .zip(own)
             .map(|(best, own)| best - own)
             .collect();
         let (less, error) = sum_and_error(&gains);
@@ -152,8 +178,9 @@ struct Residual {
     joint: usize,
     left: Vec<f64>,
     square: f64,
-    /// Orthonormal directions of the model's columns.
+    /// Orthonormal directions of the model's columns, and segment by segment how each goes with the residual.
     basis: Vec<Vec<f64>>,
+    along_basis: Vec<Vec<f64>>,
     /// What effects see in the middle of each third of each window.
     states: Vec<Vec<JointState<f64>>>,
     /// Of each carrier its integral over each third of each window, over the window's length: what friction does where it turns round is not
@@ -248,15 +275,19 @@ impl Residual {
             }
         }
         let count = windows.len();
-        Some(Self {
+        let mut residual = Self {
             joint,
             square: dot(&left, &left),
             left,
             basis,
+            along_basis: Vec::new(),
             states,
             carriers,
             segment: (0..count).map(|w| w * SEGMENTS / count).collect(),
-        })
+        };
+        let along = |column: &Vec<f64>| residual.by_segment(column);
+        residual.along_basis = residual.basis.iter().map(along).collect();
+        Some(residual)
     }
 
     /// A factor at the parts' middles.
@@ -318,6 +349,9 @@ impl Residual {
     }
 
     /// A term of this shape beside the model.
+    ///
+    /// What the model's columns take is not taken out of the term's but out of its products: of orthonormal directions B and a residual
+    /// that has none of them, a column c leaves the square |c|² − |Bᵀc|², and goes with the residual as it does itself less B's part.
     fn beside(
         &self,
         n: usize,
@@ -325,49 +359,94 @@ impl Residual {
         shape: Option<f64>,
         factors: &Factors,
     ) -> Option<Tried> {
-        let mut own: Vec<Vec<f64>> = Vec::new();
-        for column in self.columns(term, shape, factors)? {
-            own.extend(
-                orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
-            );
+        struct Own<'c> {
+            column: &'c [f64],
+            shares: Vec<f64>,
+            length: f64,
         }
-        let along: Vec<Vec<f64>> = own.iter().map(|column| self.by_segment(column)).collect();
-        let values: Vec<f64> = along.iter().map(|along| along.iter().sum()).collect();
-        let mut explained = vec![0.0; self.left.len()];
-        for (column, value) in own.iter().zip(&values) {
-            explained
-                .iter_mut()
-                .zip(column)
-                .for_each(|(x, c)| *x += value * c);
+        let columns = self.columns(term, shape, factors)?;
+        let (mut own, mut along): (Vec<Own>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
+        for column in &columns {
+            let shares: Vec<f64> = self.basis.iter().map(|b| dot(b, column)).collect();
+            let square = dot(column, column);
+            let mut left = square - dot(&shares, &shares);
+            let mut with = self.by_segment(column);
+            let mut take = |share: f64, of: &[f64]| {
+                with.iter_mut().zip(of).for_each(|(x, of)| *x -= share * of);
+            };
+            for (share, of) in shares.iter().zip(&self.along_basis) {
+                take(*share, of);
+            }
+            for (other, of) in own.iter().zip(&along) {
+                let common = dot(other.column, column) - dot(&other.shares, &shares);
+                let share = common / other.length;
+                left -= share * share;
+                take(share, of);
+            }
+            if left.is_nan() || left <= NEARLY_NOTHING * square {
+                return self.nearly_nothing(n, term, shape, factors);
+            }
+            let length = left.sqrt();
+            with.iter_mut().for_each(|x| *x /= length);
+            own.push(Own {
+                column,
+                shares,
+                length,
+            });
+            along.push(with);
         }
-        let mut gains = vec![0.0; SEGMENTS];
-        for ((segment, left), explained) in self.segment.iter().zip(&self.left).zip(&explained) {
-            gains[*segment] += left * left - (left - explained).powi(2);
-        }
-        Some(Tried {
-            term: n,
-            shape,
-            fall: values.iter().map(|value| value * value).sum(),
-            along,
-            gains,
-        })
+        Some(Tried::of(n, shape, along))
     }
 
-    /// What one direction explains of the noise that a term leaves: the mean square of a window, as many times more as neighbours say the same.
-    fn noise(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<f64> {
-        let mut left = self.left.clone();
+    /// The same of a term that the model's columns, or its own among each other, leave next to nothing of.
+    fn nearly_nothing(
+        &self,
+        n: usize,
+        term: &Term,
+        shape: Option<f64>,
+        factors: &Factors,
+    ) -> Option<Tried> {
+        let own = self.own(term, shape, factors)?;
+        let along = own.iter().map(|column| self.by_segment(column)).collect();
+        Some(Tried::of(n, shape, along))
+    }
+
+    /// Orthonormal directions of a term beside the model's.
+    fn own(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<Vec<f64>>> {
         let mut own: Vec<Vec<f64>> = Vec::new();
         for column in self.columns(term, shape, factors)? {
             own.extend(
                 orthonormal(column, &self.basis).and_then(|column| orthonormal(column, &own)),
             );
         }
-        for along in &own {
+        Some(own)
+    }
+
+    /// How much of the square a term explains in each segment.
+    fn gains(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
+        let after = self.without(term, shape, factors)?;
+        let mut gains = vec![0.0; SEGMENTS];
+        for ((segment, left), after) in self.segment.iter().zip(&self.left).zip(&after) {
+            gains[*segment] += left * left - after * after;
+        }
+        Some(gains)
+    }
+
+    /// What a term leaves of the residual.
+    fn without(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<Vec<f64>> {
+        let mut left = self.left.clone();
+        for along in &self.own(term, shape, factors)? {
             let share = dot(along, &left);
             left.iter_mut()
                 .zip(along)
                 .for_each(|(x, c)| *x -= share * c);
         }
+        Some(left)
+    }
+
+    /// What one direction explains of the noise that a term leaves: the mean square of a window, as many times more as neighbours say the same.
+    fn noise(&self, term: &Term, shape: Option<f64>, factors: &Factors) -> Option<f64> {
+        let left = self.without(term, shape, factors)?;
         let square = dot(&left, &left) / left.len() as f64;
         Some(square * autocorrelation_time(&left))
     }
