@@ -14,7 +14,7 @@ use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::{Duration, Instant, Ticker};
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
-    HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Receiver, Reset, Sender,
+    HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Positions, Receiver, Reset, Sender,
 };
 use static_cell::ConstStaticCell;
 
@@ -61,6 +61,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
         load_unit: "cycles",
         budget: (u64::from(CORE_HZ) * TICK_US / 1_000_000) as u32,
         byte_ns: BUS_BYTE_NS,
+        positions: Positions::FromPowerUp,
     };
     defmt::info!("proprio {} on {}", identity.firmware, identity.board);
     match (tell(board.to_host), keep(board.flash)) {

@@ -1,8 +1,9 @@
 //! One leg's bus: bytes with times in, polling cycles out.
 
 use super::MOTORS;
-use super::assembly::{Assembler, AssemblyCounters, Cycle, Heard};
+use super::assembly::{Assembler, AssemblyCounters, Breaks, Cycle, Heard};
 use super::decoder::{Decoder, DecoderCounters, Frame};
+use super::encoder::MotorState;
 use super::queue::Queue;
 use super::schedule::Schedule;
 
@@ -52,9 +53,30 @@ impl<const M: usize> Listener<M> {
         }
     }
 
+    /// The cycle that [`Self::next`] gave last.
+    pub fn cycle(&self) -> &Cycle<M> {
+        self.assembler.cycle()
+    }
+
     /// Counts a cycle that its receiver cannot use: its replies are in no sample.
     pub fn discard(&mut self) {
         self.assembler.discard();
+    }
+
+    /// Whether a motor no longer counts its position from where it did, since the last [`Self::take_breaks`].
+    #[inline]
+    pub fn is_broken(&self) -> bool {
+        self.assembler.is_broken()
+    }
+
+    /// Which motors no longer count their positions from where they did, told once.
+    pub fn take_breaks(&mut self) -> Breaks {
+        self.assembler.take_breaks()
+    }
+
+    /// What a motor has said last, by its place among the ids; nothing of one that was not heard.
+    pub fn motor(&self, motor: usize) -> Option<MotorState> {
+        self.assembler.motor(motor)
     }
 
     /// What is known of the polling.

@@ -19,7 +19,8 @@ mod walk;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
 pub use request::{
-    Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request,
+    Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, Positions,
+    ReadFactor, Request, SetZero, Zero,
 };
 
 pub use walk::{Imu, Walk, WalkCounts};
@@ -117,6 +118,8 @@ pub struct Hello {
     pub listens_to: u8,
     /// The robot's feet carry it, so that a device for a robot that hangs leaves its windows out ([`LegCounters::carried`]).
     pub carried: bool,
+    /// Whether each joint's zero is known, by leg and joint.
+    pub zeros: [[Zero; JOINTS_PER_LEG]; LEGS],
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -348,6 +351,8 @@ pub struct LegCounters {
     pub surplus: u32,
     /// Samples assembled: three good replies of one polling cycle, brought to one time.
     pub samples: u32,
+    /// Samples of a leg whose zeros are unknown: not used.
+    pub unplaced: u32,
     /// Samples used.
     pub used: u32,
     /// Samples whose time was not after the one before: skipped.
@@ -387,6 +392,7 @@ impl LegCounters {
         stuck: 0,
         surplus: 0,
         samples: 0,
+        unplaced: 0,
         used: 0,
         late: 0,
         rejected: 0,

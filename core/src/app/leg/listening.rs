@@ -2,6 +2,7 @@
 
 use super::{LegData, LegLine, increment};
 use crate::Real;
+use crate::app::LISTENING;
 use crate::go2::JOINTS_PER_LEG;
 use crate::window::{Push, Sample, Settings};
 
@@ -37,9 +38,14 @@ impl<T: Real> LegLine<T> {
             let Some(listener) = self.listener.get_mut() else {
                 break;
             };
-            let Some(cycle) = listener.next(&mut data.queue, &mut effort) else {
+            let cycle = listener.next(&mut data.queue, &mut effort).is_some();
+            if listener.is_broken() {
+                self.note_breaks();
+            }
+            let Some(listener) = self.listener.get_mut().filter(|_| cycle) else {
                 break;
             };
+            let cycle = listener.cycle();
             if samples < STEP_SAMPLES {
                 samples += 1;
                 let sample = self.alignment.sample(cycle, SETTINGS.max_gap_us);
@@ -55,6 +61,10 @@ impl<T: Real> LegLine<T> {
         } else {
             0
         };
+        if self.voided {
+            // The step has to say so, and does nothing else: see its caller.
+            return LISTENING + 1;
+        }
         (most - effort) * EFFORT_COST + samples * SAMPLE_COST + moved
     }
 
@@ -66,6 +76,10 @@ impl<T: Real> LegLine<T> {
         };
         let counters = &mut self.counters;
         increment(&mut counters.samples);
+        if !self.zeros.are_known() {
+            increment(&mut counters.unplaced);
+            return;
+        }
         match window.push(sample) {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
