@@ -15,7 +15,7 @@ use super::alignment::Alignment;
 use super::identity::Identity;
 use crate::Real;
 use crate::bus::{Breaks, Listener, position_counts};
-use crate::go2::{ACTUATORS, Go2, JOINTS_PER_LEG, Leg, position_limits};
+use crate::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, position_limits};
 use crate::slot::Slot;
 use crate::wire::{Outcome, Positions, SetZero, Zero};
 
@@ -26,8 +26,6 @@ pub(super) type LegAlignment<T> = Alignment<T, Go2, JOINTS_PER_LEG>;
 const FRESH_US: u64 = 100_000;
 /// Greatest speed of a joint that is held still, counts of the rotor: 0.2 rad/s of a hip, six deviations of its noise.
 const STILL: u16 = 52;
-/// Beyond its limits by so much, rad, a joint's stop may be: of the plastic and of the URDF's rounding.
-const BEYOND: f64 = 0.05;
 /// A zero that is set anew within so many counts is the same, 0.005 rad of a hip: what was learnt still holds.
 const SAME: u32 = 165;
 
@@ -134,7 +132,7 @@ impl Zeros {
             return Err(Outcome::NoSuchJoint);
         };
         let angle = f64::from(asked.angle);
-        if !(lower - BEYOND..=upper + BEYOND).contains(&angle) {
+        if !(lower - BEYOND_STOPS..=upper + BEYOND_STOPS).contains(&angle) {
             return Err(Outcome::OutOfRange);
         }
         let motor = LegAlignment::<T>::PLACES.get(joint).copied();

@@ -35,6 +35,9 @@ impl<T: Real> LegLine<T> {
 
     /// Takes positions to be angles, or counts whose zeros are still to be said: what was learnt is of others.
     pub(in crate::app) fn set_positions(&mut self, data: &mut LegData<T>, positions: Positions) {
+        if positions == Positions::Absolute && self.zeros() == [Zero::Absolute; JOINTS_PER_LEG] {
+            return;
+        }
         self.zeros.set_positions(positions, &mut self.alignment);
         self.forget_motion(data);
     }
