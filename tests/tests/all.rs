@@ -19,6 +19,7 @@ mod cli_monitor;
 mod cli_qemu;
 mod cli_replay;
 mod cli_web;
+mod cli_zero;
 mod compare;
 mod contact_oracle;
 mod device_delay;

@@ -157,7 +157,6 @@ impl Monitor {
     fn open(&self) -> Result<Source, Error> {
         Ok(match self.source.as_str() {
             "qemu" => {
-                eprintln!("Building the firmware; the first time takes some minutes.");
                 let image = image::build(image::Scalar::F64)?;
                 self.simulated(Box::new(Qemu::boot(&image)?))?
             }

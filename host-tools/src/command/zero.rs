@@ -77,12 +77,12 @@ Examples:
     )
 }
 
-fn parse_joint(text: &str) -> Result<JointId, String> {
+pub(super) fn parse_joint(text: &str) -> Result<JointId, String> {
     JointId::from_name(text)
         .ok_or_else(|| format!("no joint is called {text}; joints are FR_hip to RL_calf"))
 }
 
-fn parse_at(text: &str) -> Result<(JointId, f64), String> {
+pub(super) fn parse_at(text: &str) -> Result<(JointId, f64), String> {
     let (joint, angle) = text
         .split_once('=')
         .ok_or("expected JOINT=ANGLE, such as FR_thigh=0.72")?;
