@@ -9,7 +9,7 @@ use crate::board::mps2_an500::Board;
 use crate::stack::HighWater;
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
-    Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Positions, Receiver, Reset,
+    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Positions, Receiver, Reset,
     Sender,
 };
 use static_cell::ConstStaticCell;
@@ -44,6 +44,7 @@ pub fn run(app: impl Application, budget: u32) -> ! {
         board: "mps2-an500",
         start: Start {
             git: crate::GIT,
+            clock: Clock::Unknown,
             // The emulator's reset begins with the power.
             reset: if crash.is_empty() {
                 Reset::Power

@@ -52,6 +52,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
     let start = Start {
         git: GIT,
         reset: board.reset,
+        clock: board.clock,
         crash: crash::take(),
     };
     let identity = Identity {
@@ -88,6 +89,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
         frames_dropped: 0,
     };
     listener.app.begin(identity, &mut listener.bank2);
+    listener.watchdog.pet();
     if !start.crash.is_empty() {
         defmt::error!("the run before ended: {}", start.crash);
     }

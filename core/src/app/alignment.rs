@@ -16,6 +16,9 @@ use crate::robot::{Robot, places};
 use crate::scalar::real;
 use crate::window::Sample;
 
+/// A motor that says nothing for so long may have been switched off and have moved meanwhile, µs.
+const SILENCE_US: u64 = 100_000;
+
 /// The last reply of each motor of a leg of robot `R`.
 #[derive(Clone, Copy, Debug)]
 pub struct Alignment<T, R, const J: usize> {
@@ -24,6 +27,8 @@ pub struct Alignment<T, R, const J: usize> {
     zeros: [i32; J],
     /// Motors that turn against their joints, bit n for the n-th joint.
     reversed: u8,
+    /// A motor was silent so long that it may have been switched off.
+    silent: bool,
     robot: PhantomData<R>,
 }
 
@@ -61,18 +66,29 @@ impl<T: Real, R: Robot<J>, const J: usize> Alignment<T, R, J> {
             last: [last; J],
             zeros: [0; J],
             reversed: 0,
+            silent: false,
             robot: PhantomData,
         }
     }
 
-    /// Takes a joint's angle to be 0 where its motor counts `zero`, and the motor to turn against the joint if it is `reversed`. What was heard
-    /// before is not bridged.
+    /// Takes a joint's angle to be 0 where its motor counts `zero`, and the motor to turn against the joint if it is `reversed`.
     pub fn set_zero(&mut self, joint: usize, zero: i32, reversed: bool) {
         if let Some(place) = self.zeros.get_mut(joint) {
             *place = zero;
             self.reversed = self.reversed & !(1 << joint) | u8::from(reversed) << joint;
         }
-        self.last.iter_mut().for_each(|last| last.time_us = 0);
+    }
+
+    /// Whether a motor was silent for 0.1 s before its last reply, or the clock was set back, since this was asked last.
+    #[inline]
+    pub fn take_silence(&mut self) -> bool {
+        core::mem::take(&mut self.silent)
+    }
+
+    /// Whether it was, without taking note of the answer.
+    #[inline]
+    pub(super) fn was_silent(&self) -> bool {
+        self.silent
     }
 
     /// The count of a motor where its joint's angle is 0, and whether it turns against the joint.
@@ -108,7 +124,10 @@ impl<T: Real, R: Robot<J>, const J: usize> Alignment<T, R, J> {
             let bridged = step_us <= max_gap_us && back_us < step_us;
             let share: T = match bridged {
                 true => real::<T>(f64::from(back_us as u32)) / real(f64::from(step_us as u32)),
-                false => T::ZERO,
+                false => {
+                    self.silent |= step_us > SILENCE_US && last.time_us != 0;
+                    T::ZERO
+                }
             };
             let back: T = real(f64::from(back_us as u32) * 1e-6);
             let dq = now.dq - (now.dq - last.dq) * share;

@@ -1,6 +1,6 @@
 //! Who the device is: what a firmware says of itself and of its board.
 
-use crate::wire::{Positions, Reset};
+use crate::wire::{Clock, Positions, Reset};
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +29,8 @@ pub struct Start {
     pub git: &'static str,
     /// Why it started.
     pub reset: Reset,
+    /// Which clock its times are of.
+    pub clock: Clock,
     /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
     pub crash: &'static str,
 }
@@ -38,6 +40,7 @@ impl Start {
     pub const UNKNOWN: Self = Self {
         git: "",
         reset: Reset::Unknown,
+        clock: Clock::Unknown,
         crash: "",
     };
 }

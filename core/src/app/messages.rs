@@ -58,6 +58,7 @@ impl<T: Real> App<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {
                 legs: LEGS as u8,

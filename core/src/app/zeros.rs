@@ -95,9 +95,9 @@ impl Zeros {
         self.known = self.joints.iter().all(|zero| zero.is_known());
     }
 
-    /// Takes note of motors that no longer count from where they did; whether a zero is void that was not.
+    /// Takes note of motors that no longer count from where they did, or were silent; whether a zero is void that was not.
     #[cold]
-    pub(super) fn void<T: Real>(&mut self, breaks: Breaks) -> bool {
+    pub(super) fn void<T: Real>(&mut self, breaks: Breaks, silent: bool) -> bool {
         let places = LegAlignment::<T>::PLACES;
         let before = self.joints;
         for (zero, motor) in self.joints.iter_mut().zip(places) {
@@ -107,7 +107,7 @@ impl Zeros {
                 *zero = match *zero {
                     _ if has(breaks.exchanged) => Zero::Exchanged,
                     _ if has(breaks.jumped) => Zero::Jumped,
-                    _ if has(breaks.silent) => Zero::Silent,
+                    _ if silent => Zero::Silent,
                     same => same,
                 };
             }

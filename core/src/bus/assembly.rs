@@ -46,8 +46,6 @@ pub struct AssemblyCounters {
 /// Motors that no longer count their positions from where they did, bit n for the n-th by ascending id: what was their zero is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Breaks {
-    /// Silent so long that they may have been switched off.
-    pub silent: u8,
     /// Positions elsewhere than their speeds have taken them: turns that were lost, or a motor that began anew.
     pub jumped: u8,
     /// Positions where those of another motor were: ids that were exchanged.
@@ -56,7 +54,6 @@ pub struct Breaks {
 
 impl Breaks {
     const NONE: Self = Self {
-        silent: 0,
         jumped: 0,
         exchanged: 0,
     };
@@ -141,6 +138,12 @@ impl<const M: usize> Assembler<M> {
         self.learner.schedule()
     }
 
+    /// Counts a reply that is none.
+    #[cold]
+    pub(super) fn refuse(&mut self) {
+        add(&mut self.counters.unused_replies, 1);
+    }
+
     /// Counts a cycle that its receiver cannot use.
     pub(super) fn discard(&mut self) {
         add(&mut self.counters.unused_replies, M as u32);
@@ -197,7 +200,7 @@ impl<const M: usize> Assembler<M> {
         let counting = encoder.counting(&heard.reply, heard.time_us);
         let stuck = encoder.is_stuck(&heard.reply, heard.time_us);
         if counting != Counting::GoesOn {
-            self.note_break(motor, counting, heard.reply.position);
+            self.note_break(motor, heard.reply.position);
         }
         let error = heard.reply.error();
         let fault = stuck || error != 0;
@@ -209,16 +212,16 @@ impl<const M: usize> Assembler<M> {
 
     /// Takes note of a motor that no longer counts from where it did.
     #[cold]
-    fn note_break(&mut self, motor: usize, counting: Counting, position: i32) {
+    #[inline(never)]
+    fn note_break(&mut self, motor: usize, position: i32) {
         let others = self.encoders.iter().enumerate();
         let is_other = others.filter(|(n, _)| *n != motor).any(|(_, other)| {
             let there = other.state().map(|state| state.position);
             there.is_some_and(|there| there.wrapping_sub(position).unsigned_abs() < SAME_PLACE)
         });
-        let bits = match (counting, is_other) {
-            (Counting::Silent, _) => &mut self.breaks.silent,
-            (_, true) => &mut self.breaks.exchanged,
-            (_, false) => &mut self.breaks.jumped,
+        let bits = match is_other {
+            true => &mut self.breaks.exchanged,
+            false => &mut self.breaks.jumped,
         };
         *bits |= 1 << motor;
         self.is_broken = true;

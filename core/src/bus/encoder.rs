@@ -40,8 +40,6 @@ pub struct MotorState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Counting {
     GoesOn,
-    /// It was silent so long that it may have been switched off.
-    Silent,
     /// Its position is elsewhere than its speed has taken it.
     Jumped,
 }
@@ -58,8 +56,8 @@ const TORQUE_CHANGE: i32 = 16;
 /// Counts of position, rotor side, between two replies that are no motion where the speed does not say so: a tenth of a turn. In the 10 ms
 /// that a window bridges, 3000 rad/s² of a rotor (500 rad/s² of a hip, twice what its motor can do to a leg) make a quarter of that.
 const JUMP: u32 = 3277;
-/// A motor that says nothing for so long may have been switched off and have moved meanwhile, µs.
-const SILENCE_US: u64 = 100_000;
+/// Time that a speed is taken to last at most, µs.
+const LONGEST_US: u64 = 1_000_000;
 
 /// Counts of position per second and count of speed: 2π/256 rad/s over 2π/32768 rad.
 const POSITION_PER_SPEED: i64 = 128;
@@ -91,25 +89,25 @@ impl Encoder {
     #[inline]
     pub(super) fn counting(&self, reply: &Reply, time_us: u64) -> Counting {
         let step = reply.position.wrapping_sub(self.position);
-        // A clock that was set back has been silent for nobody knows how long.
-        let step_us = time_us.wrapping_sub(self.last_us);
-        match step.unsigned_abs() <= JUMP && step_us <= SILENCE_US {
+        match step.unsigned_abs() <= JUMP {
             true => Counting::GoesOn,
-            false => self.counting_after(reply, step, step_us),
+            false => self.counting_after(reply, step, time_us),
         }
     }
 
     #[cold]
-    fn counting_after(&self, reply: &Reply, step: i32, step_us: u64) -> Counting {
+    #[inline(never)]
+    fn counting_after(&self, reply: &Reply, step: i32, time_us: u64) -> Counting {
         if self.last_us == 0 {
             return Counting::GoesOn;
         }
-        if step_us > SILENCE_US {
-            return Counting::Silent;
-        }
+        // A silence that is longer is one whatever the position: that is the receiver's affair.
+        let step_us = time_us.saturating_sub(self.last_us).min(LONGEST_US) as i64;
         let speeds = i64::from(self.speed) + i64::from(reply.speed);
-        let moved = speeds * POSITION_PER_SPEED * step_us as i64 / 2_000_000;
-        match (i64::from(step) - moved).unsigned_abs() > u64::from(JUMP) {
+        // The mean of the two speeds, in counts × 2 µs: a division of 64 bits is a library's.
+        let moved = speeds * POSITION_PER_SPEED * step_us;
+        let beyond = i64::from(step) * 2_000_000 - moved;
+        match beyond.unsigned_abs() > u64::from(JUMP) * 2_000_000 {
             true => Counting::Jumped,
             false => Counting::GoesOn,
         }

@@ -110,6 +110,8 @@ pub struct Hello {
     pub crash: String<64>,
     /// What the device can hold.
     pub capacities: Capacities,
+    /// Which clock its times are of.
+    pub clock: Clock,
     /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
     pub load_unit: String<16>,
     /// What has become of what was kept before the start.
@@ -137,6 +139,18 @@ pub enum Reset {
     Software,
     /// The watchdog: the firmware had stopped.
     Watchdog,
+}
+
+/// Which clock a board's times are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Clock {
+    /// It cannot tell, or has none of its own.
+    Unknown,
+    /// A crystal's.
+    Crystal,
+    /// The chip's own oscillator, some per cent fast or slow: a board without its crystal's clock. Velocities and positions then disagree by
+    /// as much.
+    Internal,
 }
 
 /// What a device has found in its flash when it started.
@@ -336,8 +350,8 @@ pub struct LegCounters {
     pub lost_bytes: u32,
     /// Bytes of a bus that the device was told not to listen to: [`Action::SetLegs`].
     pub unheard_bytes: u32,
-    /// Good replies that are in no sample: of an id that is none of the leg's motors', or of a cycle that is counted in one
-    /// of the next five.
+    /// Good replies that are in no sample: of an id that is none of the leg's motors', with a pause among their bytes, or of a cycle that is
+    /// counted in one of the next five.
     pub unused_replies: u32,
     /// Polling cycles in which a motor was not heard.
     pub incomplete: u32,

@@ -30,6 +30,7 @@ fn hello() -> Hello {
         load_unit: String::try_from("1234567890123456").unwrap(),
         git: String::try_from("1234567890123456").unwrap(),
         reset: Reset::Watchdog,
+        clock: Clock::Internal,
         crash: String::try_from(
             [b'x'; 64]
                 .map(char::from)

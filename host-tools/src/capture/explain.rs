@@ -9,7 +9,7 @@ use proprio_core::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, posit
 use proprio_core::robot::Robot;
 use serde::Serialize;
 
-use super::{CaptureError, CaptureReader, Facts, Told};
+use super::{CaptureError, CaptureReader, Facts, LATE_US, Told};
 
 /// Bytes given to the listener at once: what its queue always has room for.
 const PART: usize = 256;
@@ -188,7 +188,7 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         asked: None,
         motors: Default::default(),
     };
-    let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
+    let (mut queue, mut listener) = (Queue::of_adapter(LATE_US), <Listener>::new());
     let (mut records, mut bytes, mut cycles) = (0, 0, 0);
     let mut span: Option<[u64; 2]> = None;
     while let Some(record) = capture.next_record()? {

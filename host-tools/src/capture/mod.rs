@@ -24,6 +24,9 @@ use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 
+/// How late an adapter may say that bytes came, µs: the latency timer of a USB adapter, which is to be set to 1 ms.
+pub(crate) const LATE_US: u64 = 1_500;
+
 /// What a capture begins with.
 pub const TITLE: &str = "proprio capture ";
 /// The version of the format.

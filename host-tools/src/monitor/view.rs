@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
-    Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
+    Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
     LegCounters, Outcome, Positions, Reset, SetZero, Solution, Zero,
 };
 
@@ -188,6 +188,11 @@ impl View {
         }
         if hello.reset == Reset::Watchdog {
             self.happened("its watchdog has reset it".to_owned());
+        }
+        if hello.clock == Clock::Internal {
+            self.happened(
+                "its crystal's clock does not come: its times are some per cent off, and velocities with them".to_owned(),
+            );
         }
         match hello.kept {
             Kept::NoStorage | Kept::Nothing => {}
@@ -465,6 +470,7 @@ fn is_same(one: &Hello, other: &Hello) -> bool {
         zeros: other.zeros,
         kept: other.kept,
         reset: other.reset,
+        clock: other.clock,
         crash: other.crash.clone(),
         ..one.clone()
     };

@@ -38,17 +38,15 @@ impl<T: Real> LegLine<T> {
             let Some(listener) = self.listener.get_mut() else {
                 break;
             };
-            let cycle = listener.next(&mut data.queue, &mut effort).is_some();
-            if listener.is_broken() {
-                self.note_breaks();
-            }
-            let Some(listener) = self.listener.get_mut().filter(|_| cycle) else {
+            let Some(cycle) = listener.next(&mut data.queue, &mut effort) else {
                 break;
             };
-            let cycle = listener.cycle();
             if samples < STEP_SAMPLES {
                 samples += 1;
                 let sample = self.alignment.sample(cycle, SETTINGS.max_gap_us);
+                if listener.is_broken() || self.alignment.was_silent() {
+                    self.note_breaks();
+                }
                 self.push(data, &sample);
             } else {
                 // What waits would be lost in the end, in the middle of a frame.

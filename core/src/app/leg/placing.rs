@@ -29,7 +29,8 @@ impl<T: Real> LegLine<T> {
     #[inline(never)]
     pub(super) fn note_breaks(&mut self) {
         if let Some(listener) = self.listener.get_mut() {
-            self.voided |= self.zeros.void::<T>(listener.take_breaks());
+            let silent = self.alignment.take_silence();
+            self.voided |= self.zeros.void::<T>(listener.take_breaks(), silent);
         }
     }
 

@@ -73,17 +73,16 @@ impl<T: Real> Line<T> {
             let Some(listener) = self.listener.get_mut() else {
                 return;
             };
-            let complete = listener.next(&mut self.queue, &mut effort).is_some();
-            if listener.is_broken() {
-                self.voided |= self.zeros.void::<T>(listener.take_breaks());
-            }
-            if !complete {
+            let Some(cycle) = listener.next(&mut self.queue, &mut effort) else {
                 return;
-            }
-            let cycle = listener.cycle();
+            };
             let flags = cycle.last().map_or(0, |heard| heard.reply.flags);
             self.count = real(f64::from(flags >> 3 & 0xFFF));
             self.latest = self.alignment.sample(cycle, SETTINGS.max_gap_us);
+            let silent = self.alignment.take_silence();
+            if silent || listener.is_broken() {
+                self.voided |= self.zeros.void::<T>(listener.take_breaks(), silent);
+            }
             self.surplus = self.surplus.wrapping_add(u32::from(self.fresh));
             self.samples = self.samples.wrapping_add(1);
             // A leg that is nowhere makes no sample of the robot.

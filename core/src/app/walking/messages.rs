@@ -80,6 +80,7 @@ impl<T: Real> WalkingApp<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {
                 legs: 0,

@@ -16,7 +16,7 @@ use proprio_core::window::Settings;
 use super::input::Input;
 use super::table::take;
 use super::{Fault, Source, Wanted};
-use crate::capture::{CaptureError, CaptureReader, Facts, Told};
+use crate::capture::{CaptureError, CaptureReader, Facts, LATE_US, Told};
 use crate::log::error::{LogError, Problem, Unit};
 use crate::log::warning::Warning;
 
@@ -72,7 +72,7 @@ pub(super) fn open(path: &Path, input: Input) -> Result<Box<dyn Source>, LogErro
         read: 0,
         names: ["t".to_owned()].into_iter().chain(names).collect(),
         told,
-        queue: Queue::new(),
+        queue: Queue::of_adapter(LATE_US),
         listener: Listener::new(),
         alignment: Alignment::new(),
         record: (Vec::new(), 0, 0),
@@ -154,12 +154,13 @@ impl Source for Bus {
             }
             self.rows += 1;
             // Where positions are angles a jump is a robot's affair, as in any log.
-            self.broken |= self.listener.is_broken() && self.told != Told::Angles;
+            let sample = self.alignment.sample(&cycle, Settings::DEFAULT.max_gap_us);
+            let broken = self.listener.is_broken() || self.alignment.take_silence();
+            self.broken |= broken && self.told != Told::Angles;
             if self.broken {
                 self.unplaced += 1;
                 continue;
             }
-            let sample = self.alignment.sample(&cycle, Settings::DEFAULT.max_gap_us);
             let motors = places(<Go2 as Robot<JOINTS_PER_LEG>>::MOTOR_IDS);
             let mut cells = [0.0; CELLS];
             cells[0] = sample.time_us as f64 * 1e-6;
