@@ -20,13 +20,13 @@ impl Watchdog {
         pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
         pac::IWDG1.kr().write(|w| w.set_key(Key::START));
         let watchdog = Self(());
-        watchdog.allow(Pr::DIV16, reload(16, START_US));
+        watchdog.allow(Pr::DIVIDE_BY16, reload(16, START_US));
         watchdog
     }
 
     /// From now on it allows what a step may take.
     pub fn unleash(&mut self) {
-        self.allow(Pr::DIV4, reload(4, STEP_US));
+        self.allow(Pr::DIVIDE_BY4, reload(4, STEP_US));
     }
 
     /// A step is done.
