@@ -35,6 +35,7 @@ mod ladder;
 mod mismatch;
 mod model;
 mod mujoco_logs;
+mod nucleo;
 mod no_panic;
 mod other_robot;
 mod pinocchio;
