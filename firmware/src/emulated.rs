@@ -9,8 +9,8 @@ use crate::board::mps2_an500::Board;
 use crate::stack::HighWater;
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
-    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Positions, Receiver, Reset,
-    Sender,
+    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Positions,
+    Receiver, Reset, Sender,
 };
 use static_cell::ConstStaticCell;
 

@@ -113,7 +113,9 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
         for (n, step) in robot.steps().take(4_000).enumerate() {
             let step = step.unwrap();
             if !silent.contains(&n) {
-                writer.record(step.time_us, &step.buses[leg.index()]).unwrap();
+                writer
+                    .record(step.time_us, &step.buses[leg.index()])
+                    .unwrap();
             }
         }
         fs::write(folder.path().join(name), writer.finish().unwrap()).unwrap();
@@ -128,7 +130,12 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
     let text = fs::read_to_string(folder.path().join("plain.csv")).unwrap();
     let mut rows = text.lines();
     let names: Vec<&str> = rows.next().unwrap().split(',').collect();
-    let first: Vec<f64> = rows.next().unwrap().split(',').map(|x| x.parse().unwrap()).collect();
+    let first: Vec<f64> = rows
+        .next()
+        .unwrap()
+        .split(',')
+        .map(|x| x.parse().unwrap())
+        .collect();
     let of = |name: &str| first[names.iter().position(|known| *known == name).unwrap()];
     let power_up = PowerUp::random(3);
     let at = [0, 1, 2].map(|joint| {
@@ -154,14 +161,22 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
         json(&done(folder.path(), &["identify", file, "--json"]))["parameters"].clone()
     };
     let [one, other] = [identified("plain.csv"), identified("FL.cap")];
-    for (a, b) in one.as_array().unwrap().iter().zip(other.as_array().unwrap()) {
+    for (a, b) in one
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(other.as_array().unwrap())
+    {
         assert_eq!(a["name"], b["name"]);
         let [x, y] = [a, b].map(|p| p["value"].as_f64().unwrap());
         let std = a["std"].as_f64().unwrap();
         assert!((x - y).abs() <= 0.3 * std + 1e-6, "{a} {b}");
     }
     let text = done(folder.path(), &["capture", "--explain", "FL.cap"]);
-    assert!(text.contains("calf") && text.contains("-2.723…-0.838"), "{text}");
+    assert!(
+        text.contains("calf") && text.contains("-2.723…-0.838"),
+        "{text}"
+    );
 
     // What is not in it is asked for; what a silence has made unknown is left out.
     let refused = |file: &str, part: &str| {
@@ -177,7 +192,14 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
     assert!(stderr(&output).contains("counts from elsewhere than the joint's zero"));
     write("silent.cap", power_up, &placed, 2_000..2_060);
     let output = proprio(folder.path(), &["import", "silent.cap", "-o", "cut.csv"]);
-    assert!(stderr(&output).contains("1940 of 3940 polling cycles are left out"), "{}", stderr(&output));
-    let rows = fs::read_to_string(folder.path().join("cut.csv")).unwrap().lines().count();
+    assert!(
+        stderr(&output).contains("1940 of 3940 polling cycles are left out"),
+        "{}",
+        stderr(&output)
+    );
+    let rows = fs::read_to_string(folder.path().join("cut.csv"))
+        .unwrap()
+        .lines()
+        .count();
     assert_eq!(rows, 2_001);
 }

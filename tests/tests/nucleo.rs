@@ -104,7 +104,10 @@ impl Run {
         let report: Value = serde_json::from_str(report).unwrap();
         assert_eq!(report["ended"], Value::Null);
         assert_eq!(report["watchdog_before_clocks"], true);
-        assert!(report["longest_pause_ms"].as_f64().unwrap() < 100.0, "{report}");
+        assert!(
+            report["longest_pause_ms"].as_f64().unwrap() < 100.0,
+            "{report}"
+        );
         Some(Self { messages, report })
     }
 
@@ -117,10 +120,14 @@ impl Run {
     }
 
     fn counters(&self) -> Counters {
-        let counters = self.messages.iter().rev().find_map(|message| match message {
-            DeviceMessage::Counters(counters) => Some(*counters),
-            _ => None,
-        });
+        let counters = self
+            .messages
+            .iter()
+            .rev()
+            .find_map(|message| match message {
+                DeviceMessage::Counters(counters) => Some(*counters),
+                _ => None,
+            });
         counters.unwrap()
     }
 }
@@ -138,11 +145,17 @@ fn asked(time_us: u64, sender: &mut Sender, first: u32, actions: &[Action]) -> E
     Event(time_us, HOST, bytes)
 }
 
-fn last_of(messages: &[DeviceMessage], leg: u8) -> Option<Estimate> {
-    messages.iter().rev().find_map(|message| match message {
-        DeviceMessage::Estimate(estimate) if estimate.leg == leg => Some(estimate.clone()),
+/// A leg's estimates that have data.
+fn estimates_of(messages: &[DeviceMessage], leg: u8) -> impl Iterator<Item = &Estimate> {
+    messages.iter().filter_map(move |message| match message {
+        DeviceMessage::Estimate(e) if e.leg == leg && e.windows > 0 => Some(e),
         _ => None,
     })
+}
+
+/// Whether a message is an estimate of as many windows of the same leg.
+fn is_like(message: &DeviceMessage, estimate: &Estimate) -> bool {
+    matches!(message, DeviceMessage::Estimate(e) if (e.leg, e.windows) == (estimate.leg, estimate.windows))
 }
 
 /// The same pieces, heard by the application in this process.
@@ -154,8 +167,9 @@ fn in_process(events: &[Event], until_us: u64) -> Vec<DeviceMessage> {
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns: 2500,
-        positions: Positions::Absolute,
+        positions: Positions::FromPowerUp,
     };
+    let mut receiver = Receiver::<HostMessage>::default();
     let (mut app, mut memory) = (
         Box::new(App::<f64>::new(identity)),
         Box::new(Memory::<f64>::new()),
@@ -165,6 +179,12 @@ fn in_process(events: &[Event], until_us: u64) -> Vec<DeviceMessage> {
         while let Some(Event(time_us, line, bytes)) = heard.next_if(|event| event.0 <= now_us) {
             if *line < HOST {
                 app.hear(&mut memory, *line, bytes, *time_us);
+                continue;
+            }
+            for byte in bytes {
+                if let Some(message) = receiver.push(*byte) {
+                    app.handle(&mut memory, &message.unwrap());
+                }
             }
         }
         app.step(&mut memory, now_us, &mut |m| messages.push(m.clone()));
@@ -198,26 +218,35 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     for leg in counters.legs {
         // Until the schedule is learnt some cycles are none.
         assert!(leg.samples as u64 + 8 > CYCLES, "{leg:?}");
-        assert_eq!((leg.bad_crc, leg.short, leg.rejected, leg.unplaced), (0, 0, 0, 0));
+        assert_eq!(
+            (leg.bad_crc, leg.short, leg.rejected, leg.unplaced),
+            (0, 0, 0, 0)
+        );
     }
     assert_eq!(counters.load.over_budget, 0);
     let plain = in_process(&events, end_us);
     let mut compared = 0;
     for leg in 0..4 {
-        let (Some(board), Some(desktop)) = (last_of(&run.messages, leg), last_of(&plain, leg))
-        else {
-            continue;
-        };
-        if board.windows.abs_diff(desktop.windows) > 1 {
-            continue;
-        }
-        compared += 1;
-        for ((a, b), std) in board.values.iter().zip(&desktop.values).zip(&desktop.std) {
-            // Times of bytes are interrupts', to some µs.
-            assert!((a - b).abs() < 0.3 * std + 1e-6, "leg {leg}: {a} {b} ± {std}");
+        // Of as many windows: the board's steps are a part of a millisecond elsewhere.
+        let same = |board: &&Estimate| plain.iter().any(|m| is_like(m, board));
+        for board in estimates_of(&run.messages, leg).filter(same) {
+            let desktop = estimates_of(&plain, leg).find(|e| e.windows == board.windows);
+            let desktop = desktop.unwrap();
+            compared += 1;
+            for ((a, b), std) in board.values.iter().zip(&desktop.values).zip(&desktop.std) {
+                // Times of bytes are interrupts', to some µs.
+                assert!(
+                    (a - b).abs() < 0.3 * std + 1e-6,
+                    "leg {leg}: {a} {b} ± {std}"
+                );
+            }
         }
     }
-    assert!(compared > 0, "no estimate of as many windows: {}", run.report);
+    assert!(
+        compared > 0,
+        "no estimate of as many windows: {}",
+        run.report
+    );
 }
 
 #[test]
@@ -252,5 +281,9 @@ fn the_nucleos_image_starts_without_its_crystal_and_tells_a_zero_that_is_void() 
     assert_eq!(hellos[0].clock, Clock::Internal);
     let zeros: Vec<_> = hellos.iter().map(|hello| hello.zeros[0]).collect();
     assert!(zeros.contains(&[Zero::Set; 3]), "{zeros:?}");
-    assert_eq!(zeros.last(), Some(&[Zero::Set, Zero::Jumped, Zero::Set]), "{zeros:?}");
+    assert_eq!(
+        zeros.last(),
+        Some(&[Zero::Set, Zero::Jumped, Zero::Set]),
+        "{zeros:?}"
+    );
 }

@@ -317,9 +317,12 @@ impl<T: Real> App<T> {
 
     /// Has the hello come at once if a zero is void that was not.
     #[cold]
+    #[inline(never)]
     fn tell_voided(&mut self) {
         let mut voided = false;
-        self.legs.iter_mut().for_each(|leg| voided |= leg.take_voided());
+        self.legs
+            .iter_mut()
+            .for_each(|leg| voided |= leg.take_voided());
         if voided {
             self.hello_at = 0;
         }

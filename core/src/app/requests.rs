@@ -99,7 +99,8 @@ impl<T: Real> App<T> {
         self.requests.answer(Answer { id, outcome });
     }
 
-    /// Does what is asked.
+    /// Does what is asked. Not inlined: a step has none of it nearly always, and its code would be worse for it.
+    #[inline(never)]
     fn outcome(&mut self, memory: &mut Memory<T>, action: Action, now_us: u64) -> Outcome {
         if action == Action::Keep {
             return match self.snapshots.want() {

@@ -69,11 +69,7 @@ impl Zeros {
     }
 
     /// Begins as a device of this identity does.
-    pub(super) fn begin<T: Real>(
-        &mut self,
-        identity: &Identity,
-        alignment: &mut LegAlignment<T>,
-    ) {
+    pub(super) fn begin<T: Real>(&mut self, identity: &Identity, alignment: &mut LegAlignment<T>) {
         self.set_positions(identity.positions, alignment);
     }
 
@@ -126,9 +122,10 @@ impl Zeros {
         now_us: u64,
     ) -> Result<Done, Outcome> {
         let joint = usize::from(asked.joint);
-        let (Some(actuator), Some([lower, upper])) =
-            (ACTUATORS.get(joint), position_limits(leg).get(joint).copied())
-        else {
+        let (Some(actuator), Some([lower, upper])) = (
+            ACTUATORS.get(joint),
+            position_limits(leg).get(joint).copied(),
+        ) else {
             return Err(Outcome::NoSuchJoint);
         };
         let angle = f64::from(asked.angle);
@@ -199,7 +196,7 @@ impl Zeros {
             return;
         }
         let (count, reversed) = alignment.zero(joint);
-        if n % 2 == 0 {
+        if n.is_multiple_of(2) {
             alignment.set_zero(joint, number as i32, reversed);
         } else if number != 0.0 {
             alignment.set_zero(joint, count, number < 0.0);

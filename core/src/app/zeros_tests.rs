@@ -62,8 +62,9 @@ impl Robot {
     fn say(&mut self, bytes: &[u8]) {
         let messages = &mut self.messages;
         let now_us = 1 + self.step * STEP_US;
-        self.device
-            .step(now_us, [bytes, &[], &[], &[]], &mut |m| messages.push(m.clone()));
+        self.device.step(now_us, [bytes, &[], &[], &[]], &mut |m| {
+            messages.push(m.clone())
+        });
     }
 
     fn rest(&mut self, steps: u64) {
@@ -97,10 +98,14 @@ impl Robot {
             .handle(&HostMessage::Request(Request { id, action }));
         // Two steps: what is told in a step is one message.
         self.rest(2);
-        let answers = self.messages.iter().rev().find_map(|message| match message {
-            DeviceMessage::Answer(answer) if answer.id == id => Some(answer.outcome),
-            _ => None,
-        });
+        let answers = self
+            .messages
+            .iter()
+            .rev()
+            .find_map(|message| match message {
+                DeviceMessage::Answer(answer) if answer.id == id => Some(answer.outcome),
+                _ => None,
+            });
         answers.expect("it is answered")
     }
 
@@ -162,7 +167,11 @@ fn a_leg_that_is_nowhere_is_counted_and_no_more() {
 #[test]
 #[cfg_attr(miri, ignore = "too long to interpret")]
 fn a_robot_that_was_placed_is_identified_as_one_whose_positions_are_angles() {
-    let power_up = [(-3 * TURN + 777, false), (5 * TURN - 12_345, true), (9_876_543, false)];
+    let power_up = [
+        (-3 * TURN + 777, false),
+        (5 * TURN - 12_345, true),
+        (9_876_543, false),
+    ];
     let mut robot = Robot::new(power_up);
     // Else it would be solved more often than one of four, and its changes be judged by other solutions.
     robot.ask(Action::SetLegs(1));
@@ -181,10 +190,16 @@ fn a_robot_that_was_placed_is_identified_as_one_whose_positions_are_angles() {
     for (fold, joint) in (0..2).flat_map(|fold| (0..3).map(move |joint| (fold, joint))) {
         let [one, other] = [&robot, &plain].map(|r| r.device.memory.0[0].factor(fold, joint));
         assert!(one.rows() > 50.0 && one.rows() == other.rows());
-        let largest = other.packed().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let largest = other
+            .packed()
+            .iter()
+            .fold(0.0_f64, |most, x| most.max(x.abs()));
         for (a, b) in one.packed().iter().zip(other.packed()) {
             // A zero is known to a count: of an angle in single precision.
-            assert!((a.abs() - b.abs()).abs() < 1e-3 * largest, "{a} {b} of {largest}");
+            assert!(
+                (a.abs() - b.abs()).abs() < 1e-3 * largest,
+                "{a} {b} of {largest}"
+            );
         }
     }
 }
@@ -193,7 +208,9 @@ fn a_robot_that_was_placed_is_identified_as_one_whose_positions_are_angles() {
 fn a_hundred_power_ups_are_known_or_unknown() {
     let mut state = 1_u64;
     let mut random = move |below: u64| {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (state >> 33) % below
     };
     for _ in 0..100 {
@@ -208,7 +225,10 @@ fn a_hundred_power_ups_are_known_or_unknown() {
             assert_eq!(robot.set(joint, robot.angle(joint)), Outcome::Accepted);
             let (count, reversed) = robot.device.app.legs[0].zero_of(joint);
             // Of the angle's single precision.
-            assert!(count.abs_diff(power_up[joint].0) <= 1, "{count} {power_up:?}");
+            assert!(
+                count.abs_diff(power_up[joint].0) <= 1,
+                "{count} {power_up:?}"
+            );
             assert_eq!(reversed, power_up[joint].1);
         }
         assert_eq!(robot.zeros(), [Zero::Set; 3]);
@@ -239,7 +259,10 @@ fn what_cannot_be_is_refused() {
     robot.asked += 1;
     robot.move_on(20);
     let id = robot.asked;
-    robot.device.handle(&HostMessage::Request(Request { id, action: at(0, 0) }));
+    robot.device.handle(&HostMessage::Request(Request {
+        id,
+        action: at(0, 0),
+    }));
     robot.move_on(3);
     let moves = |m: &DeviceMessage| matches!(m, DeviceMessage::Answer(a) if a.id == id && a.outcome == Outcome::Moves);
     assert!(robot.messages.iter().any(moves));
@@ -250,7 +273,11 @@ fn what_cannot_be_is_refused() {
 fn what_voids_a_zero_is_named_and_nothing_is_learnt_after_it() {
     type Change = fn(&mut Robot);
     let faults: [(&str, Change, [Zero; 3]); 5] = [
-        ("a turn lost", |r| r.power_up[1].0 -= TURN, [Zero::Set, Zero::Jumped, Zero::Set]),
+        (
+            "a turn lost",
+            |r| r.power_up[1].0 -= TURN,
+            [Zero::Set, Zero::Jumped, Zero::Set],
+        ),
         (
             "a calf begins anew",
             |r| r.power_up[2].0 -= 90_000,
@@ -280,10 +307,15 @@ fn what_voids_a_zero_is_named_and_nothing_is_learnt_after_it() {
         let heard = robot.messages.len();
         robot.move_on(1500);
         let after = robot.counters();
-        assert!(after.used <= before.used + 1, "{what}: {before:?} {after:?}");
+        assert!(
+            after.used <= before.used + 1,
+            "{what}: {before:?} {after:?}"
+        );
         assert!(after.unplaced > 1400, "{what}");
         let later = &robot.messages[heard..];
-        let estimates = later.iter().filter(|m| matches!(m, DeviceMessage::Estimate(_)));
+        let estimates = later
+            .iter()
+            .filter(|m| matches!(m, DeviceMessage::Estimate(_)));
         assert_eq!(estimates.count(), 0, "{what}");
         // Told anew where it is, the leg is identified again.
         robot.place();
@@ -302,12 +334,25 @@ fn motors_that_exchange_their_ids_are_named() {
         robot.step += 1;
         robot.phase += 1;
         let [hip, thigh, calf] = motion(robot.phase, 0);
-        let exchanged = [Reply { mode: thigh.mode, ..hip }, Reply { mode: hip.mode, ..thigh }, calf];
+        let exchanged = [
+            Reply {
+                mode: thigh.mode,
+                ..hip
+            },
+            Reply {
+                mode: hip.mode,
+                ..thigh
+            },
+            calf,
+        ];
         robot.say(&bytes(&exchanged, true));
     }
     let told = robot.told();
     assert!(told[..2].contains(&Zero::Exchanged), "{told:?}");
-    assert!(!told[0].is_known() && !told[1].is_known() && told[2] == Zero::Set, "{told:?}");
+    assert!(
+        !told[0].is_known() && !told[1].is_known() && told[2] == Zero::Set,
+        "{told:?}"
+    );
 }
 
 #[test]

@@ -497,18 +497,30 @@ fn ends_like_a_command(n: i32, id: u8) -> Reply {
 #[test]
 fn a_reply_that_lacks_its_last_byte_is_not_completed_by_the_next_command() {
     let piece = |bytes: &[u8], queue: &mut Queue, end_us: u64| queue.push(bytes, end_us, BYTE_NS);
-    for (late_us, next_us, bridged) in [(0, 2_000, false), (0, 43, true), (1_500, 1_000, true), (1_500, 2_000, false)] {
+    for (late_us, next_us, bridged) in [
+        (0, 2_000, false),
+        (0, 43, true),
+        (1_500, 1_000, true),
+        (1_500, 2_000, false),
+    ] {
         let (mut queue, mut listener) = (Queue::of_adapter(late_us), <Listener>::new());
         let (mut time_us, mut cycles) = (1_000, Vec::new());
         for n in 0..100 {
             for id in 0..3 {
                 let mode = Mode::foc(id);
-                let command = Command { mode, ..Command::default() };
+                let command = Command {
+                    mode,
+                    ..Command::default()
+                };
                 time_us += 43;
                 piece(&command.encode(SEED_GO2), &mut queue, time_us);
                 let reply = match n {
                     99 => ends_like_a_command(n, id),
-                    _ => Reply { mode, position: n, ..Reply::default() },
+                    _ => Reply {
+                        mode,
+                        position: n,
+                        ..Reply::default()
+                    },
                 };
                 let bytes = reply.encode(SEED_STANDALONE);
                 time_us += 60;
@@ -522,13 +534,19 @@ fn a_reply_that_lacks_its_last_byte_is_not_completed_by_the_next_command() {
         }
         // The next command, whose first byte fits: so soon that there is no pause, or not.
         let end_us = time_us - (2_000 - 309) + next_us;
-        let command = Command { mode: Mode::foc(0), ..Command::default() };
+        let command = Command {
+            mode: Mode::foc(0),
+            ..Command::default()
+        };
         piece(&command.encode(SEED_GO2), &mut queue, end_us);
         while let Some(cycle) = listener.next(&mut queue, &mut { ENDLESS }) {
             cycles.push(cycle[2].reply.position);
         }
         assert_eq!(cycles.contains(&99), bridged, "{late_us} {next_us}");
         let (frames, counters) = (listener.frames(), listener.cycles());
-        assert_eq!(frames.replies, 3 * cycles.len() as u32 + counters.unused_replies + if bridged { 0 } else { 2 });
+        assert_eq!(
+            frames.replies,
+            3 * cycles.len() as u32 + counters.unused_replies + if bridged { 0 } else { 2 }
+        );
     }
 }

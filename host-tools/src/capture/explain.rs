@@ -286,7 +286,9 @@ fn position(motor: &Motor, joint: usize, facts: &Facts) -> Option<[f64; 2]> {
 
 /// A joint's limits, rad: of this leg, or what no leg's go beyond.
 fn limits(joint: usize, leg: Option<Leg>) -> [f64; 2] {
-    let legs = Leg::ALL.into_iter().filter(|known| leg.is_none_or(|leg| leg == *known));
+    let legs = Leg::ALL
+        .into_iter()
+        .filter(|known| leg.is_none_or(|leg| leg == *known));
     legs.map(|leg| position_limits(leg)[joint])
         .reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
         .unwrap_or_default()

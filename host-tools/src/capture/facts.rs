@@ -100,7 +100,15 @@ mod tests {
         ] {
             assert_eq!(facts.to_string().parse(), Ok(facts));
         }
-        for text in ["leg=XX", "leg", "at=1,2", "at=1,2,3,4", "at=1,2,NaN", "at=1,2,1e30", "colour=red"] {
+        for text in [
+            "leg=XX",
+            "leg",
+            "at=1,2",
+            "at=1,2,3,4",
+            "at=1,2,NaN",
+            "at=1,2,1e30",
+            "colour=red",
+        ] {
             assert_eq!(text.parse::<Facts>(), Err(NoFact), "{text}");
         }
     }

@@ -161,7 +161,11 @@ impl<R: Read> CaptureReader<R> {
         let fields = rest.and_then(|rest| rest.split_once(" baud="));
         let numbers = fields.and_then(|(version, rest)| {
             let (baud, facts) = rest.split_once(' ').unwrap_or((rest, ""));
-            Some((version.parse().ok()?, baud.parse().ok()?, facts.parse().ok()?))
+            Some((
+                version.parse().ok()?,
+                baud.parse().ok()?,
+                facts.parse().ok()?,
+            ))
         });
         match numbers {
             Some((VERSION, baud, facts)) if baud > 0 => Ok(Self {

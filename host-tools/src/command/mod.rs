@@ -241,7 +241,10 @@ pub(crate) enum Error {
     NotOnDevice { effect: &'static str, kept: String },
     /// `zero` of a joint that the device did not take.
     #[error("{joint}: {why}; its zero stays as it was")]
-    NotPlaced { joint: &'static str, why: &'static str },
+    NotPlaced {
+        joint: &'static str,
+        why: &'static str,
+    },
     /// `zero --same-power-up` where nothing was kept, or a motor was silent since.
     #[error("the device has kept no zeros that have held since")]
     NoZeros,

@@ -189,7 +189,7 @@ impl Monitor {
         }
         let robot = Robot::new(&legs, effects, self.seed);
         let robot = robot.after(self.power_up.map_or(PowerUp::NONE, PowerUp::random));
-        Ok(Source::Simulated(device, robot))
+        Ok(Source::Simulated(device, Box::new(robot)))
     }
 }
 

@@ -179,8 +179,15 @@ impl Zero {
                 None => wanted.push((joint, angle)),
             }
         }
-        if let Some(joint) = self.reversed.iter().find(|j| wanted.iter().all(|(known, _)| known != *j)) {
-            let message = format!("{} is said to be reversed, but not where it is", joint.name());
+        if let Some(joint) = self
+            .reversed
+            .iter()
+            .find(|j| wanted.iter().all(|(known, _)| known != *j))
+        {
+            let message = format!(
+                "{} is said to be reversed, but not where it is",
+                joint.name()
+            );
             super::usage_error("zero", ErrorKind::ArgumentConflict, message);
         }
         wanted.sort_by_key(|(joint, _)| *joint);
@@ -256,7 +263,7 @@ impl Zero {
             Ok(talk)
         };
         match self.device.as_str() {
-            "sim" => simulated(Box::new(Desktop::<f64>::new())),
+            "sim" => simulated(Box::<Desktop<f64>>::default()),
             "qemu" => simulated(Box::new(Qemu::boot(&image::build(image::Scalar::F64)?)?)),
             port => Ok(Talk::new(
                 Box::new(SerialDevice::open(port, [None; 4])?),
@@ -359,7 +366,11 @@ impl Talk {
             }
         }
         let outcome = |id: &u32| answers.iter().find(|answer| answer.id == *id);
-        let outcomes: Vec<Outcome> = asked.iter().filter_map(outcome).map(|a| a.outcome).collect();
+        let outcomes: Vec<Outcome> = asked
+            .iter()
+            .filter_map(outcome)
+            .map(|a| a.outcome)
+            .collect();
         if outcomes.len() < actions.len() {
             return Err(Error::Unanswered {
                 answers: outcomes.len(),
@@ -387,9 +398,15 @@ impl fmt::Display for Report {
             table.row([joint.joint.to_owned(), angle, zero.to_owned()]);
         }
         write!(f, "{table}")?;
-        let unknown = self.joints.iter().filter(|joint| joint.known == Some(false));
+        let unknown = self
+            .joints
+            .iter()
+            .filter(|joint| joint.known == Some(false));
         if unknown.count() > 0 {
-            writeln!(f, "A leg is identified once all its zeros are known: --pose or --at")?;
+            writeln!(
+                f,
+                "A leg is identified once all its zeros are known: --pose or --at"
+            )?;
         }
         Ok(())
     }

@@ -132,7 +132,9 @@ pub fn nucleo(walking: bool) -> Result<PathBuf, DeviceError> {
 
 /// What `firmware/build` calls an image.
 fn image_in(folder: &Path, board: &str, scalar: Scalar) -> PathBuf {
-    folder.join("firmware").join(format!("{board}-{}", scalar.name()))
+    folder
+        .join("firmware")
+        .join(format!("{board}-{}", scalar.name()))
 }
 
 /// What says where to build.
@@ -197,10 +199,30 @@ mod tests {
             cache: cache.map(PathBuf::from),
         };
         for (places, folder) in [
-            (places(None, "/src/proprio/target/release/proprio", Some("/home/a/.cache")), "/src/proprio/target"),
-            (places(None, "/usr/bin/proprio", Some("/home/a/.cache")), "/home/a/.cache/proprio"),
-            (places(Some("/tmp/t"), "/src/proprio/target/release/proprio", Some("/home/a/.cache")), "/tmp/t"),
-            (places(None, "/usr/bin/proprio", None), "/src/proprio/target"),
+            (
+                places(
+                    None,
+                    "/src/proprio/target/release/proprio",
+                    Some("/home/a/.cache"),
+                ),
+                "/src/proprio/target",
+            ),
+            (
+                places(None, "/usr/bin/proprio", Some("/home/a/.cache")),
+                "/home/a/.cache/proprio",
+            ),
+            (
+                places(
+                    Some("/tmp/t"),
+                    "/src/proprio/target/release/proprio",
+                    Some("/home/a/.cache"),
+                ),
+                "/tmp/t",
+            ),
+            (
+                places(None, "/usr/bin/proprio", None),
+                "/src/proprio/target",
+            ),
         ] {
             assert_eq!(places.folder(clone), Path::new(folder));
         }

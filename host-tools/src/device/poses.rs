@@ -119,9 +119,9 @@ mod tests {
         for leg in Leg::ALL {
             let tree = proprio_core::go2::leg::<f64>(leg);
             let knee = |q: [f64; 3]| {
-                let q = SVector::from(q);
-                let at = tree.kinematics(&Transform::identity(), &q, &SVector::zeros());
-                at.pose(2).translation
+                let placements = tree.placements(&Transform::identity(), &SVector::from(q));
+                let [hip, thigh, calf] = placements.from_parent;
+                hip.compose(&thigh).compose(&calf).translation
             };
             let angle = |name: &str| Pose::from_name(name).unwrap().angles(&[leg])[0].1;
             let hanging = knee([0.0; 3]);

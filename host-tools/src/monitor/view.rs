@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
-    Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
-    LegCounters, Outcome, Positions, Reset, SetZero, Solution, Zero,
+    Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
+    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Zero,
 };
 
 use super::residual::Residual;
@@ -393,7 +393,9 @@ impl View {
             Action::Keep => "snapshot".to_owned(),
             Action::SetPositions(Positions::Absolute) => "positions are angles".to_owned(),
             Action::SetPositions(Positions::FromPowerUp) => "zeros to be said".to_owned(),
-            Action::SetZero(SetZero { leg, joint, angle, .. }) => {
+            Action::SetZero(SetZero {
+                leg, joint, angle, ..
+            }) => {
                 let joints = Leg::ALL.get(usize::from(leg)).map(|leg| leg.joint_names());
                 let name = joints.and_then(|joints| joints.get(usize::from(joint)).copied());
                 format!("{} at {angle} rad", name.unwrap_or("?"))

@@ -110,7 +110,10 @@ impl<T: Real> WalkingApp<T> {
         mounting: &Transform<T>,
     ) -> Result<(), FactorError> {
         self.identity = Slot::Full(identity);
-        memory.lines.iter_mut().for_each(|line| line.begin(&identity));
+        memory
+            .lines
+            .iter_mut()
+            .for_each(|line| line.begin(&identity));
         self.imu = Slot::Empty;
         self.readings.clear();
         self.pending = Slot::Empty;

@@ -49,8 +49,13 @@ pub(super) fn open(path: &Path, input: Input) -> Result<Box<dyn Source>, LogErro
     let capture = CaptureReader::new(input.file, path.display().to_string());
     let capture = capture.map_err(|error| LogError::new(path, problem(error)))?;
     let Facts { leg, told } = capture.facts().clone();
-    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-    let by_name = Leg::ALL.into_iter().find(|leg| name.starts_with(leg.name()));
+    let name = path
+        .file_name()
+        .and_then(|name| name.to_str())
+        .unwrap_or("");
+    let by_name = Leg::ALL
+        .into_iter()
+        .find(|leg| name.starts_with(leg.name()));
     let Some(leg) = leg.or(by_name) else {
         return Err(refused(
             "a bus capture that does not say of which leg it is",
@@ -112,7 +117,8 @@ impl Bus {
             let byte_ns = self.capture.byte_ns();
             let after_us = (bytes.len() - to) as u64 * u64::from(byte_ns) / 1000;
             let part = &bytes[*from..to];
-            self.queue.push(part, end_us.saturating_sub(after_us), byte_ns);
+            self.queue
+                .push(part, end_us.saturating_sub(after_us), byte_ns);
             *from = to;
         }
     }
@@ -166,7 +172,12 @@ impl Source for Bus {
             cells[0] = sample.time_us as f64 * 1e-6;
             for joint in 0..JOINTS_PER_LEG {
                 let temperature = cycle[motors[joint]].reply.temperature;
-                let signals = [sample.q[joint], sample.dq[joint], sample.tau[joint], f64::from(temperature)];
+                let signals = [
+                    sample.q[joint],
+                    sample.dq[joint],
+                    sample.tau[joint],
+                    f64::from(temperature),
+                ];
                 for (n, signal) in signals.into_iter().enumerate() {
                     cells[1 + n * JOINTS_PER_LEG + joint] = signal;
                 }
