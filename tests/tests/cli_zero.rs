@@ -3,6 +3,7 @@
 use proprio_tests::command::{done, folder, json, proprio, stderr};
 
 #[test]
+#[allow(clippy::approx_constant)] // the URDF's rounding, not ours
 fn a_device_is_told_where_the_joints_are_whatever_the_power_up() {
     let folder = folder();
     for seed in ["1", "2", "3"] {

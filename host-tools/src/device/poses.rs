@@ -91,6 +91,7 @@ mod tests {
 
     /// The table of stops: by hand from the URDF's limits and axes (go2.md).
     #[test]
+    #[allow(clippy::approx_constant)] // the URDF's rounding, not ours
     fn each_pose_is_at_the_stops_that_its_words_say() {
         for (name, joint, angle) in [
             ("hips-out", "FR_hip", -1.0472),
