@@ -274,7 +274,8 @@ mod tests {
             .unwrap();
         let mut rows = vec![0.0; 5 * n * n * INERTIAL];
         whole.torque_regressor([&q, &dq, &ddq], &mut rows).unwrap();
-        let theta: Vec<f64> = (0..n).flat_map(|b| model.inertia(b).0).collect();
+        let bodies = (0..n).map(|b| model.inertia(b).0.as_slice());
+        let theta = bodies.collect::<Vec<_>>().concat();
         for (row, torque) in rows.chunks(n * INERTIAL).zip(&torque) {
             let product: f64 = row.iter().zip(&theta).map(|(w, x)| w * x).sum();
             assert!((product - torque).abs() < 1e-9);

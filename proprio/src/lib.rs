@@ -68,7 +68,7 @@ mod results;
 pub use dynamics::Dynamics;
 pub use error::Error;
 pub use excite::{Cost, Excitation, Motion, excite};
-pub use model::{Model, add};
+pub use model::{Model, add, plain};
 pub use recording::{MemoryLog, Recording, read};
 pub use results::{
     Comparison, Diagnosis, Fitted, JointSeries, Parameter, compare, diagnose, identify, predict,

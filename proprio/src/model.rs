@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use proprio_host::identify;
 use proprio_host::model::{self as room, Robot};
 
 use crate::error::{self, Error};
+use crate::recording::Recording;
 
 /// A robot: its bodies, its effects (friction, springs, delays, …) with their values, and how sure these are. A value: every step that
 /// changes one gives a new one.
@@ -54,6 +56,12 @@ impl Model {
         let effects = self.0.effects().iter();
         effects.map(|e| format!("{}:{}", e.effect.name(), self.0.joint_name(e.joint)))
     }
+}
+
+/// A Go2 with what every drive has at each joint of the legs that were recorded: viscous and Coulomb friction, armature, torque offset. What
+/// `proprio identify` fits without a model file.
+pub fn plain(recording: &Recording) -> Model {
+    Model(identify::plain(&recording.room))
 }
 
 /// The model with an effect more: `coulomb:FR_hip`, or `coulomb` at every joint that can have it; `proprio effects` prints the catalogue; or a

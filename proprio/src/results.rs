@@ -8,7 +8,7 @@ use proprio_host::compare::{self as room, ValuesFrom, own_rate};
 use proprio_host::detect::mismatch::mismatches;
 use proprio_host::diagnose::{self as diagnosis, Reach, diagnose_by};
 use proprio_host::estimate::{ParameterEstimate, Status};
-use proprio_host::identify::{FitOptions, fit_model};
+use proprio_host::identify::{FitOptions, identify_recording};
 use proprio_host::model::Provenance;
 use proprio_host::report::pages;
 use proprio_host::{detect, identify as identification};
@@ -97,7 +97,8 @@ impl fmt::Display for Fitted {
 /// # Errors
 /// [`Error::TooShort`] or [`Error::AtRest`] if nothing can be fitted, [`Error::Log`] if a log is not there any more.
 pub fn identify(recording: &Recording, model: &Model) -> Result<Fitted, Error> {
-    let told = fit_model(&recording.room, &model.0, FitOptions::default());
+    let options = FitOptions::default();
+    let told = identify_recording(&recording.room, &model.0, options, &mut |_, _| ());
     let told = told.map_err(error::recording)?;
     let provenance = Provenance::of(recording.logs()).map_err(error::unreadable)?;
     let filled = told.to_model(&model.0, provenance);
@@ -142,6 +143,12 @@ impl JointSeries {
             tau: series.tau.clone(),
             predicted: series.predicted.clone(),
         }
+    }
+
+    /// Measured − predicted torque, N m.
+    pub fn residual(&self) -> Vec<f64> {
+        let both = self.tau.iter().zip(&self.predicted);
+        both.map(|(tau, predicted)| tau - predicted).collect()
     }
 
     /// Root mean square of measured − predicted torque, N m.
