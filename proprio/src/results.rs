@@ -203,6 +203,20 @@ impl Comparison {
         judged("compare", self.told.error(), &self.told)
     }
 
+    /// Writes measured and predicted torque as a file: by its name MCAP, at the log's own rate with residual, noise floor and events, for Foxglove,
+    /// PlotJuggler and Rerun; else CSV, a row per window. `recording` and `model` are those that were compared.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn save(
+        &self,
+        recording: &Recording,
+        model: &Model,
+        path: impl AsRef<Path>,
+    ) -> Result<(), Error> {
+        room::save(&self.told, &recording.room, &model.0, path.as_ref()).map_err(error::write)
+    }
+
     /// The page that [`report`] writes, as one HTML document. `recording` and `model` are those that were compared.
     ///
     /// # Errors

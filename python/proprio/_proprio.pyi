@@ -241,6 +241,15 @@ class Comparison:
         """A `polars.DataFrame`: joint, t, q, dq, tau, predicted, residual; a row per joint and window."""
     def page(self) -> str:
         """The report: one HTML document that needs no network."""
+    def save(self, path: Path) -> None:
+        """Writes measured and predicted torque to a file, whole or not at all.
+
+        `residuals.mcap`: at the log's rate, with residual, noise floor and events, for Foxglove, PlotJuggler and Rerun; any other name: CSV, a row per
+        window of 20 ms.
+
+        Raises:
+            WriteError: it cannot be written.
+        """
     def report(self, path: Path) -> None:
         """Writes the report to a file, whole or not at all.
 

@@ -360,6 +360,15 @@ impl Comparison {
         work::run(py, move |_| comparison.page(&origin.recording, &model))
     }
 
+    /// Writes measured and predicted torque: `.mcap` at the log's rate for Foxglove, PlotJuggler and Rerun, else CSV.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let (comparison, model) = (Arc::clone(&self.comparison), self.model.clone());
+        let origin = self.origin.clone();
+        work::run(py, move |_| {
+            comparison.save(&origin.recording, &model, path)
+        })
+    }
+
     /// Writes the report to a file, whole or not at all.
     fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let (comparison, model) = (Arc::clone(&self.comparison), self.model.clone());
