@@ -1,6 +1,5 @@
 """What `export --mjcf` writes, in MuJoCo: its torque is the model's."""
 
-import math
 import re
 
 import mujoco
@@ -59,7 +58,7 @@ class Export(InFolder):
                     mujoco.mj_inverse(simulated, data)
                     torque = data.qfrc_inverse[dofs]
                     np.testing.assert_allclose(torque, [s.predicted[k] for s in series], rtol=0, atol=1e-9)
-                    self.assertGreater(abs(data.qfrc_spring[dofs[1]]), 0.1)
+                    self.assertGreater(abs(data.qfrc_spring[dofs[1]]), 0.05)
 
     def test_couplings_are_tendons_with_the_same_torques(self):
         effects = [
@@ -73,10 +72,8 @@ class Export(InFolder):
         ]
         with_effects(self.folder, "coupled.toml", effects)
         robot = exported(self.folder, "coupled.toml", "coupled.xml")
-        bare = exported(self.folder, "cad.toml", "cad.xml") if (self.folder / "cad.toml").exists() else None
-        if bare is None:
-            proprio.Model.go2().save(self.folder / "cad.toml")
-            bare = exported(self.folder, "cad.toml", "cad.xml")
+        proprio.Model.go2().save(self.folder / "cad.toml")
+        bare = exported(self.folder, "cad.toml", "cad.xml")
         thigh, calf = (robot.joint(f"FR_{part}_joint").dofadr[0] for part in ("thigh", "calf"))
         random = np.random.default_rng(3)
         for _ in range(5):
@@ -84,7 +81,8 @@ class Export(InFolder):
             torques = []
             for simulated in (robot, bare):
                 data = mujoco.MjData(simulated)
-                data.qpos[:], data.qvel[:], data.qacc[:] = 0.3, v, a
+                data.qpos[:] = np.tile([0.1, 0.8, -1.5], 4)  # within the joints' ranges
+                data.qvel[:], data.qacc[:] = v, a
                 mujoco.mj_inverse(simulated, data)
                 torques.append(data.qfrc_inverse.copy())
             more = torques[0] - torques[1]
@@ -100,4 +98,3 @@ class Export(InFolder):
         left = " ".join(told["notes"])
         for name in ("coupled_viscous:FR_calf", "coupled_armature:FR_calf", "saturation:FR_hip"):
             self.assertIn(f"{name} is left out", left)
-        self.assertTrue(math.isfinite(robot.opt.timestep))

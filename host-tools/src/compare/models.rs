@@ -152,6 +152,7 @@ impl ModelsComparison {
         let sentence = |(_, own): (usize, &ModelError)| {
             let name = own.model.display();
             match own.beyond_best_std {
+                Some(0.0) => format!("{name}: the same predictions as {best}"),
                 None => format!("{name}: the log is too short to compare it with {best}"),
                 Some(std) if own.significant => format!(
                     "{name}: error larger by {:.4} ± {std:.4} N m",

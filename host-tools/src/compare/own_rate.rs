@@ -29,7 +29,7 @@ pub(crate) fn own_rate_floors(
 ) -> BTreeMap<String, Option<f64>> {
     let limbs = data(recording, model);
     let floors = side_by_side(&limbs, |limb| {
-        let limb = limb.at_samples()?;
+        let limb = limb.at_samples_apart()?;
         let floors = floor::of(&limb, &limb.predicted_by_cad());
         let floors = floors.into_iter().map(|noise| noise.map(|noise| noise.rms));
         Some(
