@@ -139,13 +139,16 @@ pub fn excite(
     };
     let limbs = limbs.map_err(error::name)?;
     let designs = room::design(&model.0, &limbs, &settings, &Stop(stop)).map_err(error::motion)?;
-    let beyond = designs.iter().flat_map(|d| d.violation_sentences(&model.0));
-    if let Some(first) = beyond.into_iter().next() {
+    let beyond = designs.iter().map(|d| d.violation_sentences(&model.0));
+    if let Some(first) = beyond.collect::<Vec<_>>().concat().first() {
         let reason = format!("no motion could be proved to be within the limits: {first}");
         return Err(Error::Motion(reason.into()));
     }
     Ok(sampled(model, designs))
 }
+
+/// Where a channel goes, and where a command has it.
+type Channel<'a> = (&'a mut Vec<Vec<f64>>, fn(&room::Command) -> &Vec<f64>);
 
 fn sampled(model: &Model, designs: Vec<room::LimbDesign>) -> Motion {
     let joints = designs.iter().flat_map(|design| &design.joints);
@@ -154,7 +157,7 @@ fn sampled(model: &Model, designs: Vec<room::LimbDesign>) -> Motion {
     let (mut t, [mut q, mut dq, mut ddq, mut tau]) = (Vec::new(), [(); 4].map(|()| none()));
     for (time, commands) in room::output::samples(&designs) {
         t.push(time);
-        let of: [(&mut Vec<Vec<f64>>, fn(&room::Command) -> &Vec<f64>); 4] = [
+        let of: [Channel<'_>; 4] = [
             (&mut q, |c| &c.q),
             (&mut dq, |c| &c.dq),
             (&mut ddq, |c| &c.ddq),

@@ -138,7 +138,7 @@ impl Motion {
 /// Designs a motion that excites what can be identified, within the robot's limits.
 #[pyfunction]
 #[pyo3(signature = (model = None, *, limbs = vec![], duration = None, cost = "condition", parameters = vec![], seed = None, starts = None))]
-#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+#[allow(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn excite(
     py: Python<'_>,
     model: Option<&Model>,

@@ -24,6 +24,9 @@ const LOG: &str = include_str!("log.msg");
 const INFO: u8 = 20;
 const WARN: u8 = 30;
 
+/// A sample of a series.
+type Value = fn(&JointSeries, usize) -> f64;
+
 /// A line of `/events`.
 struct Event {
     t: f64,
@@ -45,7 +48,7 @@ pub(super) fn bytes(
     let floors = own_rate_floors(recording, model);
     let mut file = File::new()?;
     let times = times(&series);
-    let topics: [(&str, fn(&JointSeries, usize) -> f64); 3] = [
+    let topics: [(&str, Value); 3] = [
         ("/measured", |s, k| s.tau[k]),
         ("/predicted", |s, k| s.predicted[k]),
         ("/residual", |s, k| s.residual[k]),
@@ -57,7 +60,7 @@ pub(super) fn bytes(
             let mut row = [(); 3].map(|()| Vec::with_capacity(series.len()));
             for (s, next) in series.iter().zip(&mut next) {
                 let has = s.t.get(*next) == Some(&t);
-                let at = |value: fn(&JointSeries, usize) -> f64| match has {
+                let at = |value: Value| match has {
                     true => value(s, *next),
                     false => f64::NAN,
                 };

@@ -71,7 +71,7 @@ pub(crate) fn write_bytes(path: &Path, to: &mut impl io::Write) -> io::Result<bo
         return Ok(false);
     };
     for (name, array) in &*arrays {
-        write!(to, "{name} {:?}\n", array.shape)?;
+        writeln!(to, "{name} {:?}", array.shape)?;
         match &array.holds {
             Holds::Numbers(numbers) => {
                 for number in numbers {

@@ -67,7 +67,7 @@ impl<'d> Input<'d> {
     /// A radian in the file's unit of angles, which is the degree unless it says otherwise.
     pub(super) fn radian(&self) -> f64 {
         let compilers = self.root.children().filter(|n| n.has_tag_name("compiler"));
-        match compilers.filter_map(|n| n.attribute("angle")).last() {
+        match compilers.filter_map(|n| n.attribute("angle")).next_back() {
             Some("radian") => 1.0,
             _ => 180.0 / std::f64::consts::PI,
         }
