@@ -10,9 +10,13 @@ mod black_box;
 pub mod csv;
 mod feet;
 mod free_base;
+#[cfg(feature = "mcap")]
+mod mcap;
+mod models;
 mod nested;
 mod own_rate;
 mod ranking;
+mod save;
 mod summary;
 mod values;
 mod words;
@@ -28,9 +32,11 @@ pub use free_base::{
     CoordinateError, FreeBaseComparison, compare_free_base, compare_free_base_without,
 };
 pub(crate) use free_base::{walk_rungs, walk_yardsticks};
+pub use models::{ModelError, ModelJoint, ModelsComparison};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
+pub use save::save;
 pub use values::EffectValue;
 
 pub use crate::detect::JointSeries;

@@ -2,7 +2,8 @@
 //!
 //! The loop of a robot's owner: [`read`] a log, look at what is wrong with its samples ([`Recording::findings`]), [`diagnose`] which
 //! physical effect the model lacks, [`add`] it, [`identify`] the values, and [`compare`] the model with a log that it has not seen;
-//! [`predict`] gives the torque at the log's own rate, [`report`] a page. These are what the commands of the same names do, and they give
+//! [`predict`] gives the torque at the log's own rate, [`report`] a page, [`excite`] the next motion to record, [`Dynamics`] the rigid body's
+//! regressors. A log is a file, or arrays ([`MemoryLog`]). These are what the commands of the same names do, and they give
 //! the same numbers.
 //!
 //! ```
@@ -57,14 +58,18 @@
 //! their names everywhere: `FR_hip`, `coulomb:FR_hip`, `stribeck.v:FR_hip`. Results are plain values whose fields may become more; each
 //! prints as its command does.
 
+mod dynamics;
 mod error;
+mod excite;
 mod model;
 mod recording;
 mod results;
 
+pub use dynamics::Dynamics;
 pub use error::Error;
-pub use model::{Model, add};
-pub use recording::{Recording, read};
+pub use excite::{Cost, Excitation, Motion, excite};
+pub use model::{Model, add, plain};
+pub use recording::{MemoryLog, Recording, read};
 pub use results::{
     Comparison, Diagnosis, Fitted, JointSeries, Parameter, compare, diagnose, identify, predict,
     report,

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use proprio_host::identify;
 use proprio_host::model::{self as room, Robot};
 
 use crate::error::{self, Error};
+use crate::recording::Recording;
 
 /// A robot: its bodies, its effects (friction, springs, delays, …) with their values, and how sure these are. A value: every step that
 /// changes one gives a new one.
@@ -56,14 +58,20 @@ impl Model {
     }
 }
 
-/// The model with an effect more: `coulomb:FR_hip`, or `coulomb` at every joint that can have it; `proprio effects` prints the catalogue.
-/// It has no value until [`identify`](crate::identify()) gives it one. What the model has already stays as it is.
+/// A Go2 with what every drive has at each joint of the legs that were recorded: viscous and Coulomb friction, armature, torque offset. What
+/// `proprio identify` fits without a model file.
+pub fn plain(recording: &Recording) -> Model {
+    Model(identify::plain(&recording.room))
+}
+
+/// The model with an effect more: `coulomb:FR_hip`, or `coulomb` at every joint that can have it; `proprio effects` prints the catalogue; or a
+/// torque of your own, `FR_calf: c*sin(3*q)*sign(dq)`. It has no value until [`identify`](crate::identify()) gives it one. What the model has
+/// already stays as it is.
 ///
 /// # Errors
-/// [`Error::UnknownName`] with the nearest name, if there is no such effect or joint.
+/// [`Error::UnknownName`] with the nearest name, if there is no such effect or joint; [`Error::Effect`] for a formula that cannot be read.
 pub fn add(model: &Model, effect: &str) -> Result<Model, Error> {
-    let (effect, joints) = model.0.robot().places(effect).map_err(error::name)?;
-    let places: Vec<_> = joints.into_iter().map(|joint| (effect, joint)).collect();
+    let places = model.0.asked(effect).map_err(error::asked)?;
     let mut model = model.clone();
     model.0.add_last(&places);
     Ok(model)

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use proprio_host::recording as room;
+use proprio_host::{log, recording as room};
 
 use crate::error::{self, Error};
 use crate::model::Model;
@@ -29,6 +29,29 @@ impl Recording {
     /// The logs, in the order in which they were given.
     pub fn logs(&self) -> &[PathBuf] {
         &self.room.logs
+    }
+}
+
+/// A log that a program holds in memory, in place of a file: its [`path`](AsRef) is read as a file's is, as long as this lives.
+#[derive(Debug)]
+pub struct MemoryLog(log::MemoryLog);
+
+impl MemoryLog {
+    /// Keeps arrays as a log, as a NumPy archive has them: each with its name, its shape and its numbers row by row; `t` (s), and `q` (rad), `dq`
+    /// (rad/s), `tau` (N m) with a column per joint of `joints`, or a column of CSV each (`q/FR_hip`). [`read`] reports what is wrong with them.
+    /// `name` is what messages call it.
+    pub fn new(
+        name: &str,
+        arrays: impl IntoIterator<Item = (String, Vec<usize>, Vec<f64>)>,
+        joints: &[String],
+    ) -> Self {
+        Self(log::MemoryLog::new(name, arrays, joints))
+    }
+}
+
+impl AsRef<Path> for MemoryLog {
+    fn as_ref(&self) -> &Path {
+        self.0.path()
     }
 }
 

@@ -3,13 +3,15 @@
 use std::fmt;
 use std::path::Path;
 
+use proprio_host::command::result::{self, judged};
 use proprio_host::compare::{self as room, ValuesFrom, own_rate};
 use proprio_host::detect::mismatch::mismatches;
-use proprio_host::estimate::{ParameterEstimate, Status};
-use proprio_host::identify::{FitOptions, fit_model};
+use proprio_host::diagnose::{self as diagnosis, Reach, diagnose_by};
+use proprio_host::estimate::{Constraint, ParameterEstimate, Status};
+use proprio_host::identify::{FitOptions, identify_recording};
 use proprio_host::model::Provenance;
 use proprio_host::report::pages;
-use proprio_host::{detect, diagnose as diagnosis, identify as identification};
+use proprio_host::{detect, identify as identification};
 
 use crate::error::{self, Error};
 use crate::model::Model;
@@ -49,6 +51,22 @@ pub struct Parameter {
 }
 
 impl Fitted {
+    /// What `proprio identify --json` prints: one object.
+    pub fn json(&self) -> String {
+        judged("identify", self.told.error(), &self.told)
+    }
+
+    /// The page of `proprio identify --html`: one HTML document. `recording` is what was fitted.
+    ///
+    /// # Errors
+    /// As [`compare`]; [`Error::Log`] if a log is not there any more.
+    pub fn page(&self, recording: &Recording) -> Result<String, Error> {
+        let comparison = room::compare(&recording.room, &self.model.0, ValuesFrom::Given);
+        let comparison = comparison.map_err(error::recording)?;
+        let page = pages::fit(&self.told, &comparison).map_err(error::unreadable)?;
+        page.html().map_err(error::page)
+    }
+
     /// The parameter of that name.
     pub fn parameter(&self, name: &str) -> Option<&Parameter> {
         self.parameters.iter().find(|p| p.name == name)
@@ -79,7 +97,11 @@ impl fmt::Display for Fitted {
 /// # Errors
 /// [`Error::TooShort`] or [`Error::AtRest`] if nothing can be fitted, [`Error::Log`] if a log is not there any more.
 pub fn identify(recording: &Recording, model: &Model) -> Result<Fitted, Error> {
-    let told = fit_model(&recording.room, &model.0, FitOptions::default());
+    let options = FitOptions {
+        constraint: Constraint::Physical,
+        ..FitOptions::default()
+    };
+    let told = identify_recording(&recording.room, &model.0, options, &mut |_, _| ());
     let told = told.map_err(error::recording)?;
     let provenance = Provenance::of(recording.logs()).map_err(error::unreadable)?;
     let filled = told.to_model(&model.0, provenance);
@@ -126,6 +148,12 @@ impl JointSeries {
         }
     }
 
+    /// Measured − predicted torque, N m.
+    pub fn residual(&self) -> Vec<f64> {
+        let both = self.tau.iter().zip(&self.predicted);
+        both.map(|(tau, predicted)| tau - predicted).collect()
+    }
+
     /// Root mean square of measured − predicted torque, N m.
     pub fn rms(&self) -> f64 {
         let both = self.tau.iter().zip(&self.predicted);
@@ -169,6 +197,36 @@ impl fmt::Display for Comparison {
     }
 }
 
+impl Comparison {
+    /// What `proprio compare --json` prints: one object.
+    pub fn json(&self) -> String {
+        judged("compare", self.told.error(), &self.told)
+    }
+
+    /// Writes measured and predicted torque as a file: by its name MCAP, at the log's own rate with residual, noise floor and events, for Foxglove,
+    /// PlotJuggler and Rerun; else CSV, a row per window. `recording` and `model` are those that were compared.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn save(
+        &self,
+        recording: &Recording,
+        model: &Model,
+        path: impl AsRef<Path>,
+    ) -> Result<(), Error> {
+        room::save(&self.told, &recording.room, &model.0, path.as_ref()).map_err(error::write)
+    }
+
+    /// The page that [`report`] writes, as one HTML document. `recording` and `model` are those that were compared.
+    ///
+    /// # Errors
+    /// [`Error::Log`] if a log is not there any more.
+    pub fn page(&self, recording: &Recording, model: &Model) -> Result<String, Error> {
+        let page = pages::comparison(&self.told, &recording.room, &model.0, None);
+        page.map_err(error::unreadable)?.html().map_err(error::page)
+    }
+}
+
 /// Holds a model against a recording: how far its torque is from the measured one. Values are the model's own; if an effect of it has none,
 /// all are fitted to every stretch of time but the one that is predicted.
 ///
@@ -197,6 +255,8 @@ pub fn compare(recording: &Recording, model: &Model) -> Result<Comparison, Error
 pub struct Diagnosis {
     /// The effects that are missing, in the order in which they were found, as [`add`](crate::add()) takes them: `coulomb:FR_hip`.
     pub missing: Vec<String>,
+    /// The model with these effects, which have no value yet: [`identify`] gives them theirs.
+    pub model: Model,
     /// Error of the model with the values that it has, root mean square over all joints, N m; an effect without one does nothing.
     pub before: f64,
     /// Held-out error with what is missing, N m.
@@ -208,6 +268,33 @@ pub struct Diagnosis {
     /// What is to be known of the logs, a sentence each.
     pub warnings: Vec<String>,
     told: diagnosis::Diagnosis,
+    given: Model,
+}
+
+impl Diagnosis {
+    /// What `proprio diagnose --json` prints of `recording`, which was diagnosed: one object.
+    pub fn json(&self, recording: &Recording) -> String {
+        result::diagnosis(&recording.room.gates, &self.told)
+    }
+
+    /// The page of `proprio diagnose --html`: one HTML document. `recording` is what was diagnosed.
+    ///
+    /// # Errors
+    /// As [`compare`]; [`Error::Log`] if a log is not there any more.
+    pub fn page(&self, recording: &Recording) -> Result<String, Error> {
+        let after = room::compare(&recording.room, &self.model.0, ValuesFrom::Fitted);
+        let page = pages::DiagnosisPage {
+            diagnosis: &self.told,
+            after: &after.map_err(error::recording)?,
+            recording: &recording.room,
+            given: &self.given.0,
+            complete: &self.model.0,
+            model: None,
+            written: false,
+        };
+        let page = page.page().map_err(error::unreadable)?;
+        page.html().map_err(error::page)
+    }
 }
 
 impl fmt::Display for Diagnosis {
@@ -223,11 +310,13 @@ impl fmt::Display for Diagnosis {
 /// [`Error::Mismatch`] if the log is not what the model says; [`Error::TooShort`] or [`Error::AtRest`] if no limb can be judged.
 pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Error> {
     let wrong = mismatches(&recording.room, &model.0);
-    if !wrong.is_empty() {
-        let told = wrong.iter().map(ToString::to_string);
-        return Err(Error::Mismatch(told.collect()));
+    let said = wrong.iter().map(ToString::to_string);
+    if wrong.iter().any(|wrong| wrong.kind.refuses()) {
+        return Err(Error::Mismatch(said.collect()));
     }
-    let told = diagnosis::diagnose(&recording.room, &model.0).map_err(error::recording)?;
+    let told = diagnose_by(&recording.room, &model.0, &wrong, Reach::default());
+    let mut told = told.map_err(error::recording)?;
+    told.warnings.extend(said);
     let mut with = model.0.clone();
     told.apply(&mut with);
     let with = Model(with);
@@ -236,6 +325,8 @@ pub fn diagnose(recording: &Recording, model: &Model) -> Result<Diagnosis, Error
         .filter(|name| model.effects().all(|known| known != *name));
     Ok(Diagnosis {
         missing: missing.collect(),
+        model: with.clone(),
+        given: model.clone(),
         before: told.yardsticks.given_rms,
         after: told.after_rms(),
         noise_floor_rms: told.yardsticks.noise_floor_rms,

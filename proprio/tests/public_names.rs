@@ -49,7 +49,15 @@ fn public(file: &str, text: &str) -> Vec<String> {
 fn the_public_names_are_those_of_the_list() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut names = Vec::new();
-    for file in ["lib", "error", "model", "recording", "results"] {
+    for file in [
+        "lib",
+        "dynamics",
+        "error",
+        "excite",
+        "model",
+        "recording",
+        "results",
+    ] {
         let text = std::fs::read_to_string(folder.join(format!("src/{file}.rs"))).unwrap();
         names.extend(public(file, &text));
     }

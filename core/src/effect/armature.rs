@@ -1,6 +1,6 @@
 //! Armature, τ = Ia q̈: the rotor's inertia times the gear ratio squared; its impulse is Ia Δq̇.
 
-use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -15,7 +15,7 @@ impl Effect for Armature {
         words: "inertia of the motor's rotor, felt at the joint times the gear ratio squared",
         look_alikes: &["payload", "delay", "elasticity", "torque_gain"],
         separated_by: "fast motion of this joint while the joints below it are held at different angles",
-        mjcf: Some("armature"),
+        mjcf: Some(Mjcf::Joint("armature")),
         ..Description::TORQUE
     };
 

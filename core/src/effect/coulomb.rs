@@ -2,7 +2,7 @@
 //!
 //! A joint near rest reports noise, whose sign means nothing: see [`JointState::sign`].
 
-use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -25,7 +25,7 @@ impl Effect for Coulomb {
         ],
         separated_by: "motion at several speeds in both directions: constant-speed sweeps, slow and fast",
         urdf: Some("friction"),
-        mjcf: Some("frictionloss"),
+        mjcf: Some(Mjcf::Joint("frictionloss")),
         ..Description::TORQUE
     };
 

@@ -6,7 +6,7 @@
 //! wrist of a Stäubli TX40). The impulse is Ic Δq̇ of the other.
 
 use super::{
-    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term,
 };
 use crate::{Real, robot::Actuator};
 
@@ -28,6 +28,7 @@ impl Effect for CoupledArmature {
         words: "a rotor that turns with this joint and the one before",
         look_alikes: &["armature", "payload", "coupled_viscous"],
         separated_by: "fast motion of each of the two joints while the other is held, then of both",
+        mjcf: Some(Mjcf::Tendon("armature")),
         ..Description::TORQUE
     };
 

@@ -5,7 +5,7 @@
 //! that (Gautier & Janot's wrist of a Stäubli TX40). Which of the two a drive has is for the data to say.
 
 use super::{
-    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term,
 };
 use crate::{Real, robot::Actuator};
 
@@ -33,6 +33,7 @@ impl Effect for CoupledCoulomb {
         words: "Coulomb friction of what turns with this joint and the one before",
         look_alikes: &["coulomb", "coupled_viscous", "load_friction"],
         separated_by: "motion of each of the two joints while the other is held, and of both with and against each other",
+        mjcf: Some(Mjcf::SumAndDifference("frictionloss")),
         ..Description::TORQUE
     };
 

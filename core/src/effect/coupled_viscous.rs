@@ -5,7 +5,7 @@
 //! [`viscous`](super::viscous) friction. Where it turns with their difference Fc is negative. The impulse is Fc Δq of the other.
 
 use super::{
-    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Parameter, Prior, Term,
+    Description, Effect, EffectKind, Form, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term,
 };
 use crate::{Real, robot::Actuator};
 
@@ -27,6 +27,7 @@ impl Effect for CoupledViscous {
         words: "viscous friction of what turns with this joint and the one before",
         look_alikes: &["viscous", "coupled_coulomb", "coupled_armature"],
         separated_by: "motion of each of the two joints while the other is held, at several speeds",
+        mjcf: Some(Mjcf::Tendon("damping")),
         ..Description::TORQUE
     };
 

@@ -271,8 +271,41 @@ pub struct Description {
     pub separated_by: &'static str,
     /// Attribute of URDF's `<dynamics>`, if it has one.
     pub urdf: Option<&'static str>,
-    /// Attribute of MJCF's `<joint>`, if it has one.
-    pub mjcf: Option<&'static str>,
+    /// How MJCF says it, if it can.
+    pub mjcf: Option<Mjcf>,
+}
+
+/// How MJCF says an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mjcf {
+    /// An attribute of `<joint>`, with the value of the first parameter.
+    Joint(&'static str),
+    /// Two attributes of `<joint>`: of a torque k q + c its slope k, and where it is zero, −c/k.
+    Slope {
+        /// k.
+        slope: &'static str,
+        /// −c/k.
+        zero: &'static str,
+    },
+    /// An attribute of `<joint>` that is a range of torque: ± the first parameter.
+    Range(&'static str),
+    /// An attribute of a fixed tendon over the joint and the one before, whose square form is the first parameter between the two and takes its share of
+    /// the same attribute of each.
+    Tendon(&'static str),
+    /// An attribute of two fixed tendons over the joint and the one before: of their sum with the first parameter, of their difference with the
+    /// second.
+    SumAndDifference(&'static str),
+}
+
+impl Mjcf {
+    /// The attributes, for a reader.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Joint(attribute) | Self::Range(attribute) => attribute,
+            Self::Slope { slope, .. } => slope,
+            Self::Tendon(_) | Self::SumAndDifference(_) => "a fixed tendon",
+        }
+    }
 }
 
 impl Description {

@@ -67,7 +67,8 @@ mod viscous;
 pub use own::{OwnEffect, Terms};
 
 pub use description::{
-    Description, Enters, Form, Grid, Input, Moved, Parameter, Prior, Reach, Transmission, Varies,
+    Description, Enters, Form, Grid, Input, Mjcf, Moved, Parameter, Prior, Reach, Transmission,
+    Varies,
 };
 
 use crate::robot::Actuator;

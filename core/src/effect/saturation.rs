@@ -5,8 +5,8 @@
 //! the limit is scanned. A share of [`EDGE`] below the limit counts in part, as far as a model of the torque can tell.
 
 use super::{
-    Description, Effect, Enters, Grid, Input, JointState, MAX_COLUMNS, Parameter, Prior, Term,
-    Varies,
+    Description, Effect, Enters, Grid, Input, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior,
+    Term, Varies,
 };
 use crate::{Real, robot::Actuator, scalar::real};
 
@@ -30,6 +30,7 @@ impl Effect for Saturation {
         words: "the motor gives less than it reports beyond a limit (current limit, voltage)",
         look_alikes: &["torque_gain", "load_friction"],
         separated_by: "the same motion slower, or with smaller loads: below the limit all is well",
+        mjcf: Some(Mjcf::Range("actuatorfrcrange")),
         ..Description::TORQUE
     };
 

@@ -1,7 +1,7 @@
 //! A spring across the joint, τ = k (q − q0): a cable, a hose, a cover. Linear in k and in c = −k q0.
 
 use super::{
-    Description, Effect, EffectKind, JointState, MAX_COLUMNS, Parameter, Prior, Term, Varies,
+    Description, Effect, EffectKind, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term, Varies,
 };
 use crate::{Real, robot::Actuator};
 
@@ -27,6 +27,10 @@ impl Effect for Spring {
             "torque_gain",
         ],
         separated_by: "slow motion through the whole range in several poses of the joint's neighbours: gravity's torque changes with them, a spring's does not",
+        mjcf: Some(Mjcf::Slope {
+            slope: "stiffness",
+            zero: "springref",
+        }),
         ..Description::TORQUE
     };
 

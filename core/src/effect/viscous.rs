@@ -1,6 +1,6 @@
 //! Viscous friction, τ = Fv q̇: its impulse over a window is Fv Δq, exact however noisy the velocity.
 
-use super::{Description, Effect, JointState, MAX_COLUMNS, Parameter, Prior, Term};
+use super::{Description, Effect, JointState, MAX_COLUMNS, Mjcf, Parameter, Prior, Term};
 use crate::{Real, robot::Actuator};
 
 /// See the module.
@@ -17,7 +17,7 @@ impl Effect for Viscous {
         look_alikes: &["coulomb", "quadratic_drag", "delay", "velocity_gain"],
         separated_by: "motion at several speeds in both directions: constant-speed sweeps, slow and fast",
         urdf: Some("damping"),
-        mjcf: Some("damping"),
+        mjcf: Some(Mjcf::Joint("damping")),
         ..Description::TORQUE
     };
 

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use crate::advise::advise;
 use clap::Args;
 
-use super::excite::chosen;
 use super::result::result;
 use super::{Error, model_or_default};
 use crate::progress::Progress;
@@ -40,7 +39,7 @@ pub(crate) struct Advise {
 impl Advise {
     pub(crate) fn run(self) -> Result<String, Error> {
         let model = model_or_default(self.model.as_deref(), false)?;
-        let limbs = chosen(&model, &self.legs)?;
+        let limbs = model.robot().limbs_named(&self.legs)?;
         let mut progress = Progress::new("Reading");
         let advised = advise(
             &model,

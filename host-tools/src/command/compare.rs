@@ -1,12 +1,14 @@
 //! `proprio compare`: model against measurement.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::compare::{Comparison, ValuesFrom, compare_free_base_without, compare_without, csv};
+use crate::compare::{
+    Comparison, ModelsComparison, ValuesFrom, compare, compare_free_base_without, compare_without,
+    save,
+};
 use crate::detect::mismatch::mismatches;
 use crate::kinematics::{Poses, compare_poses, is_pose_file};
 use crate::model::{AskedError, Model, ModelEffect, asked_texts};
-use crate::output::{AtomicFile, WriteError};
 use crate::recording::{Recording, first_gate_words};
 use crate::report::pages;
 use clap::Args;
@@ -31,6 +33,8 @@ use crate::progress::{Progress, Underway};
   proprio compare chirp.csv --model go2.toml --html report.html
   proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
   proprio compare chirp.csv --model go2.toml -o torque.csv
+  proprio compare chirp.csv --model go2.toml -o residuals.mcap
+  proprio compare chirp.csv -m cad.toml -m fitted.toml -m mine.toml --html models.html
   proprio compare --free-base walk.csv --model go2.toml
   proprio compare poses.csv --model arm.toml
   proprio compare chirp.csv --model go2.toml --json")]
@@ -38,9 +42,9 @@ pub(crate) struct Compare {
     /// Logs: CSV, plain or gzip-compressed
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
-    #[arg(short, long, value_name = "MODEL")]
-    model: Option<PathBuf>,
+    /// The model; joints in the logs have its names; several, each with its own -m, stand side by side [default: the Go2's rigid body and no effect]
+    #[arg(short, long = "model", value_name = "MODEL")]
+    model: Vec<PathBuf>,
     /// Fit the parameters to these logs, whatever the model file gives
     #[arg(long, conflicts_with = "given")]
     fit: bool,
@@ -68,8 +72,8 @@ pub(crate) struct Compare {
     /// Also write a report with plots: one page, no network needed
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Also write measured and predicted torque of each window and joint, for PlotJuggler or a script
-    #[arg(short, long, value_name = "CSV")]
+    /// Also write measured and predicted torque: a CSV of each window and joint, or by its name MCAP at the log's rate, for Foxglove, PlotJuggler and Rerun
+    #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
@@ -78,13 +82,16 @@ pub(crate) struct Compare {
 
 impl Compare {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if self.model.len() > 1 {
+            return self.run_several();
+        }
         if self.free_base {
             return self.run_free_base();
         }
         if self.logs.first().is_some_and(|log| is_pose_file(log)) {
             return self.run_poses();
         }
-        let mut model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut model = super::model_or_default(self.file(), false)?;
         let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
         let recording =
@@ -101,16 +108,10 @@ impl Compare {
             eprintln!("warning: {warning}");
         }
         if let Some(path) = &self.output {
-            let mut file = AtomicFile::create(path)?;
-            let unwritable = |source| WriteError {
-                path: path.clone(),
-                source,
-            };
-            csv::write(&mut file, &comparison.series).map_err(unwritable)?;
-            file.commit()?;
+            save(&comparison, &recording, &model, path)?;
         }
         if let Some(path) = &self.html {
-            pages::comparison(&comparison, &recording, &model, self.model.as_deref())
+            pages::comparison(&comparison, &recording, &model, self.file())
                 .map_err(unreadable)?
                 .write(path)?;
         }
@@ -137,13 +138,13 @@ impl Compare {
                 format!("{name}: not of poses; `proprio calibrate` fits them and writes pages");
             super::usage_error("compare", ErrorKind::ArgumentConflict, message);
         }
-        let model = super::model_or_default(self.model.as_deref(), false)?;
+        let model = super::model_or_default(self.file(), false)?;
         let poses = Poses::read(&self.logs, &model)?;
         let comparison = compare_poses(&poses, &model)?;
         Ok(match (self.json, self.all || self.verbose) {
             (true, _) => judged("compare", comparison.error(), &comparison),
             (false, details) => {
-                let summary = comparison.summary(&poses, self.model.as_deref());
+                let summary = comparison.summary(&poses, self.file());
                 let more = if details {
                     comparison.details()
                 } else {
@@ -156,7 +157,7 @@ impl Compare {
 
     /// The whole robot, moving and in contact.
     fn run_free_base(&self) -> Result<String, Error> {
-        let mut model = super::model_or_default(self.model.as_deref(), false)?;
+        let mut model = super::model_or_default(self.file(), false)?;
         let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
         let told = |done, total| progress.set(done, total);
@@ -166,7 +167,7 @@ impl Compare {
         for warning in &comparison.comparison.warnings {
             eprintln!("warning: {warning}");
         }
-        let model = self.model.as_deref();
+        let model = self.file();
         if let Some(path) = &self.html {
             let page = pages::walk(&comparison, model).map_err(unreadable)?;
             page.write(path)?;
@@ -179,6 +180,58 @@ impl Compare {
                 format!(
                     "{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots)\n"
                 )
+            }
+        })
+    }
+
+    /// The model's file, where there is one.
+    fn file(&self) -> Option<&Path> {
+        self.model.first().map(PathBuf::as_path)
+    }
+
+    /// Several models side by side.
+    fn run_several(&self) -> Result<String, Error> {
+        let other = [
+            ("--free-base", self.free_base),
+            ("--with", !self.with.is_empty()),
+            ("--without", !self.without.is_empty()),
+            ("--output", self.output.is_some()),
+        ];
+        if let Some((flag, _)) = other.iter().find(|(_, given)| *given) {
+            let words = format!("{flag} takes one model: name one -m");
+            super::usage_error("compare", ErrorKind::ArgumentConflict, words);
+        }
+        let mut progress = Progress::new("Reading");
+        let (mut all, mut first) = (Vec::new(), None);
+        for path in &self.model {
+            let model = Model::load(path)?;
+            let recording =
+                Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+            let mut comparison = compare(&recording, &model, self.values())?;
+            let wrong = mismatches(&recording, &model);
+            let wrong = wrong
+                .iter()
+                .map(|wrong| format!("{}: {wrong}", path.display()));
+            comparison.warnings.extend(wrong);
+            all.push((path.clone(), comparison));
+            first.get_or_insert(recording);
+        }
+        drop(progress);
+        let found = first.and_then(|recording| ModelsComparison::of(&recording, &all));
+        let Some(found) = found else {
+            return Ok(String::new());
+        };
+        for warning in &found.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.html {
+            pages::models(&found).map_err(unreadable)?.write(path)?;
+        }
+        Ok(match self.json {
+            true => judged("compare", found.error(), &found),
+            false => {
+                let more = "More: --verbose (each joint), --html models.html (plots)";
+                format!("{}{more}\n", found.text(self.all || self.verbose))
             }
         })
     }
@@ -198,7 +251,7 @@ impl Compare {
             return comparison.text(self.all);
         }
         let data = first_gate_words(&comparison.data);
-        let summary = comparison.summary(self.model.as_deref());
+        let summary = comparison.summary(self.file());
         format!(
             "{data}{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots, tick boxes)\n"
         )

@@ -133,13 +133,7 @@ impl Diagnose {
             _ => None,
         };
         if self.json {
-            let report = Report {
-                data: &recording.gates,
-                diagnosis: &diagnosis,
-                path: diagnosis.rungs(),
-                written: written.as_ref(),
-            };
-            return Ok(judged("diagnose", diagnosis.error(), &report));
+            return Ok(printed(&recording.gates, &diagnosis, written.as_ref()));
         }
         let file = self.model.as_deref();
         let wrote = written.as_ref().map(ToString::to_string);
@@ -250,6 +244,20 @@ struct WalkReport<'a> {
 }
 
 /// What --json prints.
+pub(super) fn printed(
+    data: &[LogGates],
+    diagnosis: &Diagnosis,
+    written: Option<&Written>,
+) -> String {
+    let report = Report {
+        data,
+        diagnosis,
+        path: diagnosis.rungs(),
+        written,
+    };
+    judged("diagnose", diagnosis.error(), &report)
+}
+
 #[derive(Debug, Serialize)]
 struct Report<'a> {
     /// What the samples of each log are worth.

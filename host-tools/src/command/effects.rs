@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::model::{Model, UnknownName};
 use clap::Args;
-use proprio_core::effect::{Description, Parameter};
+use proprio_core::effect::{Description, Mjcf, Parameter};
 use serde::Serialize;
 
 use super::Error;
@@ -108,7 +108,7 @@ impl Entry {
             looks_like: description.look_alikes,
             told_apart_by: description.separated_by,
             urdf: description.urdf,
-            mjcf: description.mjcf,
+            mjcf: description.mjcf.map(Mjcf::words),
         }
     }
 }

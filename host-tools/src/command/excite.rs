@@ -13,7 +13,7 @@ use std::time::Instant;
 use crate::excite::output::{Coefficients, Gains, write_csv};
 use crate::excite::shapes::Shapes;
 use crate::excite::{self, Goal, Settings, Supervisor, earlier};
-use crate::model::{Limb, Model, UnknownName};
+use crate::model::{Limb, Model};
 use crate::output::{self, AtomicFile, WriteError};
 use arguments::{Cost, LimitArguments, Separation, TrunkArguments, parse_pose, parse_separation};
 use clap::Args;
@@ -118,7 +118,7 @@ impl Excite {
         if self.trunk.standing {
             return trunk::standing(&self, &model, begun);
         }
-        let limbs = chosen(&model, &self.legs)?;
+        let limbs = model.robot().limbs_named(&self.legs)?;
         let settings = self.settings(&model, &limbs)?;
         output::finish_on_interrupt();
         let designs = excite::design(&model, &limbs, &settings, &Shown::new())?;
@@ -202,24 +202,6 @@ impl Excite {
             ..usual
         })
     }
-}
-
-/// The limbs that are asked for.
-pub(super) fn chosen(model: &Model, names: &[String]) -> Result<Vec<Limb>, Error> {
-    let all = model.robot().limbs();
-    if names.is_empty() || (names.len() == 1 && names[0] == "all") {
-        return Ok(all);
-    }
-    for name in names {
-        if !all.iter().any(|limb| limb.name == *name) {
-            let known = all.iter().map(|limb| limb.name.as_str());
-            return Err(UnknownName::new("leg", name, known).into());
-        }
-    }
-    Ok(all
-        .into_iter()
-        .filter(|limb| names.contains(&limb.name))
-        .collect())
 }
 
 /// Writes a motion's file by `write`, whole or not at all.

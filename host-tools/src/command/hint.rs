@@ -2,6 +2,8 @@
 
 mod model;
 
+pub use model::{of_asked, of_model, of_name, of_robot};
+
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr};
 
@@ -26,18 +28,8 @@ use super::Error;
 /// The hint for an error, if there is anything to do.
 pub(super) fn of(error: &Error) -> Option<String> {
     match error {
-        Error::Log(error) | Error::Recording(RecordingError::Log(error)) => Some(of_log(error)),
-        Error::Recording(RecordingError::Impossible { .. }) => Some(
-            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
-                .to_owned(),
-        ),
-        Error::Recording(RecordingError::TooShort { .. }) => Some("better 20 s of motion; several logs may be given at once".to_owned()),
-        Error::Recording(RecordingError::AtRest { .. }) => {
-            Some("record the joints moving, slowly and fast; leave out a log at rest".to_owned())
-        }
-        Error::Recording(RecordingError::LimbTooLarge { .. }) => Some(
-            "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log".to_owned(),
-        ),
+        Error::Log(error) => Some(of_log(error)),
+        Error::Recording(error) => Some(of_recording(error)),
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
             "record /lowstate, which has all motors and the IMU; of a robot that hangs, leave out --free-base".to_owned(),
@@ -62,7 +54,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
                 "of a Go2 that walks: proprio identify --free-base judges its legs in swing, for the log has no IMU; --anyway goes on as if it hung"
                     .to_owned()
             }
-            _ => "mend the log, or go on with --anyway".to_owned(),
+            _ => format!("{CORRECT_THE_LOG}, or go on with --anyway"),
         }),
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
         Error::Capture(error) => of_capture(error),
@@ -84,7 +76,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         ),
         Error::Calibrate(error) => match error {
             CalibrateError::Log(error) => Some(of_log(error)),
-            CalibrateError::Name(unknown) => model::of_name(unknown),
+            CalibrateError::Name(unknown) => of_name(unknown),
             other => other.hint(),
         },
         Error::Terminal(_) => Some("print lines instead: --lines".to_owned()),
@@ -95,17 +87,11 @@ pub(super) fn of(error: &Error) -> Option<String> {
             Some("check that the adapter is wired to this leg's bus input of the board".to_owned())
         }
         Error::NoEstimate { .. } => Some("play a log of at least some seconds".to_owned()),
-        Error::Write(error) => match error.source.kind() {
-            ErrorKind::NotFound => Some("create the directory first".to_owned()),
-            ErrorKind::IsADirectory => Some("name a file, not a directory".to_owned()),
-            ErrorKind::PermissionDenied => Some("name a file you may write".to_owned()),
-            ErrorKind::StorageFull => Some("free some space on the disk".to_owned()),
-            _ => None,
-        },
-        Error::Model(error) => model::of_model(error),
-        Error::Robot(error) => model::of_robot(error),
-        Error::UnknownName(unknown) => model::of_name(unknown),
-        Error::Asked(error) => model::of_asked(error),
+        Error::Write(error) => of_writing(&error.source).map(str::to_owned),
+        Error::Model(error) => of_model(error),
+        Error::Robot(error) => of_robot(error),
+        Error::UnknownName(unknown) => of_name(unknown),
+        Error::Asked(error) => of_asked(error),
         Error::Earlier(EarlierError::Log(error)) | Error::Validate(ValidateError::Log(error)) => Some(of_log(error)),
         Error::Earlier(EarlierError::Excite(error)) => of_excite(error),
         Error::Earlier(EarlierError::NotRecorded(_)) => Some("name logs of these legs, or other --legs".to_owned()),
@@ -116,7 +102,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         ),
         Error::Follow(_) => Some("`proprio excite -o motion.csv` makes a motion to follow".to_owned()),
         Error::Excite(error) => of_excite(error),
-        Error::NotWithinLimits(_) => Some("keep back more of that limit, or begin in another --pose".to_owned()),
+        Error::NotWithinLimits(_) => Some(NOT_WITHIN_LIMITS.to_owned()),
         Error::Export(error) => model::of_export(error),
         Error::NotReproduced(_) => Some("please report it, with the model file and the logs".to_owned()),
         Error::NotAModel(_) => Some(
@@ -146,7 +132,47 @@ pub(super) fn of(error: &Error) -> Option<String> {
     }
 }
 
-fn of_excite(error: &ExciteError) -> Option<String> {
+/// The hint for a motion that is not proved to be within the limits.
+pub const NOT_WITHIN_LIMITS: &str = "keep back more of that limit, or begin in another --pose";
+
+/// The hint for a log that is not what the model says.
+pub const CORRECT_THE_LOG: &str = "correct the log";
+
+/// The hint for logs that are too short.
+pub const TOO_SHORT: &str = "better 20 s of motion; several logs may be given at once";
+
+/// The hint for logs in which no joint moves.
+pub const AT_REST: &str = "record the joints moving, slowly and fast; leave out a log at rest";
+
+/// The hint for logs that cannot be used.
+pub fn of_recording(error: &RecordingError) -> String {
+    let hint = match error {
+        RecordingError::Log(error) => return of_log(error),
+        RecordingError::Impossible { .. } => {
+            "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
+        }
+        RecordingError::TooShort { .. } => TOO_SHORT,
+        RecordingError::AtRest { .. } => AT_REST,
+        RecordingError::LimbTooLarge { .. } => {
+            "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log"
+        }
+    };
+    hint.to_owned()
+}
+
+/// The hint for a file that cannot be written, if there is anything to do.
+pub fn of_writing(error: &std::io::Error) -> Option<&'static str> {
+    match error.kind() {
+        ErrorKind::NotFound => Some("create the directory first"),
+        ErrorKind::IsADirectory => Some("name a file, not a directory"),
+        ErrorKind::PermissionDenied => Some("name a file you may write"),
+        ErrorKind::StorageFull => Some("free some space on the disk"),
+        _ => None,
+    }
+}
+
+/// The hint for a motion that cannot be designed.
+pub fn of_excite(error: &ExciteError) -> Option<String> {
     let hint = match error {
         ExciteError::Setting { .. } => "`proprio excite --help` tells what each number is",
         ExciteError::Pose { .. } => {
@@ -159,7 +185,7 @@ fn of_excite(error: &ExciteError) -> Option<String> {
             "keep back less of that limit, begin in another --pose, or take more --starts"
         }
         ExciteError::TooLarge(..) => "make the joints that can be held still fixed in the URDF",
-        ExciteError::Unknown(unknown) => return model::of_name(unknown),
+        ExciteError::Unknown(unknown) => return of_name(unknown),
         ExciteError::NotDesignable(_) => "`proprio diagnose` says in words which motion tells it",
         ExciteError::NotAGo2 => {
             "`proprio excite` without them designs motions of a limb on a fixed base"

@@ -14,7 +14,7 @@ mod effects;
 mod excite;
 mod export;
 mod flash;
-mod hint;
+pub mod hint;
 mod identify;
 mod import;
 mod man;
@@ -23,12 +23,13 @@ mod overwrite;
 mod ports;
 mod remove;
 mod replay;
-mod result;
+pub mod result;
 mod show;
 mod simulate;
 mod validate;
 mod zero;
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -108,19 +109,24 @@ enum Command {
 /// The program: does what the command line asks. Results go to standard output; errors, each with what can be done about it, to
 /// standard error, and the exit status is then 1 (2 where the command line itself is wrong).
 pub fn main() -> ExitCode {
+    ExitCode::from(run_words(std::env::args_os()))
+}
+
+/// [`main`] for a command line of another process, `words`, the first of which is the program: its exit status.
+pub fn run_words(words: impl IntoIterator<Item = OsString>) -> u8 {
     if let Err(error) = crate::output::remove_on_interrupt() {
         eprintln!("warning: Ctrl-C may leave unfinished files behind: {error}");
     }
-    let matches = Arguments::command().get_matches();
+    let matches = Arguments::command().get_matches_from(words);
     match run(&matches) {
         Ok(text) => match std::io::stdout().write_all(text.as_bytes()) {
             Err(error) if !has_seen_enough(&error) => {
                 eprintln!("error: cannot write the result: {error}");
-                ExitCode::FAILURE
+                FAILURE
             }
-            _ => ExitCode::SUCCESS,
+            _ => SUCCESS,
         },
-        Err(Error::Write(error)) if has_seen_enough(&error.source) => ExitCode::SUCCESS,
+        Err(Error::Write(error)) if has_seen_enough(&error.source) => SUCCESS,
         Err(error) => {
             if let Some(command) = as_json(&matches) {
                 // What cannot be written is on standard error too.
@@ -130,10 +136,14 @@ pub fn main() -> ExitCode {
             if let Some(hint) = hint::of(&error) {
                 eprintln!("hint: {hint}");
             }
-            ExitCode::FAILURE
+            FAILURE
         }
     }
 }
+
+/// Exit statuses: done, and the data or the files are bad.
+const SUCCESS: u8 = 0;
+const FAILURE: u8 = 1;
 
 /// Whether what was written to has a reader that left (`| head`): no failure.
 fn has_seen_enough(error: &std::io::Error) -> bool {

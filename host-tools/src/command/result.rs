@@ -4,6 +4,8 @@
 use serde::Serialize;
 
 use super::{Error, hint, json};
+use crate::diagnose::Diagnosis;
+use crate::recording::LogGates;
 use crate::summary::ErrorRange;
 
 /// Grows when a key of a command's object goes or changes its meaning.
@@ -31,8 +33,13 @@ pub(super) fn result(command: &str, result: &impl Serialize) -> String {
 }
 
 /// What `command` prints of a result that judges one.
-pub(super) fn judged(command: &str, error: ErrorRange, result: &impl Serialize) -> String {
+pub fn judged(command: &str, error: ErrorRange, result: &impl Serialize) -> String {
     named(command, Some(error), result)
+}
+
+/// What `diagnose` prints of a recording's diagnosis.
+pub fn diagnosis(data: &[LogGates], diagnosis: &Diagnosis) -> String {
+    super::diagnose::printed(data, diagnosis, None)
 }
 
 /// What `command` prints when it has no result.

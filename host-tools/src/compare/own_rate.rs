@@ -1,6 +1,8 @@
 //! A model's torque at the log's own rate, where the comparison takes windows of 20 ms.
 
-use crate::detect::JointSeries;
+use std::collections::BTreeMap;
+
+use crate::detect::{JointSeries, floor};
 use crate::equation::values::Values;
 use crate::estimate::robot::{data, side_by_side};
 use crate::model::Model;
@@ -18,4 +20,24 @@ pub fn own_rate(recording: &Recording, model: &Model) -> Vec<JointSeries> {
         Some(JointSeries::of(&limb, &torque))
     });
     series.into_iter().flatten().flatten().collect()
+}
+
+/// The noise of each joint's torque at that rate, N m, by the joint's name: of the log, whatever the model; none for too few samples.
+pub(crate) fn own_rate_floors(
+    recording: &Recording,
+    model: &Model,
+) -> BTreeMap<String, Option<f64>> {
+    let limbs = data(recording, model);
+    let floors = side_by_side(&limbs, |limb| {
+        let limb = limb.at_samples_apart()?;
+        let floors = floor::of(&limb, &limb.predicted_by_cad());
+        let floors = floors.into_iter().map(|noise| noise.map(|noise| noise.rms));
+        Some(
+            limb.joint_names()
+                .into_iter()
+                .zip(floors)
+                .collect::<Vec<_>>(),
+        )
+    });
+    floors.into_iter().flatten().flatten().collect()
 }

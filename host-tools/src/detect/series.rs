@@ -47,6 +47,29 @@ impl JointSeries {
         }
     }
 
+    /// The same of these of its windows alone, in the order of time.
+    pub fn only(&self, windows: &[usize]) -> Self {
+        let of = |values: &[f64]| -> Vec<f64> {
+            let kept = windows.iter().filter_map(|&k| values.get(k));
+            kept.copied().collect()
+        };
+        Self {
+            joint: self.joint.clone(),
+            t: of(&self.t),
+            q: of(&self.q),
+            dq: of(&self.dq),
+            tau: of(&self.tau),
+            predicted: of(&self.predicted),
+            residual: of(&self.residual),
+            temperature: of(&self.temperature),
+            whole: windows
+                .iter()
+                .filter_map(|&k| self.whole.get(k).copied())
+                .collect(),
+            noise: self.noise,
+        }
+    }
+
     /// The predictions at other times of the same recording; NaN where there is none.
     pub fn predicted_at(&self, t: &[f64]) -> Vec<f64> {
         let mut next = 0;

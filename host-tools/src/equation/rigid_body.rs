@@ -56,6 +56,20 @@ pub(crate) trait RigidBody: Send + Sync {
         inertia: &mut [f64],
     );
 
+    /// H (kg m²) at a position, row-major.
+    fn inertia_matrix(&self, base: &Transform<f64>, q: &[f64], inertia: &mut [f64]);
+
+    /// q̈ (rad/s²) of (H + diag(`armature`)) q̈ = τ − C q̇ − g at a position, velocity and torque; `armature` in kg m². False, and then
+    /// `acceleration` is unspecified, if a joint has no inertia to move.
+    #[must_use]
+    fn forward_dynamics(
+        &self,
+        base: &Transform<f64>,
+        motion: [&[f64]; 3],
+        armature: &[f64],
+        acceleration: &mut [f64],
+    ) -> bool;
+
     /// The row h with h θ = kinetic and potential energy (J per unit of each parameter).
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]);
 
@@ -233,6 +247,35 @@ impl<const B: usize, const P: usize> RigidBody for Dynamics<B, P> {
             .for_each(|(j, own)| *own = matrix[(j, j)]);
     }
 
+    fn inertia_matrix(&self, base: &Transform<f64>, q: &[f64], inertia: &mut [f64]) {
+        let placements = self.tree.placements(base, &filled(q));
+        let mut matrix = SMatrix::zeros();
+        self.tree.write_inertia_matrix(&placements, &mut matrix);
+        for (i, row) in inertia.chunks_exact_mut(self.joints).enumerate() {
+            row.iter_mut()
+                .enumerate()
+                .for_each(|(j, own)| *own = matrix[(i, j)]);
+        }
+    }
+
+    fn forward_dynamics(
+        &self,
+        base: &Transform<f64>,
+        motion: [&[f64]; 3],
+        armature: &[f64],
+        acceleration: &mut [f64],
+    ) -> bool {
+        let [q, dq, torque] = motion.map(filled);
+        let placements = self.tree.placements(base, &q);
+        // Bodies without mass that fill the tree up have nothing else to move.
+        let armature = SVector::from_fn(|j, _| armature.get(j).copied().unwrap_or(1.0));
+        let mut all = SVector::zeros();
+        let tree = &self.tree;
+        let moves = tree.write_forward_dynamics(&placements, &dq, &torque, &armature, &mut all);
+        acceleration.copy_from_slice(&all.as_slice()[..self.joints]);
+        moves
+    }
+
     fn energy_regressor(&self, base: &Transform<f64>, q: &[f64], dq: &[f64], energy: &mut [f64]) {
         let k = self.kinematics(base, q, dq);
         let (kinetic, potential) = self.tree.energy_regressor::<P>(&k, base);
@@ -289,11 +332,20 @@ mod tests {
             body.torque_and_inertia(&base, [&q, &dq, &ddq], &mut forces, &mut inertia);
             let mut energy = vec![0.0; 30];
             body.energy_regressor(&base, &q, &dq, &mut energy);
+            let (mut matrix, mut acceleration) = (vec![0.0; 9], vec![0.0; 3]);
+            body.inertia_matrix(&base, &q, &mut matrix);
+            assert!(body.forward_dynamics(&base, [&q, &dq, &forces], &[0.0; 3], &mut acceleration));
+            for (own, given) in acceleration.iter().zip(&ddq) {
+                assert!(
+                    (own - given).abs() < 1e-9,
+                    "forward dynamics of inverse dynamics"
+                );
+            }
             let mut slopes = Slopes::of(3);
             body.slopes(&base, &q, &dq, &mut slopes);
             let [position, velocity] = slopes.momentum;
             [
-                momentum, rate, torque, p, r, forces, inertia, energy, position, velocity,
+                momentum, rate, torque, p, r, forces, inertia, energy, position, velocity, matrix,
             ]
             .concat()
         };

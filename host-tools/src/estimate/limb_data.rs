@@ -85,6 +85,14 @@ impl<'a> LimbData<'a> {
         Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
     }
 
+    /// The same with every third of those windows: no two have a sample in common, so that their noise has none.
+    pub(crate) fn at_samples_apart(&self) -> Option<Self> {
+        let (recording, gains) = (self.recording, &self.velocity_gain);
+        let mut motion = Motion::at_samples(recording, &self.blocks, gains);
+        motion.windows = motion.windows.into_iter().step_by(3).collect();
+        Some(Self::cut(self.model, self.limb, recording, gains.clone(), motion)?.also_at_rest())
+    }
+
     /// Made of a motion that is cut into windows already.
     fn cut(
         model: &'a Model,

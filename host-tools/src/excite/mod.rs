@@ -124,6 +124,17 @@ impl LimbDesign {
         command(&self.problem, &self.motion, t)
     }
 
+    /// The limits that are not kept, a sentence each.
+    pub fn violation_sentences(&self, model: &Model) -> Vec<String> {
+        let sentence = |v: &Violation| {
+            let joint = |j: usize| format!(" of {}", model.joint_name(self.joints[j]));
+            let joint = v.joint.map_or(String::new(), joint);
+            let percent = 100.0 * v.beyond;
+            format!("{}{joint} at {:.3} s, by {percent:.2} %", v.what, v.t)
+        };
+        self.violations.iter().map(sentence).collect()
+    }
+
     /// What the joints may do, margins kept back.
     pub fn limits(&self) -> &[JointLimits] {
         &self.problem.limits.joints

@@ -23,6 +23,17 @@ pub struct Gains {
 /// (N m), gains (N m/rad, N m s/rad).
 pub const CHANNELS: [&str; 6] = ["q", "dq", "ddq", "tau", "kp", "kd"];
 
+/// The samples of a motion file: time, s, and each limb's command.
+pub fn samples(designs: &[LimbDesign]) -> impl Iterator<Item = (f64, Vec<super::Command>)> + '_ {
+    let durations = designs.iter().map(|d| d.motion.duration());
+    let last = (durations.fold(0.0, f64::max) * RATE).round() as u64;
+    (0..=last).map(|k| {
+        let t = k as f64 / RATE;
+        let command = |design: &LimbDesign| design.command(t);
+        (t, designs.iter().map(command).collect())
+    })
+}
+
 /// Writes `t` and, joint by joint, [`CHANNELS`] as CSV.
 ///
 /// # Errors
@@ -44,13 +55,7 @@ pub fn write_csv(
         }
     }
     writeln!(out)?;
-    let duration = designs
-        .iter()
-        .map(|d| d.motion.duration())
-        .fold(0.0, f64::max);
-    for k in 0..=(duration * RATE).round() as u64 {
-        let t = k as f64 / RATE;
-        let commands: Vec<_> = designs.iter().map(|design| design.command(t)).collect();
+    for (t, commands) in samples(designs) {
         write!(out, "{t:.3}")?;
         for values in [
             |c: &super::Command| c.q.clone(),

@@ -59,28 +59,39 @@ pub fn identify(
     mut progress: impl FnMut(u64, u64),
 ) -> Result<Identified, RecordingError> {
     let cad = Model::default();
-    let read = |logs: &[PathBuf], progress: &mut dyn FnMut(u64, u64)| {
-        let mut recording = Recording::read(logs, model.unwrap_or(&cad), progress)?;
-        if options.bus {
-            bus::round(&mut recording);
-        }
-        Ok::<_, RecordingError>(recording)
-    };
-    let recording = read(logs, &mut progress)?;
+    let recording = read(logs, model.unwrap_or(&cad), options, &mut progress)?;
     let model = model.map_or_else(|| plain(&recording), Model::clone);
-    let mut fitted = fit_model(&recording, &model, options)?;
-    if logs.len() > 1 {
+    let fitted = identify_recording(&recording, &model, options, &mut progress)?;
+    Ok(Identified {
+        recording,
+        model,
+        fitted,
+    })
+}
+
+/// The same of a recording that was read already.
+///
+/// # Errors
+/// As [`identify`]'s.
+pub fn identify_recording(
+    recording: &Recording,
+    model: &Model,
+    options: FitOptions,
+    progress: &mut dyn FnMut(u64, u64),
+) -> Result<Fitted, RecordingError> {
+    let mut fitted = fit_model(recording, model, options)?;
+    if recording.logs.len() > 1 {
         let (mut each, mut fits) = (Vec::new(), Vec::new());
-        for log in logs {
-            let own = read(std::slice::from_ref(log), &mut |_, _| ())?;
-            let fitted = fit_model(&own, &model, options)?;
+        for log in &recording.logs {
+            let own = read(std::slice::from_ref(log), model, options, progress)?;
+            let fitted = fit_model(&own, model, options)?;
             each.push(Run::of(&own, fitted.rms, fitted.held_out_rms));
             fits.push(fitted);
         }
         fitted.compare_runs(each, &fits);
     }
     let is_go2 = *model.robot() == Robot::go2();
-    let wrong = mismatches(&recording, &model);
+    let wrong = mismatches(recording, model);
     let wrong = wrong.iter().map(|wrong| {
         let may_walk = is_go2 && matches!(wrong.kind, MismatchKind::NoBetterThanNothing(_));
         let walks = match may_walk {
@@ -90,15 +101,24 @@ pub fn identify(
         format!("{wrong}{walks}")
     });
     fitted.warnings.extend(wrong);
-    let other = fitted.other_bodies(&model);
+    let other = fitted.other_bodies(model);
     fitted
         .warnings
         .extend(other.iter().map(ToString::to_string));
-    Ok(Identified {
-        recording,
-        model,
-        fitted,
-    })
+    Ok(fitted)
+}
+
+fn read(
+    logs: &[PathBuf],
+    model: &Model,
+    options: FitOptions,
+    progress: &mut dyn FnMut(u64, u64),
+) -> Result<Recording, RecordingError> {
+    let mut recording = Recording::read(logs, model, progress)?;
+    if options.bus {
+        bus::round(&mut recording);
+    }
+    Ok(recording)
 }
 
 /// The Go2 with what every drive has at each joint of the legs that were recorded: viscous and Coulomb friction, armature, torque offset.

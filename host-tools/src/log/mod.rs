@@ -63,11 +63,12 @@ pub use checks::{
 };
 pub use columns::{Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
-pub use provenance::sha256;
+pub use provenance::{set_command_line, sha256};
 pub use reader::LogReader;
 pub use row::Row;
 pub use samples::Samples;
 pub use source::files;
+pub use source::memory::MemoryLog;
 pub(crate) use source::open_bytes;
 pub use table::{Need, NumberTable, column_names, read_numbers};
 pub use warning::{Cause, Warning};

@@ -3,9 +3,11 @@
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
+use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
 
+use super::source::memory;
 use crate::model::{LogRecord, Provenance};
 
 impl Provenance {
@@ -21,15 +23,9 @@ impl Provenance {
                 Err(error) => Err((path, error)),
             }
         };
-        // The program's path differs between machines and says nothing.
-        let arguments = std::env::args_os().skip(1);
-        let words = arguments.map(|word| word.to_string_lossy().into_owned());
         Ok(Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            command: std::iter::once("proprio".to_owned())
-                .chain(words)
-                .collect::<Vec<_>>()
-                .join(" "),
+            command: command_line(),
             logs: logs
                 .iter()
                 .map(|log| record(log.as_ref()))
@@ -50,13 +46,38 @@ impl Provenance {
     }
 }
 
-/// SHA-256 of a log's bytes, in hexadecimal: of a file, of standard input (`-`), of a folder's files one after the other.
+/// What runs in this process, where it is not the program's own command line.
+static COMMAND_LINE: OnceLock<String> = OnceLock::new();
+
+/// States what runs in this process, for the files and pages that it writes; the first call counts. A process that is not the program
+/// `proprio` has arguments of its own.
+pub fn set_command_line(words: String) {
+    COMMAND_LINE.get_or_init(|| words);
+}
+
+/// The command line that files and pages name.
+fn command_line() -> String {
+    // The program's path differs between machines and says nothing.
+    let own = || {
+        let arguments = std::env::args_os().skip(1);
+        let words = arguments.map(|word| word.to_string_lossy().into_owned());
+        let all: Vec<_> = std::iter::once("proprio".to_owned()).chain(words).collect();
+        all.join(" ")
+    };
+    COMMAND_LINE.get().cloned().unwrap_or_else(own)
+}
+
+/// SHA-256 of a log's bytes, in hexadecimal: of a file, of a log in memory, of standard input (`-`), of a folder's files one after the other.
 ///
 /// # Errors
 /// If the file cannot be read.
 pub fn sha256(path: &Path) -> io::Result<String> {
     let mut hash = Sha256::new();
-    for file in super::files(path)? {
+    let mut files = super::files(path)?;
+    if memory::write_bytes(path, &mut HashWriter(&mut hash))? {
+        files.clear();
+    }
+    for file in files {
         io::copy(
             &mut super::open_bytes(&file)?.file,
             &mut HashWriter(&mut hash),

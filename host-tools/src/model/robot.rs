@@ -383,6 +383,25 @@ impl Robot {
             && effect.others().iter().all(sees)
     }
 
+    /// The limbs of these names; all of them if none is named, or `all`.
+    ///
+    /// # Errors
+    /// [`UnknownName`].
+    pub fn limbs_named(&self, names: &[String]) -> Result<Vec<Limb>, UnknownName> {
+        let all = self.limbs();
+        if names.is_empty() || (names.len() == 1 && names[0] == "all") {
+            return Ok(all);
+        }
+        for name in names {
+            if !all.iter().any(|limb| limb.name == *name) {
+                let known = all.iter().map(|limb| limb.name.as_str());
+                return Err(UnknownName::new("leg", name, known));
+            }
+        }
+        let asked = |limb: &Limb| names.contains(&limb.name);
+        Ok(all.into_iter().filter(asked).collect())
+    }
+
     /// The subtrees that hang on the base.
     pub fn limbs(&self) -> Vec<Limb> {
         let roots = (0..self.bodies.len()).filter(|&b| self.bodies[b].parent.is_none());

@@ -56,14 +56,18 @@ impl Page {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
-        let page = self.render().map_err(|source| WriteError {
+        let page = self.html().map_err(|source| WriteError {
             path: path.to_owned(),
             source,
         })?;
         output::write(path, &page)
     }
 
-    fn render(&self) -> std::io::Result<String> {
+    /// The page as one HTML document.
+    ///
+    /// # Errors
+    /// If the plotting library that comes with the program cannot be unpacked.
+    pub fn html(&self) -> std::io::Result<String> {
         let plots = self
             .sections
             .iter()
@@ -196,7 +200,7 @@ mod tests {
             },
             sections: Vec::new(),
         };
-        let html = page.render().unwrap();
+        let html = page.html().unwrap();
         assert!(!html.contains("<img"));
         assert_eq!(html.matches(&*escape::html(evil)).count(), 8);
     }

@@ -23,7 +23,7 @@ pub(super) enum Values {
 
 /// The model file as it was written.
 #[derive(Debug, Serialize)]
-pub(super) struct Written {
+pub(in crate::command) struct Written {
     /// The file.
     file: PathBuf,
     /// How many effects it has, how many of them a value, and how many bodies that are not the CAD's.

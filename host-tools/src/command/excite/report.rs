@@ -52,11 +52,7 @@ impl Report {
         let limbs = designs.iter().map(|design| LimbReport {
             limb: design.limb.clone(),
             measures: design.measures,
-            violations: design
-                .violations
-                .iter()
-                .map(|v| told(model, design, v))
-                .collect(),
+            violations: design.violation_sentences(model),
         });
         Self {
             motion: asked.output.clone(),
@@ -73,18 +69,6 @@ impl Report {
             limbs: limbs.collect(),
         }
     }
-}
-
-fn told(model: &Model, design: &LimbDesign, v: &excite::Violation) -> String {
-    let joint = v.joint.map_or(String::new(), |j| {
-        format!(" of {}", model.joint_name(design.joints[j]))
-    });
-    format!(
-        "{}{joint} at {:.3} s, by {:.2} %",
-        v.what,
-        v.t,
-        100.0 * v.beyond
-    )
 }
 
 impl std::fmt::Display for Report {

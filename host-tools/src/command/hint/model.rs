@@ -8,13 +8,15 @@ use crate::model::{
     Unphysical,
 };
 
-pub(super) fn of_name(unknown: &UnknownName) -> Option<String> {
+/// The hint for an unknown name: the nearest known one.
+pub fn of_name(unknown: &UnknownName) -> Option<String> {
     unknown
         .nearest()
         .map(|name| format!("did you mean `{name}`?"))
 }
 
-pub(super) fn of_asked(error: &AskedError) -> Option<String> {
+/// The hint for effects that cannot be asked for.
+pub fn of_asked(error: &AskedError) -> Option<String> {
     match error {
         AskedError::Name(unknown) => of_name(unknown),
         AskedError::Formula(_) => Some("docs/effects.md has ten formulas to begin with".to_owned()),
@@ -24,7 +26,8 @@ pub(super) fn of_asked(error: &AskedError) -> Option<String> {
     }
 }
 
-pub(super) fn of_model(error: &ModelError) -> Option<String> {
+/// The hint for a model file that is refused.
+pub fn of_model(error: &ModelError) -> Option<String> {
     Some(match &*error.problem {
         ModelProblem::Read(cause) if cause.kind() == ErrorKind::NotFound => {
             "check the path; `proprio add EFFECT -m MODEL` makes a model file".to_owned()
@@ -65,7 +68,8 @@ fn of_impossible(fault: &Impossible) -> String {
     }
 }
 
-pub(super) fn of_robot(error: &RobotError) -> Option<String> {
+/// The hint for a robot that cannot be read.
+pub fn of_robot(error: &RobotError) -> Option<String> {
     of_robot_problem(&error.problem)
 }
 

@@ -5,6 +5,7 @@
 //!
 //! Files beside:
 //!
+//! - `arrays`: named arrays as a log: of a NumPy archive, of a program's memory
 //! - `bag`: recordings of messages: which topic holds the joints' states, what its messages say, and when
 //! - `bus`: captures of a motor bus: polling cycles, by the device's own listener
 //! - `chain`: files of one recording, one after the other
@@ -12,12 +13,14 @@
 //! - `input`: bytes: of a file, of a folder's files, or of standard input
 //! - `kind`: what a file is, told by its first bytes
 //! - `lerobot`: what a LeRobot data set says of its tables: `meta/info.json`, two folders above them
+//! - `memory`: logs that a program holds in memory
 //! - `npz`: NumPy archives: `numpy.savez('log.npz', t=t, q=q, dq=dq, tau=tau, joint_names=[...])`, or an array per column
 //! - `parquet`: Parquet tables: columns as of CSV, or lists of numbers whose elements a LeRobot data set names
 //! - `records`: records of separated text
 //! - `table`: arrays held in memory: formats that store a column in one piece
 //! - `text`: columns of text: CSV of proprio's own, of PlotJuggler, of ROS 1's `rostopic echo -p`, of a spreadsheet
 
+mod arrays;
 #[cfg(any(feature = "mcap", feature = "db3"))]
 mod bag;
 mod bus;
@@ -27,6 +30,7 @@ mod input;
 mod kind;
 #[cfg(feature = "parquet")]
 mod lerobot;
+pub(super) mod memory;
 #[cfg(feature = "npz")]
 mod npz;
 #[cfg(feature = "parquet")]
@@ -137,8 +141,11 @@ impl Fault {
     }
 }
 
-/// Opens what lies at `path`: a file of any format that is known, a folder that holds a recording, or `-`, standard input.
+/// Opens what lies at `path`: a log in memory, a file of any format that is known, a folder that holds a recording, or `-`, standard input.
 pub(super) fn open(path: &Path) -> Result<Box<dyn Source>, LogError> {
+    if let Some(kept) = memory::arrays(path) {
+        return arrays::open(path, kept.to_vec());
+    }
     let files = files(path).map_err(|error| LogError::new(path, Problem::Open(error)))?;
     let mut sources = Vec::with_capacity(files.len());
     for file in &files {

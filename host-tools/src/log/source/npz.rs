@@ -9,9 +9,9 @@ use std::path::Path;
 
 use zip::ZipArchive;
 
+use super::arrays::{Array, Holds};
 use super::input::Input;
-use super::table::Table;
-use super::{Source, Unit};
+use super::{Source, arrays};
 use crate::log::error::{LogError, Problem};
 
 /// Longer than any array's header.
@@ -20,73 +20,10 @@ const LONGEST_HEADER: usize = 1 << 16;
 /// Most numbers of an array: an hour of 60 joints at 5 kHz.
 const MOST: usize = 1 << 30;
 
-/// What arrays of a column per joint may be called, and what they hold.
-const QUANTITIES: [(&str, &[&str]); 5] = [
-    (
-        "q",
-        &[
-            "q",
-            "qpos",
-            "position",
-            "positions",
-            "pos",
-            "joint_positions",
-        ],
-    ),
-    (
-        "dq",
-        &[
-            "dq",
-            "qd",
-            "qvel",
-            "velocity",
-            "velocities",
-            "vel",
-            "joint_velocities",
-        ],
-    ),
-    (
-        "tau",
-        &[
-            "tau",
-            "torque",
-            "torques",
-            "effort",
-            "efforts",
-            "joint_torques",
-            "joint_efforts",
-        ],
-    ),
-    ("temp", &["temp", "temperature", "temperatures"]),
-    ("q_des", &["q_des", "q_cmd", "position_command"]),
-];
-
-/// What the array of the joints' names may be called.
-const NAMES: [&str; 4] = ["joint_names", "joints", "names", "joint_name"];
-
-/// An array: how many numbers in each direction, and what it holds, row by row.
-struct Array {
-    shape: Vec<usize>,
-    holds: Holds,
-}
-
-enum Holds {
-    Numbers(Vec<f64>),
-    Texts(Vec<String>),
-}
-
 /// Opens an archive and reads all its arrays.
 pub(super) fn open(path: &Path, input: Input) -> Result<Box<dyn Source>, LogError> {
     let arrays = read(input.file).map_err(|problem| LogError::new(path, problem))?;
-    match table(arrays) {
-        Ok(table) => Ok(Box::new(table)),
-        Err((name, problem)) => {
-            let fault = super::Fault::at(1, 0, problem);
-            let mut error = fault.error(path, Unit::Row, &[name]);
-            error.place = None;
-            Err(error)
-        }
-    }
+    arrays::open(path, arrays)
 }
 
 fn read(file: File) -> Result<Vec<(String, Array)>, Problem> {
@@ -248,63 +185,4 @@ fn by_rows(numbers: Vec<f64>, by_column: bool, shape: &[usize]) -> Vec<f64> {
         }
         _ => numbers,
     }
-}
-
-/// The columns of the arrays, each called as a column of CSV is.
-fn table(arrays: Vec<(String, Array)>) -> Result<Table, (String, Problem)> {
-    let names = arrays.iter().find_map(|(name, array)| match &array.holds {
-        Holds::Texts(names) if NAMES.contains(&&**name) => Some(names.clone()),
-        _ => None,
-    });
-    let mut table = Table {
-        names: Vec::new(),
-        columns: Vec::new(),
-        row: 0,
-    };
-    for (name, array) in arrays {
-        let Holds::Numbers(numbers) = array.holds else {
-            continue;
-        };
-        let (rows, columns) = match *array.shape {
-            [rows] => (rows, 1),
-            [rows, columns] | [rows, columns, 1] => (rows, columns),
-            _ => continue,
-        };
-        match quantity(&name) {
-            None if columns == 1 => {
-                table.names.push(name);
-                table.columns.push(numbers);
-            }
-            None => {}
-            Some(quantity) => {
-                let known = names.as_ref().filter(|names| names.len() == columns);
-                let Some(joints) = known else {
-                    let named = names.as_ref().map(Vec::len);
-                    let problem = Problem::NoJointNames { columns, named };
-                    return Err((name, problem));
-                };
-                for (n, joint) in joints.iter().enumerate() {
-                    table.names.push(format!("{quantity}/{joint}"));
-                    table
-                        .columns
-                        .push((0..rows).map(|row| numbers[row * columns + n]).collect());
-                }
-            }
-        }
-    }
-    let rows = table.columns.first().map_or(0, Vec::len);
-    match table.columns.iter().position(|column| column.len() != rows) {
-        Some(n) => {
-            let found = table.columns[n].len();
-            let name = table.names[n].clone();
-            let other = table.names[0].clone();
-            Err((name, Problem::OtherLength { found, rows, other }))
-        }
-        None => Ok(table),
-    }
-}
-
-fn quantity(array: &str) -> Option<&'static str> {
-    let found = QUANTITIES.iter().find(|(_, names)| names.contains(&array));
-    found.map(|(quantity, _)| *quantity)
 }

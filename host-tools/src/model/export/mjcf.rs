@@ -1,15 +1,16 @@
-//! MJCF: inertials of bodies; armature, damping and frictionloss of joints.
+//! MJCF: inertials of bodies; armature, damping, frictionloss, springs and limits of joints; tendons that couple them.
 
 use std::path::Path;
 
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
+use super::effects::{Stated, Tendon};
 use super::mjcf_input::Input;
 use super::whole::mjcf_inertial;
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, attributes, base_note, error, identified,
-    names, number, numbers, whole, without,
+    ExportError, ExportProblem, Exported, Inertial, base_note, effects, error, identified, names,
+    number, numbers, whole, without,
 };
 use crate::model::Model;
 
@@ -21,14 +22,14 @@ const ORIENTATIONS: [&str; 4] = ["axisangle", "xyaxes", "zaxis", "euler"];
 /// # Errors
 /// [`ExportError`] if the file is not of this robot, or cannot hold the model.
 pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
-    let (effects, written, mut notes) = attributes(model, "MJCF", |effect| effect.mjcf);
+    let stated = effects::mjcf(model);
     let Some(path) = input else {
         let bodies: Vec<usize> = (0..model.robot().bodies().len()).collect();
         return Ok(Exported {
-            text: whole::mjcf(model, &effects),
+            text: whole::mjcf(model, &stated),
             bodies: names(model, &bodies),
-            effects: written,
-            notes,
+            effects: stated.written,
+            notes: stated.notes,
         });
     };
     let text = std::fs::read_to_string(path).map_err(|e| error(path, ExportProblem::Read(e)))?;
@@ -43,29 +44,80 @@ pub fn mjcf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError
         problem: Box::new(problem),
     };
     let input = Input::new(&document).map_err(at)?;
+    let Stated {
+        attributes,
+        tendons,
+        written,
+        mut notes,
+    } = stated;
     let bodies = identified(model);
     notes.extend(base_note(model));
     let mut edits = Edits::new(&text);
     for b in 0..model.robot().bodies().len() {
-        let of_joint: Vec<_> = effects.iter().filter(|e| e.joint == b).collect();
+        let of_joint: Vec<_> = attributes.iter().filter(|e| e.joint == b).collect();
         if !model.is_identified(b) && of_joint.is_empty() {
             continue;
         }
         let joint = input.joint(model, b).map_err(at)?;
         for effect in of_joint {
-            edits.set(joint, effect.attribute, &number(effect.value));
+            let unit = match effect.is_position && turns(joint) {
+                true => input.radian(),
+                false => 1.0,
+            };
+            let values = effect.values.iter().map(|value| value * unit);
+            edits.set(joint, effect.attribute, &numbers(values));
         }
         if model.is_identified(b) {
             input.check_place(model, b, joint).map_err(at)?;
             write_inertial(&mut edits, &input, model, b, joint).map_err(at)?;
         }
     }
+    write_tendons(&mut edits, &input, model, &tendons, &mut notes).map_err(at)?;
     Ok(Exported {
         text: edits.apply(),
         bodies: names(model, &bodies),
         effects: written,
         notes,
     })
+}
+
+/// Whether a joint's position is an angle.
+fn turns(joint: Node) -> bool {
+    joint.attribute("type").is_none_or(|kind| kind == "hinge")
+}
+
+/// Adds tendons to the file; one that it has by that name stays, and so does what couples the joints there.
+fn write_tendons<'d>(
+    edits: &mut Edits,
+    input: &Input<'d>,
+    model: &Model,
+    tendons: &[Tendon],
+    notes: &mut Vec<String>,
+) -> Result<(), (Node<'d, 'd>, ExportProblem)> {
+    let mut elements = String::new();
+    for tendon in tendons {
+        if input.has_tendon(&tendon.name) {
+            notes.push(format!(
+                "tendon {} is left as the file has it: delete it there to have it written anew",
+                tendon.name
+            ));
+            continue;
+        }
+        let mut called = Vec::new();
+        for (joint, _) in tendon.joints {
+            let name = input.joint(model, joint)?.attribute("name");
+            called.push((joint, name.unwrap_or_default()));
+        }
+        let name = |joint| {
+            let found = called.iter().find(|(own, _)| *own == joint);
+            found.map_or("", |(_, name)| *name)
+        };
+        elements += &whole::fixed_tendon(tendon, name);
+    }
+    if !elements.is_empty() {
+        edits.append(input.root(), &format!("<tendon>{elements}</tendon>"));
+    }
+    Ok(())
 }
 
 fn write_inertial<'d>(

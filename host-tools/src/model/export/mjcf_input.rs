@@ -59,6 +59,30 @@ impl<'d> Input<'d> {
         Ok(Self { root, joints })
     }
 
+    /// The root element.
+    pub(super) fn root(&self) -> Node<'d, 'd> {
+        self.root
+    }
+
+    /// A radian in the file's unit of angles, which is the degree unless it says otherwise.
+    pub(super) fn radian(&self) -> f64 {
+        let compilers = self.root.children().filter(|n| n.has_tag_name("compiler"));
+        match compilers.filter_map(|n| n.attribute("angle")).next_back() {
+            Some("radian") => 1.0,
+            _ => 180.0 / std::f64::consts::PI,
+        }
+    }
+
+    /// Whether it has a tendon of this name.
+    pub(super) fn has_tendon(&self, name: &str) -> bool {
+        let tendons = self.root.descendants().filter(|n| {
+            let parent = n.parent();
+            parent.is_some_and(|parent| parent.has_tag_name("tendon"))
+        });
+        let mut names = tendons.filter_map(|n| n.attribute("name"));
+        names.any(|own| own == name)
+    }
+
     /// The joint element of a joint of the model.
     pub(super) fn joint(&self, model: &Model, joint: usize) -> Result<Node<'d, 'd>, Fault<'d>> {
         let body = &model.robot().bodies()[joint];

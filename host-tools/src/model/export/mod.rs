@@ -8,9 +8,11 @@
 //! Files beside:
 //!
 //! - `edit`: changes to an XML text at the places of its elements; all else stays as it is, byte for byte
+//! - `effects`: effects as attributes of joints and tendons, and what a format cannot say
 //! - `mjcf_input`: what has to be known of a user's MJCF before inertias are written into it
 
 mod edit;
+mod effects;
 mod mjcf;
 mod mjcf_input;
 mod urdf;
@@ -19,14 +21,10 @@ mod whole;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
-use proprio_core::effect::Description;
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::{
-    BASE, Estimate, Model, ModelEffect, RobotProblem, UnknownName, Unphysical, about_com,
-    significant,
-};
+use super::{BASE, Model, RobotProblem, UnknownName, Unphysical, about_com, significant};
 pub use mjcf::mjcf;
 pub use urdf::urdf;
 
@@ -160,54 +158,6 @@ fn numbers(values: impl IntoIterator<Item = f64>) -> String {
 fn escaped(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;");
     text.replace('"', "&quot;")
-}
-
-/// An effect as an attribute of a joint.
-struct JointAttribute {
-    joint: usize,
-    attribute: &'static str,
-    value: f64,
-}
-
-/// The effects that the format can state, and what it cannot: `spelling` is the format's attribute for an effect.
-fn attributes(
-    model: &Model,
-    format: &str,
-    spelling: impl Fn(&Description) -> Option<&'static str>,
-) -> (Vec<JointAttribute>, Vec<String>, Vec<String>) {
-    let (mut attributes, mut written, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    let mut unfound = Vec::new();
-    for e in model.effects() {
-        let name = format!("{}:{}", e.effect.name(), model.joint_name(e.joint));
-        match (e.estimate(), spelling(e.effect.description())) {
-            (None, _) => notes.push(format!("{name} has no value yet: identify the model first")),
-            (_, None) => notes.push(format!("{name} is left out: {format} has no word for it")),
-            (Some(_), Some(_)) if is_unfound(e) => unfound.push(name),
-            (Some(estimate), Some(attribute)) => {
-                let (joint, value) = (e.joint, estimate.value);
-                attributes.push(JointAttribute {
-                    joint,
-                    attribute,
-                    value,
-                });
-                written.push(name);
-            }
-        }
-    }
-    if !unfound.is_empty() {
-        let names = unfound.join(", ");
-        notes.push(format!(
-            "left as the file has it, for the fit found none: {names}"
-        ));
-    }
-    (attributes, written, notes)
-}
-
-/// Whether a value is none that was found: a fit ended where the effect is absent. Without a standard deviation somebody stated it.
-fn is_unfound(e: &ModelEffect) -> bool {
-    let neutral = e.effect.description().parameters[0].neutral;
-    let absent = |estimate: Estimate| estimate.std.is_some() && estimate.value == neutral;
-    e.estimate().is_some_and(absent)
 }
 
 /// Bodies of the model that are not the CAD's.

@@ -7,10 +7,11 @@ use proprio_core::spatial::Transform;
 use roxmltree::{Document, Node};
 
 use super::edit::Edits;
+use super::effects::{JointAttribute, Stated};
 use super::whole::{self, INERTIA, dynamics_element, inertial_element, origin_element};
 use super::{
-    ExportError, ExportProblem, Exported, Inertial, JointAttribute, attributes, base_note, error,
-    identified, names, number, numbers, same_axis, same_place, without,
+    ExportError, ExportProblem, Exported, Inertial, base_note, effects, error, identified, names,
+    number, numbers, same_axis, same_place, without,
 };
 use crate::model::urdf::Description;
 use crate::model::{Body, Model, RobotProblem, Source};
@@ -20,7 +21,12 @@ use crate::model::{Body, Model, RobotProblem, Source};
 /// # Errors
 /// [`ExportError`] if the file is not of this robot, or cannot hold the model.
 pub fn urdf(model: &Model, input: Option<&Path>) -> Result<Exported, ExportError> {
-    let (effects, written, mut notes) = attributes(model, "URDF", |effect| effect.urdf);
+    let Stated {
+        attributes: effects,
+        written,
+        mut notes,
+        ..
+    } = effects::urdf(model);
     let own = match model.robot().source() {
         Source::Urdf(path) => Some(path.as_path()),
         Source::Go2 => None,
@@ -235,7 +241,11 @@ impl Target<'_> {
 fn write_dynamics(edits: &mut Edits, joint: Node, effects: &[&JointAttribute]) {
     if let Some(dynamics) = joint.children().find(|n| n.has_tag_name("dynamics")) {
         for effect in effects {
-            edits.set(dynamics, effect.attribute, &number(effect.value));
+            edits.set(
+                dynamics,
+                effect.attribute,
+                &numbers(effect.values.iter().copied()),
+            );
         }
     } else {
         edits.append(joint, &dynamics_element(effects));

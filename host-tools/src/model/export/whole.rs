@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proprio_core::inertia::InertialParameters;
 use proprio_core::spatial::Transform;
 
-use super::{Inertial, JointAttribute, escaped, number, numbers};
+use super::effects::{JointAttribute, Stated, Tendon};
+use super::{Inertial, escaped, number, numbers};
 use crate::model::{BASE, Body, JointKind, Model};
 
 /// Attributes of URDF's `<inertia>`, in the order of [`Inertial::six`].
@@ -105,7 +106,7 @@ fn push_joint(
 pub(super) fn dynamics_element(effects: &[&JointAttribute]) -> String {
     let attributes: String = effects
         .iter()
-        .map(|e| format!(" {}=\"{}\"", e.attribute, number(e.value)))
+        .map(|e| format!(" {}=\"{}\"", e.attribute, numbers(e.values.iter().copied())))
         .collect();
     format!("<dynamics{attributes}/>")
 }
@@ -131,7 +132,8 @@ pub(super) fn inertial_element(inertial: &Inertial) -> String {
 }
 
 /// The robot as MJCF, its base fixed, a motor at every joint.
-pub(super) fn mjcf(model: &Model, effects: &[JointAttribute]) -> String {
+pub(super) fn mjcf(model: &Model, stated: &Stated) -> String {
+    let effects = &stated.attributes;
     let robot = model.robot();
     let mut out = format!(
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\"/>\n  <option gravity=\"0 0 -9.81\"/>\n  \
@@ -178,7 +180,16 @@ pub(super) fn mjcf(model: &Model, effects: &[JointAttribute]) -> String {
     while open.pop().is_some() {
         let _ = writeln!(out, "{}</body>", "  ".repeat(open.len() + 3));
     }
-    out += "    </body>\n  </worldbody>\n  <actuator>\n";
+    out += "    </body>\n  </worldbody>\n";
+    if !stated.tendons.is_empty() {
+        out += "  <tendon>\n";
+        for tendon in &stated.tendons {
+            let joint = |joint: usize| model.robot().bodies()[joint].joint_name.as_str();
+            let _ = writeln!(out, "    {}", fixed_tendon(tendon, joint));
+        }
+        out += "  </tendon>\n";
+    }
+    out += "  <actuator>\n";
     for body in robot.bodies() {
         let (name, joint) = (escaped(&body.name), escaped(&body.joint_name));
         let range = if body.effort.is_finite() {
@@ -189,6 +200,20 @@ pub(super) fn mjcf(model: &Model, effects: &[JointAttribute]) -> String {
         let _ = writeln!(out, "    <motor name=\"{name}\" joint=\"{joint}\"{range}/>");
     }
     out + "  </actuator>\n</mujoco>\n"
+}
+
+/// A tendon's element; `joint` is what the file calls a joint.
+pub(super) fn fixed_tendon<'a>(tendon: &Tendon, joint: impl Fn(usize) -> &'a str) -> String {
+    let coefficient = |(own, times): (usize, f64)| {
+        let (name, times) = (escaped(joint(own)), number(times));
+        format!("<joint joint=\"{name}\" coef=\"{times}\"/>")
+    };
+    let (name, attribute, value) = (&tendon.name, tendon.attribute, number(tendon.value));
+    let joints = tendon.joints.map(coefficient).concat();
+    format!(
+        "<fixed name=\"{}\" {attribute}=\"{value}\">{joints}</fixed>",
+        escaped(name)
+    )
 }
 
 pub(super) fn mjcf_inertial(inertial: &Inertial) -> String {
@@ -210,7 +235,11 @@ fn mjcf_joint<'a>(body: &Body, effects: impl Iterator<Item = &'a JointAttribute>
         attributes += &format!(" range=\"{}\"", numbers(body.limits));
     }
     for effect in effects {
-        attributes += &format!(" {}=\"{}\"", effect.attribute, number(effect.value));
+        attributes += &format!(
+            " {}=\"{}\"",
+            effect.attribute,
+            numbers(effect.values.iter().copied())
+        );
     }
     let axis = numbers(body.axis.iter().copied());
     let name = escaped(&body.joint_name);

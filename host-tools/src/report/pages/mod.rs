@@ -7,6 +7,7 @@
 //! - `diagnose`: the page of `diagnose`
 //! - `excite`: the page of `excite`
 //! - `identify`: the page of `identify`
+//! - `models`: the page of `compare` with several models
 //! - `validate`: the page of `validate`
 //! - `walk`: the pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`
 
@@ -15,6 +16,7 @@ mod compare;
 mod diagnose;
 pub mod excite;
 mod identify;
+mod models;
 pub mod validate;
 mod walk;
 
@@ -35,6 +37,7 @@ pub use calibrate::calibration;
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
 pub use identify::fit;
+pub use models::models;
 pub use walk::{walk, walk_diagnosis, walk_identification};
 
 /// A log that cannot be read any more: its path, and why.
@@ -78,13 +81,14 @@ fn of_data(data: &[LogGates]) -> impl Iterator<Item = String> + '_ {
 /// Measured torque, and what the baselines and then `model` predict.
 fn torques(
     series: &[JointSeries],
-    baselines: &[(&'static str, Vec<JointSeries>)],
+    baselines: &[(impl AsRef<str>, Vec<JointSeries>)],
     model: &str,
 ) -> Section {
     let joint = |own: &JointSeries| {
-        let of_baseline = |(name, joints): &(&'static str, Vec<JointSeries>)| {
+        let of_baseline = |(name, joints): &(_, Vec<JointSeries>)| {
             let other = joints.iter().find(|other| other.joint == own.joint)?;
-            Some(((*name).to_owned(), other.predicted_at(&own.t)))
+            let name: &str = AsRef::as_ref(name);
+            Some((name.to_owned(), other.predicted_at(&own.t)))
         };
         TorqueSeries {
             joint: own.joint.clone(),

@@ -1,0 +1,54 @@
+//! Errors of several models, joint by joint.
+
+use super::data_table::{Cell, Column, DataTable};
+use super::section::Section;
+
+/// A model's error at a joint, or over all.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// The model's file.
+    pub model: String,
+    /// The joint, or all of them.
+    pub joint: String,
+    /// Root mean square of measured − predicted torque, N m.
+    pub rms: f64,
+    /// 100 (1 − |error| / |torque − its mean|).
+    pub fit_percent: f64,
+    /// The noise floor, N m, where it is known.
+    pub floor: Option<f64>,
+}
+
+/// A table that can be sorted.
+pub fn section(rows: &[Row]) -> Section {
+    let column = |title, numeric| Column { title, numeric };
+    let row = |row: &Row| {
+        let floor = row.floor.map_or(Cell::text(""), |floor| {
+            Cell::number(format!("{floor:.4}"), floor)
+        });
+        vec![
+            Cell::text(row.model.clone()),
+            Cell::text(row.joint.clone()),
+            Cell::number(format!("{:.4}", row.rms), row.rms),
+            Cell::number(format!("{:.1}", row.fit_percent), row.fit_percent),
+            floor,
+        ]
+    };
+    Section {
+        id: "models",
+        title: "Error of each model",
+        text: "Root mean square of measured less predicted torque, over the windows in which every model is judged; the fit is 100 % of a model \
+               without error and 0 % of the torque’s own mean."
+            .to_owned(),
+        table: Some(DataTable {
+            columns: vec![
+                column("model", false),
+                column("joint", false),
+                column("error, N m rms", true),
+                column("fit, %", true),
+                column("noise floor, N m", true),
+            ],
+            rows: rows.iter().map(row).collect(),
+        }),
+        ..Section::default()
+    }
+}
