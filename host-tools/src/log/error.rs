@@ -35,8 +35,6 @@ pub enum Unit {
     Message,
     /// Rows of a table.
     Row,
-    /// Polling cycles of a motor bus.
-    Cycle,
 }
 
 impl fmt::Display for Place {
@@ -45,7 +43,6 @@ impl fmt::Display for Place {
             Unit::Line => "line",
             Unit::Message => "message",
             Unit::Row => "row",
-            Unit::Cycle => "cycle",
         };
         write!(f, "{unit} {}", self.number)
     }

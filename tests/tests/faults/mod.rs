@@ -25,7 +25,6 @@ const IDENTITY: Identity = Identity {
     load_unit: "nothing",
     budget: u32::MAX,
     byte_ns: 0,
-    positions: proprio_core::wire::Positions::Absolute,
 };
 
 /// Bytes of the other legs' buses.

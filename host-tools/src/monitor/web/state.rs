@@ -82,8 +82,6 @@ struct BusState {
     rate: f64,
     windows: u32,
     solution: &'static str,
-    /// All its joints' zeros are known.
-    placed: bool,
     lost: u32,
 }
 
@@ -181,7 +179,6 @@ fn ranked(ranked: &Ranked) -> RankedState {
 
 fn buses(view: &View) -> Vec<BusState> {
     let legs = Leg::ALL.into_iter().zip(&view.legs).enumerate();
-    let unplaced = view.unplaced();
     let buses = legs.map(|(n, (leg, known))| BusState {
         leg: leg.name(),
         rate: known.rate,
@@ -190,7 +187,6 @@ fn buses(view: &View) -> Vec<BusState> {
             true => "consistent",
             false => "free",
         },
-        placed: !unplaced.contains(&leg),
         lost: view.lost(n),
     });
     buses.collect()
