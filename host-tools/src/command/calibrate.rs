@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::progress::Underway;
 use crate::report::pages;
 
-/// Find what is wrong with a robot's kinematics from measured poses: frames, zeros, elasticity, gears
+/// Find what is wrong with a robot's kinematics from measured poses
 ///
 /// Each pose has joint positions and where a tracker, a camera or contacts saw one or more targets. The measuring system and the targets are
 /// placed first; then zeros of joints, whole joint frames and effects are added as long as each makes the error of poses that a fit without

@@ -172,7 +172,7 @@ mod tests {
     #[test]
     fn noise_of_the_first_samples_is_no_swing() {
         let t: Vec<f64> = (0..4000).map(|k| 2e-3 * f64::from(k)).collect();
-        let noise = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let noise = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let load: Vec<f64> = (0..t.len())
             .map(|k| 20.0 * (t[k] + 0.5).sin() + noise(k))
             .collect();
