@@ -6,6 +6,7 @@ use proprio_core::effect::Enters;
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Member};
+use super::criteria::feasible::is_likely;
 use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
@@ -120,6 +121,18 @@ impl<'a> State<'a> {
         let squares = self.fits[limb].predicted_held_out();
         let squares = squares.map(|predicted| limited.below_limits().squares(&predicted));
         squares.map_or(f64::INFINITY, |s| s.weighted(&noise.fits[limb].noise))
+    }
+
+    /// Whether a spring between motor and link gives way by no more than a gear may; a play is as wide as it is.
+    pub(super) fn is_likely(&self, member: &Member) -> bool {
+        let (limb, place) = *member;
+        let facts = place.0.description();
+        if !(facts.is_compliant() && facts.is_derivative()) {
+            return true;
+        }
+        let values = self.parameters(member).into_iter().enumerate();
+        let mut values = values.map(|(n, value)| (value, self.fits[limb].data.prior(place, n)));
+        values.all(|(value, prior)| is_likely(value, prior))
     }
 
     /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.

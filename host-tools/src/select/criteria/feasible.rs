@@ -42,6 +42,11 @@ pub(crate) fn is_unresolved_delay(candidate: &Candidate) -> bool {
         && candidate.findings().all(is_small)
 }
 
+/// Whether a value with its error is what a sensor, a mounting or a gear can be wrong by, beside what is taken for likely.
+pub(crate) fn is_likely((value, std): (f64, f64), (mean, likely): (f64, f64)) -> bool {
+    (value - mean).abs() - WITHIN * std <= LIKELY * likely
+}
+
 /// Whether what a trial says of an effect is physical within twice its error, and likely.
 fn can_be(told: &Finding) -> bool {
     let described = told.place.0.description();
@@ -60,7 +65,7 @@ fn can_be(told: &Finding) -> bool {
         };
         value + WITHIN * std + open >= p.lower
             && value - WITHIN * std <= p.upper
-            && (!is_bounded || (value - mean).abs() - WITHIN * std <= LIKELY * likely)
+            && (!is_bounded || is_likely((value, std), (mean, likely)))
     };
     let is_resolved = described.form != Form::Clock
         || told.parameters[0].is_none_or(|(delay, _)| is_resolved(told.period, delay));
