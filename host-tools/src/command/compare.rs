@@ -82,14 +82,14 @@ pub(crate) struct Compare {
 
 impl Compare {
     pub(crate) fn run(self) -> Result<String, Error> {
+        if !self.free_base && self.logs.first().is_some_and(|log| is_pose_file(log)) {
+            return self.run_poses();
+        }
         if self.model.len() > 1 {
             return self.run_several();
         }
         if self.free_base {
             return self.run_free_base();
-        }
-        if self.logs.first().is_some_and(|log| is_pose_file(log)) {
-            return self.run_poses();
         }
         let mut model = super::model_or_default(self.file(), false)?;
         let left_out = self.change(&mut model)?;
@@ -126,6 +126,7 @@ impl Compare {
     fn run_poses(&self) -> Result<String, Error> {
         let asked = !self.with.is_empty() || !self.without.is_empty();
         let other = [
+            (self.model.len() > 1, "-m more than once"),
             (asked, "--with and --without"),
             (self.fit, "--fit"),
             (self.given, "--given"),

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
-use proprio_core::effect::Enters;
+use proprio_core::effect::{Enters, Transmission};
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Member};
@@ -123,11 +123,10 @@ impl<'a> State<'a> {
         squares.map_or(f64::INFINITY, |s| s.weighted(&noise.fits[limb].noise))
     }
 
-    /// Whether a spring between motor and link gives way by no more than a gear may; a play is as wide as it is.
+    /// Whether a spring between motor and link gives way by no more than a gear may; how wide a play may be nobody says.
     pub(super) fn is_likely(&self, member: &Member) -> bool {
         let (limb, place) = *member;
-        let facts = place.0.description();
-        if !(facts.is_compliant() && facts.is_derivative()) {
+        if place.0.description().transmission() != Some(Transmission::Spring) {
             return true;
         }
         let values = self.parameters(member).into_iter().enumerate();

@@ -114,3 +114,26 @@ fn can_be_load(told: &[Option<(f64, f64)>]) -> bool {
         .sum();
     heaviest > 0.0 && smallest.sqrt() <= REACH * heaviest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::is_likely;
+
+    /// Of a gear's spring, whose prior is 0 ± 0.01 rad/(N m): the softest that the batteries hide, one that a short log tells badly, and what a
+    /// chirp of a Go2 made of a calf (k = 13 N m/rad).
+    #[test]
+    fn a_value_is_likely_within_three_deviations_beside_its_error() {
+        for (value, std, likely) in [
+            (0.0, 0.001, true),
+            (1.0 / 40.0, 0.001, true),
+            (0.031, 0.001, true),
+            (0.033, 0.001, false),
+            (0.05, 0.012, true),
+            (0.0787, 0.0075, false),
+            (-0.0787, 0.0075, false),
+        ] {
+            let prior = (0.0, 0.01);
+            assert_eq!(is_likely((value, std), prior), likely, "{value} ± {std}");
+        }
+    }
+}
