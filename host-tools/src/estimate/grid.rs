@@ -28,8 +28,8 @@ const GAPS: i32 = 8;
 const LOWEST: f64 = 0.8;
 const HIGHER: f64 = 1.25;
 const RESONANCES: i32 = 14;
-/// Beyond them the link follows without swinging, its torque is nearly linear in the compliance, and wider steps do: up to two hundred
-/// times the motion's frequency, where a link sags by less than any encoder resolves.
+/// Beyond them the link follows without swinging, its torque is nearly linear in the compliance, and wider steps do: up to some 240 times the
+/// motion's frequency, where a link lags by 2·10⁻⁵ of how far it swings.
 const STIFFER: f64 = 1.6;
 const STIFF: i32 = 6;
 /// Positions and times that a shape is looked for at. A step in the middle of two is off by a fiftieth of the range, and is refined.

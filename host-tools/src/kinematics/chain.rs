@@ -8,12 +8,11 @@
 
 use nalgebra::{Rotation3, Vector3};
 use proprio_core::spatial::Transform;
+use proprio_core::tree::GRAVITY;
 
 use super::poses::Pose;
 use crate::model::{Fixture, JointKind, JointQuantity, Model};
 
-/// Gravity, m/s².
-const GRAVITY: f64 = 9.81;
 /// How many numbers calibration knows of a joint.
 pub(super) const QUANTITIES: usize = JointQuantity::ALL.len();
 
