@@ -31,6 +31,7 @@
 //! - `samples`: what became of a log's samples
 //! - `slots`: where a row in memory keeps what
 //! - `source`: files of many formats as one thing: named cells, row after row
+//! - `stamps`: time stamps of a recorder that falls behind, put right
 //! - `table`: any file of rows as numbers by name: what is no log of samples, such as poses
 //! - `warning`: what a user should know about a log that can still be used
 //! - `writer`: writing a log
@@ -48,6 +49,7 @@ mod row;
 mod samples;
 mod slots;
 mod source;
+mod stamps;
 mod table;
 mod warning;
 mod writer;

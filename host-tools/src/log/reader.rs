@@ -9,6 +9,7 @@ use super::error::{LogError, Place, Problem};
 use super::row::Row;
 use super::slots::TIME;
 use super::source::{self, Source};
+use super::stamps::Stamps;
 use super::warning::Warning;
 use crate::model::Robot;
 
@@ -34,6 +35,7 @@ pub struct LogReader {
     read: Vec<f64>,
     row: Row,
     admission: Admission,
+    stamps: Stamps,
     /// The file has no more rows, or what is wrong with the next one.
     end: Option<Option<LogError>>,
     checks: Checks,
@@ -62,6 +64,7 @@ impl LogReader {
             read: vec![f64::NAN; columns.slots.count()],
             row: Row::new(columns.slots),
             admission: Admission::new(&columns, source.unit()),
+            stamps: Stamps::new(&columns, source.unit()),
             end: None,
             checks: Checks::new(&columns, source.unit()),
             columns,
@@ -79,19 +82,24 @@ impl LogReader {
         self.source.progress()
     }
 
-    /// The next row that a robot can have produced ([`super::Cause`] tells why others are left out), or none at the end.
+    /// The next row that a robot can have produced ([`super::Cause`] tells why others are left out), or none at the end. Its time is the row's
+    /// stamp, or where a recorder fell behind ([`Warning::LateStamps`]) when it was measured.
     ///
     /// # Errors
     /// [`Problem::Read`], [`Problem::Ragged`] to [`Problem::TimeJump`].
     pub fn next_row(&mut self) -> Result<Option<&Row>, LogError> {
-        self.row.line = loop {
+        while self.stamps.wants_more() {
             self.read_ahead();
             match self.admission.next(&mut self.row.values) {
-                Step::Row(number) => break number,
+                Step::Row(number) => self.stamps.push(number, &self.row.values),
                 Step::LeftOut => {}
-                Step::End => return self.end.take().flatten().map_or(Ok(None), Err),
+                Step::End => self.stamps.end(),
             }
+        }
+        let Some(number) = self.stamps.next(&mut self.row.values) else {
+            return self.end.take().flatten().map_or(Ok(None), Err);
         };
+        self.row.line = number;
         if let Err(problem) = self.checks.row(&self.row) {
             return Err(self.time_error(problem));
         }
@@ -129,6 +137,7 @@ impl LogReader {
             return Err(LogError::new(&self.path, problem).at(Some(place)));
         }
         warnings.extend(self.admission.warnings(&self.columns));
+        warnings.extend(self.stamps.warning());
         warnings.extend(self.checks.finish(&self.path, &self.columns)?);
         Ok(warnings)
     }

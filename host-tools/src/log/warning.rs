@@ -29,6 +29,17 @@ pub enum Warning {
         /// Of how many rows.
         rows: u64,
     },
+    /// Rows that a recorder stamped later than they were measured; they have the times at which they were, by the rows after them.
+    LateStamps {
+        /// How many.
+        count: u64,
+        /// Of how many rows.
+        rows: u64,
+        /// How late at most, s.
+        latest: f64,
+        /// The first.
+        first: Place,
+    },
     /// The file was cut short; what is whole was read.
     Cut {
         /// The last message that is whole.
@@ -105,6 +116,17 @@ impl fmt::Display for Warning {
                     "{count} of {rows} rows repeat the time stamp of the row above and are skipped"
                 )
             }
+            Self::LateStamps {
+                count,
+                rows,
+                latest,
+                first,
+            } => write!(
+                f,
+                "{count} of {rows} time stamps are late, by up to {} ms (the first at {first}): the recorder fell behind; rows \
+                 have the times at which they were measured, by their even pace and the motion",
+                significant(latest * 1e3, 2)
+            ),
             Self::LeftOut {
                 cause,
                 count,
