@@ -51,6 +51,14 @@ pub enum ModelProblem {
     /// `[held]` with a robot that is built in.
     #[error("[held] needs a robot with a `urdf`")]
     HeldWithoutUrdf,
+    /// An effect or a value of a joint that `[held]` keeps still.
+    #[error(
+        "`{joint}` is held ([held]): what does not move has no effects and no values of its own"
+    )]
+    IsHeld {
+        /// The joint.
+        joint: String,
+    },
     /// `[base]` states two orientations, or one that is none.
     #[error("[base] needs either `rpy` in rad or a `quaternion` w, x, y, z of length 1")]
     Orientation,

@@ -192,8 +192,15 @@ fn mounting(table: &Spanned<BaseTable>) -> Result<Mounting, Fault> {
 
 /// The index of a joint, or the fault at the place of its name.
 fn joint(model: &Model, name: &str, at: usize) -> Result<usize, Fault> {
-    let unknown = |e| (Some(at), ModelProblem::UnknownName(e));
-    model.robot.joint(name).map_err(unknown)
+    let is_held = model.robot.held().iter().any(|(held, _)| held == name);
+    let unknown = |unknown| match is_held {
+        true => ModelProblem::IsHeld {
+            joint: name.to_owned(),
+        },
+        false => ModelProblem::UnknownName(unknown),
+    };
+    let joint = model.robot.joint(name);
+    joint.map_err(|e| (Some(at), unknown(e)))
 }
 
 fn effect_named(name: &str, at: usize) -> Result<EffectKind, Fault> {

@@ -49,6 +49,9 @@ pub fn of_model(error: &ModelError) -> Option<String> {
         ModelProblem::HeldWithoutUrdf => {
             "write `urdf = \"robot.urdf\"` instead of `builtin`; `proprio export --urdf` writes the built-in one".to_owned()
         }
+        ModelProblem::IsHeld { joint } => {
+            format!("delete the entries of {joint}, or its line in [held]")
+        }
         ModelProblem::Orientation => "for a level base write `rpy = [0.0, 0.0, 0.0]`".to_owned(),
         ModelProblem::Twice { .. } => "delete one of the two".to_owned(),
         ModelProblem::StdAlone { .. } => "delete `std`, or add `value`".to_owned(),
