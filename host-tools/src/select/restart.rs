@@ -1,4 +1,5 @@
-//! Other models to begin with, whose effects one search alone would not take first: what every drive has, and one cause where two were taken.
+//! Other models to begin with, whose effects one search alone would not take first: what every drive has, one cause where two were taken, one
+//! joint where all were taken and others undone.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +7,9 @@ use proprio_core::effect::EffectKind;
 
 use super::candidate::Member;
 use super::fitted::{Fitted, Step};
+use super::ranking::Judged;
 use crate::catalogue;
+use crate::equation::values::is_shared;
 
 /// Whether the model as it was given lacks what makes a drive: two families of the plain effects were found.
 pub(super) fn lacks_a_drive<M: Fitted>(steps: &[Step<M>]) -> bool {
@@ -38,4 +41,26 @@ pub(super) fn one_cause<M: Fitted>(steps: &[Step<M>]) -> Vec<Vec<Member>> {
             .collect::<Vec<_>>()
     };
     catalogue::effects().flat_map(at).collect()
+}
+
+/// Where steps have taken an effect as a cause that all joints share and, as if to undo it there, at some joints too: that effect at the other
+/// joint where it takes away most of what the `first` look saw.
+pub(super) fn one_joint<M: Fitted>(steps: &[Step<M>], first: &[Judged]) -> Option<Member> {
+    let all_share = |step: &&Step<M>| step.members.iter().all(|member| is_shared(member.1.1));
+    let added = || steps.iter().filter(|step| !step.removed);
+    let effect = added().find(all_share)?.effect;
+    let undone: Vec<Member> = added()
+        .filter(|step| step.effect == effect && !all_share(step))
+        .flat_map(|step| step.members.clone())
+        .collect();
+    let own = |judged: &Judged| match judged.candidate.members[..] {
+        [member] if member.1.0 == effect && !is_shared(member.1.1) => Some(member),
+        _ => None,
+    };
+    let taken = |judged: &Judged| judged.candidate.torque_error_taken();
+    (first.iter())
+        .filter_map(|judged| Some((taken(judged), own(judged)?)))
+        .filter(|(_, member)| !undone.is_empty() && !undone.contains(member))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, member)| member)
 }

@@ -42,8 +42,8 @@ type Errors<S> = <<S as Source>::Model as Fitted>::Errors;
 
 /// Searches from the model as the source was given it.
 ///
-/// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, and with one cause
-/// where it took two; and with the `causes` that all joints share and that a reading of the log has shown.
+/// One search alone may end above a model that it would not take step by step: it begins again with what every drive has, with one cause where
+/// it took two, and with one joint where it took all and undid others; and with the `causes` that all joints share and that a reading of the log has shown.
 pub(crate) fn search<S: Source>(source: S, causes: &[EffectKind]) -> Option<Found<S>> {
     let start = source.start()?;
     let mut search = Search::new(source, start).run(Phase::Limits);
@@ -51,6 +51,9 @@ pub(crate) fn search<S: Source>(source: S, causes: &[EffectKind]) -> Option<Foun
         search = other;
     }
     if let Some(other) = search.with_one_cause() {
+        search = other;
+    }
+    if let Some(other) = search.with_one_joint() {
         search = other;
     }
     for cause in causes {
@@ -368,9 +371,21 @@ impl<S: Source> Search<S> {
         if causes.is_empty() {
             return None;
         }
+        self.anew_with(&causes)
+    }
+
+    /// A search that begins with an effect at one joint where this one has it at all and undoes it at some, if it does as well in fewer steps.
+    fn with_one_joint(&self) -> Option<Self> {
+        let member = restart::one_joint(&self.steps, &self.first)?;
+        let other = self.anew_with(&[vec![member]])?;
+        (other.steps.len() < self.steps.len()).then_some(other)
+    }
+
+    /// A search that begins with effects, untried, if it does as well as this one.
+    fn anew_with(&self, causes: &[Vec<Member>]) -> Option<Self> {
         let mut other = self.anew()?;
         for members in causes {
-            other.begin_with(&members)?;
+            other.begin_with(members)?;
         }
         let other = other.run(Phase::ForwardAgain);
         let error = |search: &Self| search.model.held_out(&self.model).weighted;
