@@ -153,13 +153,8 @@ fn estimates_of(messages: &[DeviceMessage], leg: u8) -> impl Iterator<Item = &Es
     })
 }
 
-/// Whether a message is an estimate of as many windows of the same leg.
-fn is_like(message: &DeviceMessage, estimate: &Estimate) -> bool {
-    matches!(message, DeviceMessage::Estimate(e) if (e.leg, e.windows) == (estimate.leg, estimate.windows))
-}
-
-/// The same pieces, heard by the application in this process.
-fn in_process(events: &[Event], until_us: u64) -> Vec<DeviceMessage> {
+/// The same pieces, heard by the application in this process, whose steps are `phase_us` behind whole periods as the board's are.
+fn in_process(events: &[Event], phase_us: u64, until_us: u64) -> Vec<DeviceMessage> {
     let identity = Identity {
         firmware: "test",
         board: "desktop",
@@ -175,7 +170,7 @@ fn in_process(events: &[Event], until_us: u64) -> Vec<DeviceMessage> {
         Box::new(Memory::<f64>::new()),
     );
     let (mut messages, mut heard) = (Vec::new(), events.iter().peekable());
-    for now_us in (2_000..=until_us).step_by(2_000) {
+    for now_us in (2_000 + phase_us..=until_us).step_by(2_000) {
         while let Some(Event(time_us, line, bytes)) = heard.next_if(|event| event.0 <= now_us) {
             if *line < HOST {
                 app.hear(&mut memory, *line, bytes, *time_us);
@@ -197,7 +192,7 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     let mut sender = Sender::default();
     let positions = Action::SetPositions(Positions::Absolute);
     let mut events = vec![asked(FIRST_US - 30_000, &mut sender, 1, &[positions])];
-    const CYCLES: u64 = 900;
+    const CYCLES: u64 = 2_500;
     for n in 0..CYCLES {
         for leg in Leg::ALL {
             let begin_us = FIRST_US + n * motion::SAMPLE_US + 37 * leg.index() as u64;
@@ -224,26 +219,29 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
         );
     }
     assert_eq!(counters.load.over_budget, 0);
-    let plain = in_process(&events, end_us);
-    let mut compared = 0;
+    let plain = in_process(&events, counters.time_us % motion::SAMPLE_US, end_us);
+    // The board's steps are a part of a millisecond elsewhere, so that a solution begins some windows earlier or later.
+    let (mut compared, mut worst) = (0, 0.0_f32);
     for leg in 0..4 {
-        // Of as many windows: the board's steps are a part of a millisecond elsewhere.
-        let same = |board: &&Estimate| plain.iter().any(|m| is_like(m, board));
-        for board in estimates_of(&run.messages, leg).filter(same) {
-            let desktop = estimates_of(&plain, leg).find(|e| e.windows == board.windows);
-            let desktop = desktop.unwrap();
+        for board in estimates_of(&run.messages, leg) {
+            let apart = |e: &&Estimate| e.windows.abs_diff(board.windows);
+            let nearest = estimates_of(&plain, leg).min_by_key(apart);
+            let Some(desktop) = nearest.filter(|e| 10 * apart(e) <= board.windows) else {
+                continue;
+            };
             compared += 1;
             for ((a, b), std) in board.values.iter().zip(&desktop.values).zip(&desktop.std) {
-                // Times of bytes are interrupts', to some µs.
-                assert!((a - b).abs() < *std, "leg {leg}: {a} {b} ± {std}");
+                worst = worst.max((a - b).abs() / std);
             }
         }
     }
+    println!("{compared} estimates, at most {worst} standard deviations apart");
     assert!(
-        compared > 0,
-        "no estimate of as many windows: {}",
-        run.report
+        compared >= 12,
+        "{compared} estimates of nearly as many windows"
     );
+    // Measured: 0.98 of one value of FR (242 windows here, 245 there), at most 0.6 in the other legs' last estimates.
+    assert!(worst < 1.0, "{worst}");
 }
 
 #[test]
