@@ -550,3 +550,14 @@ fn a_reply_that_lacks_its_last_byte_is_not_completed_by_the_next_command() {
         );
     }
 }
+
+#[test]
+fn a_queue_holds_the_bytes_of_pieces_of_any_length() {
+    for length in 0..200_u8 {
+        let mut queue = Queue::new();
+        // The second piece begins at any place.
+        let pieces: [Vec<u8>; 2] = [(0..length / 3).collect(), (7..7 + length).collect()];
+        pieces.iter().for_each(|piece| queue.push(piece, 1_000, 0));
+        assert_eq!(queue.waiting(), pieces.concat(), "{length}");
+    }
+}
