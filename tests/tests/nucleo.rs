@@ -238,9 +238,10 @@ fn the_nucleos_image_hears_four_buses_and_finds_what_the_application_does() {
     println!("{compared} estimates, at most {worst} standard deviations apart");
     assert!(
         compared >= 12,
-        "{compared} estimates of nearly as many windows"
+        "{compared} estimates of nearly as many windows: {}",
+        run.report
     );
-    // Measured: 0.98 of one value of FR (242 windows here, 245 there), at most 0.6 in the other legs' last estimates.
+    // Measured: 0.98 of one value of FR (242 windows here, 245 there), at most 0.69 in the other legs.
     assert!(worst < 1.0, "{worst}");
 }
 
