@@ -117,9 +117,8 @@ impl<T: Real, S: AsRef<[T]>> BaseParameters<T, S> {
         }
     }
 
-    /// A row over the base parameters from number `first` on as one over the standard parameters: row · P into `standard`.
+    /// Adds to `standard` a row over the base parameters from number `first` on as one over the standard parameters: row · P.
     pub fn expand(&self, first: usize, row: &[T], standard: &mut [T]) {
-        standard.fill(T::zero());
         for (n, entry) in row.iter().enumerate() {
             let r = first + n;
             let target = standard.get_mut(r..).unwrap_or(&mut []);

@@ -289,8 +289,17 @@ pub(crate) const fn row_start(columns: usize, k: usize) -> usize {
     k * (2 * columns + 3 - if k <= columns { k } else { columns + 1 }) / 2
 }
 
+/// Σ a b of as many numbers as both have, from the first on. Four a turn: a loop's own instructions are as many as a product's.
+#[inline]
 fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    a.iter().zip(b).fold(T::zero(), |sum, (x, y)| sum + *x * *y)
+    let a = a.get(..b.len()).unwrap_or(a);
+    let ((fours, rest), (of_b, _)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let sum = fours.iter().zip(of_b).fold(T::zero(), |sum, (x, y)| {
+        sum + x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3]
+    });
+    let of_rest = b.get(4 * fours.len()..).unwrap_or(&[]);
+    let rest = rest.iter().zip(of_rest);
+    rest.fold(sum, |sum, (x, y)| sum + *x * *y)
 }
 
 mod arrow;

@@ -183,6 +183,10 @@ pub fn position_limits(leg: Leg) -> [[f64; 2]; JOINTS_PER_LEG] {
     [[-1.0472, 1.0472], thigh, [-2.7227, -0.837_76]]
 }
 
+/// Beyond its limits by so much, rad, a joint may be at its stop: the plastic gives, and the URDF's limits are rounded. A joint's zero is taken
+/// where it is so near.
+pub const BEYOND_STOPS: f64 = 0.05;
+
 /// Steps of position (rad), speed (rad/s) and torque (N m) that the bus can tell apart at one joint.
 pub fn quanta(joint: usize) -> [f64; 3] {
     let turn = core::f64::consts::TAU;

@@ -9,7 +9,8 @@ use crate::board::mps2_an500::Board;
 use crate::stack::HighWater;
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
-    Advance, Advanced, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Receiver, Reset, Sender,
+    Advance, Advanced, Clock, DeviceMessage, HostMessage, LEGS, Losses, MAX_FRAME, Positions,
+    Receiver, Reset, Sender,
 };
 use static_cell::ConstStaticCell;
 
@@ -43,6 +44,7 @@ pub fn run(app: impl Application, budget: u32) -> ! {
         board: "mps2-an500",
         start: Start {
             git: crate::GIT,
+            clock: Clock::Unknown,
             // The emulator's reset begins with the power.
             reset: if crash.is_empty() {
                 Reset::Power
@@ -54,6 +56,8 @@ pub fn run(app: impl Application, budget: u32) -> ! {
         load_unit: "instructions",
         budget,
         byte_ns: 0,
+        // What its host plays is a log's or a simulator's.
+        positions: Positions::Absolute,
     };
     defmt::info!("proprio {} on {}", identity.firmware, identity.board);
     let mut listener = Listener {

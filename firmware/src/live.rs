@@ -14,7 +14,7 @@ use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, pipe::Pipe};
 use embassy_time::{Duration, Instant, Ticker};
 use proprio_core::app::{Identity, Start};
 use proprio_core::wire::{
-    HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Receiver, Reset, Sender,
+    HostMessage, LEGS, LineLosses, Losses, MAX_FRAME, Positions, Receiver, Reset, Sender,
 };
 use static_cell::ConstStaticCell;
 
@@ -52,6 +52,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
     let start = Start {
         git: GIT,
         reset: board.reset,
+        clock: board.clock,
         crash: crash::take(),
     };
     let identity = Identity {
@@ -61,6 +62,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
         load_unit: "cycles",
         budget: (u64::from(CORE_HZ) * TICK_US / 1_000_000) as u32,
         byte_ns: BUS_BYTE_NS,
+        positions: Positions::FromPowerUp,
     };
     defmt::info!("proprio {} on {}", identity.firmware, identity.board);
     match (tell(board.to_host), keep(board.flash)) {
@@ -87,6 +89,7 @@ pub async fn run(spawner: Spawner, board: Board, app: impl Application) -> ! {
         frames_dropped: 0,
     };
     listener.app.begin(identity, &mut listener.bank2);
+    listener.watchdog.pet();
     if !start.crash.is_empty() {
         defmt::error!("the run before ended: {}", start.crash);
     }

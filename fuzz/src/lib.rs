@@ -77,6 +77,7 @@ pub fn step(bytes: &[u8]) {
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns: 2500,
+        positions: proprio_core::wire::Positions::Absolute,
     };
     let (mut app, mut memory) = (Box::new(App::<f64>::new(identity)), Box::new(Memory::new()));
     let mut host = Receiver::<HostMessage>::default();

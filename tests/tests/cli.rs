@@ -31,6 +31,7 @@ fn help_tells_each_command_with_an_example() {
         &["show", "--help"],
         &["simulate", "--help"],
         &["replay", "--help"],
+        &["zero", "--help"],
     ] {
         let text = done(folder.path(), command);
         if command.len() > 1 {

@@ -95,3 +95,111 @@ fn what_is_no_capture_no_port_and_no_file_of_ones_own_is_refused() {
         "would be replaced",
     );
 }
+
+/// A capture is a log: of which leg and from where its motors count is in it, and what is missing is said.
+#[test]
+fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
+    use proprio_core::go2::Leg;
+    use proprio_host::capture::{Facts, Told};
+    use proprio_host::device::power_up::PowerUp;
+    use proprio_host::monitor::Robot;
+    use proprio_simulator::hidden::typical;
+
+    let folder = folder();
+    let leg = Leg::FL;
+    let write = |name: &str, power_up: PowerUp, facts: &Facts, silent: std::ops::Range<usize>| {
+        let robot = Robot::new(&[leg], typical(&[leg]), 5).after(power_up);
+        let mut writer = CaptureWriter::of(Vec::new(), 4_000_000, facts).unwrap();
+        for (n, step) in robot.steps().take(4_000).enumerate() {
+            let step = step.unwrap();
+            if !silent.contains(&n) {
+                writer
+                    .record(step.time_us, &step.buses[leg.index()])
+                    .unwrap();
+            }
+        }
+        fs::write(folder.path().join(name), writer.finish().unwrap()).unwrap();
+    };
+    let angles = Facts {
+        leg: Some(leg),
+        told: Told::Angles,
+    };
+    write("plain.cap", PowerUp::NONE, &angles, 0..0);
+    // Where the joints were as the capture began is in the first row of the log of angles.
+    done(folder.path(), &["import", "plain.cap", "-o", "plain.csv"]);
+    let text = fs::read_to_string(folder.path().join("plain.csv")).unwrap();
+    let mut rows = text.lines();
+    let names: Vec<&str> = rows.next().unwrap().split(',').collect();
+    let first: Vec<f64> = rows
+        .next()
+        .unwrap()
+        .split(',')
+        .map(|x| x.parse().unwrap())
+        .collect();
+    let of = |name: &str| first[names.iter().position(|known| *known == name).unwrap()];
+    let power_up = PowerUp::random(3);
+    let at = [0, 1, 2].map(|joint| {
+        let angle = of(&format!("q/{}", leg.joint_names()[joint]));
+        (angle, power_up.is_reversed(leg, joint))
+    });
+    let placed = Facts {
+        leg: Some(leg),
+        told: Told::At(at),
+    };
+    write("FL.cap", power_up, &placed, 0..0);
+    done(folder.path(), &["import", "FL.cap", "-o", "placed.csv"]);
+    let placed_text = fs::read_to_string(folder.path().join("placed.csv")).unwrap();
+    for (one, other) in text.lines().zip(placed_text.lines()).skip(1) {
+        for (a, b) in one.split(',').zip(other.split(',')) {
+            let [a, b]: [f64; 2] = [a, b].map(|x| x.parse().unwrap());
+            // A count of the motor.
+            assert!((a - b).abs() < 5e-5, "{one}\n{other}");
+        }
+    }
+    assert_eq!(text.lines().count(), placed_text.lines().count());
+    let identified = |file: &str| {
+        json(&done(folder.path(), &["identify", file, "--json"]))["parameters"].clone()
+    };
+    let [one, other] = [identified("plain.csv"), identified("FL.cap")];
+    for (a, b) in one
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(other.as_array().unwrap())
+    {
+        assert_eq!(a["name"], b["name"]);
+        let [x, y] = [a, b].map(|p| p["value"].as_f64().unwrap());
+        let std = a["std"].as_f64().unwrap();
+        assert!((x - y).abs() <= 0.3 * std + 1e-6, "{a} {b}");
+    }
+    let text = done(folder.path(), &["capture", "--explain", "FL.cap"]);
+    assert!(
+        text.contains("calf") && text.contains("-2.723…-0.838"),
+        "{text}"
+    );
+
+    // What is not in it is asked for; what a silence has made unknown is left out.
+    let refused = |file: &str, part: &str| {
+        let output = proprio(folder.path(), &["diagnose", file]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    };
+    write("FR.cap", power_up, &Facts::default(), 0..0);
+    refused("FR.cap", "does not say where the joints' zeros are");
+    write("bus.cap", power_up, &Facts::default(), 0..0);
+    refused("bus.cap", "does not say of which leg");
+    let output = proprio(folder.path(), &["capture", "--explain", "FR.cap"]);
+    assert!(stderr(&output).contains("counts from elsewhere than the joint's zero"));
+    write("silent.cap", power_up, &placed, 2_000..2_060);
+    let output = proprio(folder.path(), &["import", "silent.cap", "-o", "cut.csv"]);
+    assert!(
+        stderr(&output).contains("1940 of 3940 polling cycles are left out"),
+        "{}",
+        stderr(&output)
+    );
+    let rows = fs::read_to_string(folder.path().join("cut.csv"))
+        .unwrap()
+        .lines()
+        .count();
+    assert_eq!(rows, 2_001);
+}

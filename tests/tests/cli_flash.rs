@@ -128,3 +128,19 @@ fn ports_are_listed_or_it_is_said_that_there_are_none() {
         false => assert_eq!(text.lines().count(), ports.len(), "{text}"),
     }
 }
+
+/// Minutes of building are not what --dry-run asks for: a machine without cargo says the same.
+#[test]
+fn a_dry_run_builds_nothing() {
+    let folder = folder();
+    let cache = folder.path().join("cache");
+    let mut command = Command::new(binary());
+    let arguments = ["flash", "--dry-run", "--with", "openocd"];
+    command.args(arguments).current_dir(folder.path());
+    command.env("PATH", "").env("CARGO_TARGET_DIR", &cache);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let image = cache.join("firmware/nucleo_h743zi2-f64");
+    assert!(stdout(&output).contains(&*image.to_string_lossy()));
+    assert!(!cache.exists() && stderr(&output).is_empty());
+}

@@ -28,6 +28,7 @@ validate log.csv -m fitted.toml
 replay log.csv --to desktop --factors factors.bin
 identify --factor factors.bin
 monitor sim --speed 0 --seconds 2 --lines
+zero sim --legs FR --pose calves-folded
 ports";
 
 /// Commands that other tests run.

@@ -101,6 +101,7 @@ fn application(mounting: &Transform<f64>) -> (Box<WalkingApp<f64>>, Box<WalkingM
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns: 0,
+        positions: proprio_core::wire::Positions::Absolute,
     };
     app.begin(&mut memory, identity, mounting).unwrap();
     (app, memory)

@@ -1,6 +1,6 @@
 //! Who the device is: what a firmware says of itself and of its board.
 
-use crate::wire::Reset;
+use crate::wire::{Clock, Positions, Reset};
 
 /// Who the device is and what it may do; an argument, so that all logic runs anywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,6 +18,8 @@ pub struct Identity {
     /// Time between two bytes that follow each other on a motor bus, ns: 2500 at 4 Mbit/s; 0 where all bytes that come at once
     /// have one time, as in replay.
     pub byte_ns: u32,
+    /// What positions on the bus are, until a host says otherwise ([`Action::SetPositions`](crate::wire::Action::SetPositions)).
+    pub positions: Positions,
 }
 
 /// What a board knows of its start.
@@ -27,6 +29,8 @@ pub struct Start {
     pub git: &'static str,
     /// Why it started.
     pub reset: Reset,
+    /// Which clock its times are of.
+    pub clock: Clock,
     /// What ended the run before, if that was a panic or a fault; 64 bytes at most are told.
     pub crash: &'static str,
 }
@@ -36,6 +40,7 @@ impl Start {
     pub const UNKNOWN: Self = Self {
         git: "",
         reset: Reset::Unknown,
+        clock: Clock::Unknown,
         crash: "",
     };
 }
@@ -48,4 +53,5 @@ pub(super) const NOBODY: Identity = Identity {
     load_unit: "",
     budget: u32::MAX,
     byte_ns: 0,
+    positions: Positions::FromPowerUp,
 };

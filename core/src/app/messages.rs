@@ -1,7 +1,7 @@
 //! What a step says: at most one message, the most urgent that is due.
 
 use super::diagnosis::Verdict;
-use super::leg::SETTINGS;
+use super::leg::{LegLine, SETTINGS};
 use super::{App, HELLO_US, Memory, REPORT_US};
 use crate::Real;
 use crate::estimator::{Active, COLUMNS, DEFAULT_ACTIVE, LEG_INERTIAL, MAX_EFFECTS};
@@ -58,6 +58,7 @@ impl<T: Real> App<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {
                 legs: LEGS as u8,
@@ -70,6 +71,7 @@ impl<T: Real> App<T> {
             load_unit: text(identity.load_unit),
             listens_to: self.listens_to,
             carried: self.was_carried,
+            zeros: self.legs.each_ref().map(LegLine::zeros),
             kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }

@@ -16,6 +16,7 @@
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
 //! bound. Apart from part 3, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
 //! leaves the solution and the diagnosis to the next.
+//! A leg whose zeros are unknown (`zeros`) is listened to and counted, and no more.
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;
@@ -45,6 +46,9 @@ mod timing_tests;
 mod walking;
 #[cfg(test)]
 mod walking_tests;
+mod zeros;
+#[cfg(test)]
+mod zeros_tests;
 
 use crate::Real;
 use crate::estimator::{DeviceDescent, DeviceSolver, Gather};
@@ -170,12 +174,17 @@ impl<T: Real> App<T> {
     /// Becomes the application of `identity`, and forgets all data.
     pub fn begin(&mut self, memory: &mut Memory<T>, identity: Identity) {
         self.identity = Slot::Full(identity);
+        self.begun = false;
         self.reset(memory);
     }
 
-    /// Forgets all data and counts, in place. The first step does it; a board that counts the cost of steps does it before.
+    /// Forgets all data and counts, in place, but not where the joints' zeros are. The first step does it; a board that counts the cost of
+    /// steps does it before.
     pub fn reset(&mut self, memory: &mut Memory<T>) {
-        self.begun = true;
+        let identity = self.identity();
+        if !core::mem::replace(&mut self.begun, true) {
+            self.legs.iter_mut().for_each(|leg| leg.begin(&identity));
+        }
         self.listens_to = ALL_LEGS;
         let lines = self.legs.iter_mut().zip(&mut memory.0);
         for ((line, data), which) in lines.zip(Leg::ALL) {
@@ -228,6 +237,11 @@ impl<T: Real> App<T> {
             settings: self.settings,
         };
         self.snapshots.advance(flash, &source, now_us);
+    }
+
+    /// Whether a leg is identified: it is listened to, and its zeros are known.
+    fn identifies(&self, leg: usize) -> bool {
+        self.listens_to(leg) && self.legs.get(leg).is_some_and(LegLine::is_placed)
     }
 
     /// Whether a leg is listened to.
@@ -284,17 +298,33 @@ impl<T: Real> App<T> {
             self.reset(memory);
         }
         self.keep_up(now_us);
-        self.obey(memory);
+        self.obey(memory, now_us);
         self.feel_ground(now_us);
         let folded = self.fold(memory);
         let effort = if folded { FOLDING_EFFORT } else { STEP_EFFORT };
         let lines = self.legs.iter_mut().zip(&mut memory.0);
         let listening: usize = lines.map(|(leg, data)| leg.listen(data, effort)).sum();
-        if !folded && listening <= LISTENING {
+        if listening > LISTENING {
+            // A zero that is void made listening dear; the hello says so.
+            self.tell_voided();
+        } else if !folded {
             self.work(memory, now_us);
         }
         if let Some(message) = self.message(memory, now_us) {
             out(&message);
+        }
+    }
+
+    /// Has the hello come at once if a zero is void that was not.
+    #[cold]
+    #[inline(never)]
+    fn tell_voided(&mut self) {
+        let mut voided = false;
+        self.legs
+            .iter_mut()
+            .for_each(|leg| voided |= leg.take_voided());
+        if voided {
+            self.hello_at = 0;
         }
     }
 

@@ -7,8 +7,8 @@ use super::messages::neutral;
 use super::{ALL_LEGS, App, Memory};
 use crate::Real;
 use crate::estimator::COLUMNS;
-use crate::go2::JOINTS_PER_LEG;
-use crate::wire::{Action, Answer, Belief, BodyPrior, EffectAt, Outcome, Request};
+use crate::go2::{JOINTS_PER_LEG, Leg};
+use crate::wire::{Action, Answer, Belief, BodyPrior, EffectAt, Outcome, Request, SetZero};
 
 /// Requests that may wait, and answers that are remembered: a host has no more under way. One that finds no room is dropped,
 /// and asked again by its host.
@@ -90,17 +90,18 @@ impl Requests {
 
 impl<T: Real> App<T> {
     /// Obeys the request that has waited longest.
-    pub(super) fn obey(&mut self, memory: &mut Memory<T>) {
+    pub(super) fn obey(&mut self, memory: &mut Memory<T>, now_us: u64) {
         let Some(request) = self.requests.next() else {
             return;
         };
-        let outcome = self.outcome(memory, request.action);
+        let outcome = self.outcome(memory, request.action, now_us);
         let id = request.id;
         self.requests.answer(Answer { id, outcome });
     }
 
-    /// Does what is asked.
-    fn outcome(&mut self, memory: &mut Memory<T>, action: Action) -> Outcome {
+    /// Does what is asked. Not inlined: a step has none of it nearly always, and its code would be worse for it.
+    #[inline(never)]
+    fn outcome(&mut self, memory: &mut Memory<T>, action: Action, now_us: u64) -> Outcome {
         if action == Action::Keep {
             return match self.snapshots.want() {
                 true => Outcome::Accepted,
@@ -131,7 +132,43 @@ impl<T: Real> App<T> {
                 self.hello_at = 0;
                 Outcome::Accepted
             }
+            Action::SetPositions(positions) => {
+                let legs = self.legs.iter_mut().zip(&mut memory.0);
+                legs.for_each(|(leg, data)| leg.set_positions(data, positions));
+                self.keep_zeros()
+            }
+            Action::SetZero(asked) => self.set_zero(memory, &asked, now_us),
+            Action::TrustZeros => {
+                let mut trusted = false;
+                let legs = self.legs.iter_mut();
+                legs.for_each(|leg| trusted |= leg.trust_zeros());
+                match trusted {
+                    true => self.keep_zeros(),
+                    false => Outcome::NoZero,
+                }
+            }
         }
+    }
+
+    /// Takes a joint's angle to be what the host says.
+    fn set_zero(&mut self, memory: &mut Memory<T>, asked: &SetZero, now_us: u64) -> Outcome {
+        let n = usize::from(asked.leg);
+        let (Some(which), Some(leg), Some(data)) =
+            (Leg::ALL.get(n), self.legs.get_mut(n), memory.0.get_mut(n))
+        else {
+            return Outcome::NoSuchLeg;
+        };
+        match leg.set_zero(data, *which, asked, now_us) {
+            Outcome::Accepted => self.keep_zeros(),
+            refused => refused,
+        }
+    }
+
+    /// The zeros are others: the hello says so at once, and they outlive the power.
+    fn keep_zeros(&mut self) -> Outcome {
+        self.hello_at = 0;
+        self.snapshots.want();
+        Outcome::Accepted
     }
 
     /// The leg, the joint's place in it, and the effect's in [`COLUMNS`].

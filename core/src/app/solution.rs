@@ -56,14 +56,15 @@ impl<T: Real> App<T> {
         }
         self.rest = REST;
         let n = self.diagnosis.leg();
-        if !self.listens_to(n) {
+        let identifies = self.identifies(n);
+        if !identifies {
             self.diagnosis.skip_leg();
         }
         let descends =
             matches!(&self.solving, Slot::Full(solving) if solving.phase == Phase::Descend);
         self.diagnosed = descends && !self.diagnosed;
         if (self.diagnosed || !self.solve(memory, now_us))
-            && self.listens_to(n)
+            && identifies
             && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
             self.diagnosis.advance(&leg.evidence(data));
@@ -82,7 +83,7 @@ impl<T: Real> App<T> {
     /// Begins the next leg's solution when it is due; false if it is not.
     fn begin_solving(&mut self, memory: &mut Memory<T>, now_us: u64) -> bool {
         let (which, due) = self.next;
-        if !self.listens_to(which.index()) {
+        if !self.identifies(which.index()) {
             // Its turn is the next one's, as soon as there is one to be solved.
             self.next.0 = following(which);
             return false;
@@ -113,6 +114,11 @@ impl<T: Real> App<T> {
     /// Goes on with a solution.
     fn solve_on(&mut self, memory: &mut Memory<T>, solving: Solving) {
         let Solving { which, time_us, .. } = solving;
+        if !self.identifies(which.index()) {
+            // A zero has become void: nothing of the leg is told.
+            self.solving = Slot::Empty;
+            return;
+        }
         let leg = &self.legs[which.index()];
         let has_prior = match solving.phase {
             Phase::Gather | Phase::Solve => true,

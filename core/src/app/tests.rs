@@ -25,6 +25,7 @@ pub(super) const DESKTOP: Identity = Identity {
     load_unit: "instructions",
     budget: 10,
     byte_ns: 0,
+    positions: wire::Positions::Absolute,
 };
 const STEP_US: u64 = 2000;
 

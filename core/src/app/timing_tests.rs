@@ -69,6 +69,7 @@ fn noise_and_share(timing: &Timing) -> ([f64; 3], f64) {
         load_unit: "nothing",
         budget: u32::MAX,
         byte_ns,
+        positions: crate::wire::Positions::Absolute,
     };
     let (mut app, mut memory) = (Box::new(App::<f64>::new(identity)), Box::new(Memory::new()));
     let (mut random, mut last) = (Random(5), None);

@@ -14,6 +14,7 @@ const IDENTITY: Identity = Identity {
     load_unit: "nothing",
     budget: 10,
     byte_ns: 2500,
+    positions: crate::wire::Positions::Absolute,
 };
 
 fn app() -> (Box<WalkingApp<f64>>, Box<WalkingMemory<f64>>) {

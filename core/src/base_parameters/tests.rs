@@ -49,6 +49,7 @@ fn the_independent_columns_give_all_others() {
                 let independent: Vec<f64> = (0..base.rank())
                     .map(|r| row[base.independent(r).unwrap()])
                     .collect();
+                back.fill(0.0);
                 base.expand(0, &independent, &mut back);
                 for (a, b) in row.iter().zip(&back) {
                     assert!((a - b).abs() < 1e-10 * (1.0 + a.abs()), "{a} {b}");

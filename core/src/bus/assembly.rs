@@ -8,7 +8,7 @@
 //! A reply that cannot be trusted stays out, and with it its cycle. Everything left out is counted.
 
 use super::MOTORS;
-use super::encoder::Encoder;
+use super::encoder::{Counting, Encoder, MotorState};
 use super::frame::Reply;
 use super::schedule::{Learner, Schedule};
 
@@ -43,6 +43,22 @@ pub struct AssemblyCounters {
     pub stuck: u32,
 }
 
+/// Motors that no longer count their positions from where they did, bit n for the n-th by ascending id: what was their zero is none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Breaks {
+    /// Positions elsewhere than their speeds have taken them: turns that were lost, or a motor that began anew.
+    pub jumped: u8,
+    /// Positions where those of another motor were: ids that were exchanged.
+    pub exchanged: u8,
+}
+
+impl Breaks {
+    const NONE: Self = Self {
+        jumped: 0,
+        exchanged: 0,
+    };
+}
+
 /// The cycle under way.
 #[derive(Clone, Debug)]
 pub(super) struct Assembler<const M: usize> {
@@ -55,7 +71,12 @@ pub(super) struct Assembler<const M: usize> {
     /// When the cycle under way began, by the first of its replies.
     began_us: u64,
     counters: AssemblyCounters,
+    breaks: Breaks,
+    is_broken: bool,
 }
+
+/// Counts of position, rotor side, within which a motor that has jumped is where another was: what that one moves in two polling cycles.
+const SAME_PLACE: u32 = 600;
 
 /// The error code of a motor that is too hot.
 const OVERHEAT: u8 = 1;
@@ -87,7 +108,26 @@ impl<const M: usize> Assembler<M> {
                 overheated: 0,
                 stuck: 0,
             },
+            breaks: Breaks::NONE,
+            is_broken: false,
         }
+    }
+
+    /// Whether a motor no longer counts from where it did, since the last [`Self::take_breaks`].
+    #[inline]
+    pub(super) fn is_broken(&self) -> bool {
+        self.is_broken
+    }
+
+    /// Which motors no longer count from where they did, once.
+    pub(super) fn take_breaks(&mut self) -> Breaks {
+        self.is_broken = false;
+        core::mem::replace(&mut self.breaks, Breaks::NONE)
+    }
+
+    /// What a motor has said last, by its place among the ids.
+    pub(super) fn motor(&self, motor: usize) -> Option<MotorState> {
+        self.encoders.get(motor)?.state()
     }
 
     pub(super) fn counters(&self) -> AssemblyCounters {
@@ -96,6 +136,12 @@ impl<const M: usize> Assembler<M> {
 
     pub(super) fn schedule(&self) -> &Schedule<M> {
         self.learner.schedule()
+    }
+
+    /// Counts a reply that is none.
+    #[cold]
+    pub(super) fn refuse(&mut self) {
+        add(&mut self.counters.unused_replies, 1);
     }
 
     /// Counts a cycle that its receiver cannot use.
@@ -148,14 +194,37 @@ impl<const M: usize> Assembler<M> {
 
     /// Whether what a motor says of itself allows to believe the rest.
     fn is_trusted(&mut self, motor: usize, heard: &Heard) -> bool {
-        let encoder = self.encoders.get_mut(motor);
-        let stuck = encoder.is_some_and(|encoder| encoder.is_stuck(&heard.reply, heard.time_us));
+        let Some(encoder) = self.encoders.get_mut(motor) else {
+            return false;
+        };
+        let counting = encoder.counting(&heard.reply, heard.time_us);
+        let stuck = encoder.is_stuck(&heard.reply, heard.time_us);
+        if counting != Counting::GoesOn {
+            self.note_break(motor, heard.reply.position);
+        }
         let error = heard.reply.error();
         let fault = stuck || error != 0;
         if fault {
             self.count_fault(error);
         }
         !fault
+    }
+
+    /// Takes note of a motor that no longer counts from where it did.
+    #[cold]
+    #[inline(never)]
+    fn note_break(&mut self, motor: usize, position: i32) {
+        let others = self.encoders.iter().enumerate();
+        let is_other = others.filter(|(n, _)| *n != motor).any(|(_, other)| {
+            let there = other.state().map(|state| state.position);
+            there.is_some_and(|there| there.wrapping_sub(position).unsigned_abs() < SAME_PLACE)
+        });
+        let bits = match is_other {
+            true => &mut self.breaks.exchanged,
+            false => &mut self.breaks.jumped,
+        };
+        *bits |= 1 << motor;
+        self.is_broken = true;
     }
 
     /// Counts a reply that is not to be used, for the motor's error or else for its encoder.

@@ -16,6 +16,19 @@ const SPEED: f64 = TAU / 256.0;
 /// N m per count of torque, rotor side.
 const TORQUE: f64 = 1.0 / 256.0;
 
+/// Joint position (rad), velocity (rad/s) and torque (N m) of one count each, behind a transmission of ratio `gear`.
+pub(crate) const fn joint_side(gear: f64) -> [f64; 3] {
+    [POSITION / gear, SPEED / gear, TORQUE * gear]
+}
+
+/// Counts of position, rotor side, that a joint's `angle` (rad) is behind a transmission of ratio `gear`.
+///
+/// # Errors
+/// [`EncodeError`] where the angle is not finite or does not fit the wire.
+pub fn position_counts(gear: f64, angle: f64) -> Result<i32, EncodeError> {
+    counts(angle * gear / POSITION)
+}
+
 /// Why a joint-side quantity has no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -190,7 +203,7 @@ impl Reply {
             mode,
             torque: narrow(counts(tau / gear / TORQUE)?)?,
             speed: narrow(counts(dq * gear / SPEED)?)?,
-            position: counts(q * gear / POSITION)?,
+            position: position_counts(gear, q)?,
             temperature,
             flags: 0,
         })

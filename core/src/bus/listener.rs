@@ -1,8 +1,10 @@
 //! One leg's bus: bytes with times in, polling cycles out.
 
 use super::MOTORS;
-use super::assembly::{Assembler, AssemblyCounters, Cycle, Heard};
+use super::assembly::{Assembler, AssemblyCounters, Breaks, Cycle, Heard};
 use super::decoder::{Decoder, DecoderCounters, Frame};
+use super::encoder::MotorState;
+use super::frame::Reply;
 use super::queue::Queue;
 use super::schedule::Schedule;
 
@@ -46,6 +48,11 @@ impl<const M: usize> Listener<M> {
             let taken = waiting.len() - bytes.len();
             queue.take(taken);
             let (reply, time_us) = (reply?, queue.taken_us());
+            // A reply that lacked its end, and the begin of what came after it: its checksum fits by chance.
+            if queue.spans_pause(Reply::LEN as u32) {
+                self.assembler.refuse();
+                continue;
+            }
             if self.assembler.push(Heard { reply, time_us }) {
                 return Some(self.assembler.cycle());
             }
@@ -55,6 +62,22 @@ impl<const M: usize> Listener<M> {
     /// Counts a cycle that its receiver cannot use: its replies are in no sample.
     pub fn discard(&mut self) {
         self.assembler.discard();
+    }
+
+    /// Whether a motor no longer counts its position from where it did, since the last [`Self::take_breaks`].
+    #[inline]
+    pub fn is_broken(&self) -> bool {
+        self.assembler.is_broken()
+    }
+
+    /// Which motors no longer count their positions from where they did, told once.
+    pub fn take_breaks(&mut self) -> Breaks {
+        self.assembler.take_breaks()
+    }
+
+    /// What a motor has said last, by its place among the ids; nothing of one that was not heard.
+    pub fn motor(&self, motor: usize) -> Option<MotorState> {
+        self.assembler.motor(motor)
     }
 
     /// What is known of the polling.

@@ -481,3 +481,83 @@ proptest! {
         prop_assert!(under_way <= 2);
     }
 }
+
+/// A reply's checksum ends with the byte that a command begins with: by chance one in 256 does.
+fn ends_like_a_command(n: i32, id: u8) -> Reply {
+    let replies = (0..i16::MAX).map(|torque| Reply {
+        mode: Mode::foc(id),
+        torque,
+        position: n,
+        ..Reply::default()
+    });
+    let mut fitting = replies.filter(|r| r.encode(SEED_STANDALONE)[15] == Command::HEADER[0]);
+    fitting.next().unwrap()
+}
+
+#[test]
+fn a_reply_that_lacks_its_last_byte_is_not_completed_by_the_next_command() {
+    let piece = |bytes: &[u8], queue: &mut Queue, end_us: u64| queue.push(bytes, end_us, BYTE_NS);
+    for (late_us, next_us, bridged) in [
+        (0, 2_000, false),
+        (0, 43, true),
+        (1_500, 1_000, true),
+        (1_500, 2_000, false),
+    ] {
+        let (mut queue, mut listener) = (Queue::of_adapter(late_us), <Listener>::new());
+        let (mut time_us, mut cycles) = (1_000, Vec::new());
+        for n in 0..100 {
+            for id in 0..3 {
+                let mode = Mode::foc(id);
+                let command = Command {
+                    mode,
+                    ..Command::default()
+                };
+                time_us += 43;
+                piece(&command.encode(SEED_GO2), &mut queue, time_us);
+                let reply = match n {
+                    99 => ends_like_a_command(n, id),
+                    _ => Reply {
+                        mode,
+                        position: n,
+                        ..Reply::default()
+                    },
+                };
+                let bytes = reply.encode(SEED_STANDALONE);
+                time_us += 60;
+                let lacks = n == 99 && id == 2;
+                piece(&bytes[..if lacks { 15 } else { 16 }], &mut queue, time_us);
+            }
+            time_us += 2_000 - 309;
+            while let Some(cycle) = listener.next(&mut queue, &mut { ENDLESS }) {
+                cycles.push(cycle[2].reply.position);
+            }
+        }
+        // The next command, whose first byte fits: so soon that there is no pause, or not.
+        let end_us = time_us - (2_000 - 309) + next_us;
+        let command = Command {
+            mode: Mode::foc(0),
+            ..Command::default()
+        };
+        piece(&command.encode(SEED_GO2), &mut queue, end_us);
+        while let Some(cycle) = listener.next(&mut queue, &mut { ENDLESS }) {
+            cycles.push(cycle[2].reply.position);
+        }
+        assert_eq!(cycles.contains(&99), bridged, "{late_us} {next_us}");
+        let (frames, counters) = (listener.frames(), listener.cycles());
+        assert_eq!(
+            frames.replies,
+            3 * cycles.len() as u32 + counters.unused_replies + if bridged { 0 } else { 2 }
+        );
+    }
+}
+
+#[test]
+fn a_queue_holds_the_bytes_of_pieces_of_any_length() {
+    for length in 0..200_u8 {
+        let mut queue = Queue::new();
+        // The second piece begins at any place.
+        let pieces: [Vec<u8>; 2] = [(0..length / 3).collect(), (7..7 + length).collect()];
+        pieces.iter().for_each(|piece| queue.push(piece, 1_000, 0));
+        assert_eq!(queue.waiting(), pieces.concat(), "{length}");
+    }
+}

@@ -25,9 +25,11 @@ mod schedule;
 #[cfg(test)]
 mod tests;
 
-pub use assembly::{AssemblyCounters, Cycle, Heard};
+pub use assembly::{AssemblyCounters, Breaks, Cycle, Heard};
 pub use decoder::{Decoder, DecoderCounters, Frame};
-pub use frame::{Command, EncodeError, Mode, Reply, Status};
+pub use encoder::MotorState;
+pub(crate) use frame::joint_side;
+pub use frame::{Command, EncodeError, Mode, Reply, Status, position_counts};
 pub use listener::Listener;
 pub use queue::Queue;
 pub use schedule::Schedule;

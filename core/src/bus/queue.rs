@@ -5,6 +5,10 @@ const CAPACITY: usize = 2048;
 /// Pieces that can wait; a piece is what the bus brought without a pause, such as a frame.
 const PIECES: usize = 128;
 
+/// A pause between two pieces that no frame bridges, µs: eight bytes of a bus at 4 Mbit/s. Motors send a frame without any; interrupts note the
+/// pieces' times to some µs.
+const PAUSE_US: u64 = 20;
+
 /// Bytes of one bus that wait, in pieces with the time at which each ended.
 ///
 /// Within a piece the bytes followed each other at the rate of the line, so that the time of every byte is known. All
@@ -22,6 +26,8 @@ pub struct Queue {
     first: usize,
     count: usize,
     byte_ns: u32,
+    /// What comes on top of [`PAUSE_US`] where an adapter says when bytes came, µs.
+    late_us: u64,
     lost: u32,
 }
 
@@ -50,14 +56,51 @@ impl Queue {
             first: 0,
             count: 0,
             byte_ns: 0,
+            late_us: 0,
             lost: 0,
         }
+    }
+
+    /// The same where an adapter tells when bytes came, up to `late_us` late: as long a pause within a frame is its own.
+    pub const fn of_adapter(late_us: u64) -> Self {
+        let mut queue = Self::new();
+        queue.late_us = late_us;
+        queue
+    }
+
+    /// Whether the last `length` bytes taken came with a pause among them: bytes of two frames. Where all bytes of a piece have one time, nothing
+    /// tells. To be asked after [`Self::taken_us`].
+    #[inline]
+    pub fn spans_pause(&self, length: u32) -> bool {
+        let before = self.pieces.get((self.first + PIECES - 1) % PIECES);
+        let began = self.taken.wrapping_sub(length);
+        let earlier = before.map_or(0, |piece| piece.end.wrapping_sub(began));
+        // Nearly always the piece before ended where this frame begins, or before.
+        earlier.wrapping_sub(1) < length && self.pauses(before)
+    }
+
+    /// Whether there is a pause between a piece and the one after it, which holds the last byte taken.
+    #[cold]
+    fn pauses(&self, before: Option<&Piece>) -> bool {
+        let (Some(before), Some(piece)) = (before, self.pieces.get(self.first)) else {
+            return false;
+        };
+        if self.byte_ns == 0 {
+            return false;
+        }
+        let bytes = piece.end.wrapping_sub(before.end);
+        let length_us = u64::from(bytes.saturating_mul(self.byte_ns) / 1000);
+        let pause_us = piece.end_us.saturating_sub(before.end_us);
+        pause_us > length_us + PAUSE_US + self.late_us
     }
 
     /// Forgets what waits and what was lost, in place.
     pub fn clear(&mut self) {
         (self.start, self.end, self.taken) = (0, 0, 0);
         (self.first, self.count, self.lost) = (0, 0, 0);
+        if let Some(last) = self.pieces.last_mut() {
+            last.end = 0;
+        }
     }
 
     /// Adds a piece whose last byte came at `end_us`, each byte `byte_ns` after the one before: 0 where all came at once.
@@ -88,7 +131,7 @@ impl Queue {
         }
         let end = self.end + kept.len();
         if let Some(space) = self.bytes.get_mut(self.end..end) {
-            space.copy_from_slice(kept);
+            copy(kept, space);
             self.end = end;
         }
         // In 32 bits: a division of 64 is a library's on a microcontroller.
@@ -154,5 +197,28 @@ impl Queue {
     /// Bytes that found no room.
     pub fn lost(&self) -> u32 {
         self.lost
+    }
+}
+
+/// Copies bytes to as many: 32 at a time in double words, a quarter of the instructions of a microcontroller's library.
+#[inline]
+fn copy(from: &[u8], to: &mut [u8]) {
+    let (Some(last), Some(end)) = (from.last_chunk::<32>(), to.last_chunk_mut::<32>()) else {
+        return to.copy_from_slice(from);
+    };
+    // The last 32 bytes on their own, also where they are others' too: no byte is left over.
+    copy_block(last, end);
+    let ((from, _), (to, _)) = (from.as_chunks(), to.as_chunks_mut());
+    for (from, to) in from.iter().zip(to) {
+        copy_block(from, to);
+    }
+}
+
+/// Word by word and not as one array: of a loop over arrays the compiler would make the library's copy again.
+#[inline]
+fn copy_block(from: &[u8; 32], to: &mut [u8; 32]) {
+    let ((from, _), (to, _)) = (from.as_chunks::<8>(), to.as_chunks_mut::<8>());
+    if let ([a, b, c, d], [to_a, to_b, to_c, to_d]) = (from, to) {
+        (*to_a, *to_b, *to_c, *to_d) = (*a, *b, *c, *d);
     }
 }

@@ -19,7 +19,8 @@ mod walk;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
 pub use request::{
-    Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, ReadFactor, Request,
+    Action, Answer, Belief, BodyPrior, EffectAt, FactorPart, MAX_PART, Outcome, Positions,
+    ReadFactor, Request, SetZero, Zero,
 };
 
 pub use walk::{Imu, Walk, WalkCounts};
@@ -109,6 +110,8 @@ pub struct Hello {
     pub crash: String<64>,
     /// What the device can hold.
     pub capacities: Capacities,
+    /// Which clock its times are of.
+    pub clock: Clock,
     /// What [`Load`] counts: "instructions" in emulation, "cycles" on a board.
     pub load_unit: String<16>,
     /// What has become of what was kept before the start.
@@ -117,6 +120,8 @@ pub struct Hello {
     pub listens_to: u8,
     /// The robot's feet carry it, so that a device for a robot that hangs leaves its windows out ([`LegCounters::carried`]).
     pub carried: bool,
+    /// Whether each joint's zero is known, by leg and joint.
+    pub zeros: [[Zero; JOINTS_PER_LEG]; LEGS],
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -134,6 +139,18 @@ pub enum Reset {
     Software,
     /// The watchdog: the firmware had stopped.
     Watchdog,
+}
+
+/// Which clock a board's times are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Clock {
+    /// It cannot tell, or has none of its own.
+    Unknown,
+    /// A crystal's.
+    Crystal,
+    /// The chip's own oscillator, some per cent fast or slow: a board without its crystal's clock. Velocities and positions then disagree by
+    /// as much.
+    Internal,
 }
 
 /// What a device has found in its flash when it started.
@@ -333,8 +350,8 @@ pub struct LegCounters {
     pub lost_bytes: u32,
     /// Bytes of a bus that the device was told not to listen to: [`Action::SetLegs`].
     pub unheard_bytes: u32,
-    /// Good replies that are in no sample: of an id that is none of the leg's motors', or of a cycle that is counted in one
-    /// of the next five.
+    /// Good replies that are in no sample: of an id that is none of the leg's motors', with a pause among their bytes, or of a cycle that is
+    /// counted in one of the next five.
     pub unused_replies: u32,
     /// Polling cycles in which a motor was not heard.
     pub incomplete: u32,
@@ -348,6 +365,8 @@ pub struct LegCounters {
     pub surplus: u32,
     /// Samples assembled: three good replies of one polling cycle, brought to one time.
     pub samples: u32,
+    /// Samples of a leg whose zeros are unknown: not used.
+    pub unplaced: u32,
     /// Samples used.
     pub used: u32,
     /// Samples whose time was not after the one before: skipped.
@@ -387,6 +406,7 @@ impl LegCounters {
         stuck: 0,
         surplus: 0,
         samples: 0,
+        unplaced: 0,
         used: 0,
         late: 0,
         rejected: 0,

@@ -38,6 +38,65 @@ pub enum Action {
     /// Write what is known and what was set to the board's flash now, so that the next start goes on from there. Done when
     /// [`Counters::snapshots`](super::Counters::snapshots) has grown, some seconds later.
     Keep,
+    /// Take what positions on the bus are to be this.
+    SetPositions(Positions),
+    /// Take a joint's angle to be this now: its zero follows from what its motor says. A zero other than the one before has the leg forget what
+    /// it has learnt.
+    SetZero(SetZero),
+    /// Take the zeros that were kept before the board restarted: the motors were not switched off meanwhile.
+    TrustZeros,
+}
+
+/// What positions on the motor bus are. [`Action::Reset`] leaves it as it is, and the zeros with it: they are not the host's choice but how
+/// the robot is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Positions {
+    /// Counts of the rotor from where the motor began to count, another place after each power-up: a real robot's motors.
+    FromPowerUp,
+    /// Angles of the joints: a simulator's, or a log's that is played.
+    Absolute,
+}
+
+/// A joint's angle now.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
+pub struct SetZero {
+    /// The leg's index in SDK order.
+    pub leg: u8,
+    /// The joint's place in the leg.
+    pub joint: u8,
+    /// Its angle, rad, within the joint's limits.
+    pub angle: f32,
+    /// The motor turns against the joint.
+    pub reversed: bool,
+}
+
+/// Whether a joint's zero is known, and why it is not. A leg is identified while those of its joints are; else it is listened to and counted
+/// ([`LegCounters::unplaced`](super::LegCounters::unplaced)).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum Zero {
+    /// Nobody has said where it is.
+    // First, so that what knows nothing is all zeros.
+    #[default]
+    Unknown,
+    /// Positions on the bus are the joint's angles: [`Positions::Absolute`].
+    Absolute,
+    /// The host has said so, and the motor has counted on since.
+    Set,
+    /// The board has restarted: the motors may have, too.
+    Restarted,
+    /// The motor was silent so long that it may have been switched off.
+    Silent,
+    /// The motor's position has jumped: it has lost turns, or begun anew.
+    Jumped,
+    /// The motor's position has jumped to where another's was: ids were exchanged.
+    Exchanged,
+}
+
+impl Zero {
+    /// Whether it is known.
+    pub const fn is_known(self) -> bool {
+        matches!(self, Self::Absolute | Self::Set)
+    }
 }
 
 /// What is known of a parameter before any data: a normal distribution.
@@ -89,6 +148,12 @@ pub enum Outcome {
     OutOfRange,
     /// The board has nowhere to keep it.
     NoStorage,
+    /// The motor has not been heard for a moment.
+    NotHeard,
+    /// The joint moves.
+    Moves,
+    /// No zero was kept, or it has not held since.
+    NoZero,
 }
 
 /// An effect at a joint.

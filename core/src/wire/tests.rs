@@ -30,6 +30,7 @@ fn hello() -> Hello {
         load_unit: String::try_from("1234567890123456").unwrap(),
         git: String::try_from("1234567890123456").unwrap(),
         reset: Reset::Watchdog,
+        clock: Clock::Internal,
         crash: String::try_from(
             [b'x'; 64]
                 .map(char::from)
@@ -40,6 +41,7 @@ fn hello() -> Hello {
         .unwrap(),
         listens_to: 255,
         carried: true,
+        zeros: [[Zero::Exchanged; JOINTS_PER_LEG]; LEGS],
         kept: Kept::OfAnother,
         effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
             String::try_from("123456789012345678901234").unwrap()
@@ -82,6 +84,7 @@ fn largest() -> [DeviceMessage; 9] {
         stuck: m,
         surplus: m,
         samples: m,
+        unplaced: m,
         used: m,
         late: m,
         rejected: m,

@@ -5,9 +5,11 @@ use std::io::Read;
 use proprio_core::bus::{
     AssemblyCounters, Decoder, DecoderCounters, Frame, Listener, MOTORS, Queue, Reply,
 };
+use proprio_core::go2::{ACTUATORS, BEYOND_STOPS, Go2, JOINTS_PER_LEG, Leg, position_limits};
+use proprio_core::robot::Robot;
 use serde::Serialize;
 
-use super::{CaptureError, CaptureReader};
+use super::{CaptureError, CaptureReader, Facts, LATE_US, Told};
 
 /// Bytes given to the listener at once: what its queue always has room for.
 const PART: usize = 256;
@@ -79,6 +81,12 @@ pub struct MotorExplanation {
     pub errors: [u32; 8],
     /// Least and greatest temperature, °C.
     pub temperature: [i8; 2],
+    /// Which joint a motor of this id drives; none where no motor of a leg has it.
+    pub joint: Option<&'static str>,
+    /// Least and greatest position, rad of the joint: from where the motor counts, if the capture does not say where the joint was.
+    pub position: Option<[f64; 2]>,
+    /// The joint's limits, rad: of the capture's leg, else those that all legs' limits lie within.
+    pub limits: Option<[f64; 2]>,
 }
 
 /// Turn-around times, µs.
@@ -98,6 +106,8 @@ struct Motor {
     replies: u32,
     errors: [u32; 8],
     temperature: Option<[i8; 2]>,
+    /// Least and greatest count, and the first.
+    counts: Option<[i32; 3]>,
     turnarounds: Vec<u64>,
 }
 
@@ -138,6 +148,9 @@ impl Frames {
         let [least, greatest] = motor.temperature.get_or_insert([reply.temperature; 2]);
         *least = reply.temperature.min(*least);
         *greatest = reply.temperature.max(*greatest);
+        let [low, high, _] = motor.counts.get_or_insert([reply.position; 3]);
+        *low = reply.position.min(*low);
+        *high = reply.position.max(*high);
         let length_us = Reply::LEN as u64 * u64::from(self.byte_ns) / 1000;
         let began_us = self.queue.taken_us().saturating_sub(length_us);
         if let Some((asked, at_us)) = self.asked.take()
@@ -175,7 +188,7 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         asked: None,
         motors: Default::default(),
     };
-    let (mut queue, mut listener) = (Queue::new(), <Listener>::new());
+    let (mut queue, mut listener) = (Queue::of_adapter(LATE_US), <Listener>::new());
     let (mut records, mut bytes, mut cycles) = (0, 0, 0);
     let mut span: Option<[u64; 2]> = None;
     while let Some(record) = capture.next_record()? {
@@ -225,7 +238,7 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
         short,
         skipped_bytes,
         command_seed: listener.decoder().command_seed(),
-        motors: motors(&mut frames, &listener),
+        motors: motors(&mut frames, &listener, capture.facts()),
         order: match schedule.learnt {
             true => schedule.order().map(|motor| schedule.ids[motor]).to_vec(),
             false => Vec::new(),
@@ -243,7 +256,45 @@ pub fn explain<R: Read>(capture: &mut CaptureReader<R>) -> Result<Explanation, C
     Ok(explanation)
 }
 
-fn motors(frames: &mut Frames, listener: &Listener) -> Vec<MotorExplanation> {
+/// A leg's joints.
+const JOINTS: [&str; JOINTS_PER_LEG] = ["hip", "thigh", "calf"];
+
+/// The joint that a motor of this id drives.
+fn joint_of(id: usize) -> Option<usize> {
+    let ids = <Go2 as Robot<JOINTS_PER_LEG>>::MOTOR_IDS;
+    ids.iter().position(|known| usize::from(*known) == id)
+}
+
+/// From where to where a joint was, rad.
+fn position(motor: &Motor, joint: usize, facts: &Facts) -> Option<[f64; 2]> {
+    let counts = motor.counts?;
+    let [low, high, first] = counts.map(|count| {
+        let reply = Reply {
+            position: count,
+            ..Reply::default()
+        };
+        reply.joint_position(ACTUATORS[joint].gear)
+    });
+    Some(match facts.told {
+        Told::Nothing | Told::Angles => [low, high],
+        Told::At(angles) => match angles[joint] {
+            (angle, false) => [angle + low - first, angle + high - first],
+            (angle, true) => [angle + first - high, angle + first - low],
+        },
+    })
+}
+
+/// A joint's limits, rad: of this leg, or what no leg's go beyond.
+fn limits(joint: usize, leg: Option<Leg>) -> [f64; 2] {
+    let legs = Leg::ALL
+        .into_iter()
+        .filter(|known| leg.is_none_or(|leg| leg == *known));
+    legs.map(|leg| position_limits(leg)[joint])
+        .reduce(|[a, b], [c, d]| [a.min(c), b.max(d)])
+        .unwrap_or_default()
+}
+
+fn motors(frames: &mut Frames, listener: &Listener, facts: &Facts) -> Vec<MotorExplanation> {
     let schedule = listener.schedule();
     let offset = |id: u8| {
         let place = schedule.ids.iter().position(|known| *known == id);
@@ -265,6 +316,9 @@ fn motors(frames: &mut Frames, listener: &Listener) -> Vec<MotorExplanation> {
         turnaround: motor.turnaround(),
         errors: motor.errors,
         temperature: motor.temperature.unwrap_or_default(),
+        joint: joint_of(id).map(|joint| JOINTS[joint]),
+        position: joint_of(id).and_then(|joint| position(motor, joint, facts)),
+        limits: joint_of(id).map(|joint| limits(joint, facts.leg)),
     });
     explained.collect()
 }
@@ -299,6 +353,17 @@ impl Explanation {
                 "{} ids answer where a leg has {MOTORS} motors",
                 self.motors.len()
             ));
+        }
+        for motor in &self.motors {
+            if let (Some(joint), Some([least, most]), Some([lower, upper])) =
+                (motor.joint, motor.position, motor.limits)
+                && (least < lower - BEYOND_STOPS || most > upper + BEYOND_STOPS)
+            {
+                let id = motor.id;
+                warnings.push(format!(
+                    "motor {id} tells {least:.3} to {most:.3} rad, and a {joint} is within {lower:.3} to {upper:.3}: it counts from elsewhere than the joint's zero"
+                ));
+            }
         }
         if self.replies > 0 && self.used < 0.9 {
             warnings.push(format!(

@@ -1,28 +1,38 @@
 //! Raw bytes of a motor bus in a file, each with the time at which it came, and what they say.
 //!
-//! A capture is a line of text, `proprio capture 1 baud=4000000`, and records after it: the time at which the record's last
+//! A capture is a line of text, `proprio capture 1 baud=4000000`, and records after it. The line may go on with what is known of the bus
+//! ([`Facts`]): `leg=FR`; `positions=angles`, of a simulator; `at=0.1,0.8,-1.5`, where hip, thigh and calf were as it began, rad, with `r` behind
+//! the number if the motor turns against the joint. A record is: the time at which the record's last
 //! byte came, µs since the capture began, as a u64; how many bytes it has, as a u16 that is not 0; the bytes. Numbers are
 //! little-endian. A record is what the bus brought without a pause, as far as the adapter tells; within it the bytes followed
 //! each other at the rate of the line, 8N1. A file that was cut short keeps its whole records.
 //!
 //! Files beside:
 //!
+//! - `facts`: what is known of a bus that is not on it: which leg, where its joints were
 //! - `explain`: what a capture says of the bus: by the device's own listener, and what only a desktop has room for
 
 mod explain;
+mod facts;
 #[cfg(test)]
 mod tests;
 
 pub use explain::{Explanation, MotorExplanation, Turnaround, explain};
+pub use facts::{Facts, Told};
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 
+/// How late an adapter may say that bytes came, µs: the latency timer of a USB adapter, which is to be set to 1 ms.
+pub(crate) const LATE_US: u64 = 1_500;
+
+/// What a capture begins with.
+pub const TITLE: &str = "proprio capture ";
 /// The version of the format.
 const VERSION: u32 = 1;
 /// Longest first line that is looked at.
-const HEADER_LENGTH: u64 = 128;
+const HEADER_LENGTH: u64 = 256;
 
 /// Why a capture cannot be made or read.
 #[derive(Debug, thiserror::Error)]
@@ -71,8 +81,16 @@ impl<W: Write> CaptureWriter<W> {
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn new(mut out: W, baud: u32) -> io::Result<Self> {
-        writeln!(out, "proprio capture {VERSION} baud={baud}")?;
+    pub fn new(out: W, baud: u32) -> io::Result<Self> {
+        Self::of(out, baud, &Facts::default())
+    }
+
+    /// The same of a bus of which something is known.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn of(mut out: W, baud: u32, facts: &Facts) -> io::Result<Self> {
+        writeln!(out, "{TITLE}{VERSION} baud={baud}{facts}")?;
         Ok(Self(out))
     }
 
@@ -104,6 +122,7 @@ pub struct CaptureReader<R> {
     input: BufReader<R>,
     path: String,
     baud: u32,
+    facts: Facts,
 }
 
 impl CaptureReader<std::fs::File> {
@@ -137,14 +156,25 @@ impl<R: Read> CaptureReader<R> {
         }
         let line = String::from_utf8_lossy(&line);
         let rest = line
-            .strip_prefix("proprio capture ")
+            .strip_prefix(TITLE)
             .and_then(|rest| rest.strip_suffix('\n'));
         let fields = rest.and_then(|rest| rest.split_once(" baud="));
-        let numbers =
-            fields.and_then(|(version, baud)| Some((version.parse().ok()?, baud.parse().ok()?)));
+        let numbers = fields.and_then(|(version, rest)| {
+            let (baud, facts) = rest.split_once(' ').unwrap_or((rest, ""));
+            Some((
+                version.parse().ok()?,
+                baud.parse().ok()?,
+                facts.parse().ok()?,
+            ))
+        });
         match numbers {
-            Some((VERSION, baud)) if baud > 0 => Ok(Self { input, path, baud }),
-            Some((version, _)) if version != VERSION => {
+            Some((VERSION, baud, facts)) if baud > 0 => Ok(Self {
+                input,
+                path,
+                baud,
+                facts,
+            }),
+            Some((version, ..)) if version != VERSION => {
                 Err(CaptureError::Version { path, version })
             }
             _ => Err(CaptureError::NotACapture(path)),
@@ -154,6 +184,11 @@ impl<R: Read> CaptureReader<R> {
     /// Bits per second on the line.
     pub fn baud(&self) -> u32 {
         self.baud
+    }
+
+    /// What is known of the bus that is not on it.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
     }
 
     /// Time of a byte on the line, ns: eight data bits between a start and a stop bit.

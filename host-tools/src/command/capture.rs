@@ -4,22 +4,25 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::capture::{
-    CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, MotorExplanation, explain,
-    record,
+    CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, Facts, MotorExplanation,
+    Told, explain, record,
 };
 use crate::device::serial::{BUS_BAUD, open};
 use crate::device::{BusStep, Device, Qemu, image};
 use crate::monitor::Robot;
+use crate::name::leg_named;
 use crate::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
 use crate::table::Table;
 use clap::Args;
-use proprio_core::go2::Leg;
+use clap::error::ErrorKind;
+use proprio_core::go2::{JointId, Leg};
 use proprio_core::wire::DeviceMessage;
 use proprio_simulator::hidden::typical;
 use serde::Serialize;
 
 use super::Error;
 use super::result::result;
+use super::zero::{parse_at, parse_joint};
 use crate::progress::{Progress, Underway};
 
 /// Record a motor bus's raw bytes, or tell what a recording of them says
@@ -32,7 +35,8 @@ use crate::progress::{Progress, Underway};
 #[command(after_help = "Examples:
   proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
   proprio capture --explain FR.cap
-  proprio capture qemu -o sim.cap --seconds 5 && proprio capture --explain sim.cap")]
+  proprio capture qemu -o FR.cap --seconds 5 && proprio capture --explain FR.cap && proprio identify FR.cap
+  proprio capture /dev/ttyUSB0 -o FR.cap --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower")]
 pub(crate) struct Capture {
     /// Serial port of the adapter
     #[arg(value_name = "PORT|qemu", required_unless_present = "explain")]
@@ -46,6 +50,16 @@ pub(crate) struct Capture {
     /// How long to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
+    /// The leg whose bus it is
+    #[arg(long, value_name = "LEG", value_parser = leg_named, conflicts_with = "explain")]
+    leg: Option<Leg>,
+    /// A joint rests at this angle, rad, or at its `lower` or `upper` stop, as the capture begins: said of all three, the capture is a log for
+    /// every command
+    #[arg(long, value_name = "JOINT=ANGLE", value_parser = parse_at, conflicts_with = "explain")]
+    at: Vec<(JointId, f64)>,
+    /// These joints' motors turn against them, separated by commas
+    #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint, conflicts_with = "explain")]
+    reversed: Vec<JointId>,
     /// Tell what this capture says
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "output", "seconds", "baud"])]
     explain: Option<PathBuf>,
@@ -87,14 +101,36 @@ impl Capture {
         }
     }
 
+    /// What the user says of the bus.
+    fn facts(&self) -> Facts {
+        let leg = self.leg.or(self.at.first().map(|(joint, _)| joint.leg()));
+        let joints = leg.map(JointId::of).into_iter().flatten();
+        let angles: Vec<(f64, bool)> = joints
+            .filter_map(|joint| {
+                let at = self.at.iter().find(|(told, _)| *told == joint)?;
+                Some((at.1, self.reversed.contains(&joint)))
+            })
+            .collect();
+        let told = match (<[_; 3]>::try_from(angles), self.at.is_empty()) {
+            (Ok(angles), _) => Told::At(angles),
+            (Err(_), true) => Told::Nothing,
+            (Err(_), false) => {
+                let message = "--at says where all three joints of one leg are".to_owned();
+                super::usage_error("capture", ErrorKind::MissingRequiredArgument, message)
+            }
+        };
+        Facts { leg, told }
+    }
+
     fn record(&self, port: &str, output: &Path) -> Result<String, Error> {
+        let facts = self.facts();
         let mut port = open(port, self.baud)?;
         let written = |source| WriteError {
             path: output.to_owned(),
             source,
         };
         let file = AtomicFile::create(output)?;
-        let mut capture = CaptureWriter::new(file, self.baud).map_err(written)?;
+        let mut capture = CaptureWriter::of(file, self.baud, &facts).map_err(written)?;
         finish_on_interrupt();
         let mut progress = Progress::new("Recording");
         let underway = self
@@ -137,7 +173,6 @@ impl Capture {
 
     /// Records what an emulated board hears on a bus of a simulated robot, on the robot's own clock.
     fn record_emulated(&self, output: &Path) -> Result<String, Error> {
-        eprintln!("Building the firmware; the first time takes some minutes.");
         let mut device = Qemu::boot(&image::build(image::Scalar::F64)?)?;
         let leg = Leg::FR;
         let robot = Robot::new(&[leg], typical(&[leg]), 1);
@@ -145,8 +180,12 @@ impl Capture {
             path: output.to_owned(),
             source,
         };
-        let mut capture =
-            CaptureWriter::new(AtomicFile::create(output)?, self.baud).map_err(written)?;
+        let facts = Facts {
+            leg: Some(leg),
+            told: Told::Angles,
+        };
+        let file = AtomicFile::create(output)?;
+        let mut capture = CaptureWriter::of(file, self.baud, &facts).map_err(written)?;
         finish_on_interrupt();
         let mut progress = Progress::new("Recording");
         let mut captured = Captured::default();
@@ -266,6 +305,9 @@ impl fmt::Display for Words<'_> {
         let mut table = Table::default();
         let header = [
             "motor",
+            "joint",
+            "rad",
+            "limits",
             "replies",
             "seed",
             "after first µs",
@@ -279,7 +321,7 @@ impl fmt::Display for Words<'_> {
     }
 }
 
-fn row(motor: &MotorExplanation) -> [String; 7] {
+fn row(motor: &MotorExplanation) -> [String; 10] {
     const ERRORS: [&str; 5] = ["", "overheat", "overcurrent", "overvoltage", "encoder"];
     let told = motor
         .errors
@@ -296,6 +338,9 @@ fn row(motor: &MotorExplanation) -> [String; 7] {
     let [coldest, hottest] = motor.temperature;
     [
         motor.id.to_string(),
+        motor.joint.unwrap_or("-").to_owned(),
+        motor.position.map_or("-".to_owned(), range),
+        motor.limits.map_or("-".to_owned(), range),
         motor.replies.to_string(),
         seed(motor.seed),
         motor
@@ -311,6 +356,11 @@ fn row(motor: &MotorExplanation) -> [String; 7] {
             told.join(", ")
         },
     ]
+}
+
+/// From where to where, rad.
+fn range([from, to]: [f64; 2]) -> String {
+    format!("{from:.3}…{to:.3}")
 }
 
 fn seed(seed: Option<u16>) -> String {

@@ -30,7 +30,7 @@ pub(crate) struct Flash {
     /// Which program does it [default: the first that is installed]
     #[arg(long, value_name = "PROGRAM", value_parser = PossibleValuesParser::new(PROGRAMMERS.map(|p| p.name)))]
     with: Option<String>,
-    /// Say what would be done, and do not
+    /// Say what would be done, and do nothing: not even build
     #[arg(long)]
     dry_run: bool,
     /// Print one JSON object
@@ -52,12 +52,13 @@ impl Flash {
         let programmer = self.programmer()?;
         let image = match &self.image {
             Some(image) => image.clone(),
-            None => {
-                eprintln!("Building the firmware; the first time takes some minutes.");
-                image::build_nucleo(self.walking)?
-            }
+            None if self.dry_run => image::nucleo(self.walking)?,
+            None => image::build_nucleo(self.walking)?,
         };
-        check(&image)?;
+        // What is not built yet cannot be looked at.
+        if self.image.is_some() || !self.dry_run {
+            check(&image)?;
+        }
         if !self.dry_run {
             programmer.flash(&image)?;
         }

@@ -1,5 +1,5 @@
 //! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
-//! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`. `hint`: what the user can do about an error;
+//! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an error;
 //! `overwrite`: what a command would replace; `result`: what --json prints.
 
 mod add;
@@ -27,6 +27,7 @@ pub mod result;
 mod show;
 mod simulate;
 mod validate;
+mod zero;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -102,6 +103,7 @@ enum Command {
     Show(show::Show),
     Simulate(simulate::Simulate),
     Validate(validate::Validate),
+    Zero(zero::Zero),
 }
 
 /// The program: does what the command line asks. Results go to standard output; errors, each with what can be done about it, to
@@ -201,6 +203,7 @@ impl Command {
             Self::Show(command) => command.run(),
             Self::Simulate(command) => command.run(),
             Self::Validate(command) => command.run(),
+            Self::Zero(command) => command.run(),
         }
     }
 }
@@ -252,6 +255,15 @@ pub(crate) enum Error {
     /// `replay --add` of an effect that the firmware keeps no columns for.
     #[error("the device keeps no columns for {effect}; it has {kept}")]
     NotOnDevice { effect: &'static str, kept: String },
+    /// `zero` of a joint that the device did not take.
+    #[error("{joint}: {why}; its zero stays as it was")]
+    NotPlaced {
+        joint: &'static str,
+        why: &'static str,
+    },
+    /// `zero --same-power-up` where nothing was kept, or a motor was silent since.
+    #[error("the device has kept no zeros that have held since")]
+    NoZeros,
     /// A command to a device that it has not answered.
     #[error("the device answered {answers} of {wishes} commands")]
     Unanswered { answers: usize, wishes: usize },

@@ -10,6 +10,7 @@ use std::io::{IsTerminal, stdin, stdout};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use crate::device::power_up::PowerUp;
 use crate::device::serial::SerialDevice;
 use crate::device::{Desktop, Device, Qemu, image};
 use crate::monitor::web::Server;
@@ -19,7 +20,7 @@ use crate::output::WriteError;
 use clap::Args;
 use clap::error::ErrorKind;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Action, Hello};
+use proprio_core::wire::{Action, Hello, Positions};
 use proprio_simulator::Hide;
 use proprio_simulator::hidden::typical;
 
@@ -49,6 +50,7 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
   proprio monitor sim --memory 600
+  proprio monitor sim --power-up 1 --speed 0 --seconds 5 --lines
   proprio monitor /dev/ttyACM0 --legs FR,FL --prior viscous:FR_hip=0.04,0.01 --body FR_calf=0.5
   proprio monitor qemu --web
   proprio monitor sim --speed 0 --seconds 30 --json")]
@@ -80,6 +82,10 @@ pub(crate) struct Monitor {
     /// Have the device listen to these legs alone, separated by commas
     #[arg(long, value_name = "LEG", value_delimiter = ',', value_parser = leg_named)]
     legs: Vec<Leg>,
+    /// Have the simulated robot's motors count from where this power-up has them, as a real robot's do, so that the device knows no zero
+    /// [default: positions on its buses are angles]
+    #[arg(long, value_name = "SEED")]
+    power_up: Option<u64>,
     /// Seed of the simulated robot's motion and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -124,6 +130,12 @@ impl Monitor {
     /// What the device is to be told at the beginning.
     fn settings(&self, hello: Option<&Hello>) -> Result<Vec<Action>, Error> {
         let mut actions: Vec<Action> = self.memory.map(Action::SetMemory).into_iter().collect();
+        if ["sim", "qemu"].contains(&self.source.as_str()) {
+            actions.push(Action::SetPositions(match self.power_up {
+                Some(_) => Positions::FromPowerUp,
+                None => Positions::Absolute,
+            }));
+        }
         if let Some(mask) = settings::mask(&self.legs) {
             actions.push(Action::SetLegs(mask));
         }
@@ -145,7 +157,6 @@ impl Monitor {
     fn open(&self) -> Result<Source, Error> {
         Ok(match self.source.as_str() {
             "qemu" => {
-                eprintln!("Building the firmware; the first time takes some minutes.");
                 let image = image::build(image::Scalar::F64)?;
                 self.simulated(Box::new(Qemu::boot(&image)?))?
             }
@@ -177,7 +188,8 @@ impl Monitor {
             }
         }
         let robot = Robot::new(&legs, effects, self.seed);
-        Ok(Source::Simulated(device, robot))
+        let robot = robot.after(self.power_up.map_or(PowerUp::NONE, PowerUp::random));
+        Ok(Source::Simulated(device, Box::new(robot)))
     }
 }
 

@@ -15,7 +15,7 @@ use crate::name::leg_named;
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use proprio_core::go2::{LEGS, Leg};
-use proprio_core::wire::{self, DeviceMessage, HostMessage};
+use proprio_core::wire::{self, Action, DeviceMessage, HostMessage, Positions};
 
 use effects::{Answer, Wish};
 use report::{Report, Told};
@@ -87,6 +87,10 @@ impl Replay {
         }
         let mut device = self.device(&legs)?;
         let mut requests = Requests::new();
+        // What a log has are angles, whatever the device hears else.
+        let angles = requests.ask(Action::SetPositions(Positions::Absolute), Instant::now());
+        let message = HostMessage::Request(angles);
+        device.command(&message).map_err(ReplayError::from)?;
         for wish in &wishes {
             let request = requests.ask(wish.action(device.hello())?, Instant::now());
             let message = HostMessage::Request(request);

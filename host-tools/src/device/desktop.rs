@@ -3,7 +3,7 @@
 use proprio_core::Real;
 use proprio_core::app::{App, Identity, Memory, Start};
 use proprio_core::storage::{RamFlash, SECTOR};
-use proprio_core::wire::{DeviceMessage, Hello, HostMessage};
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage, Positions};
 
 use super::{BusStep, Device, DeviceError};
 
@@ -37,6 +37,8 @@ impl<T: Real> Desktop<T> {
             load_unit: "nothing",
             budget: u32::MAX,
             byte_ns: 0,
+            // What it hears is a log's or a simulator's.
+            positions: Positions::Absolute,
         }));
         let mut memory = Box::new(Memory::new());
         app.restore(&mut memory, &mut flash);

@@ -10,6 +10,8 @@
 //! - `image`: the firmware image, built by `firmware/build` of the clone that this program is from
 //! - `link`: messages over a byte stream
 //! - `names`: what a device's numbers mean: which joint, which effect, which parameter
+//! - `poses`: poses in which joints are against their stops
+//! - `power_up`: from where a simulated robot's motors count
 //! - `ports`: serial ports, and what is likely behind them
 //! - `programmer`: programs that flash a NUCLEO-H743ZI2
 //! - `pull`: whole factors read from a device, part by part
@@ -22,6 +24,8 @@ pub mod image;
 mod link;
 pub mod names;
 pub mod ports;
+pub mod poses;
+pub mod power_up;
 pub mod programmer;
 pub mod pull;
 pub mod qemu;

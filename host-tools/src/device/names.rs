@@ -3,7 +3,7 @@
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{JointId, Leg};
-use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Solution, Walk};
+use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Solution, Walk, Zero};
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
 
@@ -30,6 +30,19 @@ pub fn words_of(change: &Change) -> Option<String> {
         ChangeKind::Load => format!("load {size:+.2} kg"),
     };
     Some(format!("{name}: {what} ({since}–{until} s)"))
+}
+
+/// What a device knows of a joint's zero, in words.
+pub fn words_of_zero(zero: Zero) -> &'static str {
+    match zero {
+        Zero::Absolute => "positions are angles",
+        Zero::Set => "known",
+        Zero::Unknown => "unknown: nobody has said where it is",
+        Zero::Restarted => "unknown: the board has restarted",
+        Zero::Silent => "unknown: the motor was silent",
+        Zero::Jumped => "unknown: the position jumped",
+        Zero::Exchanged => "unknown: the position is another motor's",
+    }
 }
 
 /// What a device says of a robot that walks, in words.

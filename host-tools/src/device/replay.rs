@@ -6,6 +6,7 @@ use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::window::Sample;
 use proprio_core::wire::DeviceMessage;
 
+use super::power_up::PowerUp;
 use super::{BusStep, Device, DeviceError};
 
 /// What the legs measured at one time; a leg that a log does not have is silent.
@@ -41,6 +42,15 @@ pub enum ReplayError {
 /// # Errors
 /// [`ReplayError::Encode`].
 pub fn cycle(leg: Leg, sample: &Sample<f64, JOINTS_PER_LEG>) -> Result<Vec<u8>, ReplayError> {
+    cycle_after(leg, sample, &PowerUp::NONE)
+}
+
+/// The same of motors that count as `power_up` has them.
+fn cycle_after(
+    leg: Leg,
+    sample: &Sample<f64, JOINTS_PER_LEG>,
+    power_up: &PowerUp,
+) -> Result<Vec<u8>, ReplayError> {
     let mut bytes = Vec::with_capacity(JOINTS_PER_LEG * (Command::LEN + Reply::LEN));
     for (j, actuator) in ACTUATORS.iter().enumerate() {
         let mode = Mode::foc(j as u8);
@@ -59,7 +69,7 @@ pub fn cycle(leg: Leg, sample: &Sample<f64, JOINTS_PER_LEG>) -> Result<Vec<u8>, 
             }
             .encode(SEED_GO2),
         );
-        bytes.extend(reply.encode(SEED_STANDALONE));
+        bytes.extend(power_up.counted(leg, j, reply).encode(SEED_STANDALONE));
     }
     Ok(bytes)
 }
@@ -69,13 +79,44 @@ pub fn cycle(leg: Leg, sample: &Sample<f64, JOINTS_PER_LEG>) -> Result<Vec<u8>, 
 /// # Errors
 /// [`ReplayError::Encode`].
 pub fn bus_step(time_us: u64, instant: &Instant) -> Result<BusStep, ReplayError> {
+    bus_step_after(time_us, instant, &PowerUp::NONE)
+}
+
+/// The buses' bytes of a robot whose legs rest at these angles (rad); what fits no frame is silent.
+pub fn resting(
+    time_us: u64,
+    angles: &[[f64; JOINTS_PER_LEG]; LEGS],
+    power_up: &PowerUp,
+) -> BusStep {
+    let sample = |q: &[f64; JOINTS_PER_LEG]| Sample {
+        time_us,
+        q: *q,
+        dq: [0.0; JOINTS_PER_LEG],
+        tau: [0.0; JOINTS_PER_LEG],
+    };
+    let instant = angles.each_ref().map(|q| Some(sample(q)));
+    bus_step_after(time_us, &instant, power_up).unwrap_or(BusStep {
+        time_us,
+        ..BusStep::default()
+    })
+}
+
+/// The buses' bytes at `time_us`, of motors that count as `power_up` has them.
+///
+/// # Errors
+/// [`ReplayError::Encode`].
+pub fn bus_step_after(
+    time_us: u64,
+    instant: &Instant,
+    power_up: &PowerUp,
+) -> Result<BusStep, ReplayError> {
     let mut step = BusStep {
         time_us,
         ..BusStep::default()
     };
     for (leg, bytes) in Leg::ALL.into_iter().zip(&mut step.buses) {
         if let Some(sample) = &instant[leg.index()] {
-            *bytes = cycle(leg, sample)?;
+            *bytes = cycle_after(leg, sample, power_up)?;
         }
     }
     Ok(step)

@@ -35,6 +35,8 @@ pub enum Unit {
     Message,
     /// Rows of a table.
     Row,
+    /// Polling cycles of a motor bus.
+    Cycle,
 }
 
 impl fmt::Display for Place {
@@ -43,6 +45,7 @@ impl fmt::Display for Place {
             Unit::Line => "line",
             Unit::Message => "message",
             Unit::Row => "row",
+            Unit::Cycle => "cycle",
         };
         write!(f, "{unit} {}", self.number)
     }

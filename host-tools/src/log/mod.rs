@@ -11,7 +11,8 @@
 //!
 //! Other formats give the same rows: rosbag2 (MCAP and .db3) with `unitree_go/LowState`, `unitree_hg/LowState` or
 //! `sensor_msgs/JointState`; CSV as PlotJuggler and ROS 1 write it, separated by semicolons and with decimal commas if need
-//! be; NumPy archives; Parquet, of a LeRobot data set or with a column per signal. `-` is standard input.
+//! be; NumPy archives; Parquet, of a LeRobot data set or with a column per signal; captures of a leg's motor bus (`.cap`). `-` is
+//! standard input.
 //!
 //! [`LogReader`] streams the log of any robot, of any length, in constant memory and checks it on the way; [`Log`] holds
 //! a short one of a Go2 whole; [`LogWriter`] makes one, [`WalkWriter`] that of a robot on its feet.

@@ -69,6 +69,13 @@ pub enum Warning {
         /// The others.
         left: Vec<String>,
     },
+    /// Polling cycles after a motor was silent or jumped: where its zero is since, nothing says.
+    Unplaced {
+        /// How many.
+        count: u64,
+        /// Of how many.
+        of: u64,
+    },
     /// Messages of the topic that do not tell of all joints.
     Skipped {
         /// How many.
@@ -150,6 +157,10 @@ impl fmt::Display for Warning {
                 f,
                 "topic {read} is read; {} too would tell of joints",
                 left.join(", ")
+            ),
+            Self::Unplaced { count, of } => write!(
+                f,
+                "the last {count} of {of} polling cycles are left out: a motor was silent for 0.1 s or its position jumped, and its zero is unknown since"
             ),
             Self::Skipped { count, of } => write!(
                 f,

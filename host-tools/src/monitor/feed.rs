@@ -28,7 +28,7 @@ const REOPEN: Duration = Duration::from_millis(500);
 /// Who speaks.
 pub enum Source {
     /// A device that hears a simulated robot.
-    Simulated(Box<dyn Device + Send>, Robot),
+    Simulated(Box<dyn Device + Send>, Box<Robot>),
     /// A board on this serial port, which is opened again whenever it is lost.
     Board(Box<SerialDevice>, String),
     /// A recording.

@@ -5,7 +5,8 @@ use proprio_core::window::Sample;
 
 use super::error::FeedError;
 use crate::device::BusStep;
-use crate::device::replay::{Instant, bus_step};
+use crate::device::power_up::PowerUp;
+use crate::device::replay::{Instant, bus_step_after};
 use proprio_simulator::{HiddenEffect, SimulatedSample, Simulation};
 
 /// How long it moves, s: longer than anybody looks.
@@ -13,17 +14,23 @@ const DURATION: f64 = 1e7;
 
 /// A hung Go2 whose legs swing for months.
 #[derive(Debug, Clone)]
-pub struct Robot(Simulation);
+pub struct Robot(Simulation, PowerUp);
 
 impl Robot {
     /// A robot of these legs with these effects, as the simulator has them.
     pub fn new(legs: &[Leg], effects: Vec<HiddenEffect>, seed: u64) -> Self {
-        Self(Simulation {
+        let simulation = Simulation {
             duration: DURATION,
             effects,
             seed,
             ..Simulation::new(legs)
-        })
+        };
+        Self(simulation, PowerUp::NONE)
+    }
+
+    /// The same robot, whose motors count as this power-up has them.
+    pub fn after(self, power_up: PowerUp) -> Self {
+        Self(self.0, power_up)
     }
 
     /// Its legs.
@@ -40,7 +47,7 @@ impl Robot {
             let sample = sample?;
             let time_us = (sample.t * 1e6).round() as u64 + FIRST_US;
             let instant = instant(&self.0.legs, time_us, &sample);
-            Ok(bus_step(time_us, &instant)?)
+            Ok(bus_step_after(time_us, &instant, &self.1)?)
         })
     }
 }

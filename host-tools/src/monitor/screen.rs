@@ -119,6 +119,14 @@ fn title_line<'a>(view: &'a View, screen: &'a Screen) -> Line<'a> {
         None => Span::styled("waiting for the device ", dim()),
     });
     spans.push(Span::raw(format!("{}:{:02} ", seconds / 60, seconds % 60)));
+    let unplaced = view.unplaced();
+    if unplaced.len() == Leg::ALL.len() {
+        spans.push(Span::styled("zero unknown ", wrong()));
+    } else if !unplaced.is_empty() {
+        let names: Vec<&str> = unplaced.iter().map(|leg| leg.name()).collect();
+        let text = format!("zero unknown: {} ", names.join(" "));
+        spans.push(Span::styled(text, wrong()));
+    }
     for page in Page::ALL {
         let style = if page == screen.page {
             bold().add_modifier(Modifier::REVERSED)

@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
-    Action, Answer, BodyPrior, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate, Hello, Kept,
-    LegCounters, Outcome, Reset, Solution,
+    Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
+    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Zero,
 };
 
 use super::residual::Residual;
-use crate::device::names::{parameters_of, place, words_of, words_of_walk};
+use crate::device::names::{parameters_of, place, words_of, words_of_walk, words_of_zero};
 use crate::estimate::ParameterEstimate;
 use crate::parameter;
 
@@ -176,6 +176,8 @@ impl View {
         }
         let before = self.hello.as_ref().is_some_and(|before| before.carried);
         self.feet(before, hello.carried);
+        let before = self.hello.as_ref().map(|before| before.zeros);
+        self.zeros(before, &hello.zeros);
         self.hello = Some(hello.clone());
     }
 
@@ -187,12 +189,58 @@ impl View {
         if hello.reset == Reset::Watchdog {
             self.happened("its watchdog has reset it".to_owned());
         }
+        if hello.clock == Clock::Internal {
+            self.happened(
+                "its crystal's clock does not come: its times are some per cent off, and velocities with them".to_owned(),
+            );
+        }
         match hello.kept {
             Kept::NoStorage | Kept::Nothing => {}
             Kept::Restored => self.happened("goes on from its snapshot".to_owned()),
             Kept::OfAnother => self.happened(
                 "its snapshot is of another firmware, robot or model: begins anew".to_owned(),
             ),
+        }
+    }
+
+    /// Legs of which a joint's zero is unknown: nothing is identified of them.
+    pub fn unplaced(&self) -> Vec<Leg> {
+        let Some(hello) = &self.hello else {
+            return Vec::new();
+        };
+        let legs = Leg::ALL.into_iter().zip(&hello.zeros);
+        let unplaced = legs.filter(|(_, zeros)| !zeros.iter().all(|zero| zero.is_known()));
+        unplaced.map(|(leg, _)| leg).collect()
+    }
+
+    /// Says which zeros are void that were not, and which are known that were not.
+    fn zeros(&mut self, before: Option<Zeros>, now: &Zeros) {
+        const ALL: [Zero; 7] = [
+            Zero::Unknown,
+            Zero::Restarted,
+            Zero::Silent,
+            Zero::Jumped,
+            Zero::Exchanged,
+            Zero::Set,
+            Zero::Absolute,
+        ];
+        for kind in ALL {
+            let joints: Vec<JointId> = JointId::all()
+                .filter(|joint| {
+                    let of = |zeros: &Zeros| zeros[joint.leg().index()][joint.place()];
+                    of(now) == kind && before.as_ref().map(of) != Some(kind)
+                })
+                .collect();
+            // A device that says of itself for the first time that all is well says nothing new.
+            if joints.is_empty() || (before.is_none() && kind.is_known()) {
+                continue;
+            }
+            let names = names_of(&joints);
+            self.happened(match kind {
+                Zero::Set => format!("zero of {names} known"),
+                Zero::Absolute => format!("positions of {names} are angles"),
+                void => format!("zero of {names} {}", words_of_zero(void)),
+            });
         }
     }
 
@@ -343,6 +391,16 @@ impl View {
             }
             Action::SetLegs(legs) => format!("listen to {}", legs_of(legs)),
             Action::Keep => "snapshot".to_owned(),
+            Action::SetPositions(Positions::Absolute) => "positions are angles".to_owned(),
+            Action::SetPositions(Positions::FromPowerUp) => "zeros to be said".to_owned(),
+            Action::SetZero(SetZero {
+                leg, joint, angle, ..
+            }) => {
+                let joints = Leg::ALL.get(usize::from(leg)).map(|leg| leg.joint_names());
+                let name = joints.and_then(|joints| joints.get(usize::from(joint)).copied());
+                format!("{} at {angle} rad", name.unwrap_or("?"))
+            }
+            Action::TrustZeros => "zeros as kept".to_owned(),
         };
         if done && action == Action::Reset {
             self.begin_anew();
@@ -361,6 +419,9 @@ impl View {
             Outcome::NotActive => format!("{what}: the model does not have it"),
             Outcome::OutOfRange => format!("{what}: cannot be"),
             Outcome::NoStorage => format!("{what}: the board has no flash for it"),
+            Outcome::NotHeard => format!("{what}: its motor is not heard"),
+            Outcome::Moves => format!("{what}: it moves"),
+            Outcome::NoZero => format!("{what}: none is kept that has held"),
         });
     }
 
@@ -408,12 +469,31 @@ fn is_same(one: &Hello, other: &Hello) -> bool {
     let with = Hello {
         listens_to: other.listens_to,
         carried: other.carried,
+        zeros: other.zeros,
         kept: other.kept,
         reset: other.reset,
+        clock: other.clock,
         crash: other.crash.clone(),
         ..one.clone()
     };
     with == *other
+}
+
+/// Each joint's zero, by leg.
+type Zeros = [[Zero; JOINTS_PER_LEG]; LEGS];
+
+/// The names of joints: of a whole leg, its own.
+fn names_of(joints: &[JointId]) -> String {
+    let mut names = Vec::new();
+    for leg in Leg::ALL {
+        let own = joints.iter().filter(|joint| joint.leg() == leg);
+        let own: Vec<&str> = own.map(|joint| joint.name()).collect();
+        match own.len() {
+            JOINTS_PER_LEG => names.push(leg.name()),
+            _ => names.extend(own),
+        }
+    }
+    names.join(" ")
 }
 
 /// The names of legs, bit n for the n-th.

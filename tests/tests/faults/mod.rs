@@ -25,6 +25,7 @@ const IDENTITY: Identity = Identity {
     load_unit: "nothing",
     budget: u32::MAX,
     byte_ns: 0,
+    positions: proprio_core::wire::Positions::Absolute,
 };
 
 /// Bytes of the other legs' buses.

@@ -2,6 +2,7 @@
 
 use super::{LegData, LegLine, increment};
 use crate::Real;
+use crate::app::LISTENING;
 use crate::go2::JOINTS_PER_LEG;
 use crate::window::{Push, Sample, Settings};
 
@@ -43,6 +44,9 @@ impl<T: Real> LegLine<T> {
             if samples < STEP_SAMPLES {
                 samples += 1;
                 let sample = self.alignment.sample(cycle, SETTINGS.max_gap_us);
+                if listener.is_broken() || self.alignment.was_silent() {
+                    self.note_breaks();
+                }
                 self.push(data, &sample);
             } else {
                 // What waits would be lost in the end, in the middle of a frame.
@@ -55,6 +59,10 @@ impl<T: Real> LegLine<T> {
         } else {
             0
         };
+        if self.voided {
+            // The step has to say so, and does nothing else: see its caller.
+            return LISTENING + 1;
+        }
         (most - effort) * EFFORT_COST + samples * SAMPLE_COST + moved
     }
 
@@ -66,6 +74,10 @@ impl<T: Real> LegLine<T> {
         };
         let counters = &mut self.counters;
         increment(&mut counters.samples);
+        if !self.zeros.are_known() {
+            increment(&mut counters.unplaced);
+            return;
+        }
         match window.push(sample) {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {

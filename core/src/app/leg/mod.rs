@@ -1,15 +1,18 @@
 //! One leg's line, in the order in which data flow: bus bytes, frames, samples and windows (`listening`); factors, and what is forgotten of
-//! them (`folding`); a solution (`solving`), on top of what is believed of the leg before any data (`model`).
+//! them (`folding`); a solution (`solving`), on top of what is believed of the leg before any data (`model`). Where the joints' zeros are:
+//! `placing`.
 
 mod folding;
 mod listening;
 mod model;
+mod placing;
 mod solving;
 
-use super::alignment::Alignment;
 use super::counts::heard;
 use super::diagnosis::Evidence;
+use super::identity::Identity;
 use super::support::Support;
+use super::zeros::{LegAlignment, Zeros};
 use crate::Real;
 use crate::bus::{Listener, Queue};
 use crate::consistent::Held;
@@ -18,13 +21,14 @@ use crate::estimator::{
     LegBase, NOISE_GUESS,
 };
 use crate::factor::Factor;
-use crate::go2::{Go2, JOINTS_PER_LEG, Leg};
+use crate::go2::{JOINTS_PER_LEG, Leg};
 use crate::inertia::InertialParameters;
 use crate::scalar::real;
 use crate::slot::Slot;
 use crate::spatial::Transform;
 use crate::wire::{self, LegCounters};
 pub(super) use listening::{FOLDING_EFFORT, SETTINGS, STEP_EFFORT};
+pub(super) use placing::ZERO_NUMBERS;
 
 /// One leg's data: what is all zeros at first, and so needs no copy in a microcontroller's flash.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +75,10 @@ impl<T: Real> LegData<T> {
 /// One leg, from its bus to its factors.
 pub(super) struct LegLine<T: Real> {
     listener: Slot<Listener>,
-    alignment: Alignment<T, Go2, JOINTS_PER_LEG>,
+    alignment: LegAlignment<T>,
+    /// Whether positions can be told as angles; and whether that has ended since it was told.
+    zeros: Zeros,
+    voided: bool,
     /// Cycles left out because more came than steps have time for.
     surplus: u32,
     /// Empty until the first [`Self::reset`], like the prior: neither can be a constant.
@@ -106,7 +113,9 @@ impl<T: Real> LegLine<T> {
     pub(super) const fn new() -> Self {
         Self {
             listener: Slot::Empty,
-            alignment: Alignment::new(),
+            alignment: LegAlignment::new(),
+            zeros: Zeros::new(),
+            voided: false,
             surplus: 0,
             window: Slot::Empty,
             active: Active::NONE,
@@ -126,10 +135,15 @@ impl<T: Real> LegLine<T> {
         }
     }
 
-    /// Begins anew, in place: a line is larger than a microcontroller's stack. `work` is space for the analysis of the leg.
+    /// Begins as a device of this identity does, before the first [`Self::reset`].
+    pub(super) fn begin(&mut self, identity: &Identity) {
+        self.alignment = LegAlignment::new();
+        self.zeros.begin(identity, &mut self.alignment);
+    }
+
+    /// Begins anew, in place, but for where its zeros are: a line is larger than a microcontroller's stack. `work` is space for the analysis of the leg.
     pub(super) fn reset(&mut self, which: Leg, data: &mut LegData<T>, work: &mut [T]) {
         self.listener = Slot::Full(Listener::new());
-        self.alignment = Alignment::new();
         self.surplus = 0;
         data.queue.clear();
         self.open(which);

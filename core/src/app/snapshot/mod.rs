@@ -83,6 +83,8 @@ pub(super) struct Snapshots {
     revision: u32,
     since_us: u64,
     begun: bool,
+    /// What is kept was so often another when the last snapshot began.
+    learnt: u32,
     done: u32,
     failed: u32,
 }
@@ -113,6 +115,7 @@ impl Snapshots {
             revision: 0,
             since_us: 0,
             begun: false,
+            learnt: 0,
             done: 0,
             failed: 0,
         }
@@ -168,6 +171,7 @@ impl Snapshots {
         if let (Kept::Restored, Slot::Full((slot, _))) = (self.status, self.newest) {
             restore(flash, slot, lines, data);
         }
+        self.learnt = learnt_of(data, 0);
     }
 
     /// Does a step of the snapshot that is due.
@@ -206,12 +210,18 @@ impl Snapshots {
         if self.due_us == 0 {
             self.due_us = now_us.saturating_add(SNAPSHOT_US);
         }
-        let due = self.status != Kept::NoStorage && (self.wanted || now_us >= self.due_us);
-        if due {
-            (self.wanted, self.attempts) = (false, 0);
-            self.start(source);
+        if self.status == Kept::NoStorage || !(self.wanted || now_us >= self.due_us) {
+            return false;
         }
-        due
+        // Flash wears: what has not changed is not written again.
+        let learnt = learnt(source);
+        if !self.wanted && learnt == self.learnt {
+            self.due_us = now_us.saturating_add(SNAPSHOT_US);
+            return false;
+        }
+        (self.wanted, self.attempts, self.learnt) = (false, 0, learnt);
+        self.start(source);
+        true
     }
 
     fn start<T: Real>(&mut self, source: &Source<T>) {
@@ -353,6 +363,16 @@ fn revision<T: Real>(source: &Source<T>, leg: usize) -> u32 {
         .data
         .get(leg)
         .map_or(0, |data| data.folds().revision())
+}
+
+/// Another number after anything that changes what is kept of any leg.
+fn learnt<T: Real>(source: &Source<T>) -> u32 {
+    learnt_of(source.data, source.settings)
+}
+
+fn learnt_of<T: Real>(data: &[LegData<T>; LEGS], settings: u32) -> u32 {
+    let legs = data.iter().map(|data| data.folds().revision());
+    legs.fold(settings, u32::wrapping_add)
 }
 
 /// The numbers of a word, counted from the first leg's first.

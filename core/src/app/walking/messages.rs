@@ -17,7 +17,10 @@ impl<T: Real> WalkingApp<T> {
     ) -> Option<DeviceMessage> {
         if now_us >= self.hello_at {
             self.hello_at = now_us.saturating_add(HELLO_US);
-            return Some(DeviceMessage::Hello(self.hello()));
+            return Some(DeviceMessage::Hello(self.hello(memory)));
+        }
+        if let Some(answer) = self.requests.take() {
+            return Some(DeviceMessage::Answer(answer));
         }
         if core::mem::replace(&mut self.solved, false) {
             return Some(DeviceMessage::Walk(self.told(memory)));
@@ -69,7 +72,7 @@ impl<T: Real> WalkingApp<T> {
     }
 
     /// A device without legs that hang: no parameters of theirs, no effects to be asked for.
-    fn hello(&self) -> Hello {
+    fn hello(&self, memory: &WalkingMemory<T>) -> Hello {
         let identity = self.identity();
         Hello {
             schema: SCHEMA,
@@ -77,6 +80,7 @@ impl<T: Real> WalkingApp<T> {
             git: text(identity.start.git),
             board: text(identity.board),
             reset: identity.start.reset,
+            clock: identity.start.clock,
             crash: text(identity.start.crash),
             capacities: Capacities {
                 legs: 0,
@@ -89,6 +93,7 @@ impl<T: Real> WalkingApp<T> {
             load_unit: text(identity.load_unit),
             listens_to: ALL_LEGS,
             carried: false,
+            zeros: memory.lines.each_ref().map(Line::zeros),
             kept: Kept::NoStorage,
             effects: Vec::new(),
         }

@@ -16,16 +16,17 @@ mod messages;
 
 use super::counts;
 use super::readings::Readings;
+use super::requests::Requests;
 use super::{HELLO_US, Health, Identity, NOBODY, REPORT_US};
 use crate::Real;
 use crate::factor::FactorError;
-use crate::go2::{JOINTS, LEGS};
+use crate::go2::{JOINTS, LEGS, Leg};
 use crate::scalar::real;
 use crate::slot::Slot;
 use crate::spatial::Transform;
 use crate::walk::{WalkMemory, WalkSample, Walker};
 use crate::window::{Sample, microseconds};
-use crate::wire::{DeviceMessage, HostMessage, Imu, Load, Losses};
+use crate::wire::{Action, Answer, DeviceMessage, HostMessage, Imu, Load, Losses, Outcome};
 use line::Line;
 use nalgebra::Vector3;
 
@@ -63,6 +64,7 @@ pub struct WalkingApp<T: Real> {
     /// What the host said of the IMU: of the time of the step after it.
     imu: Slot<Imu>,
     readings: Readings,
+    requests: Requests,
     /// A sample that waits for the IMU's readings after its time.
     pending: Slot<WalkSample<T>>,
     without_imu: u32,
@@ -83,6 +85,7 @@ impl<T: Real> WalkingApp<T> {
             walker: Walker::unset(),
             imu: Slot::Empty,
             readings: Readings::new(),
+            requests: Requests::new(),
             pending: Slot::Empty,
             without_imu: 0,
             solve_at: 0,
@@ -107,7 +110,10 @@ impl<T: Real> WalkingApp<T> {
         mounting: &Transform<T>,
     ) -> Result<(), FactorError> {
         self.identity = Slot::Full(identity);
-        memory.lines.iter_mut().for_each(Line::begin);
+        memory
+            .lines
+            .iter_mut()
+            .for_each(|line| line.begin(&identity));
         self.imu = Slot::Empty;
         self.readings.clear();
         self.pending = Slot::Empty;
@@ -120,12 +126,19 @@ impl<T: Real> WalkingApp<T> {
         self.walker.begin(&mut memory.walk, mounting)
     }
 
-    /// Takes what the host says. Requests are of legs that hang, and are not obeyed here.
+    /// Takes what the host says. Of requests those about the joints' zeros are obeyed, one a step; the others are of legs that hang, and get
+    /// no answer.
     pub fn handle(&mut self, message: &HostMessage) {
         match message {
             HostMessage::RequestHello => self.hello_at = 0,
             HostMessage::Imu(imu) => self.imu = Slot::Full(*imu),
-            HostMessage::Request(_) | HostMessage::ReadFactor(_) | HostMessage::Advance(_) => {}
+            HostMessage::Request(request) => match request.action {
+                Action::SetPositions(_) | Action::SetZero(_) | Action::TrustZeros => {
+                    self.requests.push(*request);
+                }
+                _ => {}
+            },
+            HostMessage::ReadFactor(_) | HostMessage::Advance(_) => {}
         }
     }
 
@@ -166,7 +179,13 @@ impl<T: Real> WalkingApp<T> {
             self.readings.push(now_us, &imu);
         }
         self.give();
+        self.obey(memory, now_us);
         memory.lines.iter_mut().for_each(Line::listen);
+        for line in &mut memory.lines {
+            if core::mem::take(&mut line.voided) {
+                self.hello_at = 0;
+            }
+        }
         if memory.lines.iter().all(|line| line.fresh) {
             self.sample(memory);
         }
@@ -187,6 +206,35 @@ impl<T: Real> WalkingApp<T> {
         self.hello_at = within(self.hello_at, HELLO_US);
         self.counters_at = within(self.counters_at, REPORT_US);
         self.solve_at = within(self.solve_at, WALK_US);
+    }
+
+    /// Obeys the request that has waited longest. A zero that is set anew leaves what was learnt: a walk is short, and is begun anew.
+    #[inline(never)]
+    fn obey(&mut self, memory: &mut WalkingMemory<T>, now_us: u64) {
+        let Some(request) = self.requests.next() else {
+            return;
+        };
+        let outcome = match request.action {
+            Action::SetPositions(positions) => {
+                let lines = memory.lines.iter_mut();
+                lines.for_each(|line| line.set_positions(positions));
+                Outcome::Accepted
+            }
+            Action::SetZero(asked) => {
+                let leg = usize::from(asked.leg);
+                match (Leg::ALL.get(leg), memory.lines.get_mut(leg)) {
+                    (Some(which), Some(line)) => line.set_zero(*which, &asked, now_us),
+                    _ => Outcome::NoSuchLeg,
+                }
+            }
+            // Nothing is kept of a walk.
+            _ => Outcome::NoStorage,
+        };
+        self.hello_at = 0;
+        self.requests.answer(Answer {
+            id: request.id,
+            outcome,
+        });
     }
 
     /// Gives the walker the sample that waits, with what the IMU read.

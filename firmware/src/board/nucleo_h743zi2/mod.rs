@@ -11,7 +11,8 @@
 //!
 //! No pin of a bus's UART but RX is configured, so the board cannot transmit on a motor bus. The five kernel clocks are
 //! PCLK1, 100 MHz: 4 Mbit/s is exact, 921 600 bit/s 0.5 % slow. Clocks come from the ST-LINK's 8 MHz, a crystal's, because
-//! the estimates are only as good as the time.
+//! the estimates are only as good as the time; where that does not come, from the chip's own oscillator, and the hello says so. The watchdog
+//! runs before they are asked for.
 //!
 //! The time of a bus's bytes is noted by the UART's interrupt when the line falls idle, as it does after each frame, with how
 //! far DMA has written: [`Listening::piece`] gives the bytes between two such notes, and when the last of them came.
@@ -28,22 +29,23 @@ mod clocks;
 mod imu;
 mod lights;
 mod listening;
+mod watchdog;
 
 pub use bank2::{Bank2, NotDone, program};
 pub use imu::{ImuPins, READINGS, losses as imu_losses};
 pub use lights::Lights;
 pub use listening::{BUS_BYTE_NS, Listening, RING};
+pub use watchdog::Watchdog;
 
-use clocks::clocks;
+use clocks::{clock, clocks};
 use cortex_m::peripheral::{DCB, DWT};
 use embassy_stm32::flash::{self, Flash};
 use embassy_stm32::gpio::{AnyPin, Level, Output, Speed};
 use embassy_stm32::mode::Async;
 use embassy_stm32::usart::{self, UartRx, UartTx};
-use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{Peri, bind_interrupts, dma, pac, peripherals};
 use listening::{BUS_BAUD, BUSES, NotesTime};
-use proprio_core::wire::Reset;
+use proprio_core::wire::{Clock, Reset};
 use static_cell::ConstStaticCell;
 
 /// Frequency of the core and of its cycle counter, Hz.
@@ -68,13 +70,6 @@ bind_interrupts!(struct Interrupts {
 
 /// Written by DMA, so static: the stack lies in memory that DMA does not reach.
 static RINGS: ConstStaticCell<[[u8; RING]; 5]> = ConstStaticCell::new([[0; RING]; 5]);
-
-/// Resets the board if no step is done within [`WATCHDOG_US`], whatever the firmware is at: it has a clock of its own and cannot be
-/// stopped. While a debugger holds the core it stands still. **Not tried on a board.**
-pub type Watchdog = IndependentWatchdog<'static, peripherals::IWDG1>;
-
-/// A hundred steps.
-const WATCHDOG_US: u32 = 200_000;
 
 /// Why the board started (RM0433, 8.7.39), the most telling flag first: a watchdog or the firmware pulls the reset pin as well.
 fn reset_reason() -> Reset {
@@ -120,7 +115,9 @@ pub struct Board {
     pub counter: CycleCounter,
     /// Why the board started.
     pub reset: Reset,
-    /// Not unleashed yet.
+    /// Which clock its times are of.
+    pub clock: Clock,
+    /// It allows what a start may take until it is unleashed.
     pub watchdog: Watchdog,
     /// What can be seen without a host.
     pub lights: Lights,
@@ -134,10 +131,11 @@ impl Board {
     /// The board, and what is its IMU's if that is [started](ImuPins::start); `None` the second time.
     pub fn take() -> Option<(Self, ImuPins)> {
         let mut core = cortex_m::Peripherals::take()?;
-        core.SCB.enable_icache();
         let reset = reset_reason();
-        let p = embassy_stm32::init(clocks());
-        pac::DBGMCU.apb4fzr1().modify(|w| w.set_iwdg1(true));
+        let watchdog = Watchdog::start();
+        core.SCB.enable_icache();
+        let clock = clock();
+        let p = embassy_stm32::init(clocks(clock));
         let [fr, fl, rr, rl, host] = RINGS.try_take()?.each_mut();
         let bus = uart(BUS_BAUD);
         let irqs = Interrupts;
@@ -184,7 +182,8 @@ impl Board {
             buses,
             counter: CycleCounter::new(core.DCB, core.DWT),
             reset,
-            watchdog: IndependentWatchdog::new(p.IWDG1, WATCHDOG_US),
+            clock,
+            watchdog,
             lights: Lights::new(
                 light(p.PB0.into()),
                 light(p.PE1.into()),

@@ -60,6 +60,14 @@ impl Printed {
         }
         self.line_at = now_us - now_us % LINE_US + LINE_US;
         for (leg, known) in Leg::ALL.into_iter().zip(&view.legs) {
+            if view.unplaced().contains(&leg) && known.rate > 1.0 {
+                let (seconds, rate) = (now_us as f64 * 1e-6, known.rate);
+                *text += &format!(
+                    "{seconds:9.2} s  {} zero unknown, {rate:.0} samples/s\n",
+                    leg.name()
+                );
+                continue;
+            }
             if known.windows == 0 {
                 continue;
             }
@@ -93,6 +101,8 @@ pub(super) struct Report {
     firmware: Option<String>,
     parameters: Vec<ParameterEstimate>,
     legs: Vec<LegReport>,
+    /// Legs of which a joint's zero is unknown.
+    zero_unknown: Vec<&'static str>,
     ranking: Vec<RankedReport>,
     events: Vec<EventReport>,
     counters: Option<Counters>,
@@ -150,6 +160,7 @@ impl Report {
                     residual: known.residuals.each_ref().map(|r| r.newest()),
                 })
                 .collect(),
+            zero_unknown: view.unplaced().iter().map(|leg| leg.name()).collect(),
             ranking: view
                 .ranking()
                 .iter()

@@ -99,6 +99,9 @@ impl Answer {
             | Action::SetEffectPrior(..)
             | Action::SetBodyPrior(_)
             | Action::SetLegs(_)
+            | Action::SetPositions(_)
+            | Action::SetZero(_)
+            | Action::TrustZeros
             | Action::Keep => return None,
         };
         let (joint, effect) = place(at, hello)?;
@@ -114,6 +117,9 @@ impl Answer {
                 Outcome::NoSuchJoint => "no such joint",
                 Outcome::NoSuchEffect => "no such effect",
                 Outcome::OutOfRange => "out of range",
+                Outcome::NotHeard => "its motor is not heard",
+                Outcome::Moves => "it moves",
+                Outcome::NoZero => "no zero is kept",
                 Outcome::NoStorage => "no storage",
             },
         })

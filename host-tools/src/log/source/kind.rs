@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::capture::TITLE;
+
 /// What a file is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -19,6 +21,8 @@ pub(super) enum Kind {
     Npz,
     /// A Parquet table, as of a LeRobot data set.
     Parquet,
+    /// A capture of a motor bus.
+    Capture,
     /// Something else.
     Other {
         /// What it is.
@@ -167,7 +171,8 @@ pub(super) fn of(start: &[u8], path: &Path) -> Kind {
     if start.is_empty() {
         return Kind::Empty;
     }
-    let magics: [(&[u8], Kind); 5] = [
+    let magics: [(&[u8], Kind); 6] = [
+        (TITLE.as_bytes(), Kind::Capture),
         (b"\x1f\x8b", Kind::Gzip),
         (b"\x89MCAP", Kind::Mcap),
         (b"SQLite format 3\0", Kind::Sqlite),
@@ -201,7 +206,7 @@ pub(super) fn of(start: &[u8], path: &Path) -> Kind {
     if start.contains(&0) {
         return Kind::Other {
             what: "binary data that proprio does not know",
-            way: "logs are CSV (plain or .gz), rosbag2 (.mcap, .db3), .npz or Parquet",
+            way: "logs are CSV (plain or .gz), rosbag2 (.mcap, .db3), .npz, Parquet or bus captures (.cap)",
         };
     }
     text(start)
@@ -240,6 +245,7 @@ mod tests {
         let of = |start: &[u8]| of(start, Path::new("log"));
         assert_eq!(of(b"t,q/FR_hip\n"), Kind::Text);
         assert_eq!(of(b""), Kind::Empty);
+        assert_eq!(of(b"proprio capture 1 baud=4000000\n\0"), Kind::Capture);
         assert_eq!(of(b"\x89MCAP0\r\n"), Kind::Mcap);
         assert_eq!(of(b"PK\x03\x04.."), Kind::Npz);
         for (magic, what, _) in OTHERS {

@@ -7,6 +7,7 @@
 //!
 //! - `arrays`: named arrays as a log: of a NumPy archive, of a program's memory
 //! - `bag`: recordings of messages: which topic holds the joints' states, what its messages say, and when
+//! - `bus`: captures of a motor bus: polling cycles, by the device's own listener
 //! - `chain`: files of one recording, one after the other
 //! - `decimal`: plain decimals, as nearly all numbers of a log are written
 //! - `input`: bytes: of a file, of a folder's files, or of standard input
@@ -22,6 +23,7 @@
 mod arrays;
 #[cfg(any(feature = "mcap", feature = "db3"))]
 mod bag;
+mod bus;
 mod chain;
 mod decimal;
 mod input;
@@ -34,7 +36,6 @@ mod npz;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod records;
-#[cfg(any(feature = "npz", feature = "parquet"))]
 mod table;
 mod text;
 
@@ -160,6 +161,7 @@ fn open_file(path: &Path, file: &PathBuf) -> Result<Box<dyn Source>, LogError> {
     let input = input::open(file).map_err(failed)?;
     let kind = kind::of(input.start(), file);
     match kind {
+        Kind::Capture => bus::open(called, input),
         Kind::Text | Kind::Gzip => text::open(called, input, kind == Kind::Gzip),
         #[cfg(feature = "mcap")]
         Kind::Mcap => bag::mcap(called, input),

@@ -49,7 +49,11 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, view: &View, screen: &Screen, 
     // Without data a device tells its prior.
     let untold = (view.counters.as_ref()).is_some_and(|c| c.legs[leg.index()].windows == 0);
     if parameters.is_empty() || untold {
-        lines.push(Line::styled("no data of this leg yet", dim()));
+        let text = match view.unplaced().contains(&leg) {
+            true => "zero unknown: say where its joints are, proprio zero PORT --help",
+            false => "no data of this leg yet",
+        };
+        lines.push(Line::styled(text, dim()));
     } else {
         lines.extend(shown.map(|parameter| line(parameter, cad_width, bar)));
     }

@@ -125,7 +125,7 @@ function legPage() {
 
 function link() {
   table("buses", ["leg", "samples/s", "windows", "solution", "lost"], state.buses.map((bus) => [
-    bus.leg, number(bus.rate, 0), bus.windows, bus.solution, make("td", String(bus.lost), { class: bus.lost > 0 ? "number wrong" : "number" })]));
+    bus.leg, number(bus.rate, 0), bus.windows, bus.placed ? bus.solution : make("td", "zero unknown", { class: "wrong" }), make("td", String(bus.lost), { class: bus.lost > 0 ? "number wrong" : "number" })]));
   const { messages, missed, bad, load } = state.link;
   const cost = load === null ? "" : ` · ${load.unit} a step: ${load.mean}, worst ${load.worst}, ${load.over_budget} over budget`;
   at("link").textContent = `${messages} messages, ${missed} missed, ${bad} bad${cost}`;

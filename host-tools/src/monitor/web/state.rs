@@ -82,6 +82,8 @@ struct BusState {
     rate: f64,
     windows: u32,
     solution: &'static str,
+    /// All its joints' zeros are known.
+    placed: bool,
     lost: u32,
 }
 
@@ -179,6 +181,7 @@ fn ranked(ranked: &Ranked) -> RankedState {
 
 fn buses(view: &View) -> Vec<BusState> {
     let legs = Leg::ALL.into_iter().zip(&view.legs).enumerate();
+    let unplaced = view.unplaced();
     let buses = legs.map(|(n, (leg, known))| BusState {
         leg: leg.name(),
         rate: known.rate,
@@ -187,6 +190,7 @@ fn buses(view: &View) -> Vec<BusState> {
             true => "consistent",
             false => "free",
         },
+        placed: !unplaced.contains(&leg),
         lost: view.lost(n),
     });
     buses.collect()
