@@ -23,6 +23,7 @@
 //! - `checks`: what can only be judged over a whole log: its rate, its gaps, its units
 //! - `columns`: from the names of a file's cells to the place of each channel in a row
 //! - `error`: what can be wrong with a log, and where
+//! - `live`: what comes while it is read: messages, text; as rows, before any is judged
 //! - `motors`: what was recorded at motors, as what joints do
 //! - `names`: what other recorders call the channels
 //! - `provenance`: which logs a model's values come from: known by what is in them
@@ -40,6 +41,7 @@ mod channel;
 mod checks;
 mod columns;
 mod error;
+mod live;
 mod motors;
 mod names;
 mod provenance;
@@ -62,6 +64,9 @@ pub use checks::{
 };
 pub use columns::{Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
+pub use live::{LiveInput, LiveRows};
+#[cfg(feature = "mcap")]
+pub use live::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 pub use provenance::{set_command_line, sha256};
 pub use reader::LogReader;
 pub use row::Row;

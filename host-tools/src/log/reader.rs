@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::admission::{Admission, Step};
+use super::LiveInput;
 use super::checks::{Checks, LEAST_DURATION};
 use super::columns::{Columns, Selection};
 use super::error::{LogError, Place, Problem};
@@ -54,7 +55,29 @@ impl LogReader {
     /// # Errors
     /// [`Problem::Open`] to [`Problem::IncompleteLimb`].
     pub fn open_of(path: &Path, selection: Selection, robot: &Robot) -> Result<Self, LogError> {
-        let source = source::open(path)?;
+        Self::of(path, source::open(path)?, selection, robot)
+    }
+
+    /// Follows a log of `robot` that is still being made, under the name `name`: its rows are let in once the next ones have come by
+    /// which each is judged.
+    ///
+    /// # Errors
+    /// As [`open_of`](Self::open_of)'s, once the first rows have come.
+    pub fn follow(
+        name: &Path,
+        input: LiveInput,
+        selection: Selection,
+        robot: &Robot,
+    ) -> Result<Self, LogError> {
+        Self::of(name, source::open_live(name, input)?, selection, robot)
+    }
+
+    fn of(
+        path: &Path,
+        source: Box<dyn Source>,
+        selection: Selection,
+        robot: &Robot,
+    ) -> Result<Self, LogError> {
         let names = source.names().to_vec();
         let columns = Columns::new(path, source.header(), names, selection, robot)?;
         Ok(Self {
