@@ -72,7 +72,10 @@ mod tests {
             ("dds", dds("", "")),
             ("dds:eth0", dds("eth0", "")),
             ("dds:eth0/lowstate", dds("eth0", "lowstate")),
-            ("dds:192.168.123.5/rt/lowstate", dds("192.168.123.5", "rt/lowstate")),
+            (
+                "dds:192.168.123.5/rt/lowstate",
+                dds("192.168.123.5", "rt/lowstate"),
+            ),
             ("dds/joint_states", dds("", "joint_states")),
             ("dds:", dds("", "")),
             ("ddsx", None),

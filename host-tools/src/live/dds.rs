@@ -6,8 +6,8 @@
 use std::collections::HashMap;
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::task::{Wake, Waker};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -19,11 +19,11 @@ use rustdds::{
     RepresentationIdentifier, TopicKind,
 };
 
+use super::Counts;
 use super::address::Topic;
 use super::error::LiveError;
 use super::follow::{Arrival, Follower};
 use super::until::{LOOK, Until};
-use super::Counts;
 use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 
 /// How long a writer is waited for, s: participants announce themselves every few seconds.
@@ -190,15 +190,18 @@ fn find(participant: &DomainParticipant, topic: &Topic, until: &Until) -> Option
     let begin = Instant::now();
     let mut since: Option<Instant> = None;
     while begin.elapsed() < Duration::from_secs(PATIENCE_S) && !until.is_over(None) {
-        let found = participant.discovered_writers().into_iter().filter_map(|w| {
-            let data = w.publication_topic_data;
-            let kind = kind_of(&data.type_name)?;
-            topic.is(&data.topic_name).then_some(Found {
-                name: data.topic_name,
-                type_name: data.type_name,
-                kind,
-            })
-        });
+        let found = participant
+            .discovered_writers()
+            .into_iter()
+            .filter_map(|w| {
+                let data = w.publication_topic_data;
+                let kind = kind_of(&data.type_name)?;
+                topic.is(&data.topic_name).then_some(Found {
+                    name: data.topic_name,
+                    type_name: data.type_name,
+                    kind,
+                })
+            });
         let rank = |found: &Found| {
             let kind = MESSAGE_KINDS.iter().position(|kind| *kind == found.kind);
             (kind, found.name.len(), found.name.clone())
@@ -351,9 +354,7 @@ impl Receiving {
             right_type: self.has_right_type(writer),
             readable: can_be(self.kind, &data),
         };
-        let taken = self
-            .counts
-            .with(|tally| self.follower.take(arrival, tally));
+        let taken = self.counts.with(|tally| self.follower.take(arrival, tally));
         if !taken {
             return true;
         }
@@ -395,7 +396,10 @@ mod tests {
         let table = [
             ("unitree_go::msg::dds_::LowState_", Some(MESSAGE_KINDS[0])),
             ("unitree_hg::msg::dds_::LowState_", Some(MESSAGE_KINDS[1])),
-            ("sensor_msgs::msg::dds_::JointState_", Some(MESSAGE_KINDS[2])),
+            (
+                "sensor_msgs::msg::dds_::JointState_",
+                Some(MESSAGE_KINDS[2]),
+            ),
             ("unitree_go::msg::dds_::LowCmd_", None),
             ("LowState_", None),
             ("", None),

@@ -9,7 +9,7 @@ const SILENT_NS: i64 = 1_000_000_000;
 const WRITERS: usize = 64;
 
 /// What became of the messages of a topic.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Tally {
     /// Messages, or rows, that were passed on.
     pub messages: u64,
@@ -29,6 +29,10 @@ pub struct Tally {
     pub writers: u64,
     /// How often another writer was followed since the one before was silent.
     pub restarts: u64,
+    /// Silences that are gaps at the messages' rate, as [`crate::log::Periods`] has it.
+    pub gaps: u64,
+    /// The longest silence, s.
+    pub longest_silence: f64,
 }
 
 /// A message before it is looked at.
@@ -142,8 +146,14 @@ mod tests {
         assert!(!take(arrival(1, 8, 3)));
         assert!(take(arrival(1, 11, 8)));
         assert!(!take(arrival(2, 1, 9)));
-        assert!(!take(Arrival { right_type: false, ..arrival(3, 1, 9) }));
-        assert!(!take(Arrival { readable: false, ..arrival(1, 12, 10) }));
+        assert!(!take(Arrival {
+            right_type: false,
+            ..arrival(3, 1, 9)
+        }));
+        assert!(!take(Arrival {
+            readable: false,
+            ..arrival(1, 12, 10)
+        }));
         // The followed one is gone: the other one's next message counts.
         assert!(!take(arrival(2, 2, 900)));
         assert!(take(arrival(2, 3, 1010)));
@@ -158,6 +168,7 @@ mod tests {
             overrun: 0,
             writers: 2,
             restarts: 1,
+            ..Tally::default()
         };
         assert_eq!(tally, expected);
     }

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::admission::{Admission, Step};
 use super::LiveInput;
+use super::admission::{Admission, Step};
 use super::checks::{Checks, LEAST_DURATION};
 use super::columns::{Columns, Selection};
 use super::error::{LogError, Place, Problem};

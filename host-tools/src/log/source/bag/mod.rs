@@ -19,10 +19,10 @@ use std::path::Path;
 
 use super::input::Input;
 use super::{Fault, Source, Wanted};
-#[cfg(feature = "mcap")]
-use crate::log::{LiveMessage, LiveMessages};
 use crate::log::error::{LogError, Problem, Unit};
 use crate::log::warning::Warning;
+#[cfg(feature = "mcap")]
+use crate::log::{LiveMessage, LiveMessages};
 use joint_state::JointStates;
 use low_state::LowState;
 
@@ -300,10 +300,7 @@ impl Bag {
         if self.clock == Clock::Receiver {
             return;
         }
-        let now = (
-            self.decoder.stamp(&self.message.data),
-            self.message.time,
-        );
+        let now = (self.decoder.stamp(&self.message.data), self.message.time);
         if let Some(before) = self.before.replace(now) {
             let sent = now.0.saturating_sub(before.0);
             let received = now.1.saturating_sub(before.1);
