@@ -31,7 +31,7 @@ monitor sim --speed 0 --seconds 2 --lines
 ports";
 
 /// Commands that other tests run.
-const ELSEWHERE: [&str; 5] = ["calibrate", "capture", "demo", "excite", "flash"];
+const ELSEWHERE: [&str; 6] = ["calibrate", "capture", "demo", "excite", "flash", "record"];
 
 #[test]
 fn each_command_holds_to_its_schema() {

@@ -9,115 +9,21 @@ use mcap::{McapError, WriteOptions, Writer};
 
 use super::live::LiveMessage;
 
-/// What is said of each field where the type of a message is defined, as ROS 2 writes definitions: the message's own fields, then
-/// those of each message inside. Sources: unitree_ros2 eea2719, common_interfaces of ROS 2.
+/// The definition of `sensor_msgs/msg/JointState`.
+pub(crate) const JOINT_STATE: &str = include_str!("messages/joint_state.msg");
+
+/// The definitions of the types that are read, as ROS 2 writes them: the message's own fields, then those of each message inside. Sources:
+/// unitree_ros2 eea2719, common_interfaces of ROS 2 Humble.
 const DEFINITIONS: [(&str, &str); 3] = [
     (
         "unitree_go/msg/LowState",
-        "uint8[2] head
-uint8 level_flag
-uint8 frame_reserve
-uint32[2] sn
-uint32[2] version
-uint16 bandwidth
-IMUState imu_state
-MotorState[20] motor_state
-BmsState bms_state
-int16[4] foot_force
-int16[4] foot_force_est
-uint32 tick
-uint8[40] wireless_remote
-uint8 bit_flag
-float32 adc_reel
-int8 temperature_ntc1
-int8 temperature_ntc2
-float32 power_v
-float32 power_a
-uint16[4] fan_frequency
-uint32 reserve
-uint32 crc
-================================================================================
-MSG: unitree_go/IMUState
-float32[4] quaternion
-float32[3] gyroscope
-float32[3] accelerometer
-float32[3] rpy
-int8 temperature
-================================================================================
-MSG: unitree_go/MotorState
-uint8 mode
-float32 q
-float32 dq
-float32 ddq
-float32 tau_est
-float32 q_raw
-float32 dq_raw
-float32 ddq_raw
-int8 temperature
-uint32 lost
-uint32[2] reserve
-================================================================================
-MSG: unitree_go/BmsState
-uint8 version_high
-uint8 version_low
-uint8 status
-uint8 soc
-int32 current
-uint16 cycle
-int8[2] bq_ntc
-int8[2] mcu_ntc
-uint16[15] cell_vol
-",
+        include_str!("messages/go_low_state.msg"),
     ),
     (
         "unitree_hg/msg/LowState",
-        "uint32[2] version
-uint8 mode_pr
-uint8 mode_machine
-uint32 tick
-IMUState imu_state
-MotorState[35] motor_state
-uint8[40] wireless_remote
-uint32[4] reserve
-uint32 crc
-================================================================================
-MSG: unitree_hg/IMUState
-float32[4] quaternion
-float32[3] gyroscope
-float32[3] accelerometer
-float32[3] rpy
-int16 temperature
-================================================================================
-MSG: unitree_hg/MotorState
-uint8 mode
-float32 q
-float32 dq
-float32 ddq
-float32 tau_est
-int16[2] temperature
-float32 vol
-uint32[2] sensor
-uint32 motorstate
-uint32[4] reserve
-",
+        include_str!("messages/hg_low_state.msg"),
     ),
-    (
-        "sensor_msgs/msg/JointState",
-        "std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-",
-    ),
+    ("sensor_msgs/msg/JointState", JOINT_STATE),
 ];
 
 /// Writes messages of one topic as an MCAP file that every reader of ROS 2's knows.

@@ -71,6 +71,8 @@ pub use live::{LiveInput, LiveRows};
 #[cfg(feature = "mcap")]
 pub use live::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 #[cfg(feature = "mcap")]
+pub(crate) use messages::JOINT_STATE;
+#[cfg(feature = "mcap")]
 pub use messages::MessageWriter;
 pub use provenance::{set_command_line, sha256};
 pub use reader::LogReader;
