@@ -30,6 +30,10 @@ use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
 const PATIENCE_S: u64 = 10;
 /// How long more, once there is one, so that all are known among which to choose.
 const MORE: Duration = Duration::from_millis(500);
+/// Time between two looks at who else writes the topic.
+const CENSUS: Duration = Duration::from_millis(500);
+/// Writers of another type that are remembered, for the count of them.
+const OTHERS: usize = 64;
 /// Messages that the middleware keeps for us: two seconds of a robot's.
 const HISTORY: i32 = 1024;
 /// Messages that may wait for who takes them: 16 s of a robot's.
@@ -76,6 +80,8 @@ pub fn subscribe(
     let reader = reader(&participant, &found).map_err(|error| failed(error.to_string()))?;
     let (send, messages) = sync_channel(WAITING);
     let receiving = Receiving {
+        topic: found.name.clone(),
+        others: Vec::new(),
         type_name: found.type_name,
         kind: found.kind,
         types: HashMap::new(),
@@ -309,6 +315,9 @@ impl Wake for Unpark {
 
 /// What the receiving thread has.
 struct Receiving {
+    topic: String,
+    /// Writers that give the topic another type.
+    others: Vec<GUID>,
     type_name: String,
     kind: &'static str,
     /// Whether each writer gives the topic this type, as it announced.
@@ -323,7 +332,12 @@ struct Receiving {
 impl Receiving {
     fn run(mut self, reader: &SimpleDataReader<Payload, Bytes>) {
         let waker = Waker::from(Arc::new(Unpark(thread::current())));
+        let mut census: Option<Instant> = None;
         while !self.until.is_over(None) {
+            if census.is_none_or(|last| last.elapsed() >= CENSUS) {
+                census = Some(Instant::now());
+                self.count_other_types();
+            }
             // Before messages are taken, so that one that comes meanwhile wakes.
             reader.set_waker(Some(waker.clone()));
             reader.drain_read_notifications();
@@ -340,6 +354,18 @@ impl Receiving {
                 }
             }
             thread::park_timeout(LOOK);
+        }
+    }
+
+    /// Middleware that compares types lets their messages not come this far; so they are counted by their announcements.
+    fn count_other_types(&mut self) {
+        for writer in self.participant.discovered_writers() {
+            let data = writer.publication_topic_data;
+            let is_other = data.topic_name == self.topic && data.type_name != self.type_name;
+            if is_other && self.others.len() < OTHERS && !self.others.contains(&data.key) {
+                self.others.push(data.key);
+                self.counts.with(|tally| tally.other_type_writers += 1);
+            }
         }
     }
 

@@ -27,6 +27,8 @@ pub struct Tally {
     pub overrun: u64,
     /// Writers of the topic, of the right type.
     pub writers: u64,
+    /// Writers that give the topic another type. Most of them send a reader of this type nothing.
+    pub other_type_writers: u64,
     /// How often another writer was followed since the one before was silent.
     pub restarts: u64,
     /// Silences that are gaps at the messages' rate, as [`crate::log::Periods`] has it.

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, s
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use proprio_core::go2::Leg;
+use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{Action, DeviceMessage, Hello, HostMessage};
 
 use super::error::FeedError;
@@ -13,6 +13,7 @@ use super::journal::{Entry, JournalReader};
 use super::live::{Live, Step};
 use super::robot::Robot;
 use crate::device::pull::Pull;
+use crate::device::replay::settle;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Device, DeviceError, Requests};
 use crate::factors::Factors;
@@ -339,16 +340,19 @@ impl Listener {
         self.entry(Entry::Message(DeviceMessage::Hello(hello)));
         let mut silent = BusStep::default();
         let (mut losses, mut said_us) = ((0, 0), 0);
+        let mut played = [false; LEGS];
         while !self.ended {
             match live.next(LOOK)? {
                 Step::Row(step) => {
                     silent.time_us = step.time_us;
+                    let legs = played.iter_mut().zip(&step.buses);
+                    legs.for_each(|(played, bytes)| *played |= !bytes.is_empty());
                     self.step(&mut *device, &Leg::ALL, &step)?;
                 }
                 Step::Silence => self.step(&mut *device, &Leg::ALL, &silent)?,
                 Step::End(warnings) => {
                     warnings.into_iter().for_each(|warning| self.news(warning));
-                    break;
+                    return self.settle(&mut *device, silent.time_us, &played);
                 }
             }
             let now = live.losses();
@@ -365,6 +369,18 @@ impl Listener {
             losses.1 = now.1;
         }
         Ok(())
+    }
+
+    /// Has the device estimate all that it has heard.
+    fn settle(
+        &mut self,
+        device: &mut dyn Device,
+        time_us: u64,
+        played: &[bool; LEGS],
+    ) -> Result<(), FeedError> {
+        let mut heard = Vec::new();
+        settle(device, time_us, played, &mut |message| heard.push(message))?;
+        heard.into_iter().try_for_each(|message| self.hear(message))
     }
 
     /// Plays a recording.

@@ -91,6 +91,12 @@ impl Report {
             .filter(|(count, _)| *count > 0)
             .map(|(count, what)| format!("messages that {what}: {count}"))
             .collect();
+        if tally.other_type_writers > 0 {
+            warnings.push(format!(
+                "writers that give the topic another type: {}",
+                tally.other_type_writers
+            ));
+        }
         if tally.restarts > 0 {
             warnings.push(format!(
                 "the writer was started again: {} times",
