@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::convert::Infallible;
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::task::{Wake, Waker};
@@ -143,7 +143,7 @@ fn interface(asked: Option<&str>) -> Result<Interface, LiveError> {
         {
             let loops = interface.is_loopback();
             let name = interface.name.clone();
-            let address = IpAddr::V4(Ipv4Addr::from(address));
+            let address = IpAddr::V4(address);
             known.push((Interface { name, address }, loops));
         }
     }
@@ -345,7 +345,8 @@ impl Receiving {
                 match reader.try_take_one() {
                     Ok(Some(change)) => {
                         let sequence = i64::from(change.sequence_number);
-                        if !self.take(change.writer_guid, sequence, change.sample.0) {
+                        let sent = change.source_timestamp().map(nanoseconds);
+                        if !self.take(change.writer_guid, sequence, sent, change.sample.0) {
                             return;
                         }
                     }
@@ -370,7 +371,7 @@ impl Receiving {
     }
 
     /// Passes a message on; false once nobody takes them any more.
-    fn take(&mut self, writer: GUID, sequence: i64, data: Vec<u8>) -> bool {
+    fn take(&mut self, writer: GUID, sequence: i64, sent_ns: Option<i64>, data: Vec<u8>) -> bool {
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let received_ns = now.map_or(0, |now| i64::try_from(now.as_nanos()).unwrap_or(i64::MAX));
         let arrival = Arrival {
@@ -384,7 +385,11 @@ impl Receiving {
         if !taken {
             return true;
         }
-        match self.send.try_send(LiveMessage { received_ns, data }) {
+        match self.send.try_send(LiveMessage {
+            received_ns,
+            sent_ns,
+            data,
+        }) {
             Ok(()) => true,
             Err(TrySendError::Full(_)) => {
                 self.counts.with(|tally| {
@@ -411,6 +416,12 @@ impl Receiving {
         self.types.insert(writer, right);
         right
     }
+}
+
+/// A time of RTPS, seconds and their 2³²nd parts, in ns.
+fn nanoseconds(time: rustdds::Timestamp) -> i64 {
+    let ticks = u128::from(time.to_ticks());
+    i64::try_from((ticks * 1_000_000_000) >> 32).unwrap_or(i64::MAX)
 }
 
 #[cfg(test)]

@@ -33,6 +33,8 @@ pub enum LiveInput {
 pub struct LiveMessage {
     /// When it came, ns since 1970.
     pub received_ns: i64,
+    /// When its sender sent it, ns of the sender's clock; none if it does not say.
+    pub sent_ns: Option<i64>,
     /// Encapsulation header and CDR.
     pub data: Vec<u8>,
 }

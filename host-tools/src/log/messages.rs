@@ -65,11 +65,12 @@ impl<W: Write> MessageWriter<W> {
     /// Those of the output.
     pub fn write(&mut self, message: &LiveMessage) -> io::Result<()> {
         let time = u64::try_from(message.received_ns).unwrap_or(0);
+        let sent = message.sent_ns.and_then(|sent| u64::try_from(sent).ok());
         let header = MessageHeader {
             channel_id: self.channel,
             sequence: self.count,
             log_time: time,
-            publish_time: time,
+            publish_time: sent.unwrap_or(time),
         };
         self.count = self.count.wrapping_add(1);
         let written = self.mcap.write_to_known_channel(&header, &message.data);
@@ -147,6 +148,54 @@ mod tests {
         assert_eq!(DEFINITIONS.map(|(kind, _)| kind), MESSAGE_KINDS);
     }
 
+    /// Of a receiver that took the first messages all at once, the time is the sender's all the same; of a sender whose clock stands, the receiver's.
+    #[test]
+    fn a_busy_receiver_does_not_set_the_time() {
+        struct Given(std::vec::IntoIter<LiveMessage>);
+        impl crate::log::LiveMessages for Given {
+            fn next(&mut self) -> Option<LiveMessage> {
+                self.0.next()
+            }
+        }
+        for runs in [true, false] {
+            let message = |n: i64| {
+                let mut data = vec![0u8; 1180];
+                data[1] = 1;
+                let tick = if runs { 2 * n as u32 } else { 0 };
+                data[4 + 1096..][..4].copy_from_slice(&tick.to_le_bytes());
+                let late = if n < 150 {
+                    1_000 * n
+                } else {
+                    2_000_000 * (n - 149)
+                };
+                LiveMessage {
+                    received_ns: 1_000_000_000 + late,
+                    sent_ns: Some(5_000_000_000 + 2_000_000 * n),
+                    data,
+                }
+            };
+            let given: Vec<LiveMessage> = (0..300).map(message).collect();
+            let received = |n: usize| (given[n].received_ns - given[0].received_ns) as f64 / 1e9;
+            let expected = match runs {
+                true => [0.0, 0.002, 0.598],
+                false => [0.0, received(1), received(299)],
+            };
+            let input = crate::log::LiveInput::Messages {
+                topic: "rt/lowstate".to_owned(),
+                kind: MESSAGE_KINDS[0],
+                messages: Box::new(Given(given.into_iter())),
+            };
+            let robot = crate::model::Robot::go2();
+            let mut rows = crate::log::LiveRows::follow("dds".as_ref(), input, &robot).unwrap();
+            let mut times = Vec::new();
+            while let Some(row) = rows.next_row().unwrap() {
+                times.push(row.t());
+            }
+            assert_eq!(times.len(), 300);
+            assert_eq!([times[0], times[1], times[299]], expected);
+        }
+    }
+
     #[test]
     fn what_is_written_is_read_back_once_each() {
         let folder = tempfile::tempdir().unwrap();
@@ -162,7 +211,11 @@ mod tests {
                 data[4 + 80 + 48 * motor..][..4].copy_from_slice(&q.to_le_bytes());
             }
             let received_ns = 1_000_000_000 + i64::from(n) * 2_000_000;
-            LiveMessage { received_ns, data }
+            LiveMessage {
+                received_ns,
+                sent_ns: None,
+                data,
+            }
         };
         for n in 0..300 {
             writer.write(&message(n)).unwrap();

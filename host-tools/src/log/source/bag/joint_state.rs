@@ -55,8 +55,8 @@ impl JointStates {
     #[cfg(feature = "mcap")]
     pub(super) fn is_whole(data: &[u8]) -> bool {
         let first = VecDeque::from([Message {
-            time: 0,
             data: data.to_vec(),
+            ..Message::default()
         }]);
         Self::of(&first).is_ok()
     }

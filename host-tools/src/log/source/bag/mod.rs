@@ -49,6 +49,8 @@ struct Topic {
 struct Message {
     /// When it was received, ns.
     time: i64,
+    /// When it was sent, ns of the sender's clock, where that is known apart from what the message says.
+    sent: Option<i64>,
     /// Encapsulation header and CDR.
     data: Vec<u8>,
 }
@@ -111,10 +113,19 @@ struct Live {
 #[cfg(feature = "mcap")]
 impl Messages for Live {
     fn next(&mut self, message: &mut Message) -> Result<bool, Problem> {
-        let Some(LiveMessage { received_ns, data }) = self.messages.next() else {
+        let Some(LiveMessage {
+            received_ns,
+            sent_ns,
+            data,
+        }) = self.messages.next()
+        else {
             return Ok(false);
         };
-        (message.time, message.data) = (received_ns, data);
+        *message = Message {
+            time: received_ns,
+            sent: sent_ns,
+            data,
+        };
         self.read += 1;
         Ok(true)
     }
@@ -272,7 +283,9 @@ impl Bag {
         for (n, message) in self.ahead.iter().enumerate() {
             let fault = |p| Fault::new(n as u64 + 1, p);
             if self.decoder.take(&message.data).map_err(fault)? {
-                times.push((self.decoder.stamp(&message.data), message.time));
+                // When it was sent, if that is known: a receiver that was busy takes many messages at once.
+                let passed_on = message.sent.unwrap_or(message.time);
+                times.push((self.decoder.stamp(&message.data), passed_on));
             }
         }
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
@@ -288,9 +301,10 @@ impl Bag {
         } else {
             Clock::Receiver
         };
+        let received = self.ahead.front().map_or(0, |message| message.time);
         self.origin = match self.clock {
             Clock::Sender => first.0,
-            Clock::Receiver => first.1,
+            Clock::Receiver => received,
         };
         Ok(())
     }
