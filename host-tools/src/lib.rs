@@ -24,6 +24,7 @@ pub mod gate;
 pub mod identifiability;
 pub mod identify;
 pub mod kinematics;
+pub mod live;
 pub mod log;
 pub mod model;
 pub mod monitor;

@@ -74,6 +74,15 @@ impl Underway {
     }
 }
 
+impl Underway {
+    /// Says more of what is being done.
+    pub(crate) fn say(&self, words: String) {
+        if let Some(bar) = &self.0 {
+            bar.set_message(words);
+        }
+    }
+}
+
 impl Drop for Underway {
     fn drop(&mut self) {
         if let Some(bar) = &self.0 {

@@ -34,6 +34,7 @@ mod free_base;
 mod hidden_effect;
 mod identify_model;
 mod ladder;
+mod live;
 mod mismatch;
 mod model;
 mod mujoco_logs;

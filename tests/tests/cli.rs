@@ -27,6 +27,7 @@ fn help_tells_each_command_with_an_example() {
         &["man", "--help"],
         &["monitor", "--help"],
         &["ports", "--help"],
+        &["record", "--help"],
         &["remove", "--help"],
         &["show", "--help"],
         &["simulate", "--help"],

@@ -32,7 +32,7 @@ zero sim --legs FR --pose calves-folded
 ports";
 
 /// Commands that other tests run.
-const ELSEWHERE: [&str; 5] = ["calibrate", "capture", "demo", "excite", "flash"];
+const ELSEWHERE: [&str; 6] = ["calibrate", "capture", "demo", "excite", "flash", "record"];
 
 #[test]
 fn each_command_holds_to_its_schema() {

@@ -16,6 +16,7 @@ use crate::excite::earlier::EarlierError;
 use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
 use crate::kinematics::CalibrateError;
+use crate::live::LiveError;
 use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
@@ -28,7 +29,7 @@ use super::Error;
 /// The hint for an error, if there is anything to do.
 pub(super) fn of(error: &Error) -> Option<String> {
     match error {
-        Error::Log(error) => Some(of_log(error)),
+        Error::Log(error) | Error::Feed(FeedError::Log(error)) => Some(of_log(error)),
         Error::Recording(error) => Some(of_recording(error)),
         Error::FreeBase(FreeBaseError::Log(error)) => Some(of_log(error)),
         Error::FreeBase(FreeBaseError::Missing { .. }) => Some(
@@ -65,6 +66,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Feed(FeedError::Diverged(_)) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
         }
+        Error::Live(error) | Error::Feed(FeedError::Live(error)) => of_live(error),
         Error::Journal(error) => Some(of_journal(error).to_owned()),
         Error::Web(WebError::Taken(address)) => Some(format!(
             "take another port: --web={0}:{1}, or --web={0}:0 for any that is free",
@@ -194,6 +196,21 @@ pub fn of_excite(error: &ExciteError) -> Option<String> {
             "lengths are in m, in the frame of the joint that moves the shape"
         }
         ExciteError::Unphysical(_) => "correct the bodies of the URDF or of the model file",
+    };
+    Some(hint.to_owned())
+}
+
+fn of_live(error: &LiveError) -> Option<String> {
+    let hint = match error {
+        LiveError::NotBuilt => "in a clone of proprio: cargo install --path proprio --features dds",
+        LiveError::Terminal => "pipe rows of CSV into it: my_driver | proprio record - -o log.csv",
+        LiveError::NoInterface { .. } | LiveError::WhichInterface { .. } => {
+            "name the interface whose cable or network leads to the robot: dds:eth0"
+        }
+        LiveError::NoWriter { .. } => {
+            "check that the robot is on, that its network and this interface's address are of one subnet (a Go2: 192.168.123.*), and --domain"
+        }
+        LiveError::Thread(_) | LiveError::Dds { .. } => return None,
     };
     Some(hint.to_owned())
 }

@@ -1,5 +1,6 @@
 //! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
-//! `identify`, `import`, `man`, `monitor`, `ports`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an error;
+//! `identify`, `import`, `man`, `monitor`, `ports`, `record`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an
+//! error;
 //! `overwrite`: what a command would replace; `result`: what --json prints.
 
 mod add;
@@ -21,6 +22,7 @@ mod man;
 mod monitor;
 mod overwrite;
 mod ports;
+mod record;
 mod remove;
 mod replay;
 pub mod result;
@@ -45,6 +47,7 @@ use crate::factors::FactorsError;
 use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
 use crate::kinematics::CalibrateError;
+use crate::live::LiveError;
 use crate::log::LogError;
 use crate::model::export::ExportError;
 use crate::model::{AskedError, Model, ModelError, RobotError, UnknownName};
@@ -98,6 +101,7 @@ enum Command {
     Man(man::Manual),
     Monitor(monitor::Monitor),
     Ports(ports::Ports),
+    Record(record::Record),
     Remove(remove::Remove),
     Replay(replay::Replay),
     Show(show::Show),
@@ -198,6 +202,7 @@ impl Command {
             Self::Man(command) => command.run(),
             Self::Monitor(command) => command.run(),
             Self::Ports(command) => command.run(),
+            Self::Record(command) => command.run(),
             Self::Remove(command) => command.run(),
             Self::Replay(command) => command.run(),
             Self::Show(command) => command.run(),
@@ -239,6 +244,8 @@ pub(crate) enum Error {
     Journal(#[from] JournalError),
     #[error(transparent)]
     Feed(#[from] FeedError),
+    #[error(transparent)]
+    Live(#[from] LiveError),
     #[error(transparent)]
     Web(#[from] WebError),
     #[error("the terminal: {0}")]

@@ -13,8 +13,9 @@ use std::path::{Path, PathBuf};
 use crate::device::power_up::PowerUp;
 use crate::device::serial::SerialDevice;
 use crate::device::{Desktop, Device, Qemu, image};
+use crate::live::{self, Address, Counts, Until};
 use crate::monitor::web::Server;
-use crate::monitor::{Feed, JournalReader, JournalWriter, Robot, Source};
+use crate::monitor::{Feed, JournalReader, JournalWriter, Live, Robot, Source};
 use crate::name::leg_named;
 use crate::output::WriteError;
 use clap::Args;
@@ -42,11 +43,12 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// same as a page with live plots.
 ///
 /// `qemu` builds the firmware, boots it on an emulated board and has it hear a simulated robot; `sim` runs its code in this
-/// process, which needs no emulator. Anything else is a board's serial port, or a file that --record made.
+/// process, which needs no emulator. `dds` has that code hear a robot over its own network, as `record` does; `-` rows of CSV on standard input. Anything else is a board's serial port, or a file that --record made.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio monitor sim
   proprio monitor qemu --hide stribeck:FL_thigh=0.3
+  proprio monitor dds:eth0
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
   proprio monitor sim --memory 600
@@ -56,11 +58,14 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor sim --speed 0 --seconds 30 --json")]
 pub(crate) struct Monitor {
     /// Whose messages
-    #[arg(value_name = "PORT|qemu|sim|FILE")]
+    #[arg(value_name = "PORT|dds[:IFACE][/TOPIC]|-|qemu|sim|FILE")]
     source: String,
     /// Keep all that comes in this file, to be watched again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// DDS domain
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    domain: u16,
     /// End after so much of the device's time
     #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
     seconds: Option<f64>,
@@ -155,6 +160,9 @@ impl Monitor {
 
     /// Opens the source; what takes long or fails is said before there is a screen.
     fn open(&self) -> Result<Source, Error> {
+        if let Some(address) = Address::parse(&self.source) {
+            return self.live(&address);
+        }
         Ok(match self.source.as_str() {
             "qemu" => {
                 let image = image::build(image::Scalar::F64)?;
@@ -169,6 +177,16 @@ impl Monitor {
                 port.to_owned(),
             ),
         })
+    }
+
+    fn live(&self, address: &Address) -> Result<Source, Error> {
+        let (until, counts) = (Until::default(), Counts::default());
+        if matches!(address, Address::Dds(_)) {
+            eprintln!("Waiting for the robot to be found.");
+        }
+        let source = live::Source::open(address, self.domain, &until, &counts)?;
+        let live = Live::follow(PathBuf::from(&self.source), source, until, counts)?;
+        Ok(Source::Live(Box::new(Desktop::<f64>::new()), live))
     }
 
     fn simulated(&self, device: Box<dyn Device + Send>) -> Result<Source, Error> {

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::device::pull::pull;
-use crate::device::replay::{self, ReplayError, bus_step};
+use crate::device::replay::{self, ReplayError};
 use crate::device::serial::SerialDevice;
-use crate::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, image};
+use crate::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, RowSteps, image};
 use crate::log::{LogReader, Selection};
 use crate::name::leg_named;
 use clap::error::ErrorKind;
@@ -123,7 +123,7 @@ impl Replay {
             device.hello(),
             told,
             &legs,
-            &steps.played,
+            steps.rows.played(),
             changes,
             warnings,
         )?;
@@ -166,75 +166,32 @@ impl Replay {
     }
 }
 
-/// What was played of a log's rows to one leg.
-#[derive(Clone, Copy, Default)]
-struct Played {
-    samples: u32,
-    /// Rows that repeat the one before and were left out.
-    repeated: u32,
-}
-
 /// A log as bus steps.
-struct Steps<'a> {
+struct Steps {
     reader: LogReader,
-    legs: &'a [Leg],
-    last_us: Option<u64>,
-    /// What each leg's bus carried last.
-    last: [Vec<u8>; LEGS],
-    played: [Played; LEGS],
+    rows: RowSteps,
     progress: Progress,
 }
 
-impl<'a> Steps<'a> {
-    fn new(reader: LogReader, legs: &'a [Leg]) -> Self {
-        let progress = Progress::new("Playing");
+impl Steps {
+    fn new(reader: LogReader, legs: &[Leg]) -> Self {
         Self {
             reader,
-            legs,
-            last_us: None,
-            last: Default::default(),
-            played: Default::default(),
-            progress,
+            rows: RowSteps::new(legs),
+            progress: Progress::new("Playing"),
         }
     }
 
-    /// The next step; rows without a time of their own are left out, as every estimator leaves them out.
+    /// The next step.
     fn next(&mut self) -> Result<Option<BusStep>, Error> {
         let (done, total) = self.reader.progress();
         self.progress.set(done, total);
         while let Some(row) = self.reader.next_row()? {
-            if self.last_us.is_some_and(|last| row.time_us <= last) {
-                continue;
+            if let Some(step) = self.rows.step(row)? {
+                return Ok(Some(step));
             }
-            self.last_us = Some(row.time_us);
-            let instant = Leg::ALL.map(|leg| self.legs.contains(&leg).then(|| row.sample(leg)));
-            let mut step = bus_step(row.time_us, &instant)?;
-            self.leave_out_repeats(&mut step);
-            return Ok(Some(step));
         }
         Ok(None)
-    }
-
-    /// A host reads the latest message twice; a bus measures anew whenever it is asked. So what a leg said already, to the last
-    /// count, was not on its bus a second time.
-    fn leave_out_repeats(&mut self, step: &mut BusStep) {
-        let legs = step
-            .buses
-            .iter_mut()
-            .zip(&mut self.last)
-            .zip(&mut self.played);
-        for ((bytes, last), played) in legs {
-            if bytes.is_empty() {
-                continue;
-            }
-            if bytes == last {
-                bytes.clear();
-                played.repeated += 1;
-            } else {
-                last.clone_from(bytes);
-                played.samples += 1;
-            }
-        }
     }
 }
 

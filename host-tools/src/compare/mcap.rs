@@ -13,11 +13,10 @@ use mcap::{WriteOptions, Writer};
 use super::own_rate::own_rate_floors;
 use super::{Comparison, own_rate};
 use crate::detect::JointSeries;
+use crate::log::JOINT_STATE;
 use crate::model::Model;
 use crate::recording::Recording;
 
-/// The definition of `sensor_msgs/msg/JointState`.
-const JOINT_STATE: &str = include_str!("joint_state.msg");
 /// The definition of `rcl_interfaces/msg/Log`.
 const LOG: &str = include_str!("log.msg");
 /// `Log`'s levels (rcl_interfaces).

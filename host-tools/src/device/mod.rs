@@ -18,6 +18,7 @@
 //! - `qemu`: the firmware on an emulated Cortex-M7
 //! - `replay`: a log's samples as motor-bus bytes, played into a device
 //! - `requests`: a host's requests, asked again until they are answered
+//! - `rows`: rows of a log, whole or still growing, as steps of motor buses
 
 mod desktop;
 pub mod image;
@@ -31,11 +32,13 @@ pub mod pull;
 pub mod qemu;
 pub mod replay;
 mod requests;
+mod rows;
 pub mod serial;
 
 pub use desktop::Desktop;
 pub use qemu::Qemu;
 pub use requests::Requests;
+pub use rows::{Played, RowSteps};
 
 use std::path::PathBuf;
 

@@ -140,6 +140,20 @@ pub fn replay(
         buses.for_each(|(played, bytes)| *played |= !bytes.is_empty());
         device.play(&step, told)?;
     }
+    settle(device, time_us, &played, told)
+}
+
+/// Plays silence after the step at `time_us`, until all that was played to the legs of `played` is in what the device told. Gives the time of
+/// the last step, µs.
+///
+/// # Errors
+/// [`ReplayError::Device`].
+pub fn settle(
+    device: &mut dyn Device,
+    mut time_us: u64,
+    played: &[bool; LEGS],
+    told: &mut dyn FnMut(DeviceMessage),
+) -> Result<u64, ReplayError> {
     device.settle(told)?;
     let mut covered = Covered::default();
     for _ in 0..MOST_SILENCES {
@@ -156,7 +170,7 @@ pub fn replay(
             device.play(&silent, &mut hear)?;
         }
         device.settle(&mut hear)?;
-        if covered.all_of(&played) {
+        if covered.all_of(played) {
             break;
         }
     }

@@ -24,6 +24,8 @@
 //! - `checks`: what can only be judged over a whole log: its rate, its gaps, its units
 //! - `columns`: from the names of a file's cells to the place of each channel in a row
 //! - `error`: what can be wrong with a log, and where
+//! - `live`: what comes while it is read: messages, text; as rows, before any is judged
+//! - `messages`: messages into an MCAP file, as they came, with the definition of their type
 //! - `motors`: what was recorded at motors, as what joints do
 //! - `names`: what other recorders call the channels
 //! - `provenance`: which logs a model's values come from: known by what is in them
@@ -42,6 +44,9 @@ mod channel;
 mod checks;
 mod columns;
 mod error;
+mod live;
+#[cfg(feature = "mcap")]
+mod messages;
 mod motors;
 mod names;
 mod provenance;
@@ -65,6 +70,13 @@ pub use checks::{
 };
 pub use columns::{Columns, Selection};
 pub use error::{Column, LogError, Place, Problem, Unit};
+pub use live::{LiveInput, LiveRows};
+#[cfg(feature = "mcap")]
+pub use live::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
+#[cfg(feature = "mcap")]
+pub(crate) use messages::JOINT_STATE;
+#[cfg(feature = "mcap")]
+pub use messages::MessageWriter;
 pub use provenance::{set_command_line, sha256};
 pub use reader::LogReader;
 pub use row::Row;

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use super::LiveInput;
 use super::admission::{Admission, Step};
 use super::checks::{Checks, LEAST_DURATION};
 use super::columns::{Columns, Selection};
-use super::error::{LogError, Place, Problem};
+use super::error::{LogError, Place, Problem, Unit};
 use super::row::Row;
 use super::slots::TIME;
 use super::source::{self, Source};
@@ -56,7 +57,31 @@ impl LogReader {
     /// # Errors
     /// [`Problem::Open`] to [`Problem::IncompleteLimb`].
     pub fn open_of(path: &Path, selection: Selection, robot: &Robot) -> Result<Self, LogError> {
-        let source = source::open(path)?;
+        Self::of(path, source::open(path)?, selection, robot, Stamps::new)
+    }
+
+    /// Follows a log of `robot` that is still being made, under the name `name`: its rows are let in once the next ones have come by
+    /// which each is judged.
+    ///
+    /// # Errors
+    /// As [`open_of`](Self::open_of)'s, once the first rows have come.
+    pub fn follow(
+        name: &Path,
+        input: LiveInput,
+        selection: Selection,
+        robot: &Robot,
+    ) -> Result<Self, LogError> {
+        let source = source::open_live(name, input)?;
+        Self::of(name, source, selection, robot, Stamps::live)
+    }
+
+    fn of(
+        path: &Path,
+        source: Box<dyn Source>,
+        selection: Selection,
+        robot: &Robot,
+        stamps: fn(&Columns, Unit) -> Stamps,
+    ) -> Result<Self, LogError> {
         let names = source.names().to_vec();
         let columns = Columns::new(path, source.header(), names, selection, robot)?;
         Ok(Self {
@@ -64,7 +89,7 @@ impl LogReader {
             read: vec![f64::NAN; columns.slots.count()],
             row: Row::new(columns.slots),
             admission: Admission::new(&columns, source.unit()),
-            stamps: Stamps::new(&columns, source.unit()),
+            stamps: stamps(&columns, source.unit()),
             end: None,
             checks: Checks::new(&columns, source.unit()),
             columns,

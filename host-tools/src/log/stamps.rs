@@ -51,6 +51,8 @@ pub(super) struct Stamps {
     unit: Unit,
     /// Slots of each joint's position and velocity.
     joints: Vec<[usize; 2]>,
+    /// Rows that those to be judged have after them.
+    lookahead: usize,
     ahead: VecDeque<Held>,
     /// How many of them are judged.
     judged: usize,
@@ -71,10 +73,19 @@ impl Stamps {
         Self::of(unit, columns.joints().map(of).collect())
     }
 
+    /// Of a log that is still being made: rows are given as they come, with their stamps.
+    pub(super) fn live(columns: &Columns, unit: Unit) -> Self {
+        Self {
+            lookahead: 0,
+            ..Self::new(columns, unit)
+        }
+    }
+
     fn of(unit: Unit, joints: Vec<[usize; 2]>) -> Self {
         Self {
             unit,
             joints,
+            lookahead: AHEAD,
             ahead: VecDeque::new(),
             judged: 0,
             ended: false,
@@ -89,7 +100,7 @@ impl Stamps {
 
     /// Whether more rows are to be read before the next one is given.
     pub(super) fn wants_more(&self) -> bool {
-        !self.ended && self.judged == 0 && self.ahead.len() < 2 * AHEAD
+        !self.ended && self.judged == 0 && self.ahead.len() < (2 * self.lookahead).max(1)
     }
 
     /// Takes a row.
@@ -127,7 +138,7 @@ impl Stamps {
         let known = if self.ended {
             count
         } else {
-            count.saturating_sub(AHEAD)
+            count.saturating_sub(self.lookahead)
         };
         self.judged = known;
         let Some(period) = period(&stamps) else {

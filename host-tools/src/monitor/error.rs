@@ -5,6 +5,8 @@ use proprio_simulator::Diverged;
 use super::journal::JournalError;
 use crate::device::DeviceError;
 use crate::device::replay::ReplayError;
+use crate::live::LiveError;
+use crate::log::LogError;
 
 /// Why messages end.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +20,12 @@ pub enum FeedError {
     /// The simulated robot.
     #[error(transparent)]
     Diverged(#[from] Diverged),
+    /// A live source.
+    #[error(transparent)]
+    Live(#[from] LiveError),
+    /// Rows of a live source that cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
     /// A recording of messages.
     #[error(transparent)]
     Journal(#[from] JournalError),

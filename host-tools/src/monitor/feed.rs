@@ -5,13 +5,15 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, s
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use proprio_core::go2::Leg;
+use proprio_core::go2::{LEGS, Leg};
 use proprio_core::wire::{Action, DeviceMessage, Hello, HostMessage};
 
 use super::error::FeedError;
 use super::journal::{Entry, JournalReader};
+use super::live::{Live, Step};
 use super::robot::Robot;
 use crate::device::pull::Pull;
+use crate::device::replay::settle;
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Device, DeviceError, Requests};
 use crate::factors::Factors;
@@ -24,6 +26,8 @@ const LOOK_US: u64 = 10_000;
 const LOOK: Duration = Duration::from_millis(20);
 /// Time between two attempts to open a port that is gone.
 const REOPEN: Duration = Duration::from_millis(500);
+/// Time between two words of messages that a live source lost, µs.
+const LOSSES_US: u64 = 1_000_000;
 
 /// Who speaks.
 pub enum Source {
@@ -31,6 +35,8 @@ pub enum Source {
     Simulated(Box<dyn Device + Send>, Box<Robot>),
     /// A board on this serial port, which is opened again whenever it is lost.
     Board(Box<SerialDevice>, String),
+    /// A device in this process that hears a robot live.
+    Live(Box<dyn Device + Send>, Live),
     /// A recording.
     Recording(JournalReader),
 }
@@ -39,7 +45,7 @@ impl Source {
     /// What the device says of itself; of a recording, nothing yet.
     pub fn hello(&self) -> Option<&Hello> {
         match self {
-            Self::Simulated(device, _) => Some(device.hello()),
+            Self::Simulated(device, _) | Self::Live(device, _) => Some(device.hello()),
             Self::Board(device, _) => Some(device.hello()),
             Self::Recording(_) => None,
         }
@@ -92,6 +98,7 @@ impl Feed {
             let ended = match source {
                 Source::Simulated(device, robot) => listener.feed(device, &robot),
                 Source::Board(device, port) => listener.listen(*device, &port),
+                Source::Live(device, live) => listener.follow(device, &live),
                 Source::Recording(reader) => listener.play(reader),
             };
             // Nobody hears it if the reader is gone.
@@ -325,6 +332,55 @@ impl Listener {
             device = None;
         }
         Ok(())
+    }
+
+    /// Has a device hear a robot live. While the robot is silent the device's time stands still, so that what comes late is not before it.
+    fn follow(&mut self, mut device: Box<dyn Device + Send>, live: &Live) -> Result<(), FeedError> {
+        let hello = device.hello().clone();
+        self.entry(Entry::Message(DeviceMessage::Hello(hello)));
+        let mut silent = BusStep::default();
+        let (mut losses, mut said_us) = ((0, 0), 0);
+        let mut played = [false; LEGS];
+        while !self.ended {
+            match live.next(LOOK)? {
+                Step::Row(step) => {
+                    silent.time_us = step.time_us;
+                    let legs = played.iter_mut().zip(&step.buses);
+                    legs.for_each(|(played, bytes)| *played |= !bytes.is_empty());
+                    self.step(&mut *device, &Leg::ALL, &step)?;
+                }
+                Step::Silence => self.step(&mut *device, &Leg::ALL, &silent)?,
+                Step::End(warnings) => {
+                    warnings.into_iter().for_each(|warning| self.news(warning));
+                    return self.settle(&mut *device, silent.time_us, &played);
+                }
+            }
+            let now = live.losses();
+            if now.1 > 0 && losses.1 == 0 {
+                self.news(
+                    "a second writer sends on the topic: its messages are left out".to_owned(),
+                );
+            }
+            if now.0 != losses.0 && silent.time_us >= said_us {
+                said_us = silent.time_us + LOSSES_US;
+                self.news(format!("{} messages never came so far", now.0));
+                losses.0 = now.0;
+            }
+            losses.1 = now.1;
+        }
+        Ok(())
+    }
+
+    /// Has the device estimate all that it has heard.
+    fn settle(
+        &mut self,
+        device: &mut dyn Device,
+        time_us: u64,
+        played: &[bool; LEGS],
+    ) -> Result<(), FeedError> {
+        let mut heard = Vec::new();
+        settle(device, time_us, played, &mut |message| heard.push(message))?;
+        heard.into_iter().try_for_each(|message| self.hear(message))
     }
 
     /// Plays a recording.

@@ -5,6 +5,7 @@
 //! - `error`: why messages end
 //! - `feed`: where messages come from: a thread that listens to a device, feeds it if it has no robot, and passes on what it is asked
 //! - `journal`: all that came from a device, in a file
+//! - `live`: rows of a live source as steps of motor buses, for the device in this process
 //! - `residual`: a joint's residual of the last second against what it was before
 //! - `robot`: a simulated robot on four motor buses, for devices that have none
 //! - `web`: the view as a page: a server for browsers on this machine, which streams what is known
@@ -12,6 +13,7 @@
 mod error;
 mod feed;
 mod journal;
+mod live;
 mod residual;
 mod robot;
 mod screen;
@@ -21,6 +23,7 @@ pub mod web;
 pub use error::FeedError;
 pub use feed::{Ask, Feed, Source, Told};
 pub use journal::{Entry, JournalError, JournalReader, JournalWriter};
+pub use live::Live;
 pub use residual::{Band, Residual};
 pub use robot::Robot;
 pub use screen::{Page, Screen, draw};

@@ -14,9 +14,9 @@ use proprio_core::wire::{
 };
 use serde::Serialize;
 
-use super::Played;
 use super::effects::{self, Answer, Found};
 use crate::command::Error;
+use crate::device::Played;
 
 /// What came back.
 #[derive(Debug, Serialize)]

@@ -22,7 +22,7 @@
 
 mod arrays;
 #[cfg(any(feature = "mcap", feature = "db3"))]
-mod bag;
+pub(super) mod bag;
 mod bus;
 mod chain;
 mod decimal;
@@ -41,6 +41,7 @@ mod text;
 
 use std::path::{Path, PathBuf};
 
+use super::LiveInput;
 use super::error::{LogError, Place, Problem, Unit};
 use super::warning::Warning;
 pub use input::files;
@@ -192,6 +193,19 @@ fn open_file(path: &Path, file: &PathBuf) -> Result<Box<dyn Source>, LogError> {
             Err(fault.error(called, Unit::Line, &[]))
         }
         Kind::Other { what, way } => Err(LogError::new(called, Problem::NotALog { what, way })),
+    }
+}
+
+/// Opens what comes while it is read; `name` is what to call it.
+pub(super) fn open_live(name: &Path, input: LiveInput) -> Result<Box<dyn Source>, LogError> {
+    match input {
+        LiveInput::Text(text) => text::open_live(name, text),
+        #[cfg(feature = "mcap")]
+        LiveInput::Messages {
+            topic,
+            kind,
+            messages,
+        } => bag::live(name, topic, kind, messages),
     }
 }
 

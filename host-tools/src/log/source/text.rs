@@ -61,9 +61,24 @@ impl<R: Read> Read for Counted<R> {
 
 /// Opens a table and reads its header.
 pub(super) fn open(path: &Path, input: Input, gzip: bool) -> Result<Box<dyn Source>, LogError> {
+    let size = input.size;
+    begin(path, Box::new(input.file), size, gzip)
+}
+
+/// Reads a table whose rows come while it is read, from its header on.
+pub(super) fn open_live(path: &Path, text: Box<dyn Read>) -> Result<Box<dyn Source>, LogError> {
+    begin(path, text, 0, false)
+}
+
+fn begin(
+    path: &Path,
+    inner: Box<dyn Read>,
+    size: u64,
+    gzip: bool,
+) -> Result<Box<dyn Source>, LogError> {
     let read = Rc::new(Cell::new(0));
     let counted = Counted {
-        inner: input.file,
+        inner,
         read: Rc::clone(&read),
     };
     let file = BufReader::with_capacity(1 << 16, counted);
@@ -99,7 +114,7 @@ pub(super) fn open(path: &Path, input: Input, gzip: bool) -> Result<Box<dyn Sour
         rows: 0,
         has_whole: false,
         read,
-        size: input.size,
+        size,
     };
     text.name_joints()
         .map_err(|f| f.error(path, Unit::Line, &text.names))?;

@@ -141,3 +141,18 @@ fn garbage_and_few_rows_are_read_as_they_are() {
         assert_eq!(read(&rows).0.len(), count);
     }
 }
+
+#[test]
+fn a_live_row_waits_for_none() {
+    let mut stamps = Stamps {
+        lookahead: 0,
+        ..Stamps::of(Unit::Line, vec![[1, 2], [3, 4]])
+    };
+    let mut values = Vec::new();
+    for row in rows(&[0.0, 0.002, 0.004], &[0.0, 0.002, 0.009], 0.0, 1) {
+        assert!(stamps.wants_more());
+        stamps.push(1, &row);
+        assert!(!stamps.wants_more());
+        assert!(stamps.next(&mut values).is_some() && values == row);
+    }
+}

@@ -51,6 +51,16 @@ impl JointStates {
         Ok(states)
     }
 
+    /// Whether bytes are a whole message.
+    #[cfg(feature = "mcap")]
+    pub(super) fn is_whole(data: &[u8]) -> bool {
+        let first = VecDeque::from([Message {
+            data: data.to_vec(),
+            ..Message::default()
+        }]);
+        Self::of(&first).is_ok()
+    }
+
     /// Finds the arrays of a message; true if it names other joints than the one before, or has others of their quantities.
     fn parse(&mut self, data: &[u8]) -> Result<bool, Problem> {
         let mut cdr = Cdr::new(data);

@@ -21,11 +21,16 @@ use super::input::Input;
 use super::{Fault, Source, Wanted};
 use crate::log::error::{LogError, Problem, Unit};
 use crate::log::warning::Warning;
+#[cfg(feature = "mcap")]
+use crate::log::{LiveMessage, LiveMessages};
 use joint_state::JointStates;
 use low_state::LowState;
 
 /// So many messages are looked at before the first is given: their joints, and whether their clock can be trusted.
 const LOOK_AHEAD: usize = 100;
+
+/// A sender's clock that goes back by more, ns, has begun anew: messages overtake each other by milliseconds.
+const RESTART_NS: i64 = 1_000_000_000;
 
 /// A topic of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,6 +49,8 @@ struct Topic {
 struct Message {
     /// When it was received, ns.
     time: i64,
+    /// When it was sent, ns of the sender's clock, where that is known apart from what the message says.
+    sent: Option<i64>,
     /// Encapsulation header and CDR.
     data: Vec<u8>,
 }
@@ -96,8 +103,75 @@ pub(super) fn sqlite(path: &Path, input: Input) -> Result<Box<dyn Source>, LogEr
     open(path, &topic, Box::new(recording.messages(&topic)), others)
 }
 
+/// Messages that come while they are read.
+#[cfg(feature = "mcap")]
+struct Live {
+    messages: Box<dyn LiveMessages>,
+    read: u64,
+}
+
+#[cfg(feature = "mcap")]
+impl Messages for Live {
+    fn next(&mut self, message: &mut Message) -> Result<bool, Problem> {
+        let Some(LiveMessage {
+            received_ns,
+            sent_ns,
+            data,
+        }) = self.messages.next()
+        else {
+            return Ok(false);
+        };
+        *message = Message {
+            time: received_ns,
+            sent: sent_ns,
+            data,
+        };
+        self.read += 1;
+        Ok(true)
+    }
+
+    fn progress(&self) -> (u64, u64) {
+        (self.read, 0)
+    }
+
+    fn is_cut(&self) -> bool {
+        false
+    }
+}
+
+/// Follows messages of a type of [`KINDS`] as they come on a topic.
+#[cfg(feature = "mcap")]
+pub(super) fn live(
+    path: &Path,
+    name: String,
+    kind: &str,
+    messages: Box<dyn LiveMessages>,
+) -> Result<Box<dyn Source>, LogError> {
+    let topic = Topic {
+        id: 0,
+        name,
+        kind: kind.to_owned(),
+        count: None,
+    };
+    let messages = Live { messages, read: 0 };
+    open(path, &topic, Box::new(messages), Vec::new())
+}
+
+/// Whether bytes can be a message of this type: those of fixed length have it.
+#[cfg(feature = "mcap")]
+pub(in crate::log) fn can_be(kind: &str, data: &[u8]) -> bool {
+    if check_encapsulation(data).is_err() {
+        return false;
+    }
+    match kind {
+        "unitree_go/msg/LowState" => LowState::go().take(data).unwrap_or(false),
+        "unitree_hg/msg/LowState" => LowState::hg().take(data).unwrap_or(false),
+        _ => JointStates::is_whole(data),
+    }
+}
+
 /// Types that are read.
-const KINDS: [&str; 3] = [
+pub(in crate::log) const KINDS: [&str; 3] = [
     "unitree_go/msg/LowState",
     "unitree_hg/msg/LowState",
     "sensor_msgs/msg/JointState",
@@ -164,6 +238,7 @@ fn open(
         taken: 0,
         clock: Clock::Receiver,
         origin: 0,
+        before: None,
     };
     bag.set_clock()
         .map_err(|fault| fault.error(path, Unit::Message, &[]))?;
@@ -197,6 +272,8 @@ struct Bag {
     clock: Clock,
     /// When the first message was made, ns.
     origin: i64,
+    /// When the message before was made and received, ns.
+    before: Option<(i64, i64)>,
 }
 
 impl Bag {
@@ -206,7 +283,9 @@ impl Bag {
         for (n, message) in self.ahead.iter().enumerate() {
             let fault = |p| Fault::new(n as u64 + 1, p);
             if self.decoder.take(&message.data).map_err(fault)? {
-                times.push((self.decoder.stamp(&message.data), message.time));
+                // When it was sent, if that is known: a receiver that was busy takes many messages at once.
+                let passed_on = message.sent.unwrap_or(message.time);
+                times.push((self.decoder.stamp(&message.data), passed_on));
             }
         }
         let (Some(first), Some(last)) = (times.first(), times.last()) else {
@@ -222,11 +301,27 @@ impl Bag {
         } else {
             Clock::Receiver
         };
+        let received = self.ahead.front().map_or(0, |message| message.time);
         self.origin = match self.clock {
             Clock::Sender => first.0,
-            Clock::Receiver => first.1,
+            Clock::Receiver => received,
         };
         Ok(())
+    }
+
+    /// Where the sender's clock begins anew, as that of a robot that is switched on again does, time goes on by the recorder's.
+    fn follow_restart(&mut self) {
+        if self.clock == Clock::Receiver {
+            return;
+        }
+        let now = (self.decoder.stamp(&self.message.data), self.message.time);
+        if let Some(before) = self.before.replace(now) {
+            let sent = now.0.saturating_sub(before.0);
+            let received = now.1.saturating_sub(before.1);
+            if sent < -RESTART_NS && received > 0 {
+                self.origin = self.origin.saturating_add(sent.saturating_sub(received));
+            }
+        }
     }
 
     fn time(&self) -> f64 {
@@ -264,6 +359,7 @@ impl Source for Bag {
             if !self.decoder.take(&self.message.data).map_err(fault)? {
                 continue;
             }
+            self.follow_restart();
             let mut whole = true;
             for w in wanted {
                 let value = match w.cell {

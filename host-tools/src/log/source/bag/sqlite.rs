@@ -148,6 +148,7 @@ impl TopicMessages {
             let message = Message {
                 time: row.get(1)?,
                 data: row.get(2)?,
+                sent: None,
             };
             self.at = row.get(0)?;
             self.batch.push_back(message);

@@ -1,0 +1,300 @@
+//! `proprio record`: a live source into a log.
+
+mod report;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
+
+use crate::live::{Address, Counts, Source, Until};
+use crate::log::{CanonicalWriter, LiveRows, LogError, Periods};
+use crate::model::{Model, Robot};
+use crate::output::{AtomicFile, WriteError, finish_on_interrupt};
+use crate::progress::Underway;
+use clap::Args;
+use clap::error::ErrorKind;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use super::result::result;
+use super::{Error, model_or_default};
+use report::Report;
+
+/// Record a live source as a log
+///
+/// `dds` is the robot's own network: of the DDS domain it takes the topic of joint states that is sent there (unitree_go and unitree_hg
+/// LowState, sensor_msgs JointState), over the interface IFACE alone. Nothing is sent to the robot but what discovery asks of every
+/// participant. `-` is CSV on standard input, as its rows come. Each message is kept once, in the order of one writer; what was lost,
+/// came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  proprio record dds:eth0 -o chirp.mcap
+  proprio record dds:eth0/lowstate -o chirp.csv --seconds 20
+  proprio record dds:wlan0/joint_states --domain 3 -m arm.toml -o arm.csv.gz
+  my_driver | proprio record - -o chirp.csv")]
+pub(crate) struct Record {
+    /// `dds`, with the interface that leads to the robot and the topic; or - for standard input
+    #[arg(value_name = "dds[:IFACE][/TOPIC]|-")]
+    source: String,
+    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came
+    #[arg(short, long, value_name = "LOG")]
+    output: PathBuf,
+    /// How long to record [default: until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
+    seconds: Option<f64>,
+    /// DDS domain
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    domain: u16,
+    /// The robot's model file, whose joints a CSV log has [default: the Go2]
+    #[arg(short, long, value_name = "MODEL", conflicts_with = "urdf")]
+    model: Option<PathBuf>,
+    /// The robot's URDF, in place of a model file
+    #[arg(long, value_name = "FILE")]
+    urdf: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// How much longer than --seconds is waited for a sender that went silent, s.
+const SLACK: f64 = 1.0;
+
+/// Time between two words of progress.
+const PROGRESS: Duration = Duration::from_secs(1);
+
+/// The kinds of files that are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Gzip,
+    Mcap,
+}
+
+impl Format {
+    fn of(path: &Path) -> Self {
+        let name = path.to_string_lossy().to_lowercase();
+        match () {
+            () if name.ends_with(".mcap") => Self::Mcap,
+            () if name.ends_with(".gz") => Self::Gzip,
+            () => Self::Csv,
+        }
+    }
+}
+
+impl Record {
+    pub(crate) fn run(self) -> Result<String, Error> {
+        let Some(address) = Address::parse(&self.source) else {
+            let why = format!(
+                "{} is no live source: dds[:IFACE][/TOPIC] or -. A board sends estimates, not samples: `proprio monitor {0} --record FILE`",
+                self.source
+            );
+            super::usage_error("record", ErrorKind::ValueValidation, why);
+        };
+        let format = Format::of(&self.output);
+        if format == Format::Mcap && address == Address::Text {
+            let why = "rows of text are no messages: name a .csv or .csv.gz".to_owned();
+            super::usage_error("record", ErrorKind::ArgumentConflict, why);
+        }
+        let model = match &self.urdf {
+            Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
+            None => model_or_default(self.model.as_deref(), false)?,
+        };
+        finish_on_interrupt();
+        let counts = Counts::default();
+        let limit = self.seconds.map(|s| Duration::from_secs_f64(s + SLACK));
+        let until = Until::after(limit);
+        let shown = show(counts.clone());
+        let source = Source::open(&address, self.domain, &until, &counts)?;
+        let mut recording = Recording {
+            counts,
+            periods: Periods::default(),
+            limit: self.seconds,
+            first: None,
+            last: None,
+            recorded: 0,
+        };
+        let mut report = Report::new(&self.source, &self.output);
+        report.follows(&source);
+        let file = AtomicFile::create(&self.output)?;
+        let (file, failed) = match format {
+            Format::Mcap => recording.messages(source, file),
+            Format::Csv => recording.rows(source, model.robot(), file),
+            Format::Gzip => {
+                let gzip = GzEncoder::new(file, Compression::default());
+                let (gzip, failed) = recording
+                    .rows(source, model.robot(), gzip)
+                    .map_err(|error| error.at(&self.output))?;
+                gzip.finish()
+                    .map(|file| (file, failed))
+                    .map_err(Failed::Write)
+            }
+        }
+        .map_err(|error| error.at(&self.output))?;
+        drop(shown);
+        until.stop();
+        report.ends(&recording);
+        // Of a source that failed part-way, what came before is a log all the same.
+        file.commit()?;
+        if let Some(error) = failed {
+            eprintln!("{report}");
+            return Err(error.into());
+        }
+        report
+            .warnings()
+            .iter()
+            .for_each(|warning| eprintln!("warning: {warning}"));
+        Ok(match self.json {
+            true => result("record", &report),
+            false => report.to_string(),
+        })
+    }
+}
+
+/// Shows the counts once a second until what it gives is dropped.
+fn show(counts: Counts) -> impl Drop {
+    struct Shown(std::sync::mpsc::Sender<()>);
+    impl Drop for Shown {
+        fn drop(&mut self) {
+            // It may have ended.
+            let _ = self.0.send(());
+        }
+    }
+    let (end, ended) = channel();
+    thread::spawn(move || {
+        let underway = Underway::new("Waiting for the first message");
+        let mut before = 0;
+        while ended.recv_timeout(PROGRESS) == Err(RecvTimeoutError::Timeout) {
+            let now = counts.now();
+            if now.messages > 0 {
+                underway.say(report::progress(
+                    &now,
+                    now.messages - before.min(now.messages),
+                ));
+            }
+            before = now.messages;
+        }
+    });
+    Shown(end)
+}
+
+/// Reading failed before there was anything to keep, or writing.
+enum Failed {
+    Read(LogError),
+    Write(io::Error),
+}
+
+impl Failed {
+    fn at(self, output: &Path) -> Error {
+        match self {
+            Self::Read(error) => error.into(),
+            Self::Write(source) => WriteError {
+                path: output.to_owned(),
+                source,
+            }
+            .into(),
+        }
+    }
+}
+
+/// What is known of a recording while it grows.
+struct Recording {
+    counts: Counts,
+    periods: Periods,
+    /// Its length at most, s.
+    limit: Option<f64>,
+    /// Times of the first and last of its rows, s.
+    first: Option<f64>,
+    last: Option<f64>,
+    recorded: u64,
+}
+
+impl Recording {
+    /// Takes note of a row's time, s; false if it is beyond the limit.
+    fn note(&mut self, time: f64) -> bool {
+        let first = *self.first.get_or_insert(time);
+        if self.limit.is_some_and(|limit| time - first > limit) {
+            return false;
+        }
+        if let Some(last) = self.last.replace(time) {
+            let silence = time - last;
+            let is_gap = self.periods.is_gap(silence);
+            self.counts.with(|tally| {
+                tally.gaps += u64::from(is_gap);
+                tally.longest_silence = tally.longest_silence.max(silence);
+            });
+        }
+        true
+    }
+
+    fn seconds(&self) -> f64 {
+        self.last.unwrap_or(0.0) - self.first.unwrap_or(0.0)
+    }
+
+    /// Writes rows as they come; beside the output, what ended them if that was not to be.
+    fn rows<W: Write>(
+        &mut self,
+        source: Source,
+        robot: &Robot,
+        out: W,
+    ) -> Result<(W, Option<LogError>), Failed> {
+        let is_text = matches!(source, Source::Text(_));
+        let name = Path::new(if is_text { "-" } else { "dds" });
+        let mut rows = LiveRows::follow(name, source.into_input(), robot).map_err(Failed::Read)?;
+        let mut writer = CanonicalWriter::new(out, rows.columns()).map_err(Failed::Write)?;
+        let mut failed = None;
+        loop {
+            match rows.next_row() {
+                Ok(Some(row)) => {
+                    if !self.note(row.t()) {
+                        break;
+                    }
+                    writer.row(row).map_err(Failed::Write)?;
+                    self.recorded += 1;
+                    if is_text {
+                        self.counts.with(|tally| tally.messages += 1);
+                    }
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    failed = Some(error);
+                    break;
+                }
+            }
+        }
+        Ok((writer.finish().map_err(Failed::Write)?, failed))
+    }
+
+    /// Writes messages as they come.
+    #[cfg(feature = "mcap")]
+    fn messages<W: Write>(
+        &mut self,
+        source: Source,
+        out: W,
+    ) -> Result<(W, Option<LogError>), Failed> {
+        let Source::Messages {
+            topic,
+            kind,
+            mut messages,
+        } = source
+        else {
+            return Ok((out, None));
+        };
+        let mut writer =
+            crate::log::MessageWriter::new(out, &topic, kind).map_err(Failed::Write)?;
+        while let Some(message) = messages.next() {
+            if !self.note(message.received_ns as f64 * 1e-9) {
+                break;
+            }
+            writer.write(&message).map_err(Failed::Write)?;
+            self.recorded += 1;
+        }
+        Ok((writer.finish().map_err(Failed::Write)?, None))
+    }
+
+    #[cfg(not(feature = "mcap"))]
+    fn messages<W: Write>(&mut self, _: Source, out: W) -> Result<(W, Option<LogError>), Failed> {
+        Ok((out, None))
+    }
+}

@@ -1,0 +1,448 @@
+//! Messages of a topic of a DDS domain, over one network interface.
+//!
+//! Nothing here can write: of the participant only a subscriber is made, and no writer's type is named. The reader is best effort, so that no
+//! writer waits for it. Payloads are kept as they came; [`crate::log`] reads them as it reads those of a bag.
+
+use std::collections::HashMap;
+use std::convert::Infallible;
+use std::net::IpAddr;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::task::{Wake, Waker};
+use std::thread::{self, Thread};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter, SimpleDataReader};
+use rustdds::policy::{Durability, History, Reliability};
+use rustdds::{
+    DomainParticipant, DomainParticipantBuilder, GUID, QosPolicies, QosPolicyBuilder,
+    RepresentationIdentifier, TopicKind,
+};
+
+use super::Counts;
+use super::address::Topic;
+use super::error::LiveError;
+use super::follow::{Arrival, Follower};
+use super::until::{LOOK, Until};
+use crate::log::{LiveMessage, LiveMessages, MESSAGE_KINDS, can_be};
+
+/// How long a writer is waited for, s: participants announce themselves every few seconds.
+const PATIENCE_S: u64 = 10;
+/// How long more, once there is one, so that all are known among which to choose.
+const MORE: Duration = Duration::from_millis(500);
+/// Time between two looks at who else writes the topic.
+const CENSUS: Duration = Duration::from_millis(500);
+/// Writers of another type that are remembered, for the count of them.
+const OTHERS: usize = 64;
+/// Messages that the middleware keeps for us: two seconds of a robot's.
+const HISTORY: i32 = 1024;
+/// Messages that may wait for who takes them: 16 s of a robot's.
+const WAITING: usize = 8192;
+
+/// A topic that is received.
+pub struct Subscription {
+    /// Its name in the domain.
+    pub topic: String,
+    /// Its type, as ROS 2 calls it.
+    pub kind: &'static str,
+    /// Its messages.
+    pub messages: Queue,
+}
+
+/// Finds a topic of joint states, and receives it until `until` says so.
+///
+/// # Errors
+/// [`LiveError`]: of the interface, the domain, or of a topic that nobody writes.
+pub fn subscribe(
+    topic: &Topic,
+    domain: u16,
+    until: &Until,
+    counts: &Counts,
+) -> Result<Subscription, LiveError> {
+    let interface = interface(topic.interface.as_deref())?;
+    let failed = |problem: String| LiveError::Dds {
+        interface: interface.name.clone(),
+        problem,
+    };
+    let participant = DomainParticipantBuilder::new(domain)
+        .with_only_networks([interface.address])
+        // Announcements to this machine's own loopback would go beyond the interface that was chosen.
+        .same_host_loopback(false)
+        .build()
+        .map_err(|error| failed(error.to_string()))?;
+    let found = find(&participant, topic, until).ok_or_else(|| LiveError::NoWriter {
+        domain,
+        interface: interface.name.clone(),
+        asked: topic.name.clone(),
+        seconds: PATIENCE_S,
+        seen: written(&participant),
+    })?;
+    let reader = reader(&participant, &found).map_err(|error| failed(error.to_string()))?;
+    let (send, messages) = sync_channel(WAITING);
+    let receiving = Receiving {
+        topic: found.name.clone(),
+        others: Vec::new(),
+        type_name: found.type_name,
+        kind: found.kind,
+        types: HashMap::new(),
+        participant,
+        follower: Follower::default(),
+        send,
+        until: until.clone(),
+        counts: counts.clone(),
+    };
+    let named = thread::Builder::new().name("dds".to_owned());
+    named
+        .spawn(move || receiving.run(&reader))
+        .map_err(LiveError::Thread)?;
+    Ok(Subscription {
+        topic: found.name,
+        kind: found.kind,
+        messages: Queue {
+            messages,
+            first: None,
+            until: until.clone(),
+        },
+    })
+}
+
+/// Messages as they were received.
+pub struct Queue {
+    messages: Receiver<LiveMessage>,
+    first: Option<Instant>,
+    until: Until,
+}
+
+impl LiveMessages for Queue {
+    fn next(&mut self) -> Option<LiveMessage> {
+        while !self.until.is_over(self.first) {
+            match self.messages.recv_timeout(LOOK) {
+                Ok(message) => {
+                    self.first.get_or_insert_with(Instant::now);
+                    return Some(message);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return None,
+            }
+        }
+        None
+    }
+}
+
+/// A network interface that can be received on.
+struct Interface {
+    name: String,
+    address: IpAddr,
+}
+
+fn interface(asked: Option<&str>) -> Result<Interface, LiveError> {
+    let mut known: Vec<(Interface, bool)> = Vec::new();
+    for interface in netdev::get_interfaces() {
+        if let Some(address) = interface.ipv4.first().map(|net| net.addr())
+            && interface.is_up()
+        {
+            let loops = interface.is_loopback();
+            let name = interface.name.clone();
+            let address = IpAddr::V4(address);
+            known.push((Interface { name, address }, loops));
+        }
+    }
+    let list = |known: &[(Interface, bool)]| {
+        let named = known.iter();
+        named
+            .map(|(interface, _)| format!("{} ({})", interface.name, interface.address))
+            .collect()
+    };
+    if let Some(asked) = asked {
+        let is = |(known, _): &(Interface, bool)| {
+            known.name == asked || known.address.to_string() == asked
+        };
+        return match known.iter().position(is) {
+            Some(n) => Ok(known.swap_remove(n).0),
+            None => Err(LiveError::NoInterface {
+                asked: asked.to_owned(),
+                known: list(&known),
+            }),
+        };
+    }
+    known.retain(|(_, loops)| !loops);
+    match known.len() {
+        1 => Ok(known.swap_remove(0).0),
+        _ => Err(LiveError::WhichInterface {
+            known: list(&known),
+        }),
+    }
+}
+
+/// A topic that somebody writes.
+#[derive(Debug, Clone)]
+struct Found {
+    name: String,
+    /// What the domain calls its type: `unitree_go::msg::dds_::LowState_`.
+    type_name: String,
+    kind: &'static str,
+}
+
+/// The type that is read, of the name that ROS 2 gives it in a domain.
+fn kind_of(type_name: &str) -> Option<&'static str> {
+    let name = type_name.replace("::dds_::", "::").replace("::", "/");
+    let name = name.strip_suffix('_').unwrap_or(&name);
+    MESSAGE_KINDS.into_iter().find(|kind| *kind == name)
+}
+
+/// Waits for a writer of the topic; of several topics the first of [`MESSAGE_KINDS`], and of one type that of the shortest name: a robot's own
+/// rate is on `lowstate`, a thinned copy on `lf/lowstate`.
+fn find(participant: &DomainParticipant, topic: &Topic, until: &Until) -> Option<Found> {
+    let begin = Instant::now();
+    let mut since: Option<Instant> = None;
+    while begin.elapsed() < Duration::from_secs(PATIENCE_S) && !until.is_over(None) {
+        let found = participant
+            .discovered_writers()
+            .into_iter()
+            .filter_map(|w| {
+                let data = w.publication_topic_data;
+                let kind = kind_of(&data.type_name)?;
+                topic.is(&data.topic_name).then_some(Found {
+                    name: data.topic_name,
+                    type_name: data.type_name,
+                    kind,
+                })
+            });
+        let rank = |found: &Found| {
+            let kind = MESSAGE_KINDS.iter().position(|kind| *kind == found.kind);
+            (kind, found.name.len(), found.name.clone())
+        };
+        let best = found.min_by_key(rank);
+        if best.is_some() && since.get_or_insert_with(Instant::now).elapsed() >= MORE {
+            return best;
+        }
+        thread::sleep(LOOK);
+    }
+    None
+}
+
+/// Topics that are written in the domain, with their types.
+fn written(participant: &DomainParticipant) -> Vec<String> {
+    let writers = participant.discovered_writers().into_iter();
+    let mut seen: Vec<String> = writers
+        .map(|w| w.publication_topic_data)
+        .map(|data| format!("{} ({})", data.topic_name, data.type_name))
+        .collect();
+    seen.sort();
+    seen.dedup();
+    seen.truncate(20);
+    seen
+}
+
+fn quality() -> QosPolicies {
+    QosPolicyBuilder::new()
+        .reliability(Reliability::BestEffort)
+        .durability(Durability::Volatile)
+        .history(History::KeepLast { depth: HISTORY })
+        .build()
+}
+
+fn reader(
+    participant: &DomainParticipant,
+    found: &Found,
+) -> Result<SimpleDataReader<Payload, Bytes>, rustdds::dds::CreateError> {
+    let quality = quality();
+    let topic = participant.create_topic(
+        found.name.clone(),
+        found.type_name.clone(),
+        &quality,
+        TopicKind::NoKey,
+    )?;
+    let subscriber = participant.create_subscriber(&quality)?;
+    subscriber.create_simple_datareader_no_key::<Payload, Bytes>(&topic, Some(quality))
+}
+
+/// A message's bytes with the header that says how they are encoded.
+struct Payload(Vec<u8>);
+
+/// Keeps payloads as they came.
+struct Bytes;
+
+/// Copies bytes.
+#[derive(Clone)]
+struct Copy;
+
+impl DeserializerAdapter<Payload> for Bytes {
+    type Error = Infallible;
+    type Decoded = Payload;
+
+    fn supported_encodings() -> &'static [RepresentationIdentifier] {
+        // Others are kept too, and counted as unreadable by who looks at their header.
+        &[
+            RepresentationIdentifier::CDR_LE,
+            RepresentationIdentifier::XCDR2_LE,
+            RepresentationIdentifier::CDR_BE,
+            RepresentationIdentifier::XCDR2_BE,
+        ]
+    }
+
+    fn transform_decoded(decoded: Payload) -> Payload {
+        decoded
+    }
+}
+
+impl DefaultDecoder<Payload> for Bytes {
+    type Decoder = Copy;
+    const DECODER: Copy = Copy;
+}
+
+impl Decode<'_, Payload> for Copy {
+    type Error = Infallible;
+
+    fn decode_bytes(
+        self,
+        bytes: &[u8],
+        encoding: RepresentationIdentifier,
+    ) -> Result<Payload, Infallible> {
+        let [high, low] = encoding.to_bytes();
+        Ok(Payload([&[high, low, 0, 0], bytes].concat()))
+    }
+}
+
+/// Wakes the thread that waits for messages.
+struct Unpark(Thread);
+
+impl Wake for Unpark {
+    fn wake(self: Arc<Self>) {
+        self.0.unpark();
+    }
+}
+
+/// What the receiving thread has.
+struct Receiving {
+    topic: String,
+    /// Writers that give the topic another type.
+    others: Vec<GUID>,
+    type_name: String,
+    kind: &'static str,
+    /// Whether each writer gives the topic this type, as it announced.
+    types: HashMap<GUID, bool>,
+    participant: DomainParticipant,
+    follower: Follower<GUID>,
+    send: SyncSender<LiveMessage>,
+    until: Until,
+    counts: Counts,
+}
+
+impl Receiving {
+    fn run(mut self, reader: &SimpleDataReader<Payload, Bytes>) {
+        let waker = Waker::from(Arc::new(Unpark(thread::current())));
+        let mut census: Option<Instant> = None;
+        while !self.until.is_over(None) {
+            if census.is_none_or(|last| last.elapsed() >= CENSUS) {
+                census = Some(Instant::now());
+                self.count_other_types();
+            }
+            // Before messages are taken, so that one that comes meanwhile wakes.
+            reader.set_waker(Some(waker.clone()));
+            reader.drain_read_notifications();
+            loop {
+                match reader.try_take_one() {
+                    Ok(Some(change)) => {
+                        let sequence = i64::from(change.sequence_number);
+                        let sent = change.source_timestamp().map(nanoseconds);
+                        if !self.take(change.writer_guid, sequence, sent, change.sample.0) {
+                            return;
+                        }
+                    }
+                    Ok(None) => break,
+                    Err(_) => self.counts.with(|tally| tally.unreadable += 1),
+                }
+            }
+            thread::park_timeout(LOOK);
+        }
+    }
+
+    /// Middleware that compares types lets their messages not come this far; so they are counted by their announcements.
+    fn count_other_types(&mut self) {
+        for writer in self.participant.discovered_writers() {
+            let data = writer.publication_topic_data;
+            let is_other = data.topic_name == self.topic && data.type_name != self.type_name;
+            if is_other && self.others.len() < OTHERS && !self.others.contains(&data.key) {
+                self.others.push(data.key);
+                self.counts.with(|tally| tally.other_type_writers += 1);
+            }
+        }
+    }
+
+    /// Passes a message on; false once nobody takes them any more.
+    fn take(&mut self, writer: GUID, sequence: i64, sent_ns: Option<i64>, data: Vec<u8>) -> bool {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        let received_ns = now.map_or(0, |now| i64::try_from(now.as_nanos()).unwrap_or(i64::MAX));
+        let arrival = Arrival {
+            writer,
+            sequence,
+            received_ns,
+            right_type: self.has_right_type(writer),
+            readable: can_be(self.kind, &data),
+        };
+        let taken = self.counts.with(|tally| self.follower.take(arrival, tally));
+        if !taken {
+            return true;
+        }
+        match self.send.try_send(LiveMessage {
+            received_ns,
+            sent_ns,
+            data,
+        }) {
+            Ok(()) => true,
+            Err(TrySendError::Full(_)) => {
+                self.counts.with(|tally| {
+                    tally.messages -= 1;
+                    tally.overrun += 1;
+                });
+                true
+            }
+            Err(TrySendError::Disconnected(_)) => false,
+        }
+    }
+
+    /// A writer whose announcement is not known is believed: its bytes are looked at all the same.
+    fn has_right_type(&mut self, writer: GUID) -> bool {
+        if let Some(right) = self.types.get(&writer) {
+            return *right;
+        }
+        let announced = self.participant.discovered_writers().into_iter();
+        let data = announced.map(|w| w.publication_topic_data);
+        let Some(data) = data.into_iter().find(|data| data.key == writer) else {
+            return true;
+        };
+        let right = data.type_name == self.type_name;
+        self.types.insert(writer, right);
+        right
+    }
+}
+
+/// A time of RTPS, seconds and their 2³²nd parts, in ns.
+fn nanoseconds(time: rustdds::Timestamp) -> i64 {
+    let ticks = u128::from(time.to_ticks());
+    i64::try_from((ticks * 1_000_000_000) >> 32).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn types_are_known_by_what_ros_calls_them_in_a_domain() {
+        let table = [
+            ("unitree_go::msg::dds_::LowState_", Some(MESSAGE_KINDS[0])),
+            ("unitree_hg::msg::dds_::LowState_", Some(MESSAGE_KINDS[1])),
+            (
+                "sensor_msgs::msg::dds_::JointState_",
+                Some(MESSAGE_KINDS[2]),
+            ),
+            ("unitree_go::msg::dds_::LowCmd_", None),
+            ("LowState_", None),
+            ("", None),
+        ];
+        for (name, kind) in table {
+            assert_eq!(kind_of(name), kind, "{name}");
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Live sources: what a robot sends now, for the commands that record and watch it.
+//!
+//! A source gives what [`crate::log`] reads: the messages of a DDS topic, or lines of text. It sends nothing itself: of a DDS domain it has a
+//! subscriber alone, whose participant announces itself as discovery asks of every participant.
+//!
+//! Files beside:
+//!
+//! - `address`: what a user calls a source: `-`, `dds`, `dds:eth0/lowstate`
+//! - `dds`: messages of a topic of a DDS domain, over one network interface
+//! - `error`: why nothing can be received
+//! - `follow`: which of the messages of several writers are one robot's, each once
+//! - `text`: lines of standard input as they come
+//! - `until`: when to end
+
+mod address;
+#[cfg(feature = "dds")]
+mod dds;
+mod error;
+mod follow;
+mod text;
+mod until;
+
+pub use address::{Address, Topic};
+#[cfg(feature = "dds")]
+pub use dds::{Subscription, subscribe};
+pub use error::LiveError;
+pub use follow::{Arrival, Follower, Tally};
+pub use text::lines;
+pub use until::Until;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+#[cfg(feature = "mcap")]
+use crate::log::LiveMessages;
+
+/// What came of a source so far, counted while it comes.
+#[derive(Debug, Clone, Default)]
+pub struct Counts(Arc<Mutex<Tally>>);
+
+impl Counts {
+    /// The counts by now.
+    pub fn now(&self) -> Tally {
+        self.with(|tally| tally.clone())
+    }
+
+    /// Changes them, or looks at them.
+    pub fn with<T>(&self, change: impl FnOnce(&mut Tally) -> T) -> T {
+        change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// A source that has been opened.
+pub enum Source {
+    /// Lines of text, the first of which names the columns.
+    Text(Box<dyn std::io::Read + Send>),
+    /// Messages of a topic.
+    #[cfg(feature = "mcap")]
+    Messages {
+        /// The topic's name.
+        topic: String,
+        /// Their type, as ROS 2 calls it.
+        kind: &'static str,
+        /// The messages.
+        messages: Box<dyn LiveMessages + Send>,
+    },
+}
+
+impl Source {
+    /// Opens what `address` names, on this DDS domain if it is a topic; what comes is counted in `counts`, and ends as `until` says.
+    ///
+    /// # Errors
+    /// [`LiveError`].
+    pub fn open(
+        address: &Address,
+        domain: u16,
+        until: &Until,
+        counts: &Counts,
+    ) -> Result<Self, LiveError> {
+        match address {
+            Address::Text => Ok(Self::Text(Box::new(lines(until.clone())?))),
+            #[cfg(feature = "dds")]
+            Address::Dds(topic) => {
+                let subscription = subscribe(topic, domain, until, counts)?;
+                Ok(Self::Messages {
+                    topic: subscription.topic,
+                    kind: subscription.kind,
+                    messages: Box::new(subscription.messages),
+                })
+            }
+            #[cfg(not(feature = "dds"))]
+            Address::Dds(_) => {
+                let _ = (domain, counts);
+                Err(LiveError::NotBuilt)
+            }
+        }
+    }
+
+    /// As what the readers of logs follow.
+    pub fn into_input(self) -> crate::log::LiveInput {
+        match self {
+            Self::Text(text) => crate::log::LiveInput::Text(text),
+            #[cfg(feature = "mcap")]
+            Self::Messages {
+                topic,
+                kind,
+                messages,
+            } => crate::log::LiveInput::Messages {
+                topic,
+                kind,
+                messages,
+            },
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Rows of a live source as steps of motor buses, for the device in this process.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use proprio_core::go2::Leg;
+
+use super::error::FeedError;
+use crate::device::{BusStep, RowSteps};
+use crate::live::{Counts, LiveError, Source, Until};
+use crate::log::{LogReader, Selection};
+use crate::model::Robot;
+
+/// Steps that may wait: two seconds of a robot's.
+const WAITING: usize = 1024;
+
+/// What a live source gave.
+#[derive(Debug)]
+pub(super) enum Step {
+    /// A row that the gate of all logs has let in.
+    Row(BusStep),
+    /// Nothing new for now.
+    Silence,
+    /// Nothing more comes; what a user should know of all that came.
+    End(Vec<String>),
+}
+
+/// A robot that is followed live.
+pub struct Live {
+    steps: Receiver<Result<Step, FeedError>>,
+    until: Until,
+    counts: Counts,
+}
+
+impl Live {
+    /// Follows `source`, a Go2's, called `name`.
+    ///
+    /// # Errors
+    /// [`LiveError::Thread`].
+    pub fn follow(
+        name: PathBuf,
+        source: Source,
+        until: Until,
+        counts: Counts,
+    ) -> Result<Self, LiveError> {
+        let (send, steps) = sync_channel(WAITING);
+        let named = thread::Builder::new().name("rows".to_owned());
+        named
+            .spawn(move || {
+                let end = read(name, source, &send);
+                // Nobody takes it if the monitor has ended.
+                let _ = send.send(end.map(Step::End));
+            })
+            .map_err(LiveError::Thread)?;
+        Ok(Self {
+            steps,
+            until,
+            counts,
+        })
+    }
+
+    /// What comes within `patience`.
+    pub(super) fn next(&self, patience: Duration) -> Result<Step, FeedError> {
+        match self.steps.recv_timeout(patience) {
+            Ok(step) => step,
+            Err(RecvTimeoutError::Timeout) => Ok(Step::Silence),
+            Err(RecvTimeoutError::Disconnected) => Ok(Step::End(Vec::new())),
+        }
+    }
+
+    /// Messages that never came, and those of other writers.
+    pub(super) fn losses(&self) -> (u64, u64) {
+        self.counts.with(|tally| (tally.lost, tally.other_writers))
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.until.stop();
+    }
+}
+
+/// Sends each row as a step; what the reader noticed at the end.
+fn read(
+    name: PathBuf,
+    source: Source,
+    send: &SyncSender<Result<Step, FeedError>>,
+) -> Result<Vec<String>, FeedError> {
+    let robot = Robot::go2();
+    let mut reader = LogReader::follow(&name, source.into_input(), Selection::Motion, &robot)?;
+    let legs: Vec<Leg> = reader.columns().legs().collect();
+    let mut steps = RowSteps::new(&legs);
+    while let Some(row) = reader.next_row()? {
+        let Some(step) = steps.step(row)? else {
+            continue;
+        };
+        if send.send(Ok(Step::Row(step))).is_err() {
+            return Ok(Vec::new());
+        }
+    }
+    // Too short a look is no error of a view.
+    let warnings = reader.finish().unwrap_or_default();
+    Ok(warnings.iter().map(ToString::to_string).collect())
+}
