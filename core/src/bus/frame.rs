@@ -17,6 +17,7 @@ const SPEED: f64 = TAU / 256.0;
 const TORQUE: f64 = 1.0 / 256.0;
 
 /// Joint position (rad), velocity (rad/s) and torque (N m) of one count each, behind a transmission of ratio `gear`.
+#[cfg(feature = "app")]
 pub(crate) const fn joint_side(gear: f64) -> [f64; 3] {
     [POSITION / gear, SPEED / gear, TORQUE * gear]
 }

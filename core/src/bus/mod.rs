@@ -28,6 +28,7 @@ mod tests;
 pub use assembly::{AssemblyCounters, Breaks, Cycle, Heard};
 pub use decoder::{Decoder, DecoderCounters, Frame};
 pub use encoder::MotorState;
+#[cfg(feature = "app")]
 pub(crate) use frame::joint_side;
 pub use frame::{Command, EncodeError, Mode, Reply, Status, position_counts};
 pub use listener::Listener;
