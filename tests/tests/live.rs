@@ -99,7 +99,14 @@ fn ctrl_c_and_a_request_to_terminate_leave_a_whole_file() {
         let half = text[..=1000].join("\n") + "\n" + &text[1001][..20];
         stdin.write_all(half.as_bytes()).unwrap();
         stdin.flush().unwrap();
-        thread::sleep(Duration::from_millis(700));
+        // It reads, on a machine that may be busy, once its temporary file is there.
+        let is_temporary = |entry: fs::DirEntry| entry.path().extension() == Some("tmp".as_ref());
+        let begun = || (fs::read_dir(at).unwrap()).any(|entry| is_temporary(entry.unwrap()));
+        let started = Instant::now();
+        while !begun() && started.elapsed() < Duration::from_secs(30) {
+            thread::sleep(Duration::from_millis(50));
+        }
+        thread::sleep(Duration::from_secs(2));
         assert!(!at.join(name).exists());
         let killed = Command::new("kill")
             .args([signal, &child.id().to_string()])
@@ -107,7 +114,8 @@ fn ctrl_c_and_a_request_to_terminate_leave_a_whole_file() {
         assert!(killed.unwrap().success());
         let output = child.wait_with_output().unwrap();
         assert_eq!(report(&output)["recorded"], 1000, "{signal}");
-        let imported = json(&done(at, &["import", name, "-o", "imported.csv", "--json"]));
+        let import = ["import", name, "-o", "imported.csv", "--force", "--json"];
+        let imported = json(&done(at, &import));
         assert_eq!(imported["samples"], 1000);
         drop(stdin);
     }

@@ -1,11 +1,20 @@
 //! Simulated captures, whose content is known.
 
 use proprio_core::bus::crc::SEED_GO2;
-use proprio_core::bus::{Command, Mode, Reply};
+use proprio_core::bus::{Command, Mode, Reply, position_counts};
+use proprio_core::go2::ACTUATORS;
 
 use super::*;
 
 const BAUD: u32 = 4_000_000;
+
+/// Counts at which a leg's third motor is bent by what a calf can be.
+fn calf(id: u8) -> i32 {
+    match id {
+        2 => position_counts(ACTUATORS[2].gear, -1.5).unwrap(),
+        _ => 0,
+    }
+}
 
 /// A capture of `cycles` cycles of 2 ms, motors 3, 1 and 2 in this order; motor 2 has another seed and 30 µs turn-around, the
 /// others 20 µs. `change` may change a reply's bytes.
@@ -23,7 +32,7 @@ fn capture(cycles: u64, change: impl Fn(u64, u8, &mut Vec<u8>)) -> Vec<u8> {
             writer.record(time_us, &command.encode(SEED_GO2)).unwrap();
             let reply = Reply {
                 mode,
-                position: n as i32,
+                position: calf(id) + n as i32,
                 temperature: 30 + id as i8,
                 ..Reply::default()
             };

@@ -9,6 +9,7 @@
 use std::collections::VecDeque;
 
 use super::channel::Channel;
+use super::checks::BRIDGED;
 use super::columns::Columns;
 use super::error::{Place, Unit};
 use super::slots::TIME;
@@ -229,9 +230,11 @@ impl Stamps {
     }
 }
 
-/// The time between rows at most places, s; none of so few rows, or if time stands still.
+/// The time between rows at most places where rows follow one another, s; none of so few, or if time stands still.
 fn period(stamps: &[f64]) -> Option<f64> {
+    let is_whole = |span: &&[f64]| span.windows(2).all(|pair| pair[1] - pair[0] <= BRIDGED);
     let spans = stamps.windows(SPAN + 1).step_by(SPAN / 8);
+    let spans = spans.filter(is_whole);
     let period = robust::median(spans.map(|span| (span[SPAN] - span[0]) / SPAN as f64))?;
     (period > 0.0).then_some(period)
 }

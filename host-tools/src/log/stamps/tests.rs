@@ -106,7 +106,11 @@ fn what_was_stamped_in_time_keeps_its_stamp() {
         .filter(|(n, _)| n % 7 != 3 && n % 500 > 20)
         .map(|(_, t)| *t)
         .collect();
-    for measured in [&even, &uneven, &lossy] {
+    // Episodes of a data set, a second apart.
+    let short: Vec<f64> = (0..240)
+        .map(|n| n as f64 * 2e-3 + (n / 60) as f64)
+        .collect();
+    for measured in [&even, &uneven, &lossy, &short] {
         let (times, mended) = read(&rows(measured, measured, 1.0, 5));
         assert_eq!((mended, &times), (0, measured));
     }
