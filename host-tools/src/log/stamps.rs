@@ -1,8 +1,7 @@
 //! Time stamps of a recorder that falls behind: rows are measured at an even pace, stamped late, and closer together until it has caught up.
 //!
 //! A row can be stamped late, not early: a row is measured at least a period before the next one, so that the earliest moment that the rows after
-//! it leave for it is known (the lower envelope of the stamps; Cristian 1989, *Probabilistic clock synchronization*, section 4, has the same
-//! bound for messages). Whether stamps or envelope are right is for the motion to say: over the rows in question positions have moved by what
+//! it leave for it is known (the lower envelope of the stamps; Cristian 1989, *Probabilistic clock synchronization*, bounds messages' times so). Whether stamps or envelope are right is for the motion to say: over the rows in question positions have moved by what
 //! velocities integrate to on one of the two clocks. Rows that rest, and rows whose sender was not even, keep their stamps; messages that are
 //! lost leave their gap.
 
@@ -26,8 +25,8 @@ const LATE: f64 = 0.25;
 const WITH_IT: f64 = 0.05;
 /// A period is known to this share: rows that are on time must not seem late by those long after them.
 const KNOWN: f64 = 2e-3;
-/// What velocities leave of the positions' steps is at most this share, squared, of what the stamps leave. A clock that is as good as the other
-/// leaves the same; 0.3 and 0.7 mend the same logs of the test within 2 % of their rows.
+/// What velocities leave of the positions' steps is at most this share, squared, of what the stamps leave: noise is in both alike, so that of two
+/// clocks that are as good the shares are near 1, and of a wrong one the motion's part comes on top.
 const CLEARLY: f64 = 0.5;
 
 /// Share of a log's rows from which late stamps are told: computers that do other things too are late with one row in some thousands.
