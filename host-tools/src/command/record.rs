@@ -25,7 +25,7 @@ use report::Report;
 /// Record a live source as a log
 ///
 /// `dds` is the robot's own network: of the DDS domain it takes the topic of joint states that is sent there (unitree_go and unitree_hg
-/// LowState, sensor_msgs JointState), over the interface IFACE alone. Nothing is sent to the robot but what discovery asks of every
+/// LowState, sensor_msgs JointState), over the interface IFACE. Nothing is sent to the robot but what discovery asks of every
 /// participant. `-` is CSV on standard input, as its rows come. Each message is kept once, in the order of one writer; what was lost,
 /// came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
 #[derive(Debug, Args)]
