@@ -37,10 +37,10 @@ const SHAPE_PASSES: usize = 3;
 const STEADY: f64 = 0.1;
 /// A correlation of neighbours that differs by less is the same.
 pub(crate) const SAME_CORRELATION: f64 = 0.03;
-/// Squared distance from the CAD, in units of its uncertainty, beyond which a body is held: 99 % of all bodies with the
+/// Squared distance from the CAD, in units of its uncertainty, beyond which a body is not the one that is stated: 99 % of all bodies with the
 /// stated uncertainty are nearer (χ² of ten degrees of freedom).
 const FARTHEST: f64 = 23.2;
-/// Times that bodies are held nearer.
+/// Times that bodies are held nearer, or released.
 pub(crate) const HOLD_ROUNDS: usize = 5;
 
 /// How a limb is fitted.
@@ -56,13 +56,25 @@ pub(crate) struct How {
     pub(crate) shapes: Option<Vec<Place>>,
     /// Whether plays and springs are sought near those of `start` only; where none is near that tells more than nothing there is no fit.
     pub(crate) near: bool,
-    /// Whether bodies that the data would carry far from the CAD are held: what a model lacks must show in the residual and not as an
-    /// absurd mass.
-    pub(crate) hold_bodies: bool,
+    /// What is done with bodies that the data would carry far from the CAD.
+    pub(crate) far_bodies: FarBodies,
     /// Most times that rows are made again, if fewer than usual: near a known fit two are enough.
     pub(crate) passes: Option<usize>,
     /// How rows are weighed, if not as the fit itself has it: models are compared under the same weights.
     pub(crate) weights: Option<Arc<Weights>>,
+}
+
+/// What is done with a body that the data would carry beyond [`FARTHEST`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum FarBodies {
+    /// Nothing: the prior and the data share it.
+    #[default]
+    Pulled,
+    /// It is held nearer: what a model lacks must show in the residual and not as an absurd mass.
+    Held,
+    /// It is released: a prior that the data contradict would bias its value and make its error too small. Its uncertainty is taken to be what
+    /// makes its distance a usual one (the ratio of Birge, Phys. Rev. 40, 1932): one for each of its numbers that the data tell.
+    Released,
 }
 
 /// A limb fitted to a recording.
@@ -209,7 +221,7 @@ impl<'a> LimbFit<'a> {
             let how = How {
                 start: Some(start.clone()),
                 shapes: Some(Vec::new()),
-                hold_bodies: true,
+                far_bodies: FarBodies::Held,
                 passes: Some(2),
                 ..How::default()
             };
@@ -267,9 +279,13 @@ impl<'a> LimbFit<'a> {
             solution = problem.solve_from(&solution.theta)?;
         }
         let mut tightness = vec![1.0; problem.bodies.len()];
-        if how.hold_bodies {
+        if how.far_bodies != FarBodies::Pulled {
             for _ in 0..HOLD_ROUNDS {
-                if !hold(&mut problem, &solution, &mut tightness) {
+                let changed = match how.far_bodies {
+                    FarBodies::Released => release(&mut problem, &solution),
+                    _ => hold(&mut problem, &solution, &mut tightness),
+                };
+                if !changed {
                     break;
                 }
                 solution = problem.solve_from(&solution.theta)?;
@@ -395,20 +411,45 @@ impl<'a> LimbFit<'a> {
     }
 }
 
+/// Squared distance of body b from the CAD's, in units of its uncertainty.
+fn distance(problem: &Problem, solution: &Solution, b: usize) -> f64 {
+    let (cad, relative) = &problem.bodies[b];
+    let body = super::bounded::body(&solution.theta, b);
+    (body.divergence(cad)).map_or(0.0, |d| d * 2.0 / (relative * relative))
+}
+
 /// Holds those bodies nearer that are farther from the CAD than bodies are. Whether there is one.
 pub(crate) fn hold(problem: &mut Problem, solution: &Solution, tightness: &mut [f64]) -> bool {
     let mut far = false;
-    for (b, (cad, relative)) in problem.bodies.iter_mut().enumerate() {
-        let body = super::bounded::body(&solution.theta, b);
-        let divergence = body
-            .divergence(cad)
-            .map_or(0.0, |d| d * 2.0 / (*relative * *relative));
+    for b in 0..problem.bodies.len() {
         // The distance in units of the uncertainty as it was stated.
-        let distance = divergence / (tightness[b] * tightness[b]);
+        let distance = distance(problem, solution, b) / (tightness[b] * tightness[b]);
         if distance > FARTHEST {
             let closer = (distance / FARTHEST).sqrt();
             tightness[b] *= closer;
-            *relative /= closer;
+            problem.bodies[b].1 /= closer;
+            far = true;
+        }
+    }
+    far
+}
+
+/// How many of body b's numbers the data tell: those whose prior they narrow.
+fn told(problem: &Problem, solution: &Solution, b: usize) -> f64 {
+    let prior = problem.prior_information(&solution.theta);
+    let own = INERTIAL * b;
+    let covariance = super::bounded::inverse(&solution.factor);
+    let open = prior.view((own, own), (INERTIAL, INERTIAL)) * covariance.rows(own, INERTIAL);
+    INERTIAL as f64 - open.norm_squared()
+}
+
+/// Releases those bodies that are farther from the CAD than bodies are. Whether there is one.
+fn release(problem: &mut Problem, solution: &Solution) -> bool {
+    let mut far = false;
+    for b in 0..problem.bodies.len() {
+        let distance = distance(problem, solution, b);
+        if distance > FARTHEST {
+            problem.bodies[b].1 *= (distance / told(problem, solution, b).max(1.0)).sqrt();
             far = true;
         }
     }

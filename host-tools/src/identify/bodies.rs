@@ -11,7 +11,8 @@ use crate::model::{Model, significant};
 /// A body is another one if it is so many standard deviations, of prior and fit together, from what the CAD says: of 30 numbers of three
 /// bodies one in ten of complete robots would show two, one in a hundred three.
 const FAR: f64 = 3.0;
-/// What the logs say must be surer than the prior: the fit's standard deviation is at most this share of it.
+/// What the logs say must be surer than the prior, or than the difference is wide: the fit's standard deviation is at most this share of the
+/// prior's, or of what makes the difference [`FAR`].
 const SURE: f64 = 0.7;
 
 /// What of a body is not the CAD's.
@@ -98,8 +99,9 @@ fn other_body(parameters: &[FittedParameter], body: usize, link: &str) -> Option
     }
     let other = |quantity: BodyQuantity| {
         let (value, stated) = (quantity.of(&fitted)?, quantity.of(&stated)?);
-        let z = (value[0] - stated[0]).abs() / value[1].hypot(stated[1]);
-        let sure = value[1] < SURE * stated[1];
+        let apart = (value[0] - stated[0]).abs();
+        let z = apart / value[1].hypot(stated[1]);
+        let sure = value[1] < SURE * stated[1].max(apart / FAR);
         (sure && z > FAR).then(|| OtherBody {
             link: link.to_owned(),
             quantity,

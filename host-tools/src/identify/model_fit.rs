@@ -10,7 +10,7 @@ use crate::detect::ladder;
 use crate::detect::twist::told_by_encoders;
 use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
-use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot::{self, side_by_side};
 use crate::estimate::stages::{self, Stage, StageParameter};
@@ -62,6 +62,7 @@ pub fn fit_model(
     let how = How {
         constraint: options.constraint,
         method: options.method,
+        far_bodies: FarBodies::Released,
         ..How::default()
     };
     let places: Vec<Vec<Place>> = data.iter().map(places_of).collect();
@@ -166,7 +167,10 @@ pub(crate) fn places_of(data: &LimbData) -> Vec<Place> {
 /// All parameters of a limb: its bodies', its effects' by column, then what is known without a column.
 pub(crate) fn parameters(fit: &LimbFit) -> Vec<FittedParameter> {
     let deviations = fit.deviations();
-    let prior = fit.problem.without_data().solve();
+    // What was stated, of a body that was released too.
+    let mut stated = fit.problem.without_data();
+    stated.bodies = fit.data.bodies_before();
+    let prior = stated.solve();
     let prior_std = prior.as_ref().map(crate::estimate::bounded::Solution::std);
     let there = fit.problem.prior_root(&fit.solution.theta);
     let entries = fit.columns.entries.iter().enumerate();

@@ -10,7 +10,7 @@ use super::criteria::feasible::is_likely;
 use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
-use crate::estimate::fit::{How, LimbFit};
+use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::grid::{shape_parameter, size_of};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
@@ -238,7 +238,7 @@ impl<'a> Fitted for State<'a> {
 pub(crate) fn how() -> How {
     How {
         constraint: Constraint::Physical,
-        hold_bodies: true,
+        far_bodies: FarBodies::Held,
         ..How::default()
     }
 }
