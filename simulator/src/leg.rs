@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::effect::{Effect, Site, Transmission};
 use super::follow::Followed;
 use super::hidden::HiddenEffect;
+use super::lag::LaggingMotors;
 use super::motion::{Reference, Wanted, centre};
 use super::plant::{Plant, PlantJoint, State};
 use super::report::ReportedTorque;
@@ -39,6 +40,7 @@ pub(super) struct SimulatedLeg {
     /// Ticks of the controller so far.
     ticks: u64,
     reported: ReportedTorque<JOINTS>,
+    motors: LaggingMotors<JOINTS>,
     /// The torque that the motors give now, N m.
     given: Vector3<f64>,
 }
@@ -66,6 +68,7 @@ impl SimulatedLeg {
             *body = effects.iter().fold(*body, |sum, e| sum + e.load());
         }
         let reported = ReportedTorque::new(PERIOD, |j| &joints[j].effects);
+        let motors = LaggingMotors::new(|j| &joints[j].effects);
         let [roll, pitch] = simulation.tilt();
         let base = mount.compose(&turned(Rotation3::from_euler_angles(roll, pitch, 0.0)));
         let follow = simulation.follow.clone();
@@ -81,6 +84,7 @@ impl SimulatedLeg {
             mount,
             ticks: 0,
             reported,
+            motors,
             given: Vector3::zeros(),
         };
         leg.control();
@@ -152,14 +156,15 @@ impl SimulatedLeg {
         let (q, dq) = self.measured();
         let (wanted, forward, [gain_p, gain_d]) = self.asked(t);
         let back = (wanted.q - q).component_mul(&gain_p) + (wanted.dq - dq).component_mul(&gain_d);
-        let mut reported = Vector3::zeros();
+        let (mut reported, mut asked) = (Vector3::zeros(), Vector3::zeros());
         for j in 0..JOINTS {
             let effort = ACTUATORS[j].effort;
             reported[j] = (forward[j] + back[j]).clamp(-effort, effort);
             let seen = self.plant.seen(j, 0, &self.state, 0.0);
             let effects = self.plant.joints[j].effects.iter();
-            self.given[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
+            asked[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
         }
+        self.given = self.motors.follow(PERIOD, &asked);
         let middle = if self.ticks == 0 {
             0.0
         } else {

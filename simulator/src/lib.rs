@@ -3,7 +3,7 @@
 //!
 //! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
 //! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
-//! and forward dynamics moves them (`plant`). A controller of 4 kHz gives PD on the reference and the CAD's inverse
+//! and forward dynamics moves them (`plant`), moved by motors that may lag (`lag`). A controller of 4 kHz gives PD on the reference and the CAD's inverse
 //! dynamics; the sensors add noise, the quanta of the motor bus, jitter and repeated messages. A seed gives the same log
 //! everywhere, and the same reference, bodies and noise whatever is hidden.
 
@@ -12,6 +12,7 @@ mod effect;
 pub mod follow;
 pub mod hidden;
 mod inertia_error;
+mod lag;
 mod leg;
 mod motion;
 mod plant;

@@ -118,6 +118,11 @@ pub const SIZES: &[Sizes] = {
         sizes(K::VelocityGain, [1.03, 1.09, 0.85], [1.03, 1.09, 0.85]),
         sizes(K::EncoderOffset, [0.02, 0.05, 0.15], [0.02, 0.05, 0.15]),
         sizes(K::Delay, [0.0013, 0.0035, 0.0083], [0.0013, 0.0035, 0.0083]),
+        sizes(
+            K::CurrentLag,
+            [0.0013, 0.0035, 0.0083],
+            [0.0013, 0.0035, 0.0083],
+        ),
         with(
             K::BaseTilt,
             [0.02, 0.05, 0.15],
@@ -139,6 +144,7 @@ pub const SIZES: &[Sizes] = {
         sizes(K::Elasticity, [300.0, 100.0, 40.0], [300.0, 100.0, 40.0]),
         sizes(K::Backlash, [0.005, 0.015, 0.04], [0.005, 0.015, 0.04]),
         sizes(K::Saturation, [4.0, 2.5, 1.5], [4.0, 2.5, 1.5]),
+        sizes(K::DeadBand, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
         sizes(K::PositionCoulomb, [0.1, 0.3, 0.6], [0.2, 0.5, 1.0]),
         sizes(K::Presliding, [0.1, 0.3, 0.6], [0.2, 0.6, 1.5]),
         sizes(K::PeriodicTorque, [0.1, 0.3, 0.8], [0.1, 0.3, 0.8]),

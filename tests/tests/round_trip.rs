@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// Values that a simulated leg is given, one for each effect of the catalogue but `contact`, which is not predicted: `compare` leaves out the
 /// time in which it finds a foot on the ground.
-const HIDDEN: [(&str, &str); 27] = [
+const HIDDEN: [(&str, &str); 29] = [
     ("viscous", "0.3"),
     ("coulomb", "0.6"),
     ("armature", "0.01"),
@@ -27,12 +27,14 @@ const HIDDEN: [(&str, &str); 27] = [
     ("velocity_gain", "1.05"),
     ("encoder_offset", "0.05"),
     ("delay", "0.004"),
+    ("current_lag", "0.004"),
     ("base_tilt", "0.05"),
     ("payload", "0.4"),
     ("elasticity", "300"),
     ("elastic_hysteresis", "100,f=0.3"),
     ("backlash", "0.01"),
     ("saturation", "6"),
+    ("dead_band", "0.4"),
 ];
 
 fn number(value: &Value, key: &str) -> f64 {

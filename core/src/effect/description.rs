@@ -125,6 +125,8 @@ pub enum Grid {
     Harmonics,
     /// Shares of the joint's greatest torque, N m.
     Torques,
+    /// The same, small ones.
+    SmallTorques,
     /// Gaps between motor and link, rad.
     Gaps,
     /// Compliances, rad/(N m), by the resonances that they give the link.

@@ -45,6 +45,8 @@ mod coulomb;
 mod coupled_armature;
 mod coupled_coulomb;
 mod coupled_viscous;
+mod current_lag;
+mod dead_band;
 mod delay;
 mod description;
 mod elastic_hysteresis;
@@ -302,6 +304,8 @@ catalogue! {
     EncoderOffset = encoder_offset,
     /// Torque reported late.
     Delay = delay,
+    /// Torque that follows what is reported.
+    CurrentLag = current_lag,
     /// Gravity not where the model thinks.
     BaseTilt = base_tilt,
     /// A load on a body.
@@ -316,6 +320,8 @@ catalogue! {
     Backlash = backlash,
     /// Less torque than reported.
     Saturation = saturation,
+    /// No torque for a small one reported.
+    DeadBand = dead_band,
 }
 
 /// The effects of the catalogue of which a fact is true, in its order.
@@ -515,6 +521,8 @@ mod tests {
                 EffectKind::ThermalViscous => 10.0 * dq,
                 EffectKind::Cogging => (SHAPE * q).cos(),
                 EffectKind::Delay => -3.0 * (3.0 * t).cos(),
+                EffectKind::CurrentLag => 3.0 * (3.0 * t).cos(),
+                EffectKind::DeadBand => (tau / SHAPE).clamp(-1.0, 1.0),
                 EffectKind::Saturation => {
                     ((tau.abs() - 0.95 * SHAPE) / (0.05 * SHAPE)).clamp(0.0, 1.0) * tau.signum()
                 }

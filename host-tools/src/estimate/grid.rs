@@ -9,6 +9,11 @@ use crate::equation::values::{Place, Values};
 pub(super) const MULTIPLES: usize = 48;
 /// Limits that are looked for, evenly up to the largest torque.
 const LIMITS: usize = 40;
+/// Torques that a small one is looked for at: from this share of the joint's greatest, where the noise of a drive's torque is, to this, from which
+/// on its effect is one on the torque's scale, each so many times the one before.
+const SMALL_TORQUES: usize = 8;
+const SMALLEST_TORQUE: f64 = 0.003;
+const LARGEST_SMALL: f64 = 0.2;
 /// Speeds that a shape of friction is looked for at, each so many times the one before.
 const SPEEDS: usize = 12;
 const FASTER: f64 = 1.45;
@@ -114,9 +119,13 @@ fn tried_shapes(
         return Vec::new();
     };
     match grid {
-        Grid::Torques => {
+        Grid::Torques | Grid::SmallTorques => {
             let torques = (0..data.motion.time.len()).map(torque);
             let most = torques.fold(0.0f64, |most, torque| most.max(torque.abs()));
+            if grid == Grid::SmallTorques {
+                let [least, most] = [SMALLEST_TORQUE, LARGEST_SMALL].map(|share| share * most);
+                return geometric(least, most, SMALL_TORQUES);
+            }
             (LIMITS / 4..LIMITS)
                 .map(|k| most * k as f64 / LIMITS as f64)
                 .collect()
@@ -200,7 +209,7 @@ pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
         Grid::Frequencies => (1..=FREQUENCIES)
             .map(|k| k as f64 * SPACING / travel.max(f64::MIN_POSITIVE))
             .collect(),
-        Grid::Torques | Grid::Gaps | Grid::Resonances => return None,
+        Grid::Torques | Grid::SmallTorques | Grid::Gaps | Grid::Resonances => return None,
     })
 }
 

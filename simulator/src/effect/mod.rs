@@ -114,6 +114,11 @@ pub(crate) trait Effect: Send {
         tau
     }
 
+    /// Time constant of the lag with which the motor's torque follows what is asked for, s.
+    fn lag(&self) -> f64 {
+        0.0
+    }
+
     /// Reported position and velocity where they were `q` and `dq` before this effect.
     fn reported(&self, q: f64, dq: f64) -> (f64, f64) {
         (q, dq)
@@ -320,6 +325,8 @@ effects! {
     EncoderOffset = encoder_offset,
     /// A torque reported late.
     Delay = delay,
+    /// A torque that follows what is reported.
+    CurrentLag = current_lag,
     /// A base that is not level.
     BaseTilt = base_tilt,
     /// A mass on a body.
@@ -332,6 +339,8 @@ effects! {
     Backlash = backlash,
     /// A torque limit that the report does not show.
     Saturation = saturation,
+    /// A band of the report in which there is no torque.
+    DeadBand = dead_band,
     /// Dry friction that depends on position.
     PositionCoulomb = position_coulomb,
     /// A disturbance tied to time.

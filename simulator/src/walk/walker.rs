@@ -6,6 +6,7 @@ use proprio_core::spatial::Transform;
 use proprio_core::tree::Tree;
 use rand_chacha::ChaCha8Rng;
 
+use super::super::lag::LaggingMotors;
 use super::super::report::ReportedTorque;
 use super::gait::{HEIGHT, Reference};
 use super::plant::{
@@ -36,6 +37,7 @@ pub(super) struct Walker {
     /// What is wanted at the tick to come.
     next: (Torques, [f64; LEGS]),
     reported: ReportedTorque<JOINTS>,
+    motors: LaggingMotors<JOINTS>,
     /// The torque that the motors give now, N m.
     given: Torques,
 }
@@ -61,6 +63,7 @@ impl Walker {
             state: State::new(-SETTLE, HEIGHT, wanted.q),
             next: (wanted.q, wanted.shares),
             reported: ReportedTorque::new(PERIOD, |j| &plant.effects[j]),
+            motors: LaggingMotors::new(|j| &plant.effects[j]),
             plant,
             reference,
             cad: go2::free(),
@@ -109,14 +112,15 @@ impl Walker {
         let speed = (self.next.0 - wanted) / PERIOD;
         let asked = (wanted - q) * GAIN_P + (speed - dq) * GAIN_D + self.forward(&wanted, &shares);
         let own = self.state.dq();
-        let mut reported = Torques::zeros();
+        let (mut reported, mut given) = (Torques::zeros(), Torques::zeros());
         for j in 0..JOINTS {
             let effort = ACTUATORS[j % JOINTS_PER_LEG].effort;
             reported[j] = asked[j].clamp(-effort, effort);
             let seen = seen(self.state.t, self.state.q[j], own[j]);
             let effects = self.plant.effects[j].iter();
-            self.given[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
+            given[j] = effects.fold(reported[j], |tau, e| e.true_torque(tau, &seen));
         }
+        self.given = self.motors.follow(PERIOD, &given);
         let t = self.state.t;
         self.reported.hold(t, t + PERIOD / 2.0, reported);
         self.ticks += 1;
