@@ -74,6 +74,35 @@ impl<'a> Line<'a> {
         let slope = (product - self.sum * sum / n) / (self.squares - self.sum * self.sum / n);
         [here + (sum - slope * self.sum) / n, slope]
     }
+
+    /// The value at sample k of the parabola through the same samples of x: it keeps what a line flattens where a signal turns.
+    pub(super) fn turned(&self, list: &[f64], (first, step): (usize, usize)) -> f64 {
+        let (t, k) = (self.t, self.k);
+        let here = list[k * step + first];
+        // In units of the reach, so that the powers are of one size.
+        let reach = (t[k + self.half] - t[k - self.half]).max(f64::MIN_POSITIVE);
+        let (mut powers, mut products) = ([0.0; 5], [0.0; 3]);
+        for i in k - self.half..=k + self.half {
+            let (dt, dx) = ((t[i] - t[k]) / reach, list[i * step + first] - here);
+            let mut power = 1.0;
+            for (n, sum) in powers.iter_mut().enumerate() {
+                *sum += power;
+                if let Some(product) = products.get_mut(n) {
+                    *product += power * dx;
+                }
+                power *= dt;
+            }
+        }
+        let [s0, s1, s2, s3, s4] = powers;
+        let [p0, p1, p2] = products;
+        // The first unknown of the normal equations, by Cramer's rule.
+        let minors = [s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2];
+        let whole = s0 * minors[0] - s1 * minors[1] + s2 * minors[2];
+        if self.half == 0 || whole.abs() < f64::MIN_POSITIVE {
+            return here;
+        }
+        here + (p0 * minors[0] - p1 * minors[1] + p2 * minors[2]) / whole
+    }
 }
 
 #[cfg(test)]
@@ -86,5 +115,16 @@ mod tests {
         let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
         let [_, slope] = local_line(&t, &x, 10, 4);
         assert!((slope - (3.0 + 100.0 * t[10])).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_parabola_has_its_value_where_it_turns() {
+        let uneven = |k: i32| 0.002 * f64::from(k) + 3e-4 * f64::from(k % 3);
+        let t: Vec<f64> = (0..20).map(uneven).collect();
+        let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
+        for half in 0..5 {
+            let value = Line::about(&t, 10, half).turned(&x, (0, 1));
+            assert!((value - x[10]).abs() < 1e-12, "{half}: {value}");
+        }
     }
 }

@@ -13,6 +13,7 @@ use proprio_core::effect::{EffectKind, Input, JointState, MAX_COLUMNS, Term, Tra
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
+use super::local_line::{Line, around};
 use super::motion::{Asked, Motion};
 use super::share::shares;
 use super::values::{Place, Values};
@@ -189,16 +190,24 @@ impl Motion {
                 }
             };
             self.fill_load(&load, values, &needs, &mut states);
-        }
-        if needs.torque {
-            self.fill_torque(values, columns, &mut states);
+            if needs.torque {
+                self.fill_torque(&load.torque, (values, columns), &mut states);
+            }
         }
         self.measure_links((&motors, delay), &mut states);
         states
     }
 
     /// The motor's torque at each sample: what the gear transmits and what the model's effects add, before it is reported.
-    fn fill_torque(&self, values: &Values, columns: &Columns, states: &mut States) {
+    ///
+    /// What the gear transmits, `load`, is smoothed by parabolas: a lag's column is as large as the torque that it is of, and lines take away 3 % of
+    /// a torque of 7 Hz.
+    fn fill_torque(
+        &self,
+        load: &[f64],
+        (values, columns): (&Values, &Columns),
+        states: &mut States,
+    ) {
         let (n, first) = (self.joints, states.first);
         let mut shares = shares(columns, values);
         // What is beyond a limit is not given.
@@ -220,11 +229,12 @@ impl Motion {
             for (i, k) in stretch.clone().enumerate() {
                 let (before, after) = (i.saturating_sub(1), (i + 1).min(stretch.len() - 1));
                 let span = self.time[stretch.start + after] - self.time[stretch.start + before];
+                let through = Line::about(&self.time, k, around(&self.time[stretch.clone()], i));
                 for j in 0..n {
                     let change = terms[after * n + j][0] - terms[before * n + j][0];
                     let slope = change / span.max(f64::MIN_POSITIVE);
                     let at = (k - first) * n + j;
-                    tau[at] = states.load[at] + slope + terms[i * n + j][1];
+                    tau[at] = through.turned(load, (j, n)) + slope + terms[i * n + j][1];
                 }
             }
         }
