@@ -21,7 +21,9 @@ fn identified_by(name: &str, constraint: Constraint) -> Fitted {
         constraint,
         ..FitOptions::default()
     };
-    identify(&[log], None, options, |_, _| ()).unwrap().fitted
+    identify(&[log], None, (options, &[]), |_, _| ())
+        .unwrap()
+        .fitted
 }
 
 fn truth() -> serde_json::Value {

@@ -32,6 +32,7 @@ use crate::progress::{Progress, Underway};
   proprio compare chirp.csv --model go2.toml
   proprio compare chirp.csv --model go2.toml --html report.html
   proprio compare chirp.csv -m go2.toml --without presliding,bias:FR_hip
+  proprio compare chirp.csv --model go2.toml --only 'FR_calf: q > -1.5'
   proprio compare chirp.csv --model go2.toml -o torque.csv
   proprio compare chirp.csv --model go2.toml -o residuals.mcap
   proprio compare chirp.csv -m cad.toml -m fitted.toml -m mine.toml --html models.html
@@ -63,6 +64,8 @@ pub(crate) struct Compare {
     /// Compare the model that `proprio remove` makes without these, each at one joint or wherever the model has it
     #[arg(long, value_name = "EFFECT[:JOINT]", value_delimiter = ',')]
     without: Vec<String>,
+    #[command(flatten)]
+    part: super::Part,
     /// Tell each joint's error, where and when the model fails
     #[arg(short, long)]
     verbose: bool,
@@ -95,7 +98,8 @@ impl Compare {
         let left_out = self.change(&mut model)?;
         let mut progress = Progress::new("Reading");
         let recording =
-            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
+                .only(&self.part.only, &model)?;
         drop(progress);
         let underway = Underway::new("Comparing");
         let mut comparison = compare_without(&recording, &model, &left_out, self.values())?;
@@ -131,6 +135,7 @@ impl Compare {
             (self.fit, "--fit"),
             (self.given, "--given"),
             (self.at_rest, "--at-rest"),
+            (!self.part.only.is_empty(), "--only"),
             (self.html.is_some(), "--html"),
             (self.output.is_some(), "-o"),
         ];
@@ -207,7 +212,8 @@ impl Compare {
         for path in &self.model {
             let model = Model::load(path)?;
             let recording =
-                Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+                Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
+                    .only(&self.part.only, &model)?;
             let mut comparison = compare(&recording, &model, self.values())?;
             let wrong = mismatches(&recording, &model);
             let wrong = wrong

@@ -58,6 +58,8 @@ pub(crate) struct Diagnose {
     /// Go on where the log is not what the model says (signs, units, exchanged joints, a base that moves)
     #[arg(long)]
     anyway: bool,
+    #[command(flatten)]
+    part: super::Part,
     /// Look for no formula where the catalogue leaves structure
     #[arg(long, conflicts_with = "free_base")]
     catalogue_only: bool,
@@ -80,7 +82,8 @@ impl Diagnose {
         let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let mut progress = Progress::new("Reading");
         let recording =
-            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?;
+            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
+                .only(&self.part.only, &model)?;
         drop(progress);
         let wrong = mismatches(&recording, &model);
         if wrong.iter().any(|wrong| wrong.kind.refuses()) && !self.anyway {

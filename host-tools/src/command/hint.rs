@@ -154,6 +154,9 @@ pub fn of_recording(error: &RecordingError) -> String {
             "positions must be in rad, velocities in rad/s, torques in N m, all on the joint side of the gear"
         }
         RecordingError::TooShort { .. } => TOO_SHORT,
+        RecordingError::Condition { .. } => {
+            "docs/compare.md, \"Only a part of a log\": --only 'FR_calf: q > -1.5' or --only 't < 31.4'"
+        }
         RecordingError::AtRest { .. } => AT_REST,
         RecordingError::LimbTooLarge { .. } => {
             "make the joints that can be held still fixed in the URDF, hold them, and leave them out of the log"

@@ -66,6 +66,8 @@ pub(crate) struct Identify {
     /// The joints in the logs are those of the file's robot. The file's priors count, its values do not.
     #[arg(short, long, value_name = "MODEL", conflicts_with = "bus")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    part: super::Part,
     /// Also print what is identifiable at all, and what these logs do not identify
     #[arg(long)]
     base: bool,
@@ -118,9 +120,14 @@ impl Identify {
             bus: self.bus,
         };
         let mut progress = Progress::new("Identifying");
-        let identified = identify(&self.logs, given.as_ref(), options, |done, total| {
-            progress.set(done, total);
-        })?;
+        let identified = identify(
+            &self.logs,
+            given.as_ref(),
+            (options, &self.part.only),
+            |done, total| {
+                progress.set(done, total);
+            },
+        )?;
         drop(progress);
         let Identified {
             recording,

@@ -63,6 +63,17 @@ use proprio_simulator::walk::WalkError;
 use proprio_simulator::{Diverged, FollowError};
 use serde::Serialize;
 
+/// Which part of logs is judged.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Part {
+    /// Judge only the time in which this holds: `FR_calf: q > -1.5`, `t < 31.4`; several must all hold
+    ///
+    /// Signals are q, dq, temp and t (s), those of another joint of the limb q.NAME, with functions as in formulas: `FR_calf: abs(dq) > 0.2`. The limbs
+    /// of other joints stay whole.
+    #[arg(long, value_name = "CONDITION", conflicts_with = "free_base")]
+    only: Vec<String>,
+}
+
 /// What your robot's body really is, and what the model of it is still missing.
 ///
 /// proprio identifies a Unitree Go2's dynamics (masses, inertias, friction, rotor inertia) from its motor bus,

@@ -114,7 +114,9 @@ impl<'a> LimbData<'a> {
         let end = |b: usize| model.robot().subtree(b).end - first;
         Some(Self {
             body: Arc::new(LimbBody::of(model, limb)?),
-            left_out: vec![false; motion.windows.len()],
+            left_out: (motion.windows.iter())
+                .map(|window| is_not_asked(recording, window.samples))
+                .collect(),
             at_rest: false,
             subtree_end: limb.bodies.clone().map(end).collect(),
             model,
@@ -149,7 +151,8 @@ impl<'a> LimbData<'a> {
         for (out, window) in self.left_out.iter_mut().zip(&self.motion.windows) {
             let [first, last] = window.samples;
             let next = ranges.partition_point(|range| range[1] <= first);
-            *out = ranges.get(next).is_some_and(|range| range[0] < last);
+            let own = ranges.get(next).is_some_and(|range| range[0] < last);
+            *out = own || is_not_asked(self.recording, window.samples);
         }
         self.directions = Arc::default();
         self
@@ -466,6 +469,11 @@ impl<'a> LimbData<'a> {
         }
         number
     }
+}
+
+/// Whether a window, by its first and last sample, is one that is not asked for.
+fn is_not_asked(recording: &LimbRecording, samples: [usize; 2]) -> bool {
+    recording.is_left_out(samples.map(|k| recording.time_us[k]))
 }
 
 /// Reported over true velocity of each of a limb's joints: as the model gives it, else as positions tell it where the model names it.

@@ -86,6 +86,14 @@ pub enum FormulaProblem {
         /// How many.
         limit: usize,
     },
+    /// No condition.
+    #[error("a condition compares two sums, once: `q > 1.2`, `t < 31.4`")]
+    NoComparison,
+    /// Something that a condition cannot ask.
+    #[error(
+        "`{0}` is no signal that a condition can ask: those are q, dq, temp and t, of other joints q.NAME"
+    )]
+    NoSignal(String),
     /// The acceleration where it is not linear.
     #[error(
         "the acceleration may only be multiplied, by functions of positions: no signal of a robot is as noisy"

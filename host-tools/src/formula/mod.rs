@@ -21,6 +21,7 @@
 //! - `error`: why a formula is refused, and where in its text
 
 mod columns;
+mod condition;
 mod error;
 mod expression;
 pub(crate) mod grammar;
@@ -37,6 +38,7 @@ use proprio_core::effect::{
 };
 
 use columns::{Integrated, split, window_terms};
+pub(crate) use condition::Condition;
 pub use error::{FormulaError, FormulaProblem};
 use expression::{Expression, Node, Operator, Signal};
 pub use parse::Names;

@@ -48,18 +48,20 @@ pub struct Identified {
 }
 
 /// Identifies the parameters of `model`, or without one those of a [`plain`] Go2, from its `logs`, taken together; of several logs each is
-/// also fitted on its own. `progress` receives the bytes read, and how many there are in all.
+/// also fitted on its own. Of each log the time counts in which the conditions `only` hold ([`Recording::only`]). `progress` receives the bytes read, and
+/// how many there are in all.
 ///
 /// # Errors
 /// [`RecordingError`]; the first bad log stops the work.
 pub fn identify(
     logs: &[PathBuf],
     model: Option<&Model>,
-    options: FitOptions,
+    (options, only): (FitOptions, &[String]),
     mut progress: impl FnMut(u64, u64),
 ) -> Result<Identified, RecordingError> {
     let cad = Model::default();
-    let recording = read(logs, model.unwrap_or(&cad), options, &mut progress)?;
+    let read_as = model.unwrap_or(&cad);
+    let recording = read(logs, read_as, options, &mut progress)?.only(only, read_as)?;
     let model = model.map_or_else(|| plain(&recording), Model::clone);
     let fitted = identify_recording(&recording, &model, options, &mut progress)?;
     Ok(Identified {
@@ -84,6 +86,7 @@ pub fn identify_recording(
         let (mut each, mut fits) = (Vec::new(), Vec::new());
         for log in &recording.logs {
             let own = read(std::slice::from_ref(log), model, options, progress)?;
+            let own = own.only(&recording.only, model)?;
             let fitted = fit_model(&own, model, options)?;
             each.push(Run::of(&own, fitted.rms, fitted.held_out_rms));
             fits.push(fitted);

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::Recording;
+use super::{ConditionProblem, Recording};
 use crate::log::LogError;
 use crate::model::{Limb, significant};
 
@@ -38,6 +38,14 @@ pub enum RecordingError {
         duration: f64,
         /// What is needed, s.
         least: f64,
+    },
+    /// A condition does not say which part is meant.
+    #[error("--only `{text}`: {problem}")]
+    Condition {
+        /// As written.
+        text: String,
+        /// What is wrong.
+        problem: Box<ConditionProblem>,
     },
     /// No joint moves: rows of one at rest say nothing.
     #[error("{}: no joint moves", names(.logs))]

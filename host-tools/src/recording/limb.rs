@@ -39,6 +39,8 @@ pub struct LimbRecording {
     pub(crate) foot: Vec<f64>,
     /// Samples that repeat the one before, left out.
     pub repeated: u64,
+    /// From when to when, µs, samples are known and not judged, ascending.
+    pub(super) left_out_us: Arc<Vec<[u64; 2]>>,
     /// Times between the samples of the log that is being read.
     pub(super) periods: Periods,
     /// What is made of the samples once they are all there.

@@ -3,11 +3,13 @@
 //! Files beside:
 //!
 //! - `error`: what can be wrong with a recording
+//! - `only`: a part that is judged, where conditions on the motion hold
 //! - `pieces`: long recordings, thinned to pieces that are spread evenly over time, so that memory does not grow with their length
 //! - `second_encoder`: what a user should know of second encoders: where they are not used, and where they do not count as the motors' do
 
 mod error;
 mod limb;
+mod only;
 mod pieces;
 mod second_encoder;
 
@@ -21,6 +23,7 @@ use crate::model::{Limb, Model};
 use crate::summary::wrapped;
 pub use error::RecordingError;
 pub use limb::LimbRecording;
+pub use only::ConditionProblem;
 use pieces::Pieces;
 use proprio_simulator::SimulatedSample;
 
@@ -47,6 +50,8 @@ pub struct Recording {
     pub duration: f64,
     /// What the samples of each log are worth.
     pub gates: Vec<LogGates>,
+    /// The conditions under which it is judged ([`Recording::only`]).
+    pub only: Vec<String>,
 }
 
 /// What the samples of a log are worth, before a model is blamed.
@@ -124,6 +129,7 @@ impl Recording {
             warnings: Vec::new(),
             duration: 0.0,
             gates: Vec::new(),
+            only: Vec::new(),
         }
     }
 
@@ -157,6 +163,7 @@ impl Recording {
             warnings: Vec::new(),
             duration: length_us as f64 * 1e-6,
             gates: vec![self.gates[n].clone()],
+            only: self.only.clone(),
         }
     }
 
