@@ -117,6 +117,12 @@ pub const SIZES: &[Sizes] = {
         sizes(K::TorqueGain, [1.08, 0.85, 1.3], [1.08, 0.85, 1.3]),
         sizes(K::VelocityGain, [1.03, 1.09, 0.85], [1.03, 1.09, 0.85]),
         sizes(K::EncoderOffset, [0.02, 0.05, 0.15], [0.02, 0.05, 0.15]),
+        with(
+            K::Eccentricity,
+            [0.01, 0.02, 0.04],
+            [0.01, 0.02, 0.04],
+            &[("c", 0.01)],
+        ),
         sizes(K::Delay, [0.0013, 0.0035, 0.0083], [0.0013, 0.0035, 0.0083]),
         sizes(
             K::CurrentLag,

@@ -40,6 +40,7 @@ mod model;
 mod mujoco_logs;
 mod no_panic;
 mod nucleo;
+mod only;
 mod other_robot;
 mod pinocchio;
 mod qemu;

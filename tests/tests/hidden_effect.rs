@@ -128,6 +128,16 @@ fn a_delay_is_found() {
 }
 
 #[test]
+fn a_current_loop_is_found() {
+    is_found("current_lag:FR_thigh=0.004", &KNOWN);
+}
+
+#[test]
+fn a_dead_band_is_found() {
+    is_found("dead_band:FR_thigh=0.15", &KNOWN);
+}
+
+#[test]
 fn cogging_is_found() {
     is_found("cogging:FR_hip=0.4", &KNOWN);
 }

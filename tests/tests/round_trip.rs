@@ -5,7 +5,7 @@ use serde_json::Value;
 
 /// Values that a simulated leg is given, one for each effect of the catalogue but `contact`, which is not predicted: `compare` leaves out the
 /// time in which it finds a foot on the ground.
-const HIDDEN: [(&str, &str); 29] = [
+const HIDDEN: [(&str, &str); 30] = [
     ("viscous", "0.3"),
     ("coulomb", "0.6"),
     ("armature", "0.01"),
@@ -26,6 +26,7 @@ const HIDDEN: [(&str, &str); 29] = [
     ("torque_gain", "1.2"),
     ("velocity_gain", "1.05"),
     ("encoder_offset", "0.05"),
+    ("eccentricity", "0.05,c=0.02"),
     ("delay", "0.004"),
     ("current_lag", "0.004"),
     ("base_tilt", "0.05"),

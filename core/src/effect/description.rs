@@ -30,6 +30,8 @@ pub enum Form {
 pub enum Moved {
     /// The position, by a constant: the encoder's zero.
     Zero,
+    /// The position, by a sine and a cosine of it: an encoder's disc off its axis.
+    OncePerTurn,
     /// The velocity, by a factor.
     Velocity,
     /// The link moves against the motor.
@@ -310,6 +312,10 @@ impl Mjcf {
     }
 }
 
+const fn is_seconds(unit: &str) -> bool {
+    matches!(unit.as_bytes(), b"s")
+}
+
 impl Description {
     /// The facts of most effects, for entries to begin with: a torque by the motion of its own joint, a property of a kind of drive.
     pub const TORQUE: Self = Self {
@@ -362,6 +368,16 @@ impl Description {
             self.enters,
             Enters::Derivative | Enters::Trial | Enters::Positions
         )
+    }
+
+    /// Which way its first parameter, a time, moves the reported torque, if it does: +1 later, −1 earlier than the true one.
+    pub const fn shifts(&self) -> Option<f64> {
+        match (self.form, self.input, self.parameters) {
+            (Form::Clock, ..) => Some(1.0),
+            // The motor's torque follows what is reported.
+            (Form::Columns, Input::MotorTorque, [time]) if is_seconds(time.unit) => Some(-1.0),
+            _ => None,
+        }
     }
 
     /// Whether it is a limit of the torque.

@@ -33,7 +33,7 @@ impl Effect for Elasticity {
         }
     }
 
-    fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
+    fn motion<T: Real>(state: &JointState<T>, _: usize) -> [T; 2] {
         state.give
     }
 }

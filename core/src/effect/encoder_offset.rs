@@ -30,7 +30,7 @@ impl Effect for EncoderOffset {
         }
     }
 
-    fn motion<T: Real>(_: &JointState<T>) -> [T; 2] {
+    fn motion<T: Real>(_: &JointState<T>, _: usize) -> [T; 2] {
         [-T::one(), T::zero()]
     }
 }

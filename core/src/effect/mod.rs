@@ -49,6 +49,7 @@ mod current_lag;
 mod dead_band;
 mod delay;
 mod description;
+mod eccentricity;
 mod elastic_hysteresis;
 mod elasticity;
 mod encoder_offset;
@@ -195,8 +196,8 @@ pub trait Effect {
     }
 
     /// For [`Form::Motion`]: what has to be added to the reported position (rad) and velocity (rad/s) of this joint, per unit
-    /// of the parameter beyond its neutral value, to get those of the link.
-    fn motion<T: Real>(_state: &JointState<T>) -> [T; 2] {
+    /// of the parameter (by its place in the description) beyond its neutral value, to get those of the link.
+    fn motion<T: Real>(_state: &JointState<T>, _parameter: usize) -> [T; 2] {
         [T::zero(); 2]
     }
 }
@@ -249,11 +250,11 @@ macro_rules! catalogue {
                 }
             }
 
-            /// What has to be added to the reported position (rad) and velocity (rad/s) per unit of the parameter beyond its
-            /// neutral value to get those of the link; of [`Form::Motion`] only.
-            pub fn motion<T: Real>(self, state: &JointState<T>) -> [T; 2] {
+            /// What has to be added to the reported position (rad) and velocity (rad/s) per unit of the parameter (by its place in the
+            /// description) beyond its neutral value to get those of the link; of [`Form::Motion`] only.
+            pub fn motion<T: Real>(self, state: &JointState<T>, parameter: usize) -> [T; 2] {
                 match self {
-                    $(Self::$name => $module::$name::motion(state),)*
+                    $(Self::$name => $module::$name::motion(state, parameter),)*
                     Self::Own(_) => [T::zero(); 2],
                 }
             }
@@ -302,6 +303,8 @@ catalogue! {
     VelocityGain = velocity_gain,
     /// A zero position that is off.
     EncoderOffset = encoder_offset,
+    /// A position that is wrong once per turn.
+    Eccentricity = eccentricity,
     /// Torque reported late.
     Delay = delay,
     /// Torque that follows what is reported.
@@ -532,6 +535,7 @@ mod tests {
                 | EffectKind::TorqueGain
                 | EffectKind::VelocityGain
                 | EffectKind::EncoderOffset
+                | EffectKind::Eccentricity
                 | EffectKind::BaseTilt
                 | EffectKind::Payload
                 | EffectKind::Contact
@@ -596,7 +600,7 @@ mod tests {
     fn a_motion_or_a_column_or_neither() {
         let state = JointState::reported(0.3, 0.7, 0.1);
         for effect in EffectKind::ALL {
-            let moves = effect.motion(&state) != [0.0; 2];
+            let moves = effect.motion(&state, 0) != [0.0; 2];
             // Hysteresis moves the link by f/k: of elasticity's k an effect does not know.
             let description = effect.description();
             let own = description.transmission() != Some(Transmission::SpringFriction);

@@ -26,7 +26,7 @@ impl Effect for VelocityGain {
         }
     }
 
-    fn motion<T: Real>(state: &JointState<T>) -> [T; 2] {
+    fn motion<T: Real>(state: &JointState<T>, _: usize) -> [T; 2] {
         [T::zero(), -state.dq]
     }
 }

@@ -155,7 +155,7 @@ pub fn of_recording(error: &RecordingError) -> String {
         }
         RecordingError::TooShort { .. } => TOO_SHORT,
         RecordingError::Condition { .. } => {
-            "docs/compare.md, \"Only a part of a log\": --only 'FR_calf: q > -1.5' or --only 't < 31.4'"
+            "docs/diagnose.md, \"Only a part of a log\": --only 'FR_calf: q > -1.5' or --only 't < 31.4'"
         }
         RecordingError::AtRest { .. } => AT_REST,
         RecordingError::LimbTooLarge { .. } => {

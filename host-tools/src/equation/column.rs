@@ -1,6 +1,6 @@
 //! Which column is what: the parameters of a limb's model and of all that it might lack.
 
-use proprio_core::effect::{EffectKind, Enters, Form, JointState, Term};
+use proprio_core::effect::{EffectKind, Enters, Form, JointState, Moved, Term};
 use proprio_core::inertia::INERTIAL;
 
 use super::values::{Place, Values, is_shared};
@@ -43,8 +43,12 @@ pub(crate) enum Column {
         effect: EffectKind,
         n: usize,
     },
-    /// Motion of a joint's link by this effect.
-    Motion { joint: usize, effect: EffectKind },
+    /// Motion of a joint's link by parameter `n` of this effect.
+    Motion {
+        joint: usize,
+        effect: EffectKind,
+        n: usize,
+    },
     /// A point mass at a body's centre of mass (0), its first moment along x, y, z (1–3), or the
     /// same inertia about all axes (4).
     Load { body: usize, n: usize },
@@ -271,7 +275,18 @@ pub(crate) fn columns_of((effect, joint): Place, shape: f64) -> Vec<(usize, Colu
             .map(|n| (n, Column::Coupled { joint, effect, n }))
             .collect(),
         Form::Motion(_) if description.enters == Enters::Positions => Vec::new(),
-        Form::Motion(_) => vec![(0, Column::Motion { joint, effect })],
+        // Friction inside a spring is told by its second encoder; what else lies between motor and link has one number that moves it.
+        Form::Motion(Moved::OncePerTurn) => (0..description.parameters.len())
+            .map(|n| (n, Column::Motion { joint, effect, n }))
+            .collect(),
+        Form::Motion(_) => vec![(
+            0,
+            Column::Motion {
+                joint,
+                effect,
+                n: 0,
+            },
+        )],
         Form::Gravity => vec![(0, Column::Gravity(0)), (1, Column::Gravity(1))],
         Form::Inertia => (0..description.parameters.len())
             .map(|n| (n, Column::Load { body: joint, n }))

@@ -41,7 +41,7 @@ pub(super) enum Key {
 impl Where {
     pub(super) fn of(values: &Values, delay: f64) -> Self {
         let numbers = [delay].into_iter().chain(values.tilt());
-        let all = numbers.chain(values.offsets());
+        let all = numbers.chain(values.encoders().flat_map(|encoder| encoder.numbers()));
         // Zero is zero, whatever its sign.
         Self(all.map(|x| (x + 0.0).to_bits()).collect())
     }

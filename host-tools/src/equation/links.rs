@@ -117,8 +117,7 @@ impl Motion {
             for k in first..first + states.q.len() / n {
                 let at = (k - first) * n + j;
                 let [q, dq, ..] = link.state[k];
-                states.q[at] = q - states.offsets[j];
-                states.dq[at] = dq;
+                [states.q[at], states.dq[at]] = states.encoders[j].motion([q, dq]);
             }
         }
     }

@@ -111,7 +111,7 @@ impl Motion {
         let n = self.joints;
         let rigid = body.loaded(values);
         let base = body.base(values);
-        let offsets: Vec<f64> = values.offsets().collect();
+        let encoders: Vec<_> = values.encoders().collect();
         let links = self.links_of(motors);
         let mut torque = vec![0.0; n * self.time.len()];
         let mut inertia = vec![0.0; torque.len()];
@@ -123,8 +123,7 @@ impl Motion {
             for (k, (own, turned)) in samples {
                 for j in 0..n {
                     let [q, dq, ddq, _] = links[j].state[k];
-                    motion[0][j] = q - offsets[j];
-                    (motion[1][j], motion[2][j]) = (dq, ddq);
+                    [motion[0][j], motion[1][j], motion[2][j]] = encoders[j].state([q, dq, ddq]);
                 }
                 let [q, dq, ddq] = &motion;
                 if !loose {

@@ -36,7 +36,8 @@ impl Key {
     pub(super) fn of(body: &LimbBody, values: &Values, delay: f64) -> Self {
         let bodies = values.loaded(&body.coms);
         let numbers = bodies.iter().flat_map(|body| body.0.iter().copied());
-        let all = numbers.chain(values.tilt()).chain(values.offsets());
+        let all = numbers.chain(values.tilt());
+        let all = all.chain(values.encoders().flat_map(|encoder| encoder.numbers()));
         Self(all.chain([delay]).map(f64::to_bits).collect())
     }
 }

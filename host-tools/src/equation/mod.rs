@@ -2,7 +2,7 @@
 //!
 //! 1. `motion`: a limb's motion without any torque, cut into windows of time; `states`: with `links` (`play`, `spring`) and `presliding`,
 //!    what effects see of it under a model; `load`, what its gears transmit, smoothed by a `local_line` and kept in `load_cache`.
-//! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them.
+//! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them; `encoder`: the motion behind what encoders report.
 //! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
 //!    to a torque.
 //!    `unfollowed`: what of a window its smooth motion may lack.
@@ -11,6 +11,7 @@
 
 pub(crate) mod body;
 pub(crate) mod column;
+pub(crate) mod encoder;
 pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod hysteresis;

@@ -37,17 +37,19 @@ impl Responses {
         windows: &[usize],
     ) -> Self {
         let (rigid, base) = (body.loaded(values), body.base(values));
-        let offsets: Vec<f64> = values.offsets().collect();
+        let encoders: Vec<_> = values.encoders().collect();
         let delay = values.delay(0);
         let joints = motion.late(delay);
         let of = |&w: &usize| -> Vec<Slopes> {
             let [first, last] = motion.windows[w].samples;
             let at = |k: usize| {
                 let mut slopes = Slopes::of(motion.joints);
-                let states = || joints.iter().map(|joint| joint.state[k]);
-                let moved = states().zip(&offsets);
-                let q: Vec<f64> = moved.map(|(state, offset)| state[0] - offset).collect();
-                let dq: Vec<f64> = states().map(|state| state[1]).collect();
+                let states = joints.iter().zip(&encoders).map(|(joint, encoder)| {
+                    let [q, dq, ..] = joint.state[k];
+                    let [q, dq] = encoder.motion([q, dq]);
+                    (q, dq)
+                });
+                let (q, dq): (Vec<f64>, Vec<f64>) = states.unzip();
                 rigid.slopes(&base, &q, &dq, &mut slopes);
                 slopes
             };

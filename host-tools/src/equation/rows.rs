@@ -444,8 +444,8 @@ impl<'a> Pass<'a> {
                     let term = self.columns.term(column, j, states);
                     term.map_or((0.0, 0.0), |term| (term.boundary, term.rate))
                 }
-                Column::Motion { joint, effect } => {
-                    slopes.along(joint, effect.motion(&states[joint]), j)
+                Column::Motion { joint, effect, n } => {
+                    slopes.along(joint, effect.motion(&states[joint], n), j)
                 }
                 Column::Gravity(axis) => (0.0, slopes.by_base(axis, j)),
                 Column::Delay => (-states[j].tau, 0.0),

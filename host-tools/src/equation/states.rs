@@ -13,6 +13,7 @@ use proprio_core::effect::{EffectKind, Input, JointState, MAX_COLUMNS, Term, Tra
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
+use super::encoder::Encoder;
 use super::local_line::{Line, around};
 use super::motion::{Asked, Motion};
 use super::share::shares;
@@ -28,9 +29,9 @@ pub(crate) struct States {
     pub(crate) q: Vec<f64>,
     /// The link's velocity, rad/s.
     pub(crate) dq: Vec<f64>,
-    /// The motors' motion, as late as torques are reported, and what their encoders are off by, rad.
+    /// The motors' motion, as late as torques are reported, and what their encoders get wrong.
     pub(super) motors: Arc<Vec<Trajectory>>,
-    pub(super) offsets: Vec<f64>,
+    pub(super) encoders: Vec<Encoder>,
     bristles: Vec<Option<Arc<Vec<f64>>>>,
     temperature: Arc<Vec<f64>>,
     /// s since the recording's start.
@@ -53,10 +54,11 @@ impl States {
         let n = self.joints();
         let (at, motor) = ((k - self.first) * n + j, &self.motors[j]);
         let [q, dq, ..] = motor.state[k];
+        let [q, dq] = self.encoders[j].motion([q, dq]);
         let told = |own: &[f64]| own.get(at).copied().unwrap_or_default();
         let moved = |own: &[[f64; 2]]| own.get(at).copied().unwrap_or_default();
         JointState {
-            q: q - self.offsets[j],
+            q,
             dq,
             tau: told(&self.tau),
             speed: motor.speed[k],
@@ -163,7 +165,7 @@ impl Motion {
             let displacement = displacement(seen, j)?;
             Some(self.kept_presliding((&motors, delay), j, displacement))
         };
-        let (offsets, room): (Vec<f64>, usize) = (values.offsets().collect(), n * range.len());
+        let (encoders, room): (Vec<_>, usize) = (values.encoders().collect(), n * range.len());
         let mut states = States {
             first: range.start,
             q: Vec::with_capacity(room),
@@ -174,13 +176,14 @@ impl Motion {
             ..States::default()
         };
         for k in range {
-            for (motor, offset) in motors.iter().zip(&offsets) {
+            for (motor, encoder) in motors.iter().zip(&encoders) {
                 let [q, dq, ..] = motor.state[k];
-                states.q.push(q - offset);
+                let [q, dq] = encoder.motion([q, dq]);
+                states.q.push(q);
                 states.dq.push(dq);
             }
         }
-        (states.motors, states.offsets) = (motors.clone(), offsets);
+        (states.motors, states.encoders) = (motors.clone(), encoders);
         if needs.load {
             let loose = !needs.play.is_empty() || !needs.spring.is_empty();
             let load = match asked {
@@ -266,7 +269,7 @@ impl Needs {
         };
         let asks = |of: Transmission, at: usize| {
             (made.iter()).any(|column| match column {
-                Column::Motion { joint, effect } => {
+                Column::Motion { joint, effect, .. } => {
                     *joint == at && effect.description().transmission() == Some(of)
                 }
                 _ => false,

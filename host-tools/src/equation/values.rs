@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use proprio_core::effect::{EffectKind, Form, MAX_PARAMETERS, Moved, Transmission};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 
+use super::encoder::Encoder;
 use crate::model::{BASE, Limb, Model};
 
 /// An effect at a joint of a limb, counted from the limb's first; [`BASE`] for what all joints share.
@@ -128,14 +129,19 @@ impl Values {
         gains.fold(1.0, |product, numbers| product * numbers[0])
     }
 
-    /// What an encoder's position is off by, rad.
-    pub(crate) fn offset(&self, joint: usize) -> f64 {
-        self.sum(Form::Motion(Moved::Zero), joint, 0)
+    /// What a joint's encoder gets wrong.
+    pub(crate) fn encoder(&self, joint: usize) -> Encoder {
+        let once = |n: usize| self.sum(Form::Motion(Moved::OncePerTurn), joint, n);
+        Encoder {
+            offset: self.sum(Form::Motion(Moved::Zero), joint, 0),
+            sine: once(0),
+            cosine: once(1),
+        }
     }
 
-    /// Each encoder's offset, rad.
-    pub(crate) fn offsets(&self) -> impl Iterator<Item = f64> + '_ {
-        (0..self.bodies.len()).map(|j| self.offset(j))
+    /// What each encoder gets wrong.
+    pub(crate) fn encoders(&self) -> impl Iterator<Item = Encoder> + '_ {
+        (0..self.bodies.len()).map(|j| self.encoder(j))
     }
 
     /// A parameter of what a joint has between motor and link, SI; zero where the model has nothing of the kind.

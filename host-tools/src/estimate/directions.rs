@@ -18,8 +18,8 @@ pub(crate) struct Key {
     pub(super) joint: usize,
     /// The effect and its shape; nothing for what friction, a rotor and a constant torque explain.
     pub(super) effect: Option<(EffectKind, u64)>,
-    /// The encoder's offset.
-    pub(super) offset: u64,
+    /// What the encoder gets wrong, bit by bit.
+    pub(super) encoder: [u64; 3],
 }
 
 /// Most numbers that are kept: 8 MB.

@@ -15,7 +15,7 @@ use crate::equation::motion::Motion;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
-use crate::model::{BASE, Limb, Model};
+use crate::model::{BASE, JointKind, Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
 use crate::predict::{LooseLink, predict};
 use crate::recording::LimbRecording;
@@ -346,7 +346,12 @@ impl<'a> LimbData<'a> {
             Input::Temperature => self.motion.temperature.iter().all(|t| t.is_finite()),
             _ => true,
         };
+        let turns = || {
+            let body = self.limb.bodies.start + joint;
+            self.model.robot().bodies()[body].kind != JointKind::Prismatic
+        };
         senses
+            && (description.form != Form::Motion(Moved::OncePerTurn) || turns())
             && !matches!(description.enters, Enters::Positions | Enters::Direction)
             // With a second encoder positions determine what lies between motor and link.
             && !(description.is_compliant() && self.motion.link(joint).is_some())

@@ -275,7 +275,7 @@ impl<'a> Scan<'a> {
         is_kept.then_some(Key {
             joint,
             effect,
-            offset: (self.values.offset(joint) + 0.0).to_bits(),
+            encoder: (self.values.encoder(joint).numbers()).map(|x| (x + 0.0).to_bits()),
         })
     }
 

@@ -323,6 +323,8 @@ effects! {
     VelocityGain = velocity_gain,
     /// A position reported with an offset.
     EncoderOffset = encoder_offset,
+    /// A position that is wrong once per turn.
+    Eccentricity = eccentricity,
     /// A torque reported late.
     Delay = delay,
     /// A torque that follows what is reported.

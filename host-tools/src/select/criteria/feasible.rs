@@ -32,14 +32,9 @@ pub(crate) fn is_feasible(candidate: &Candidate) -> bool {
     candidate.findings().all(can_be) && candidate.findings().any(is_something)
 }
 
-/// Whether a candidate is a delay too small to be told from how the torque runs between two samples.
+/// Whether a candidate is a delay or a lag too small to be told from how the torque runs between two samples.
 pub(crate) fn is_unresolved_delay(candidate: &Candidate) -> bool {
-    let is_small = |told: &Finding| {
-        told.parameters[0].is_some_and(|(delay, _)| !is_resolved(told.period, delay))
-    };
-    candidate.effect.description().form == Form::Clock
-        && is_there(candidate)
-        && candidate.findings().all(is_small)
+    is_there(candidate) && candidate.findings().all(|told| !is_resolved(told))
 }
 
 /// Whether a value with its error is what a sensor, a mounting or a gear can be wrong by, beside what is taken for likely.
@@ -67,10 +62,8 @@ fn can_be(told: &Finding) -> bool {
             && value - WITHIN * std <= p.upper
             && (!is_bounded || is_likely((value, std), (mean, likely)))
     };
-    let is_resolved = described.form != Form::Clock
-        || told.parameters[0].is_none_or(|(delay, _)| is_resolved(told.period, delay));
     (described.parameters.iter().enumerate()).all(within)
-        && is_resolved
+        && is_resolved(told)
         && (!is_load || can_be_load(&told.parameters))
         && (told.beyond_limit).is_none_or(|shown| shown < MOST_BEYOND_LIMIT)
 }
@@ -89,10 +82,15 @@ fn is_something(told: &Finding) -> bool {
     })
 }
 
-/// Whether a delay (s) is more than how the torque runs between two samples, a period (s) apart.
-fn is_resolved(period: f64, delay: f64) -> bool {
-    let periods = delay / period;
-    !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
+/// Whether what moves a torque in time is more than how it runs between two samples.
+fn is_resolved(told: &Finding) -> bool {
+    let shifts = told.place.0.description().shifts();
+    shifts
+        .zip(told.parameters[0])
+        .is_none_or(|(sign, (time, _))| {
+            let periods = sign * time / told.period;
+            !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
+        })
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without

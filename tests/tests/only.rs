@@ -1,0 +1,148 @@
+//! `--only`: a part of a log is judged, by a condition on the motion.
+
+use std::path::Path;
+
+use proprio_tests::command::{done, folder, json, parameter, refusal};
+
+const PLAIN: [&str; 4] = ["viscous", "coulomb", "armature", "bias"];
+
+/// A leg with this hidden, and the model of a plain drive.
+fn simulated(folder: &Path, hide: &str) {
+    let simulate = ["simulate", "--legs", "FR", "--typical", "--duration", "10"];
+    done(
+        folder,
+        &[&simulate[..], &["-o", "log.csv", "--hide", hide]].concat(),
+    );
+    done(folder, &[&["add", "-m", "plain.toml"][..], &PLAIN].concat());
+}
+
+fn error(folder: &Path, model: &str, only: &str) -> f64 {
+    let compare = [
+        "compare", "log.csv", "-m", model, "--given", "--json", "--only", only,
+    ];
+    json(&done(folder, &compare))["error"]["after"]
+        .as_f64()
+        .unwrap()
+}
+
+/// What is fitted to the half in which all is well predicts that half to its noise, and shows the other.
+#[test]
+fn a_fault_half_way_is_set_apart() {
+    let folder = folder();
+    let folder = folder.path();
+    simulated(folder, "FR_calf: 0.4*step(t - 5)*sign(dq)");
+    let clean = [
+        "identify",
+        "log.csv",
+        "-m",
+        "plain.toml",
+        "--only",
+        "t < 5",
+        "-o",
+        "clean.toml",
+    ];
+    done(folder, &clean);
+    let [before, after] = ["t < 5", "t > 5"].map(|only| error(folder, "clean.toml", only));
+    assert!(before < 0.012, "{before}");
+    assert!(after > 0.1, "{after}");
+    let found = done(
+        folder,
+        &["diagnose", "log.csv", "-m", "clean.toml", "--only", "t < 5"],
+    );
+    assert!(found.starts_with("Missing: nothing"), "{found}");
+}
+
+/// A stop beyond an angle biases friction and bodies of the whole log, and not those of the part before it.
+#[test]
+fn the_part_before_a_stop_is_unbiased() {
+    let folder = folder();
+    let folder = folder.path();
+    simulated(folder, "FR_thigh: 20*max(q - 1.0, 0)");
+    let mass = |only: &[&str]| {
+        let identify = ["identify", "log.csv", "-m", "plain.toml", "--json"];
+        let fitted = json(&done(folder, &[&identify[..], only].concat()));
+        let own = parameter(&fitted, "m:FR_thigh");
+        [&own["value"], &own["std"]].map(|x| x.as_f64().unwrap())
+    };
+    let ([whole, _], [part, std]) = (mass(&[]), mass(&["--only", "FR_thigh: q < 1"]));
+    assert!((part - 1.152).abs() < 3.0 * std.min(0.05), "{part} ± {std}");
+    assert!(
+        (whole - 1.152).abs() > 2.0 * (part - 1.152).abs(),
+        "{whole}, {part}"
+    );
+}
+
+/// All limbs are restricted by time, one by its joint; the others stay whole.
+#[test]
+fn limbs_of_other_joints_stay_whole() {
+    let folder = folder();
+    let folder = folder.path();
+    let simulate = [
+        "simulate",
+        "--legs",
+        "FR,RL",
+        "--typical",
+        "--duration",
+        "6",
+        "-o",
+        "log.csv",
+    ];
+    done(folder, &simulate);
+    let windows = |only: &[&str]| {
+        let compare = ["compare", "log.csv", "--json"];
+        let compared = json(&done(folder, &[&compare[..], only].concat()));
+        let joints = compared["joints"].as_array().unwrap().iter();
+        joints
+            .map(|joint| joint["n"].as_u64().unwrap())
+            .collect::<Vec<_>>()
+    };
+    let all = windows(&[]);
+    let half = windows(&["--only", "t < 3"]);
+    let bent = windows(&["--only", "FR_calf: q < -1.6"]);
+    for joint in 0..6 {
+        let share = half[joint] as f64 / all[joint] as f64;
+        assert!((0.4..0.6).contains(&share), "{share}");
+        assert_eq!(bent[joint] == all[joint], joint >= 3, "{bent:?} {all:?}");
+    }
+    let both = windows(&["--only", "t < 3", "--only", "FR_calf: q < -1.6"]);
+    assert!(both[0] < bent[0] && both[0] < half[0], "{both:?}");
+}
+
+/// Each refusal says what is wrong with the condition, and nothing is written.
+#[test]
+fn what_is_no_condition_is_refused() {
+    let folder = folder();
+    let folder = folder.path();
+    let simulate = [
+        "simulate",
+        "--legs",
+        "FR",
+        "--typical",
+        "--duration",
+        "4",
+        "-o",
+        "log.csv",
+    ];
+    done(folder, &simulate);
+    for (only, said) in [
+        ("q > 1", "of which joint? Write `FR_hip: q > 1`"),
+        (
+            "FR_knee: q > 1",
+            "no joint `FR_knee` in these logs; there are FR_hip",
+        ),
+        ("FR_calf: q", "compares two sums"),
+        ("FR_calf: q > limit", "`limit` is no signal"),
+        ("FR_calf: tau > 1", "measured torque"),
+        (
+            "FR_calf: q > 70",
+            "holds for 0 s of FR_calf, whose q goes from -",
+        ),
+        ("t > 3.95", "holds for 0.0"),
+    ] {
+        let identify = ["identify", "log.csv", "-o", "out.toml", "--only", only];
+        let words = refusal(folder, &identify);
+        assert!(words.contains(said), "{only}: {words}");
+        assert!(words.contains("--only"), "{words}");
+        assert!(!folder.join("out.toml").exists());
+    }
+}
