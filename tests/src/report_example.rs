@@ -84,7 +84,7 @@ pub fn write(page: &Path, legs: &[Leg]) {
     };
     let samples = record(&simulation, &log);
     let logs = std::slice::from_ref(&log);
-    let identified = identify(logs, None, FitOptions::default(), |_, _| ()).unwrap();
+    let identified = identify(logs, None, (FitOptions::default(), &[]), |_, _| ()).unwrap();
     let result = identified.fitted;
     let windows: Vec<Windows> = legs
         .iter()
