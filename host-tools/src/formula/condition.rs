@@ -116,7 +116,7 @@ mod tests {
             ("ddq > 3", "`ddq` is no signal"),
             ("q > ", "missing"),
             ("q.knee > 1", "no joint `knee`"),
-            ("q => 1", "missing"),
+            ("q => 1", "`=` means nothing"),
         ] {
             let error = Condition::read(text, NAMES).unwrap_err().to_string();
             assert!(error.contains(said), "{text}: {error}");

@@ -2,7 +2,7 @@
 //! depends on position, speed, load, time and the other joints.
 //!
 //! The forms are those of known mechanisms: friction that depends on where the joint is, end stops, cables, ripple in proportion to a torque
-//! or to friction, dead bands, warming, and what changes at a moment. Each is a text that [`define`](super::define) takes, so that what is
+//! or to friction, warming, and what changes at a moment. Each is a text that [`define`](super::define) takes, so that what is
 //! found is an effect as any other.
 
 use proprio_core::effect::{Grid, JointState};
@@ -39,9 +39,6 @@ const ALONE: [(&str, Option<Grid>); 3] = [
     ("exp(-abs(dq)/p)*sign(dq)", Some(Grid::SpeedsOfMotion)),
     ("abs(dq)*dq", None),
 ];
-
-/// A motor that gives nothing for a small torque: the share of the least torque that is tried, times so much each.
-const DEAD_BAND: &str = "min(max(tau_rigid/p, -1), 1)";
 
 /// By another joint of the limb, `X`. With any carrier.
 const BY_ANOTHER: [&str; 4] = ["q.X", "q.X^2", "q*q.X", "sin(q.X)"];
@@ -109,8 +106,8 @@ impl Term {
     }
 }
 
-/// All terms at a joint of a limb with these joints; `torque` is the greatest of its drive, N m, and `travel` how far it moves, rad.
-pub(crate) fn terms(names: Names, torque: f64, travel: f64) -> Vec<Term> {
+/// All terms at a joint of a limb with these joints; `travel` is how far the joint moves, rad.
+pub(crate) fn terms(names: Names, travel: f64) -> Vec<Term> {
     let mut all = Vec::new();
     let mut put = |carrier: &'static str, factors: Vec<String>, grid: Option<Grid>| {
         all.push(Term {
@@ -155,12 +152,6 @@ pub(crate) fn terms(names: Names, torque: f64, travel: f64) -> Vec<Term> {
             put("", vec![text.replace('X', &other)], None);
         }
     }
-    let bands = Grid::Values {
-        least: 1e-3 * torque,
-        most: torque,
-        count: super::TRIED,
-    };
-    put("", vec![DEAD_BAND.to_owned()], Some(bands));
     all
 }
 

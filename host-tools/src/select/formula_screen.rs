@@ -94,10 +94,9 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) ->
         joints: &joints,
         own: joint,
     };
-    let body = &fit.data.model.robot().bodies()[fit.data.body_of(joint)];
     let reach = Reach::of(fit.data, joint, 0.0);
     let [from, to] = reach.positions;
-    let all = terms(names, body.effort, to - from);
+    let all = terms(names, to - from);
     let factors = residual.factors(&all, names, &reach);
     let tried: Vec<Tried> = (all.par_iter().enumerate())
         .flat_map_iter(|(n, term)| residual.tried(n, term, &factors, &reach))

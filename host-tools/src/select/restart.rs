@@ -5,9 +5,8 @@ use std::collections::BTreeSet;
 
 use proprio_core::effect::EffectKind;
 
-use super::candidate::Member;
+use super::candidate::{Candidate, Member};
 use super::fitted::{Fitted, Step};
-use super::ranking::Judged;
 use crate::catalogue;
 use crate::equation::values::is_shared;
 
@@ -43,23 +42,24 @@ pub(super) fn one_cause<M: Fitted>(steps: &[Step<M>]) -> Vec<Vec<Member>> {
     catalogue::effects().flat_map(at).collect()
 }
 
-/// Where steps have taken an effect as a cause that all joints share and, as if to undo it there, at some joints too: that effect at the other
+/// Where an effect was `added` as a cause that all joints share and, as if to undo it there, at some joints too: that effect at the other
 /// joint where it takes away most of what the `first` look saw.
-pub(super) fn one_joint<M: Fitted>(steps: &[Step<M>], first: &[Judged]) -> Option<Member> {
-    let all_share = |step: &&Step<M>| step.members.iter().all(|member| is_shared(member.1.1));
-    let added = || steps.iter().filter(|step| !step.removed);
-    let effect = added().find(all_share)?.effect;
-    let undone: Vec<Member> = added()
-        .filter(|step| step.effect == effect && !all_share(step))
-        .flat_map(|step| step.members.clone())
+pub(super) fn one_joint<'c>(
+    added: &[(EffectKind, &[Member])],
+    first: impl Iterator<Item = &'c Candidate>,
+) -> Option<Member> {
+    let all_share = |members: &[Member]| members.iter().all(|member| is_shared(member.1.1));
+    let (effect, _) = *added.iter().find(|(_, members)| all_share(members))?;
+    let undone: Vec<Member> = (added.iter())
+        .filter(|(own, members)| *own == effect && !all_share(members))
+        .flat_map(|(_, members)| members.iter().copied())
         .collect();
-    let own = |judged: &Judged| match judged.candidate.members[..] {
+    let own = |candidate: &Candidate| match candidate.members[..] {
         [member] if member.1.0 == effect && !is_shared(member.1.1) => Some(member),
         _ => None,
     };
-    let taken = |judged: &Judged| judged.candidate.torque_error_taken();
-    (first.iter())
-        .filter_map(|judged| Some((taken(judged), own(judged)?)))
+    first
+        .filter_map(|candidate| Some((candidate.torque_error_taken(), own(candidate)?)))
         .filter(|(_, member)| !undone.is_empty() && !undone.contains(member))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, member)| member)

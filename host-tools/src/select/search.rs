@@ -376,7 +376,10 @@ impl<S: Source> Search<S> {
 
     /// A search that begins with an effect at one joint where this one has it at all and undoes it at some, if it does as well in fewer steps.
     fn with_one_joint(&self) -> Option<Self> {
-        let member = restart::one_joint(&self.steps, &self.first)?;
+        let added = self.steps.iter().filter(|step| !step.removed);
+        let added: Vec<_> = added.map(|s| (s.effect, &s.members[..])).collect();
+        let first = self.first.iter().map(|judged| &judged.candidate);
+        let member = restart::one_joint(&added, first)?;
         let other = self.anew_with(&[vec![member]])?;
         (other.steps.len() < self.steps.len()).then_some(other)
     }

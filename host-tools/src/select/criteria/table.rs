@@ -11,6 +11,7 @@ use super::statistics::{Squared, least_z, noise_lags};
 use super::step::{self, HeldOut};
 use crate::model::BASE;
 use crate::select::candidate::{Candidate, Finding, Member, Trial};
+use crate::select::restart::one_joint;
 
 const LEGS: [&str; 4] = ["FR", "FL", "RR", "RL"];
 const JOINTS: [&str; 3] = ["hip", "thigh", "calf"];
@@ -99,6 +100,14 @@ fn answer(question: &str, asked: &str) -> String {
         }
         "least z" => format!("{:.2}", least_z(numbers()[0] as usize)),
         "memory" => noise_lags(numbers()[0]).to_string(),
+        "one joint" => {
+            let (added, first) = asked.split_once('|').expect(asked);
+            let added: Vec<Candidate> = added.split(';').map(|one| candidate(one.trim())).collect();
+            let added: Vec<_> = added.iter().map(|c| (c.effect, &c.members[..])).collect();
+            let first = Synthetic::of(first).all;
+            let found = one_joint(&added, first.iter());
+            found.map_or("nothing".to_owned(), |member| name(member.1.0, &[member]))
+        }
         "place" => {
             let (near, reach) = (numbers()[0] > NEAR, numbers()[0] <= REACH);
             format!("{} {}", yes(near), yes(reach))
