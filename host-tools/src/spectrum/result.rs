@@ -363,7 +363,12 @@ fn measured_point(point: &Point) -> MeasuredPoint {
 impl Frf {
     /// Values and errors of a fit.
     fn take(&mut self, problem: &Problem, rigid: f64, fit: &Fit) -> Result<(), FrfError> {
-        let unit = |of: &str| of.replace("N m", self.torque_unit);
+        let in_newtons = self.torque_unit == TorqueUnit::NewtonMetre.symbol();
+        let unit = |of: &str| match of {
+            "kg m²" if !in_newtons => format!("{} s²/rad", self.torque_unit),
+            "rad/(N m)" if !in_newtons => format!("rad/{}", self.torque_unit),
+            of => of.replace("N m", self.torque_unit),
+        };
         for unknown in &fit.layout.unknowns {
             let Some((value, std)) = fit.estimate(*unknown) else {
                 continue;
@@ -379,12 +384,12 @@ impl Frf {
                     (format!("d:elasticity:{}", joint(i)), "N m s/rad", value, std)
                 }
                 Unknown::Viscous(i) => (format!("viscous:{}", joint(i)), "N m s/rad", value, std),
-                Unknown::Armature(i) => (format!("armature:{}", joint(i)), "N m s²/rad", value, std),
+                Unknown::Armature(i) => (format!("armature:{}", joint(i)), "kg m²", value, std),
                 Unknown::LinkViscous(i) => {
                     (format!("link_viscous:{}", joint(i)), "N m s/rad", value, std)
                 }
                 Unknown::LinkInertia => {
-                    (format!("link_inertia:{}", joint(0)), "N m s²/rad", value, std)
+                    (format!("link_inertia:{}", joint(0)), "kg m²", value, std)
                 }
                 Unknown::Delay => ("delay".to_owned(), "s", value, std),
                 // Directions of bodies have no name of their own.

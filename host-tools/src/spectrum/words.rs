@@ -41,9 +41,9 @@ impl Frf {
                 error.floor.unwrap_or(f64::NAN)
             ),
             _ => format!(
-                "Frequency responses of {} at {} points",
+                "Frequency responses of {} at {}",
                 self.joints.join(", "),
-                self.points.len()
+                counted_points(self.points.len())
             ),
         };
         let mut points = Vec::new();
@@ -101,11 +101,11 @@ impl Frf {
             format!(", noise and distortion {:.2} %", 100.0 * super::fit::median(scatter))
         };
         format!(
-            "{} lines, {:.1}–{:.1} Hz, {} points; noise {:.2} %{distortion} of a response",
+            "{} lines, {:.1}–{:.1} Hz, {}; noise {:.2} %{distortion} of a response",
             self.lines,
             self.band[0],
             self.band[1],
-            self.points.len(),
+            counted_points(self.points.len()),
             100.0 * noise
         )
     }
@@ -141,6 +141,14 @@ impl Frf {
             );
         }
         out
+    }
+}
+
+fn counted_points(count: usize) -> String {
+    if count == 1 {
+        "1 point".to_owned()
+    } else {
+        format!("{count} points")
     }
 }
 
