@@ -26,8 +26,9 @@ const STIFF_DAMPING: f64 = 0.05;
 /// Bandwidth of the controller, Hz, and its damping ratio.
 const BANDWIDTH: f64 = 2.0;
 const CONTROL_DAMPING: f64 = 0.7;
-/// The slow sine's amplitude, rad or m; one cycle a period.
-const CARRIER: f64 = 0.12;
+/// The slow sine's amplitude, rad or m, and its cycles a period: even, so that friction's odd harmonics of it miss the odd lines.
+const CARRIER: f64 = 0.06;
+const CARRIER_CYCLES: f64 = 2.0;
 /// Excited lines, Hz.
 const BAND: [f64; 2] = [1.0, 55.0];
 /// One odd line of so many is left silent, at random: odd distortion shows there.
@@ -284,7 +285,7 @@ impl FrfSimulation {
 
     /// A point with the slow sine on it: positions and velocities.
     fn carried(&self, point: &[f64], t: f64) -> (Vec<f64>, Vec<f64>) {
-        let omega = std::f64::consts::TAU / self.period;
+        let omega = std::f64::consts::TAU * CARRIER_CYCLES / self.period;
         let of = |(j, q): (usize, &f64)| {
             // Joints reverse one after the other.
             let angle = omega * t + j as f64;

@@ -23,6 +23,9 @@ const REST: f64 = 0.01;
 /// The share of time at rest from which on a joint is said to stick.
 const STUCK: f64 = 0.5;
 
+/// Instants of a period at which the model's matrices are averaged: the slow motion has one or two cycles.
+const PATH: usize = 16;
+
 /// By period, joint and line.
 pub(super) type Spectra = Vec<Vec<Vec<Complex64>>>;
 
@@ -30,6 +33,8 @@ pub(super) type Spectra = Vec<Vec<Vec<Complex64>>>;
 pub(super) struct Experiment {
     /// Mean position of each joint, rad or m.
     pub(super) point: Vec<f64>,
+    /// Positions of all joints at some instants of a period, evenly spaced.
+    pub(super) path: Vec<Vec<f64>>,
     /// The motion within it, peak to peak, of each joint.
     pub(super) swing: Vec<f64>,
     /// Position at the excited lines.
@@ -223,6 +228,8 @@ fn experiment(
             .collect()
     };
     let used = stretch.first + transient * period..stretch.first + stretch.periods * period;
+    let instants = (0..PATH).map(|k| used.start + k * period / PATH);
+    let path = instants.map(|k| record.q.iter().map(|q| q[k]).collect()).collect();
     let (point, swing) = positions(record, used, period)?;
     let band = lines[0]..*lines.last().unwrap_or(&lines[0]);
     let detection = [0, 1].map(|parity| {
@@ -232,6 +239,7 @@ fn experiment(
     });
     Ok(Experiment {
         point,
+        path,
         swing,
         q: pick(&q, lines),
         torque: pick(&torque, lines),

@@ -6,9 +6,10 @@
 
 use nalgebra::{DMatrix, DVector};
 use proprio_solve::bounded::{inverse, triangle};
+use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 
-use super::flexible::{Plant, derived};
+use super::flexible::{Derived, Plant, derived, response};
 use super::layout::Layout;
 use super::response::{Point, Response};
 
@@ -104,9 +105,16 @@ impl Problem<'_> {
     }
 
     /// The model's response and derivatives at all lines of a point.
-    fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<super::flexible::Derived>> {
+    fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
         (self.omega[..self.used].iter())
             .map(|&omega| derived(&self.plants[point], layout, x, omega, self.dt))
+            .collect()
+    }
+
+    /// The model's response at all lines of a point.
+    fn responses(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Response> {
+        (self.omega[..self.used].iter())
+            .map(|&omega| response(&self.plants[point], layout, x, omega, self.dt))
             .collect()
     }
 
@@ -116,7 +124,7 @@ impl Problem<'_> {
         point: usize,
         block: Option<usize>,
         lines: std::ops::Range<usize>,
-        model: &[super::flexible::Derived],
+        model: &[Derived],
         lacking: f64,
     ) -> DMatrix<f64> {
         let own = self.points[point];
@@ -129,7 +137,7 @@ impl Problem<'_> {
         let unknowns = model.first().map_or(0, |m| m.slopes.len());
         let mut rows = DMatrix::zeros(2 * kept.len(), unknowns + 1);
         for (k, &&(line, i, j, error, std)) in kept.iter().enumerate() {
-            let weight = 1.0 / (share * (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt());
+            let weight = weight(std, lacking) / share;
             for (u, slope) in model[line].slopes.iter().enumerate() {
                 let relative = slope[(i, j)] / model[line].response[(i, j)] * weight;
                 rows[(2 * k, u)] = relative.re;
@@ -141,13 +149,13 @@ impl Problem<'_> {
         rows
     }
 
-    /// Rows of all points' means.
-    fn groups(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<Group>> {
+    /// Rows of all points' means, each as a triangle.
+    fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
         (0..self.points.len())
+            .into_par_iter()
             .map(|point| {
                 let model = self.model(point, layout, x)?;
-                let rows = self.rows(point, None, 0..self.used, &model, lacking);
-                Some(Group { rows })
+                Some(triangle(self.rows(point, None, 0..self.used, &model, lacking)))
             })
             .collect()
     }
@@ -178,11 +186,20 @@ impl Problem<'_> {
 
     /// Weighted squares at x.
     fn cost(&self, layout: &Layout, x: &[f64], lacking: f64) -> f64 {
-        let Some(groups) = self.groups(layout, x, lacking) else {
-            return f64::INFINITY;
+        let of_point = |point: usize| {
+            let Some(model) = self.responses(point, layout, x) else {
+                return f64::INFINITY;
+            };
+            let all = self.residuals(point, &self.points[point].mean, &model);
+            let square = |(_, _, _, error, std): &(_, _, _, Complex64, f64)| {
+                error.norm_sqr() * weight(*std, lacking).powi(2)
+            };
+            all.iter().map(square).sum::<f64>()
         };
-        let squares = |g: &Group| g.rows.column(g.rows.ncols() - 1).norm_squared();
-        groups.iter().map(squares).sum::<f64>() + prior_rows(layout, x).column(x.len()).norm_squared()
+        let points = (0..self.points.len()).into_par_iter();
+        // In the order of the points, so that the sum is the same every time.
+        let costs: Vec<f64> = points.map(of_point).collect();
+        costs.iter().sum::<f64>() + prior_rows(layout, x).column(x.len()).norm_squared()
     }
 
     /// Levenberg–Marquardt steps from x.
@@ -193,10 +210,10 @@ impl Problem<'_> {
         };
         let mut damping = 1e-3;
         for _ in 0..steps {
-            let Some(groups) = self.groups(layout, &state.x, lacking) else {
+            let Some(factors) = self.factors(layout, &state.x, lacking) else {
                 break;
             };
-            let factor = stacked(groups.iter().map(|g| &g.rows), &prior_rows(layout, &state.x));
+            let factor = stacked(factors.iter(), &prior_rows(layout, &state.x));
             let mut moved = f64::INFINITY;
             // Ten times the damping up to ten times: then no direction falls.
             for _ in 0..10 {
@@ -221,7 +238,7 @@ impl Problem<'_> {
     /// Fits, beginning at each of these and going on from the best; steps are bounded.
     pub(super) fn fit(&self, layout: &Layout, starts: &[Vec<f64>]) -> Option<Fit> {
         /// Steps from each start, and of the best one.
-        const FIRST_STEPS: usize = 12;
+        const FIRST_STEPS: usize = 6;
         const LAST_STEPS: usize = 25;
         let best = (starts.iter())
             .map(|x| self.descend(layout, x, FIRST_ERROR, FIRST_STEPS))
@@ -242,8 +259,7 @@ impl Problem<'_> {
     fn all_residuals(&self, layout: &Layout, x: &[f64]) -> Option<Vec<(Complex64, f64)>> {
         let mut all = Vec::new();
         for point in 0..self.points.len() {
-            let model = self.model(point, layout, x)?;
-            let responses: Vec<DMatrix<Complex64>> = model.into_iter().map(|m| m.response).collect();
+            let responses = self.responses(point, layout, x)?;
             let own = self.residuals(point, &self.points[point].mean, &responses);
             all.extend(own.into_iter().map(|(_, _, _, error, std)| (error, std)));
         }
@@ -349,9 +365,9 @@ impl Problem<'_> {
         let own = self.points[point];
         let mut errors = Vec::new();
         for line in lines {
-            let model = derived(&self.plants[point], layout, x, self.omega[line], self.dt)?;
+            let model = response(&self.plants[point], layout, x, self.omega[line], self.dt)?;
             for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
-                let error = (own.mean[line][(i, j)] / model.response[(i, j)]).ln().re;
+                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln().re;
                 if self.relative_variance(own, line, i, j) < LEAST_KNOWN && error.is_finite() {
                     errors.push(error);
                 }
@@ -405,6 +421,11 @@ impl Fit {
         let variance = (slope.transpose() * &self.covariance * &slope)[(0, 0)];
         (of(&self.x), variance.max(0.0).sqrt())
     }
+}
+
+/// One over the standard deviation of a component of an error.
+fn weight(std: f64, lacking: f64) -> f64 {
+    1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
 }
 
 /// Root mean square.

@@ -101,7 +101,24 @@ fn delayed(omega: f64, delay: f64) -> Complex64 {
     Complex64::new(0.0, -omega * delay).exp()
 }
 
-/// Torque to motor position at ω, with its derivatives; none where the model is singular.
+/// Torque to motor position at ω; none where the model is singular.
+pub(super) fn response(
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    omega: f64,
+    dt: f64,
+) -> Option<DMatrix<Complex64>> {
+    let n = plant.inertia.nrows();
+    let mut response = DMatrix::zeros(n, n);
+    let delay = delayed(omega, layout.value(x, Unknown::Delay));
+    for (s, hold) in terms(omega, dt) {
+        response += blocks(plant, layout, x, s)?.p * (hold * delay);
+    }
+    Some(response)
+}
+
+/// The same with its derivatives; none where the model is singular.
 pub(super) fn derived(
     plant: &Plant,
     layout: &Layout,
@@ -118,7 +135,7 @@ pub(super) fn derived(
         let own = blocks(plant, layout, x, s)?;
         let by = hold * delay;
         response += &own.p * by;
-        add_slopes(&mut slopes, plant, layout, x, s, by, &own);
+        add_slopes(&mut slopes, plant, layout, x, (s, by), &own, dt);
     }
     if let Some(index) = layout.index(Unknown::Delay) {
         let by = Complex64::new(0.0, -omega) * layout.scale(x, index);
@@ -133,10 +150,11 @@ fn add_slopes(
     plant: &Plant,
     layout: &Layout,
     x: &[f64],
-    s: Complex64,
-    by: Complex64,
+    (s, by): (Complex64, Complex64),
     own: &Blocks,
+    dt: f64,
 ) {
+    let rate = std::f64::consts::TAU / dt;
     let n = plant.inertia.nrows();
     let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
     // t = A⁻¹ S P: a torque's effect on the links.
@@ -159,6 +177,8 @@ fn add_slopes(
             Unknown::Armature(i) => rank_one(column(p, i), factor * s * s),
             Unknown::LinkViscous(i) => rank_one(t.row(i).transpose(), factor * s),
             Unknown::LinkInertia => rank_one(t.row(0).transpose(), factor * s * s),
+            // Aliases hardly depend on the links: motors move alone there.
+            Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => continue,
             Unknown::Rigid(m) => {
                 let bent = complex(&plant.rigid[m], s * s) * &t;
                 t.transpose() * bent * -factor

@@ -15,27 +15,34 @@ pub(super) fn without_friction(record: &Record, friction: &[f64]) -> Vec<Vec<f64
             return own.clone();
         }
         let q = &record.q[joint];
-        let signs = (0..own.len()).map(|k| mean_sign(q, k));
+        let of_positions = |k: usize| central(q, k);
+        let signs = (0..own.len()).map(|k| match record.dq.get(joint) {
+            // Sharper than differences: friction's own reversal bends the position within a sample.
+            Some(dq) => mean_sign(dq[k], dq.get(k + 1).copied().unwrap_or(dq[k])),
+            None => mean_sign(of_positions(k), of_positions((k + 1).min(own.len() - 1))),
+        });
         own.iter().zip(signs).map(|(torque, sign)| torque - coulomb * sign).collect()
     };
     (0..record.torque.len()).map(of).collect()
 }
 
-/// The mean sign of the velocity between samples k and k + 1, by the parabola through positions around them.
-fn mean_sign(q: &[f64], k: usize) -> f64 {
-    if k + 1 >= q.len() {
-        return 0.0;
-    }
-    // Velocities at both ends, by central differences, in units of distance per sample.
-    let at = |k: usize| match (k.checked_sub(1), q.get(k + 1)) {
+/// Velocity at sample k by central differences, in units of distance per sample.
+fn central(q: &[f64], k: usize) -> f64 {
+    match (k.checked_sub(1), q.get(k + 1)) {
         (Some(before), Some(after)) => 0.5 * (after - q[before]),
         (None, Some(after)) => after - q[k],
         (Some(before), None) => q[k] - q[before],
         (None, None) => 0.0,
-    };
-    let (a, b) = (at(k), at(k + 1));
+    }
+}
+
+/// The mean sign of a velocity that goes from `a` to `b` evenly.
+fn mean_sign(a: f64, b: f64) -> f64 {
+    if a == 0.0 && b == 0.0 {
+        return 0.0;
+    }
     if a * b >= 0.0 {
-        return (a + b).signum() * f64::from(u8::from(a + b != 0.0));
+        return (a + b).signum();
     }
     // A reversal within the interval: the shares before and after it.
     (a.abs() - b.abs()) / (a.abs() + b.abs()) * a.signum()
@@ -47,15 +54,15 @@ mod tests {
 
     #[test]
     fn a_reversal_shares_the_interval() {
-        let q = [0.0, 1.0, 2.0, 2.5, 2.0, 1.0];
-        let sign: Vec<f64> = (0..5).map(|k| mean_sign(&q, k)).collect();
-        assert_eq!(sign[..2], [1.0, 1.0]);
-        // The velocity falls from 0.75 to 0.
-        assert_eq!(sign[2], 1.0);
-        assert_eq!(sign[4], -1.0);
-        let q = [0.0, 1.0, 1.9, 1.6, 0.4];
-        // From 0.95 to 0.3 … from 0.3 to −0.75.
-        assert!((mean_sign(&q, 2) - (0.3 - 0.75) / 1.05).abs() < 1e-12);
-        assert_eq!(mean_sign(&[1.0; 3], 1), 0.0);
+        assert_eq!(mean_sign(0.3, 0.1), 1.0);
+        assert_eq!(mean_sign(0.0, -0.1), -1.0);
+        assert_eq!(mean_sign(0.0, 0.0), 0.0);
+        assert!((mean_sign(0.3, -0.1) - 0.5).abs() < 1e-12);
+        assert!((mean_sign(-0.1, 0.3) - 0.5).abs() < 1e-12);
+        let q = [0.0, 1.0, 1.9, 1.6];
+        let velocity: Vec<f64> = (0..4).map(|k| central(&q, k)).collect();
+        for (own, exact) in velocity.iter().zip([1.0, 0.95, 0.3, -0.3]) {
+            assert!((own - exact).abs() < 1e-12);
+        }
     }
 }

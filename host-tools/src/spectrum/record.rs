@@ -42,6 +42,8 @@ pub(super) struct Record {
     pub(super) unit: TorqueUnit,
     /// Motor position, rad or m.
     pub(super) q: Vec<Vec<f64>>,
+    /// Motor velocity, rad/s or m/s; empty if it is not recorded.
+    pub(super) dq: Vec<Vec<f64>>,
     /// Torque, in its unit.
     pub(super) torque: Vec<Vec<f64>>,
     /// The excitation as it was asked for, in any unit, of each joint; empty if it is not recorded.
@@ -54,6 +56,7 @@ pub(super) struct Record {
 struct JointColumns {
     joint: String,
     q: usize,
+    dq: Option<usize>,
     torque: usize,
     reference: Option<usize>,
     link: Option<usize>,
@@ -70,7 +73,7 @@ impl Record {
             (columns, unit) = joint_columns(path, names, model)?;
             let cells = [time_column(path, names)?].into_iter();
             let cells = cells.chain(columns.iter().flat_map(|c| {
-                [Some(c.q), Some(c.torque), c.reference, c.link]
+                [Some(c.q), c.dq, Some(c.torque), c.reference, c.link]
                     .into_iter()
                     .flatten()
             }));
@@ -88,6 +91,7 @@ impl Record {
             unit,
             joints: Vec::new(),
             q: Vec::new(),
+            dq: Vec::new(),
             torque: Vec::new(),
             reference: Vec::new(),
             link: Vec::new(),
@@ -95,6 +99,9 @@ impl Record {
         for column in columns {
             record.joints.push(column.joint);
             record.q.push(next());
+            if column.dq.is_some() {
+                record.dq.push(next());
+            }
             record.torque.push(next());
             if column.reference.is_some() {
                 record.reference.push(next());
@@ -102,6 +109,9 @@ impl Record {
             if column.link.is_some() {
                 record.link.push(next());
             }
+        }
+        if record.dq.len() < record.joints.len() {
+            record.dq.clear();
         }
         // Of some joints alone it is no instrument for all.
         if record.reference.len() < record.joints.len() {
@@ -159,6 +169,7 @@ fn joint_columns(
         let columns = JointColumns {
             joint: own,
             q,
+            dq: cell("dq", joint),
             torque,
             reference: cell("ref", joint),
             link: cell("q_link", joint),

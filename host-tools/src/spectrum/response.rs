@@ -24,6 +24,8 @@ pub(super) type Response = Vec<DMatrix<Complex64>>;
 pub(super) struct Point {
     /// Mean position of each joint, rad or m.
     pub(super) q: Vec<f64>,
+    /// Positions at some instants of a period.
+    pub(super) path: Vec<Vec<f64>>,
     /// The responses of each block.
     pub(super) blocks: Vec<Response>,
     /// Their mean.
@@ -132,6 +134,7 @@ fn point(
     let q = (0..joints).map(|j| group.iter().map(|e| e.point[j]).sum::<f64>() / group.len() as f64);
     Ok(Point {
         q: q.collect(),
+        path: group[0].path.clone(),
         blocks,
         mean,
         noise,

@@ -45,14 +45,18 @@ impl Links {
         })
     }
 
-    /// The plants at points; those of the joints that are not recorded stand at 0.
+    /// The plants at points: means over the path, which a slow motion around a point makes differ from those at its middle. Those of the joints that are not recorded stand at 0.
     ///
     /// # Errors
     /// If the dynamics cannot be computed.
     pub(super) fn plants(&self, points: &[Point]) -> Result<Vec<Plant>, FrfError> {
         let mut plants = Vec::new();
         for point in points {
-            plants.push(self.plant(&point.q)?);
+            let mut mean = self.plant(&point.path[0])?;
+            for q in &point.path[1..] {
+                mean = added(mean, &self.plant(q)?);
+            }
+            plants.push(divided(mean, point.path.len() as f64));
         }
         // Directions that are felt at some point.
         let felt: Vec<usize> = (0..self.directions.ncols())
@@ -123,6 +127,24 @@ impl Links {
             rigid,
         })
     }
+}
+
+fn added(mut a: Plant, b: &Plant) -> Plant {
+    a.inertia += &b.inertia;
+    a.gravity += &b.gravity;
+    for (a, b) in a.rigid.iter_mut().zip(&b.rigid) {
+        *a += b;
+    }
+    a
+}
+
+fn divided(mut plant: Plant, by: f64) -> Plant {
+    plant.inertia /= by;
+    plant.gravity /= by;
+    for direction in &mut plant.rigid {
+        *direction /= by;
+    }
+    plant
 }
 
 /// Directions in which each body may be off: its parameters' standard deviations as identified, or the CAD's prior.
