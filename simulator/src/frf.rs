@@ -6,31 +6,32 @@
 //!
 //! A controller of the sampling rate holds the motors at a point with a slow sine on top, which keeps friction from holding them, and adds the
 //! excitation: odd multisines of random phases, in n experiments whose phases differ by the Fourier matrix, so that the excitations of n
-//! joints are orthogonal (Dobrowiecki, Schoukens & Guillaume 2006). Nothing here knows how responses are estimated.
+//! joints are orthogonal (Dobrowiecki, Schoukens & Guillaume 2006). Nothing here knows how responses are estimated. `robot` beside: the mechanics.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Unit, Vector3};
+mod robot;
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 
 use crate::TrueValue;
+use robot::Robot;
 
-/// m/s².
-const GRAVITY: f64 = 9.81;
 /// The longest step, s: with 120 Hz the fastest spring, ω Δt is 0.2 and its frequency right within 0.2 %; at 30 Hz within 0.01 %.
 const STEP: f64 = 0.25e-3;
-/// Resonance of a joint that is not said to be elastic, Hz, and its damping ratio.
-const STIFF: f64 = 120.0;
-const STIFF_DAMPING: f64 = 0.05;
 /// Bandwidth of the controller, Hz, and its damping ratio.
 const BANDWIDTH: f64 = 2.0;
 const CONTROL_DAMPING: f64 = 0.7;
-/// The slow sine's amplitude, rad or m, and its cycles a period: even, so that friction's odd harmonics of it miss the odd lines.
+/// The slow sine's amplitude, rad or m, and its cycles a period: odd, so that what it changes of the robot's inertia moves an odd line's
+/// response to even ones.
 const CARRIER: f64 = 0.06;
-const CARRIER_CYCLES: f64 = 2.0;
+const CARRIER_CYCLES: usize = 3;
 /// Excited lines, Hz.
 const BAND: [f64; 2] = [1.0, 55.0];
+/// Below this line, Hz, amplitudes fall in proportion, so that the velocity of low lines does not exceed the slow sine's.
+const CORNER: f64 = 10.0;
 /// One odd line of so many is left silent, at random: odd distortion shows there.
 const SILENT: usize = 4;
 /// The excitation's rms: so much of the friction and of the greatest effort, and no more than a share of the latter.
@@ -121,19 +122,6 @@ pub struct FrfSample {
     pub q_link: Vec<f64>,
 }
 
-/// The robot as it is and where it is.
-struct Robot {
-    joints: Vec<ElasticJoint>,
-    down: Vector3<f64>,
-    armature: Vec<f64>,
-    spring: Vec<[f64; 2]>,
-    /// Motors and links: positions and velocities.
-    motor: [Vec<f64>; 2],
-    link: [Vec<f64>; 2],
-    /// H⁻¹ where it was last computed.
-    inverse: DMatrix<f64>,
-}
-
 impl FrfSimulation {
     /// The truth by the names that `frf` and `identify` have.
     pub fn truth(&self) -> Vec<TrueValue> {
@@ -172,7 +160,11 @@ impl FrfSimulation {
             let moves = (MOVE * self.rate) as usize;
             for k in 0..moves {
                 let share = 0.5 - 0.5 * (std::f64::consts::PI * k as f64 / moves as f64).cos();
-                let goal: Vec<f64> = last.iter().zip(point).map(|(a, b)| a + share * (b - a)).collect();
+                let goal: Vec<f64> = last
+                    .iter()
+                    .zip(point)
+                    .map(|(a, b)| a + share * (b - a))
+                    .collect();
                 let still = vec![0.0; n];
                 sample(&control.step(&mut robot, [&goal, &still], &still))?;
             }
@@ -203,14 +195,22 @@ impl FrfSimulation {
     ) -> Result<(), E> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(2);
-        let middle: Vec<f64> = self.joints.iter().map(|j| 0.5 * (range(j)[0] + range(j)[1])).collect();
+        let middle: Vec<f64> = self
+            .joints
+            .iter()
+            .map(|j| 0.5 * (range(j)[0] + range(j)[1]))
+            .collect();
         // Sines of no common frequency: slow enough for springs to follow, fast enough to tell inertia from friction.
         let sines: Vec<[[f64; 3]; 3]> = (self.joints.iter())
             .map(|joint| {
                 let half = 0.5 * (range(joint)[1] - range(joint)[0]) * RANGE;
                 [0.1, 0.4, 1.1].map(|about| {
                     let f = about * (1.0 + 0.4 * (rng.random::<f64>() - 0.5));
-                    [half.min(1.0) / (3.0 + 4.0 * about), std::f64::consts::TAU * f, std::f64::consts::TAU * rng.random::<f64>()]
+                    [
+                        half.min(1.0) / (3.0 + 4.0 * about),
+                        std::f64::consts::TAU * f,
+                        std::f64::consts::TAU * rng.random::<f64>(),
+                    ]
                 })
             })
             .collect();
@@ -223,7 +223,8 @@ impl FrfSimulation {
             let faded = (t / 2.0).min(1.0);
             let of = |n: usize| {
                 let sum = |f: fn(f64) -> f64, by_speed: bool| {
-                    let one = |[a, w, p]: &[f64; 3]| a * if by_speed { *w } else { 1.0 } * f(w * t + p);
+                    let one =
+                        |[a, w, p]: &[f64; 3]| a * if by_speed { *w } else { 1.0 } * f(w * t + p);
                     sines[n].iter().map(one).sum::<f64>() * faded
                 };
                 (middle[n] + sum(f64::sin, false), sum(f64::cos, true))
@@ -246,12 +247,22 @@ impl FrfSimulation {
     /// The excited odd lines.
     fn lines(&self, rng: &mut ChaCha8Rng) -> Vec<usize> {
         let top = BAND[1].min(0.35 * self.rate);
-        let odd = (1..).step_by(2).skip_while(|line| (*line as f64) < BAND[0] * self.period);
-        let odd: Vec<usize> = odd.take_while(|line| *line as f64 <= top * self.period).collect();
+        let odd = (1..)
+            .step_by(2)
+            .skip_while(|line| *line <= CARRIER_CYCLES || (*line as f64) < BAND[0] * self.period);
+        let odd: Vec<usize> = odd
+            .take_while(|line| *line as f64 <= top * self.period)
+            .collect();
         let mut lines = Vec::new();
         for group in odd.chunks(SILENT) {
             let left_out = rng.random_range(0..SILENT);
-            lines.extend(group.iter().enumerate().filter(|(k, _)| *k != left_out).map(|(_, l)| *l));
+            lines.extend(
+                group
+                    .iter()
+                    .enumerate()
+                    .filter(|(k, _)| *k != left_out)
+                    .map(|(_, l)| *l),
+            );
         }
         lines
     }
@@ -259,22 +270,32 @@ impl FrfSimulation {
     fn phases(&self, lines: &[usize], rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         let mut phase = || std::f64::consts::TAU * rng.random::<f64>();
         let joints = 0..self.joints.len();
-        joints.map(|_| lines.iter().map(|_| phase()).collect()).collect()
+        joints
+            .map(|_| lines.iter().map(|_| phase()).collect())
+            .collect()
     }
 
     /// One period of each joint's excitation in an experiment.
-    fn signals(&self, lines: &[usize], phases: &[Vec<f64>], experiment: usize, length: usize) -> Vec<Vec<f64>> {
+    fn signals(
+        &self,
+        lines: &[usize],
+        phases: &[Vec<f64>],
+        experiment: usize,
+        length: usize,
+    ) -> Vec<Vec<f64>> {
         let n = self.joints.len();
         let of = |(j, phases): (usize, &Vec<f64>)| {
             let joint = &self.joints[j];
             let rms = OF_FRICTION * joint.coulomb + OF_EFFORT * joint.effort;
             let rms = self.excitation * rms.min(MOST_EFFORT * joint.effort);
-            let amplitude = rms * (2.0 / lines.len().max(1) as f64).sqrt();
+            let shape = |line: &usize| (*line as f64 / (CORNER * self.period)).min(1.0);
+            let power: f64 = lines.iter().map(|line| shape(line).powi(2)).sum();
+            let amplitude = rms * (2.0 / power.max(1e-12)).sqrt();
             let turned = std::f64::consts::TAU * (j * experiment) as f64 / n as f64;
             let at = |k: usize| {
                 let sine = |(line, phase): (&usize, &f64)| {
                     let angle = (line * k % length) as f64 / length as f64;
-                    (std::f64::consts::TAU * angle + phase + turned).cos()
+                    shape(line) * (std::f64::consts::TAU * angle + phase + turned).cos()
                 };
                 amplitude * lines.iter().zip(phases).map(sine).sum::<f64>()
             };
@@ -285,7 +306,7 @@ impl FrfSimulation {
 
     /// A point with the slow sine on it: positions and velocities.
     fn carried(&self, point: &[f64], t: f64) -> (Vec<f64>, Vec<f64>) {
-        let omega = std::f64::consts::TAU * CARRIER_CYCLES / self.period;
+        let omega = std::f64::consts::TAU * CARRIER_CYCLES as f64 / self.period;
         let of = |(j, q): (usize, &f64)| {
             // Joints reverse one after the other.
             let angle = omega * t + j as f64;
@@ -321,8 +342,14 @@ impl Control {
     fn new(of: &FrfSimulation, robot: &Robot) -> Self {
         let inertia = robot.inertia(&vec![0.0; of.joints.len()]);
         let gains = robot.armature.iter().enumerate().map(|(j, armature)| {
-            let (omega, inertia) = (std::f64::consts::TAU * BANDWIDTH, armature + inertia[(j, j)]);
-            [inertia * omega * omega, 2.0 * CONTROL_DAMPING * omega * inertia]
+            let (omega, inertia) = (
+                std::f64::consts::TAU * BANDWIDTH,
+                armature + inertia[(j, j)],
+            );
+            [
+                inertia * omega * omega,
+                2.0 * CONTROL_DAMPING * omega * inertia,
+            ]
         });
         let mut rng = ChaCha8Rng::seed_from_u64(of.seed);
         rng.set_stream(3);
@@ -353,7 +380,10 @@ impl Control {
                 gravity[j] + stiff * (goal[j] - q[j]) + damped * (speed[j] - dq[j]) + drive[j]
             })
             .collect();
-        let tau = torque.iter().zip(&self.efforts).map(|(tau, effort)| tau + noise(NOISE[2] * effort));
+        let tau = torque
+            .iter()
+            .zip(&self.efforts)
+            .map(|(tau, effort)| tau + noise(NOISE[2] * effort));
         let sample = FrfSample {
             t: self.sample as f64 * self.dt,
             q,
@@ -368,162 +398,9 @@ impl Control {
     }
 }
 
-impl Robot {
-    fn new(of: &FrfSimulation) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(of.seed);
-        let mut joints = of.joints.clone();
-        for joint in &mut joints {
-            let factor = (of.inertia_error * rng.sample::<f64, _>(StandardNormal)).exp();
-            joint.mass *= factor;
-            joint.inertia *= factor;
-        }
-        let n = joints.len();
-        let mut robot = Self {
-            down: of.down,
-            armature: vec![0.0; n],
-            spring: vec![[0.0; 2]; n],
-            motor: [vec![0.0; n], vec![0.0; n]],
-            link: [vec![0.0; n], vec![0.0; n]],
-            inverse: DMatrix::identity(n, n),
-            joints,
-        };
-        let inertia = robot.inertia(&vec![0.0; n]);
-        for j in 0..n {
-            let own = inertia[(j, j)];
-            let motor = robot.joints[j].armature.unwrap_or(0.5 * own);
-            robot.armature[j] = motor;
-            let omega = std::f64::consts::TAU * STIFF;
-            let stiff = omega * omega * own * motor / (own + motor);
-            let stiff = [stiff, 2.0 * STIFF_DAMPING * stiff / omega];
-            robot.spring[j] = robot.joints[j].spring.unwrap_or(stiff);
-        }
-        robot
-    }
-
-    /// Motors and links where gravity leaves them if the motors are held at q.
-    fn rest_at(&mut self, q: &[f64]) {
-        let zero = vec![0.0; q.len()];
-        let gravity = self.torques(q, &zero, &zero);
-        for j in 0..q.len() {
-            self.motor[0][j] = q[j];
-            self.link[0][j] = q[j] - gravity[j] / self.spring[j][0];
-        }
-        self.motor[1].fill(0.0);
-        self.link[1].fill(0.0);
-    }
-
-    /// Torques at the links for these positions, velocities and accelerations: forces on each body in its own frame, collected from the tips.
-    fn torques(&self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Vec<f64> {
-        let n = q.len();
-        let mut rotations: Vec<Rotation3<f64>> = Vec::with_capacity(n);
-        let mut offsets: Vec<Vector3<f64>> = Vec::with_capacity(n);
-        // Angular velocity, angular acceleration and acceleration of each frame, in itself; the base falls upwards.
-        let mut state: Vec<[Vector3<f64>; 3]> = Vec::with_capacity(n);
-        let mut loads: Vec<[Vector3<f64>; 2]> = Vec::with_capacity(n);
-        for (j, joint) in self.joints.iter().enumerate() {
-            let fixed = joint.placement.rotation.to_rotation_matrix();
-            let (rotation, offset) = if joint.slides {
-                let slid = fixed * (joint.axis * q[j]);
-                (fixed, joint.placement.translation.vector + slid)
-            } else {
-                let turned = Rotation3::from_axis_angle(&Unit::new_unchecked(joint.axis), q[j]);
-                (fixed * turned, joint.placement.translation.vector)
-            };
-            let [omega, alpha, a] = match joint.parent {
-                Some(p) => state[p],
-                None => [Vector3::zeros(), Vector3::zeros(), -GRAVITY * self.down],
-            };
-            let at = a + alpha.cross(&offset) + omega.cross(&omega.cross(&offset));
-            let back = rotation.inverse();
-            let (mut omega, mut alpha, mut at) = (back * omega, back * alpha, back * at);
-            let (speed, slope) = (joint.axis * dq[j], joint.axis * ddq[j]);
-            if joint.slides {
-                at += slope + 2.0 * omega.cross(&speed);
-            } else {
-                alpha += slope + omega.cross(&speed);
-                omega += speed;
-            }
-            let c = &joint.com;
-            let force = joint.mass * (at + alpha.cross(c) + omega.cross(&omega.cross(c)));
-            let moment = joint.inertia * alpha + omega.cross(&(joint.inertia * omega)) + c.cross(&force);
-            rotations.push(rotation);
-            offsets.push(offset);
-            state.push([omega, alpha, at]);
-            loads.push([force, moment]);
-        }
-        let mut torques = vec![0.0; n];
-        for j in (0..n).rev() {
-            let [force, moment] = loads[j];
-            let joint = &self.joints[j];
-            torques[j] = joint.axis.dot(if joint.slides { &force } else { &moment });
-            if let Some(p) = joint.parent {
-                let carried = rotations[j] * force;
-                loads[p][0] += carried;
-                loads[p][1] += rotations[j] * moment + offsets[j].cross(&carried);
-            }
-        }
-        torques
-    }
-
-    /// The links' inertia matrix, by unit accelerations.
-    fn inertia(&self, q: &[f64]) -> DMatrix<f64> {
-        let n = q.len();
-        let zero = vec![0.0; n];
-        let still = self.torques(q, &zero, &zero);
-        let mut inertia = DMatrix::zeros(n, n);
-        for j in 0..n {
-            let mut unit = zero.clone();
-            unit[j] = 1.0;
-            for (i, torque) in self.torques(q, &zero, &unit).iter().enumerate() {
-                inertia[(i, j)] = torque - still[i];
-            }
-        }
-        inertia
-    }
-
-    /// Moves through a sampling period at these motor torques. The inertia matrix is that of its beginning.
-    fn advance(&mut self, torque: &[f64], period: f64, steps: usize) {
-        let n = torque.len();
-        if let Some(inverse) = self.inertia(&self.link[0]).try_inverse() {
-            self.inverse = inverse;
-        }
-        let dt = period / steps as f64;
-        let zero = vec![0.0; n];
-        let half = |[q, v]: &mut [Vec<f64>; 2]| {
-            for (q, v) in q.iter_mut().zip(v.iter()) {
-                *q += 0.5 * dt * v;
-            }
-        };
-        for _ in 0..steps {
-            half(&mut self.motor);
-            half(&mut self.link);
-            let spring: Vec<f64> = (0..n)
-                .map(|j| {
-                    let [k, d] = self.spring[j];
-                    k * (self.motor[0][j] - self.link[0][j]) + d * (self.motor[1][j] - self.link[1][j])
-                })
-                .collect();
-            let bias = self.torques(&self.link[0], &self.link[1], &zero);
-            let force = DVector::from_fn(n, |j, _| spring[j] - bias[j]);
-            let acceleration = &self.inverse * force;
-            for j in 0..n {
-                self.link[1][j] += dt * acceleration[j];
-                let joint = &self.joints[j];
-                let by = dt / self.armature[j];
-                let v = &mut self.motor[1][j];
-                // Friction with the velocity at the end, which keeps it stable and lets it stick.
-                let free = (*v + by * (torque[j] - spring[j])) / (1.0 + by * joint.viscous);
-                let dry = by * joint.coulomb;
-                *v = free - free.clamp(-dry, dry);
-            }
-            half(&mut self.motor);
-            half(&mut self.link);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::robot::GRAVITY;
     use super::*;
 
     /// A beam of 1 m with 2 kg at its end about y, from the horizontal.
@@ -598,7 +475,10 @@ mod tests {
     /// Below its friction a motor stays where it is; the reference is periodic.
     #[test]
     fn friction_holds_and_the_excitation_repeats() {
-        let mut robot = Robot::new(&FrfSimulation { down: Vector3::zeros(), ..beam() });
+        let mut robot = Robot::new(&FrfSimulation {
+            down: Vector3::zeros(),
+            ..beam()
+        });
         for _ in 0..500 {
             robot.advance(&[2.9], 0.002, 8);
         }
@@ -607,7 +487,12 @@ mod tests {
         assert!(robot.motor[1][0] > 0.0);
 
         let mut rows = Vec::new();
-        beam().record(|s| { rows.push(s.clone()); Ok::<(), ()>(()) }).unwrap();
+        beam()
+            .record(|s| {
+                rows.push(s.clone());
+                Ok::<(), ()>(())
+            })
+            .unwrap();
         let first = rows.len() - 3 * 500;
         for k in first..first + 1000 {
             assert_eq!(rows[k].reference, rows[k + 500].reference);

@@ -27,13 +27,25 @@ fn a_benchs_spring_is_found_and_its_loads_encoder_predicted() {
     let antiresonance = number(&mode["antiresonance"]["value"]);
     assert!((antiresonance - 53.9).abs() < 0.5, "{mode}");
     assert!(number(&mode["antiresonance"]["std"]) < 0.5, "{mode}");
-    assert!((number(&mode["resonance"]["value"]) - 76.1).abs() < 0.5, "{mode}");
-    assert!((number(&mode["inertia_ratio"]["value"]) - 1.01).abs() < 0.03, "{mode}");
+    assert!(
+        (number(&mode["resonance"]["value"]) - 76.1).abs() < 0.5,
+        "{mode}"
+    );
+    assert!(
+        (number(&mode["inertia_ratio"]["value"]) - 1.01).abs() < 0.03,
+        "{mode}"
+    );
     let link = &found["links"][0];
     assert!((number(&link["gain"]) - 1.0).abs() < 0.01, "{link}");
-    assert!(number(&link["rms"]) < 0.1 && number(&link["lines"]) > 100.0, "{link}");
+    assert!(
+        number(&link["rms"]) < 0.1 && number(&link["lines"]) > 100.0,
+        "{link}"
+    );
     let error = &found["error"];
-    assert!(number(&error["after"]) < 0.15 * number(&error["before"]), "{error}");
+    assert!(
+        number(&error["after"]) < 0.15 * number(&error["before"]),
+        "{error}"
+    );
     assert!(number(&error["floor"]) < number(&error["after"]), "{error}");
 
     let text = fs::read_to_string(folder.path().join("frf.csv")).unwrap();
@@ -46,13 +58,20 @@ fn a_benchs_spring_is_found_and_its_loads_encoder_predicted() {
 
 /// Springs of the simulated arm, of which no joint is stiff.
 const ARM: [&str; 14] = [
-    "--hide", "elasticity:yaw=3000,damping=3",
-    "--hide", "elasticity:shoulder=4000,damping=4",
-    "--hide", "elasticity:elbow=900,damping=0.8",
-    "--hide", "coulomb=1.5",
-    "--hide", "coulomb:elbow=0.8",
-    "--hide", "viscous=0.6",
-    "--second-encoder", "--json",
+    "--hide",
+    "elasticity:yaw=3000,damping=3",
+    "--hide",
+    "elasticity:shoulder=4000,damping=4",
+    "--hide",
+    "elasticity:elbow=900,damping=0.8",
+    "--hide",
+    "coulomb=1.5",
+    "--hide",
+    "coulomb:elbow=0.8",
+    "--hide",
+    "viscous=0.6",
+    "--second-encoder",
+    "--json",
 ];
 
 /// Friction and masses come from a slow log of the same robot; the springs then from the responses, and they are the true ones.
@@ -64,39 +83,77 @@ fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
         let folder = folder.path();
         frf_arm(folder);
         let plain = [
-            "simulate", "--frf", "-m", "arm.toml", "--slow", "slow.csv", "-o", "frf.csv", "--seed", seed,
+            "simulate", "--frf", "-m", "arm.toml", "--slow", "slow.csv", "-o", "frf.csv", "--seed",
+            seed,
         ];
         done(folder, &[&plain[..], &ARM].concat());
-        done(folder, &["add", "viscous", "coulomb", "armature", "-m", "arm.toml"]);
-        done(folder, &["identify", "slow.csv", "-m", "arm.toml", "-o", "fitted.toml"]);
-        let found = json(&done(folder, &["frf", "frf.csv", "-m", "fitted.toml", "--json", "--apply"]));
+        done(
+            folder,
+            &["add", "viscous", "coulomb", "armature", "-m", "arm.toml"],
+        );
+        done(
+            folder,
+            &[
+                "identify",
+                "slow.csv",
+                "-m",
+                "arm.toml",
+                "-o",
+                "fitted.toml",
+            ],
+        );
+        let found = json(&done(
+            folder,
+            &["frf", "frf.csv", "-m", "fitted.toml", "--json", "--apply"],
+        ));
         let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
         for joint in ["yaw", "shoulder", "elbow"] {
             for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.15)] {
                 let name = format!("{what}:{joint}");
-                let (own, truth) = (parameter(&found, &name), number(&parameter(&truth, &name)["value"]));
+                let (own, truth) = (
+                    parameter(&found, &name),
+                    number(&parameter(&truth, &name)["value"]),
+                );
                 let wrong = number(&own["value"]) / truth - 1.0;
                 println!("seed {seed} {name}: {:+.2} %", 100.0 * wrong);
-                assert!(wrong.abs() < share, "seed {seed}: {name} {:+.2} %", 100.0 * wrong);
+                assert!(
+                    wrong.abs() < share,
+                    "seed {seed}: {name} {:+.2} %",
+                    100.0 * wrong
+                );
                 all += 1;
                 within += u32::from(wrong.abs() * truth <= 2.0 * number(&own["std"]));
             }
             // The encoder at the link is no part of the fit.
             let links = found["links"].as_array().unwrap();
             let link = links.iter().find(|link| link["joint"] == joint).unwrap();
-            assert!((number(&link["gain"]) - 1.0).abs() < 0.02, "seed {seed}: {link}");
+            assert!(
+                (number(&link["gain"]) - 1.0).abs() < 0.02,
+                "seed {seed}: {link}"
+            );
         }
         let error = &found["error"];
-        assert!(number(&error["after"]) < 0.3 * number(&error["before"]), "{error}");
+        assert!(
+            number(&error["after"]) < 0.3 * number(&error["before"]),
+            "{error}"
+        );
         let file = fs::read_to_string(folder.join("fitted.toml")).unwrap();
         assert!(file.contains("\"elasticity\""), "{file}");
     }
     println!("{within} of {all} values within 2 standard deviations");
-    assert!(within * 10 >= all * 7, "{within} of {all} values within 2 standard deviations");
+    assert!(
+        within * 10 >= all * 7,
+        "{within} of {all} values within 2 standard deviations"
+    );
 }
 
 /// One joint at 500 Hz, periods of a second, with sines at `lines` Hz, as a rigid mass moves.
-fn periodic(folder: &Path, lines: &[usize], columns: &str, change: impl Fn(usize, [f64; 3]) -> [f64; 3]) {
+fn periodic(
+    folder: &Path,
+    lines: &[usize],
+    columns: &str,
+    change: impl Fn(usize, [f64; 3]) -> [f64; 3],
+) {
     let mut text = format!("t,{columns}\n");
     for k in 0..3000_usize {
         let t = k as f64 / 500.0;
@@ -134,27 +191,47 @@ fn bad_logs_are_refused_each_in_its_own_words() {
     let folder = folder();
     let refused = |what: &str| {
         let message = refusal(folder.path(), &["frf", "log.csv", "--json"]);
-        assert!(message.contains(what) && message.contains("\nhint: "), "{what}: {message}");
+        assert!(
+            message.contains(what) && message.contains("\nhint: "),
+            "{what}: {message}"
+        );
     };
     let noise = |k: usize| {
         let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        ((mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 40) as f64 / (1 << 24) as f64 - 0.5
+        ((mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 40) as f64
+            / (1 << 24) as f64
+            - 0.5
     };
-    periodic(folder.path(), &odd(), ALL, |k, _| [noise(k), noise(k + 7000), noise(k + 14_000)]);
+    periodic(folder.path(), &odd(), ALL, |k, _| {
+        [noise(k), noise(k + 7000), noise(k + 14_000)]
+    });
     refused("no period");
     periodic(folder.path(), &odd(), "q/j,ref/j", |_, x| x);
     refused("torque is missing");
-    periodic(folder.path(), &(150..230).step_by(2).collect::<Vec<_>>(), ALL, |_, x| x);
+    periodic(
+        folder.path(),
+        &(150..230).step_by(2).collect::<Vec<_>>(),
+        ALL,
+        |_, x| x,
+    );
     refused("beyond 0.8 of the Nyquist frequency");
     periodic(folder.path(), &[3, 5, 7], ALL, |_, x| x);
     refused("3 excited lines");
-    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| [q + 0.02 * k as f64 / 500.0, tau, r]);
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [q + 0.02 * k as f64 / 500.0, tau, r]
+    });
     refused("the point moves: j");
-    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| [if k == 100 { 1e-3 } else { 0.0 }, tau, r]);
+    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| {
+        [if k == 100 { 1e-3 } else { 0.0 }, tau, r]
+    });
     refused("joint j sticks");
-    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| [1e-3 * noise(k), tau, r]);
+    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| {
+        [1e-3 * noise(k), tau, r]
+    });
     refused("does not answer its excitation");
-    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| [q, tau, if k < 1100 { r } else { 0.0 }]);
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [q, tau, if k < 1100 { r } else { 0.0 }]
+    });
     refused("2 periods of 1 s");
 }
 
@@ -170,7 +247,10 @@ fn current_and_no_reference_are_said() {
         assert_eq!(found["torque_unit"], "A");
         assert_eq!(found["reference"], false);
         assert!(told.contains("current stands for torque"), "{told}");
-        assert!(told.contains("the period and its lines are the torque's own"), "{told}");
+        assert!(
+            told.contains("the period and its lines are the torque's own"),
+            "{told}"
+        );
     } else {
         // A mass alone has no spring to find.
         assert!(told.contains("no elastic model fits"), "{told}");
@@ -185,7 +265,8 @@ fn what_an_experiment_cannot_tell_is_refused() {
     frf_arm(folder);
     let simulate = |more: &[&str]| {
         let plain = [
-            "simulate", "--frf", "-m", "arm.toml", "--points", "1", "--blocks", "1", "-o", "frf.csv", "--force",
+            "simulate", "--frf", "-m", "arm.toml", "--points", "1", "--blocks", "1", "-o",
+            "frf.csv", "--force",
         ];
         done(folder, &[&plain[..], more].concat());
     };
@@ -203,5 +284,8 @@ fn what_an_experiment_cannot_tell_is_refused() {
     }
     fs::write(folder.join("frf.csv"), alike.join("\n") + "\n").unwrap();
     let message = refusal(folder, &["frf", "frf.csv", "-m", "arm.toml"]);
-    assert!(message.contains("not independent") || message.contains("experiments of 3 joints"), "{message}");
+    assert!(
+        message.contains("not independent") || message.contains("experiments of 3 joints"),
+        "{message}"
+    );
 }

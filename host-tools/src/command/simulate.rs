@@ -347,7 +347,11 @@ impl std::fmt::Display for Report {
             };
         }
         if let Some(slow) = &self.slow {
-            writeln!(f, "{}: slow motion of the same robot, for `identify`", slow.display())?;
+            writeln!(
+                f,
+                "{}: slow motion of the same robot, for `identify`",
+                slow.display()
+            )?;
         }
         let legs = self.legs.join(", ");
         let what = self.gait.map_or(legs, |gait| format!("a robot: {gait}"));

@@ -47,11 +47,20 @@ pub fn bode(curves: &[Curve], unit: &str) -> Section {
     for curve in first_point(curves) {
         let f = || plotted(curve.f.iter().copied());
         let bound = |sign: f64| {
-            let of = |(g, std): (&[f64; 2], &[f64; 2])| (magnitude(g) + sign * 2.0 * std[0]).max(1e-12);
-            Scatter::new(f(), curve.measured.iter().zip(&curve.std).map(of).collect::<Vec<f64>>())
-                .name("± 2σ")
-                .mode(Mode::Lines)
-                .line(Line::new().color(colour::BAND).width(1.0))
+            let of =
+                |(g, std): (&[f64; 2], &[f64; 2])| (magnitude(g) + sign * 2.0 * std[0]).max(1e-12);
+            Scatter::new(
+                f(),
+                curve
+                    .measured
+                    .iter()
+                    .zip(&curve.std)
+                    .map(of)
+                    .collect::<Vec<f64>>(),
+            )
+            .name("± 2σ")
+            .mode(Mode::Lines)
+            .line(Line::new().color(colour::BAND).width(1.0))
         };
         let measured = |of: fn(&[f64; 2]) -> f64| {
             Scatter::new(f(), curve.measured.iter().map(of).collect::<Vec<f64>>())
@@ -68,7 +77,12 @@ pub fn bode(curves: &[Curve], unit: &str) -> Section {
         let pair = format!("{} by torque of {}", curve.output, curve.input);
         figures.push(Figure {
             title: format!("{pair}: magnitude"),
-            traces: vec![measured(magnitude), modelled(magnitude), bound(1.0), bound(-1.0)],
+            traces: vec![
+                measured(magnitude),
+                modelled(magnitude),
+                bound(1.0),
+                bound(-1.0),
+            ],
             layout: layout(
                 logarithmic("f (Hz)"),
                 logarithmic(if unit == "A" { "rad/A" } else { "rad/(N m)" }),
@@ -108,7 +122,12 @@ pub fn scatter(curves: &[Curve]) -> Section {
     for curve in first_point(curves).filter(|c| c.output == c.input) {
         let share = |k: usize| {
             let of = |(g, std): (&[f64; 2], &[f64; 2])| 100.0 * std[k] / magnitude(g).max(1e-300);
-            curve.measured.iter().zip(&curve.std).map(of).collect::<Vec<f64>>()
+            curve
+                .measured
+                .iter()
+                .zip(&curve.std)
+                .map(of)
+                .collect::<Vec<f64>>()
         };
         let trace = |k: usize, name: &str, colour: &'static str| {
             Scatter::new(plotted(curve.f.iter().copied()), share(k))
@@ -122,7 +141,10 @@ pub fn scatter(curves: &[Curve]) -> Section {
                 trace(0, "noise and distortion", colour::MODELS[0]),
                 trace(1, "noise", colour::MEASURED),
             ],
-            layout: layout(axis("f (Hz)"), axis("% of the response").type_(AxisType::Log)),
+            layout: layout(
+                axis("f (Hz)"),
+                axis("% of the response").type_(AxisType::Log),
+            ),
             group: Some("frequency"),
             height: 200,
         });

@@ -98,7 +98,9 @@ pub enum FrfError {
         f: f64,
     },
     /// A point with fewer experiments than joints.
-    #[error("point {point}: {experiments} experiments of {joints} joints; each block needs as many as joints")]
+    #[error(
+        "point {point}: {experiments} experiments of {joints} joints; each block needs as many as joints"
+    )]
     FewExperiments {
         /// Which point, counted from 1.
         point: usize,
@@ -130,7 +132,9 @@ pub enum FrfError {
         swing: f64,
     },
     /// A joint that friction holds: nothing is learnt of what is behind it.
-    #[error("joint {joint} sticks: it is at rest for {share:.0} % of the time, so that its torque is friction's")]
+    #[error(
+        "joint {joint} sticks: it is at rest for {share:.0} % of the time, so that its torque is friction's"
+    )]
     Sticks {
         /// The joint.
         joint: String,
@@ -148,7 +152,9 @@ pub enum FrfError {
         share: f64,
     },
     /// No model without springs or with them fits.
-    #[error("no elastic model fits: the held-out error is {after:.2} with springs and {before:.2} without (log magnitude)")]
+    #[error(
+        "no elastic model fits: the held-out error is {after:.2} with springs and {before:.2} without (log magnitude)"
+    )]
     NoFit {
         /// Held-out error of the rigid model.
         before: f64,

@@ -4,7 +4,7 @@ use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
 use super::error::FrfError;
-use super::friction::without_friction;
+use super::friction::{Drive, without_friction};
 use super::periods::{Stretch, stretches};
 use super::record::{Record, TorqueUnit};
 
@@ -68,11 +68,11 @@ pub(super) struct Experiments {
 }
 
 impl Experiments {
-    /// Finds them in logs; `friction` is dry friction of each joint, N m, that is subtracted from the torque.
+    /// Finds them in logs; dry friction of the `drives` is subtracted from the torque.
     ///
     /// # Errors
     /// If logs have no period, too few of them, lines too high, or joints that stick or drift.
-    pub(super) fn find(records: &[Record], friction: &[f64]) -> Result<Self, FrfError> {
+    pub(super) fn find(records: &[Record], drives: &[Drive]) -> Result<Self, FrfError> {
         let first = &records[0];
         let mut found: Vec<(usize, Vec<Stretch>)> = Vec::new();
         for record in records {
@@ -85,7 +85,9 @@ impl Experiments {
                 what,
             };
             if record.joints != first.joints || record.unit != first.unit {
-                return Err(differs("other joints or another unit of torque than in the first log".to_owned()));
+                return Err(differs(
+                    "other joints or another unit of torque than in the first log".to_owned(),
+                ));
             }
             if *own != period || (record.dt - first.dt).abs() > 1e-3 * first.dt {
                 return Err(differs(format!(
@@ -98,7 +100,7 @@ impl Experiments {
         let lines = excited(records, &found, period)?;
         let mut all = Vec::new();
         for (record, (_, stretches)) in records.iter().zip(&found) {
-            let torque = without_friction(record, friction);
+            let torque = without_friction(record, drives);
             for stretch in stretches {
                 all.push(experiment(record, &torque, *stretch, period, &lines)?);
             }
@@ -200,7 +202,10 @@ fn experiment(
         .map(|p| stretch.first + p * period)
         .collect();
     let of = |signal: &[f64], removes_trend: bool| -> Vec<Vec<Complex64>> {
-        let means: Vec<f64> = starts.iter().map(|&s| mean(&signal[s..s + period])).collect();
+        let means: Vec<f64> = starts
+            .iter()
+            .map(|&s| mean(&signal[s..s + period]))
+            .collect();
         let one = |(p, &start): (usize, &usize)| {
             // The trend through the means of the periods beside: a position that creeps leaks into all lines.
             let (before, after) = (p.saturating_sub(1), (p + 1).min(means.len() - 1));
@@ -222,14 +227,17 @@ fn experiment(
     let pick = |of: &[Vec<Vec<Complex64>>], lines: &[usize]| -> Spectra {
         (transient..stretch.periods)
             .map(|p| {
-                let joint = |joint: &Vec<Vec<Complex64>>| lines.iter().map(|&l| joint[p][l]).collect();
+                let joint =
+                    |joint: &Vec<Vec<Complex64>>| lines.iter().map(|&l| joint[p][l]).collect();
                 of.iter().map(joint).collect()
             })
             .collect()
     };
     let used = stretch.first + transient * period..stretch.first + stretch.periods * period;
     let instants = (0..PATH).map(|k| used.start + k * period / PATH);
-    let path = instants.map(|k| record.q.iter().map(|q| q[k]).collect()).collect();
+    let path = instants
+        .map(|k| record.q.iter().map(|q| q[k]).collect())
+        .collect();
     let (point, swing) = positions(record, used, period)?;
     let band = lines[0]..*lines.last().unwrap_or(&lines[0]);
     let detection = [0, 1].map(|parity| {
@@ -281,8 +289,8 @@ fn positions(
     let (mut point, mut swings) = (Vec::new(), Vec::new());
     for (signal, joint) in record.q.iter().zip(&record.joints) {
         let own = &signal[used.clone()];
-        let (low, high) = (own[..period].iter())
-            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        let (low, high) =
+            (own[..period].iter()).fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         let swing = high - low;
         let drift = (mean(&own[own.len() - period..]) - mean(&own[..period])).abs();
         if drift > DRIFT * swing && swing > 0.0 {
@@ -319,6 +327,10 @@ pub(super) fn averaged(spectra: &Spectra) -> Vec<Vec<Complex64>> {
         sum / spectra.len() as f64
     };
     (0..first.len())
-        .map(|joint| (0..first[joint].len()).map(|line| at(joint, line)).collect())
+        .map(|joint| {
+            (0..first[joint].len())
+                .map(|line| at(joint, line))
+                .collect()
+        })
         .collect()
 }

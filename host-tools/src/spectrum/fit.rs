@@ -133,7 +133,10 @@ impl Problem<'_> {
         let share = block.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
         let responses: Vec<DMatrix<Complex64>> = model.iter().map(|m| m.response.clone()).collect();
         let residuals = self.residuals(point, response, &responses);
-        let kept: Vec<_> = residuals.iter().filter(|(line, ..)| lines.contains(line)).collect();
+        let kept: Vec<_> = residuals
+            .iter()
+            .filter(|(line, ..)| lines.contains(line))
+            .collect();
         let unknowns = model.first().map_or(0, |m| m.slopes.len());
         let mut rows = DMatrix::zeros(2 * kept.len(), unknowns + 1);
         for (k, &&(line, i, j, error, std)) in kept.iter().enumerate() {
@@ -155,7 +158,13 @@ impl Problem<'_> {
             .into_par_iter()
             .map(|point| {
                 let model = self.model(point, layout, x)?;
-                Some(triangle(self.rows(point, None, 0..self.used, &model, lacking)))
+                Some(triangle(self.rows(
+                    point,
+                    None,
+                    0..self.used,
+                    &model,
+                    lacking,
+                )))
             })
             .collect()
     }
@@ -218,7 +227,12 @@ impl Problem<'_> {
             // Ten times the damping up to ten times: then no direction falls.
             for _ in 0..10 {
                 let step = damped(&factor, damping);
-                let next: Vec<f64> = state.x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                let next: Vec<f64> = state
+                    .x
+                    .iter()
+                    .zip(step.iter())
+                    .map(|(x, s)| x + s)
+                    .collect();
                 let cost = self.cost(layout, &next, lacking);
                 if cost < state.cost {
                     moved = step.amax();
@@ -255,6 +269,18 @@ impl Problem<'_> {
         self.judged(layout, state, lacking)
     }
 
+    /// Adds to a fit's covariance how far these data, measured with something else assumed, would move it: one step.
+    pub(super) fn doubted(&self, fit: &mut Fit) {
+        let Some(factors) = self.factors(&fit.layout, &fit.x, fit.lacking) else {
+            return;
+        };
+        let step = damped(
+            &stacked(factors.iter(), &prior_rows(&fit.layout, &fit.x)),
+            0.0,
+        );
+        fit.covariance += &step * step.transpose();
+    }
+
     /// All residuals of the means, with their standard deviations by scatter.
     fn all_residuals(&self, layout: &Layout, x: &[f64]) -> Option<Vec<(Complex64, f64)>> {
         let mut all = Vec::new();
@@ -280,18 +306,21 @@ impl Problem<'_> {
         let n = layout.unknowns.len();
         let groups = self.leave_out(layout, &state.x, lacking)?;
         let prior = prior_rows(layout, &state.x);
-        let factors: Vec<DMatrix<f64>> = groups.iter().map(|(_, g)| triangle(g.rows.clone())).collect();
+        let factors: Vec<DMatrix<f64>> = groups
+            .iter()
+            .map(|(_, g)| triangle(g.rows.clone()))
+            .collect();
         let whole = stacked(factors.iter(), &prior);
         let r_inverse = inverse(&whole.view((0, 0), (n, n)).into_owned());
         let posterior = &r_inverse * r_inverse.transpose();
-        // Jackknife: the steps of fits without one group; of what is held out, a whole point.
-        let count = groups.len() as f64;
-        let mut spread = DMatrix::zeros(n, n);
-        for left_out in 0..groups.len() {
-            let others = factors.iter().enumerate().filter(|(k, _)| *k != left_out);
-            let step = damped(&stacked(others.map(|(_, f)| f), &prior), 0.0);
-            spread += &step * step.transpose() * ((count - 1.0) / count);
-        }
+        let owners: Vec<usize> = groups.iter().map(|(point, _)| *point).collect();
+        let by_group = jackknife(&factors, &(0..groups.len()).collect::<Vec<_>>(), &prior);
+        // What the model lacks at a point is the same in all its blocks.
+        let spread = if self.points.len() > 2 {
+            larger(by_group, &jackknife(&factors, &owners, &prior))
+        } else {
+            by_group
+        };
         // Priors' own errors move the estimates by C R_pᵀ: what no scatter shows.
         let rows = prior.view((0, 0), (prior.nrows(), n)).into_owned();
         let moved = &posterior * rows.transpose();
@@ -423,6 +452,38 @@ impl Fit {
     }
 }
 
+/// Covariance by fits that leave out the factors of each owner in turn, to first order (Efron 1982, delete-a-group jackknife).
+fn jackknife(factors: &[DMatrix<f64>], owners: &[usize], prior: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = prior.ncols() - 1;
+    let count = owners.iter().max().map_or(0, |last| last + 1);
+    let mut spread = DMatrix::zeros(n, n);
+    for left_out in 0..count {
+        let others = factors
+            .iter()
+            .zip(owners)
+            .filter(|(_, owner)| **owner != left_out);
+        let step = damped(&stacked(others.map(|(factor, _)| factor), prior), 0.0);
+        spread += &step * step.transpose() * ((count as f64 - 1.0) / count as f64);
+    }
+    spread
+}
+
+/// A covariance whose standard deviations are made as large as those of another one, where that has larger ones.
+fn larger(mut covariance: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = covariance.nrows();
+    let factor = |k: usize| {
+        let ratio = other[(k, k)] / covariance[(k, k)].max(1e-300);
+        ratio.max(1.0).sqrt()
+    };
+    let factors: Vec<f64> = (0..n).map(factor).collect();
+    for i in 0..n {
+        for j in 0..n {
+            covariance[(i, j)] *= factors[i] * factors[j];
+        }
+    }
+    covariance
+}
+
 /// One over the standard deviation of a component of an error.
 fn weight(std: f64, lacking: f64) -> f64 {
     1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
@@ -454,14 +515,18 @@ fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
 }
 
 /// The triangle of all rows.
-fn stacked<'a>(parts: impl Iterator<Item = &'a DMatrix<f64>>, prior: &'a DMatrix<f64>) -> DMatrix<f64> {
+fn stacked<'a>(
+    parts: impl Iterator<Item = &'a DMatrix<f64>>,
+    prior: &'a DMatrix<f64>,
+) -> DMatrix<f64> {
     let columns = prior.ncols();
     let parts: Vec<&DMatrix<f64>> = parts.chain([prior]).collect();
     let count: usize = parts.iter().map(|p| p.nrows()).sum();
     let mut all = DMatrix::zeros(count, columns);
     let mut at = 0;
     for part in parts {
-        all.view_mut((at, 0), (part.nrows(), columns)).copy_from(part);
+        all.view_mut((at, 0), (part.nrows(), columns))
+            .copy_from(part);
         at += part.nrows();
     }
     triangle(all)

@@ -73,7 +73,8 @@ fn blocks(plant: &Plant, layout: &Layout, x: &[f64], s: Complex64) -> Option<Blo
     let inverse = a.try_inverse()?;
     let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
     for i in 0..n {
-        z[(i, i)] += s * s * value(Unknown::Armature(i)) + s * value(Unknown::Viscous(i)) + spring[i];
+        z[(i, i)] +=
+            s * s * value(Unknown::Armature(i)) + s * value(Unknown::Viscous(i)) + spring[i];
     }
     Some(Blocks {
         inverse,
@@ -234,10 +235,15 @@ mod tests {
                 let (mut up, mut down) = (x.clone(), x.clone());
                 up[n] += step;
                 down[n] -= step;
-                let difference = (at(&up).response - at(&down).response) / Complex64::from(2.0 * step);
+                let difference =
+                    (at(&up).response - at(&down).response) / Complex64::from(2.0 * step);
                 let wrong = (&difference - &own.slopes[n]).norm();
                 let size = difference.norm().max(1e-6 * own.response.norm());
-                assert!(wrong < 1e-5 * size, "{:?} at {omega}: {wrong:.2e} of {size:.2e}", layout.unknowns[n]);
+                assert!(
+                    wrong < 1e-5 * size,
+                    "{:?} at {omega}: {wrong:.2e} of {size:.2e}",
+                    layout.unknowns[n]
+                );
             }
         }
     }

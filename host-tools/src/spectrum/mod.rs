@@ -21,6 +21,7 @@
 //! - `response`: responses by point and block, with noise and scatter
 //! - `result`: what `frf` reports
 //! - `rigid`: the links behind the springs, by the model
+//! - `springs`: springs of a bench and of a model's joints
 //! - `start`: where a fit begins
 //! - `words`: the first screen
 
@@ -36,6 +37,7 @@ mod record;
 mod response;
 mod result;
 mod rigid;
+mod springs;
 mod start;
 mod words;
 

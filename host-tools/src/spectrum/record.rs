@@ -164,8 +164,11 @@ fn joint_columns(
             }
             None => (found.len(), joint.to_owned()),
         };
-        let torque = cell(kind, joint)
-            .ok_or_else(|| missing(format!("torque is missing: no `tau/{joint}` nor `current/{joint}`")))?;
+        let torque = cell(kind, joint).ok_or_else(|| {
+            missing(format!(
+                "torque is missing: no `tau/{joint}` nor `current/{joint}`"
+            ))
+        })?;
         let columns = JointColumns {
             joint: own,
             q,
@@ -180,7 +183,10 @@ fn joint_columns(
         return Err(missing("no joint position `q/<joint>`".to_owned()));
     }
     found.sort_by_key(|(order, _)| *order);
-    Ok((found.into_iter().map(|(_, columns)| columns).collect(), unit))
+    Ok((
+        found.into_iter().map(|(_, columns)| columns).collect(),
+        unit,
+    ))
 }
 
 /// The sampling period, the first of the table's columns being time.

@@ -75,7 +75,11 @@ pub(super) fn points(experiments: &Experiments) -> Result<Vec<Point>, FrfError> 
 }
 
 fn is_same(a: &Experiment, b: &Experiment) -> bool {
-    let all = a.point.iter().zip(&b.point).zip(a.swing.iter().zip(&b.swing));
+    let all = a
+        .point
+        .iter()
+        .zip(&b.point)
+        .zip(a.swing.iter().zip(&b.swing));
     all.into_iter()
         .all(|((a, b), (x, y))| (a - b).abs() <= SAME_POINT * x.max(*y))
 }
@@ -88,19 +92,23 @@ fn point(
 ) -> Result<Point, FrfError> {
     let (mut blocks, mut noises, mut links) = (Vec::new(), Vec::new(), Vec::new());
     for (number, block) in group.chunks(joints).enumerate() {
-        let inverse = inverse_torques(block, joints, frequencies.len()).map_err(|(line, condition)| {
-            FrfError::NotIndependent {
-                point: index + 1,
-                block: number + 1,
-                joints,
-                condition,
-                f: frequencies[line],
-            }
-        })?;
+        let inverse =
+            inverse_torques(block, joints, frequencies.len()).map_err(|(line, condition)| {
+                FrfError::NotIndependent {
+                    point: index + 1,
+                    block: number + 1,
+                    joints,
+                    condition,
+                    f: frequencies[line],
+                }
+            })?;
         let (response, noise) = quotient(block, &inverse, |e| &e.q);
         blocks.push(response);
         noises.push(noise);
-        if block.iter().all(|e| !e.link.is_empty() && !e.link[0].is_empty()) {
+        if block
+            .iter()
+            .all(|e| !e.link.is_empty() && !e.link[0].is_empty())
+        {
             links.push(quotient(block, &inverse, |e| &e.link));
         }
     }
@@ -108,7 +116,11 @@ fn point(
     let mean = log_mean(&blocks);
     let over_blocks = |of: &[Vec<DMatrix<f64>>]| -> Vec<DMatrix<f64>> {
         let line = |line: usize| {
-            let sum = of.iter().fold(DMatrix::zeros(joints, joints), |s: DMatrix<f64>, b| s + &b[line]);
+            let sum = of
+                .iter()
+                .fold(DMatrix::zeros(joints, joints), |s: DMatrix<f64>, b| {
+                    s + &b[line]
+                });
             sum / (count * count)
         };
         (0..frequencies.len()).map(line).collect()

@@ -12,15 +12,11 @@ use super::flexible::{derived, link_response};
 use super::layout::Unknown;
 use super::record::{Record, TorqueUnit};
 use super::response::{self, Point};
-use super::rigid::Links;
-use super::start::{self, Known};
+use super::springs::{self, FRICTION_DOUBT, bench, mode, with_model};
 use crate::catalogue;
 use crate::model::Model;
 use crate::summary::ErrorRange;
 
-/// One spring is fitted up to so many times its resonance: beyond it are further modes that a bench's model does not have. On the two-mass bench
-/// anything between 1.8 and 2.9 moves the antiresonance by less than 0.02 Hz and the load's gain by less than 1 %.
-const ONE_SPRING: f64 = 2.5;
 /// A joint is silent if the noise of more than this share of its own lines exceeds half the response.
 const SILENT: f64 = 0.5;
 /// Lines at which the link's encoder is compared: its noise is below this share.
@@ -180,17 +176,26 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     let in_newtons = records[0].unit == TorqueUnit::NewtonMetre;
     // A model's friction and masses are of no use in A.
     let model = model.filter(|_| in_newtons);
-    let friction: Vec<f64> = (joints.iter())
-        .map(|joint| known(model, "coulomb", joint).map_or(0.0, |(value, _)| value))
-        .collect();
-    let experiments = Experiments::find(&records, &friction)?;
+    let drives = springs::drives(model, &joints, 1.0);
+    let experiments = Experiments::find(&records, &drives)?;
     let points = response::points(&experiments)?;
     answering(&experiments, &points)?;
     let frequencies = experiments.frequencies();
-    let omega: Vec<f64> = (frequencies.iter()).map(|f| std::f64::consts::TAU * f).collect();
+    let omega: Vec<f64> = (frequencies.iter())
+        .map(|f| std::f64::consts::TAU * f)
+        .collect();
+    // The same measurement with less dry friction subtracted.
+    let doubted = match model {
+        Some(_) => {
+            let less = springs::drives(model, &joints, 1.0 - FRICTION_DOUBT);
+            response::points(&Experiments::find(&records, &less)?)?
+        }
+        None => Vec::new(),
+    };
+    let dt = experiments.dt;
     let fitted = match model {
-        Some(model) => Some(with_model(model, &joints, &points, &omega, experiments.dt)?),
-        None if joints.len() == 1 => bench(&points, &omega, experiments.dt),
+        Some(model) => Some(with_model(model, &joints, [&points, &doubted], &omega, dt)?),
+        None if joints.len() == 1 => bench(&points, &omega, dt),
         None => None,
     };
     let mut warnings = Vec::new();
@@ -200,11 +205,14 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     if !experiments.has_reference {
         warnings.push("no `ref/`: the period and its lines are the torque's own".to_owned());
     }
-    if model.is_some() && friction.contains(&0.0) {
+    if model.is_some() && drives.iter().any(|drive| drive.coulomb == 0.0) {
         warnings.push("the model has no `coulomb` at some joints: their dry friction counts as viscous friction".to_owned());
     }
     if model.is_none() && joints.len() > 1 {
-        warnings.push("springs of several joints need the links' masses: give -m MODEL, and torque in N m".to_owned());
+        warnings.push(
+            "springs of several joints need the links' masses: give -m MODEL, and torque in N m"
+                .to_owned(),
+        );
     }
     let mut found = Frf {
         torque_unit: experiments.unit.symbol(),
@@ -246,14 +254,6 @@ pub fn frf(logs: &[PathBuf], model: Option<&Model>) -> Result<Frf, FrfError> {
     Ok(found)
 }
 
-/// The value of a plain effect in the model, if it has one, with its standard deviation; without one a tenth of it.
-fn known(model: Option<&Model>, effect: &str, joint: &str) -> Known {
-    let model = model?;
-    let joint = model.robot().joint(joint).ok()?;
-    let estimate = model.effect(catalogue::effect_named(effect)?, joint)?.estimate()?;
-    Some((estimate.value, estimate.std.unwrap_or(0.1 * estimate.value.abs())))
-}
-
 /// Refuses joints whose own responses are noise.
 fn answering(experiments: &Experiments, points: &[Point]) -> Result<(), FrfError> {
     for (i, joint) in experiments.joints.iter().enumerate() {
@@ -274,77 +274,13 @@ fn answering(experiments: &Experiments, points: &[Point]) -> Result<(), FrfError
     Ok(())
 }
 
-type Fitted<'a> = (Problem<'a>, f64, Fit);
-
-/// Springs of a model's joints.
-fn with_model<'a>(
-    model: &Model,
-    joints: &[String],
-    points: &'a [Point],
-    omega: &[f64],
-    dt: f64,
-) -> Result<Fitted<'a>, FrfError> {
-    let plants = Links::new(model, joints)?.plants(points)?;
-    let own: Vec<&Point> = points.iter().collect();
-    let of = |effect: &str| -> Vec<Known> {
-        joints.iter().map(|joint| known(Some(model), effect, joint)).collect()
-    };
-    let (layout, starts) = start::joints(&own, &plants, omega, &of("armature"), &of("viscous"));
-    let problem = Problem {
-        points: own,
-        plants,
-        omega: omega.to_vec(),
-        used: omega.len(),
-        dt,
-    };
-    let (stiff, x) = start::rigid(&layout, &starts[0], &problem.plants, omega);
-    let rigid = problem.fit(&stiff, &[x]).map_or(f64::NAN, |fit| fit.error());
-    let fit = problem.fit(&layout, &starts).filter(|fit| fit.error().is_finite());
-    let fit = fit.ok_or(FrfError::NoFit {
-        before: rigid,
-        after: f64::INFINITY,
-    })?;
-    Ok((problem, rigid, fit))
-}
-
-/// Motor, spring and load of a bench, from nothing.
-fn bench<'a>(points: &'a [Point], omega: &[f64], dt: f64) -> Option<Fitted<'a>> {
-    let own: Vec<&Point> = points.iter().collect();
-    let (layout, starts) = start::bench(&own, omega);
-    let mut problem = Problem {
-        plants: own.iter().map(|_| start::bench_plant()).collect(),
-        points: own,
-        omega: omega.to_vec(),
-        used: omega.len(),
-        dt,
-    };
-    let first = problem.fit(&layout, &starts)?;
-    let (_, resonance, _) = mode_of_bench(&first, &first.x);
-    let used = omega.iter().filter(|w| **w <= ONE_SPRING * resonance).count();
-    // Fewer lines than both sides of a resonance need would be another problem.
-    problem.used = if used >= 12 { used } else { omega.len() };
-    let fit = problem.fit(&layout, &[first.x])?;
-    let (stiff, x) = start::rigid(&layout, &fit.x, &problem.plants, omega);
-    let rigid = problem.fit(&stiff, &[x]).map_or(f64::NAN, |fit| fit.error());
-    Some((problem, rigid, fit))
-}
-
-/// Antiresonance and resonance, rad/s, and the inertia ratio of a bench.
-fn mode_of_bench(fit: &Fit, x: &[f64]) -> (f64, f64, f64) {
-    let value = |of: Unknown| fit.layout.value(x, of);
-    mode(value(Unknown::Stiffness(0)), value(Unknown::LinkInertia), value(Unknown::Armature(0)))
-}
-
-fn mode(stiffness: f64, link: f64, motor: f64) -> (f64, f64, f64) {
-    let antiresonance = (stiffness / link).sqrt();
-    let resonance = (stiffness * (1.0 / link + 1.0 / motor)).sqrt();
-    (antiresonance, resonance, link / motor)
-}
-
 fn measured_point(point: &Point) -> MeasuredPoint {
     let relative = |of: &[nalgebra::DMatrix<f64>]| {
         let all = of.iter().zip(&point.mean).flat_map(|(variance, mean)| {
-            variance.iter().zip(mean.iter()).map(|(v, g)| (v / g.norm_sqr()).sqrt())
+            variance
+                .iter()
+                .zip(mean.iter())
+                .map(|(v, g)| (v / g.norm_sqr()).sqrt())
         });
         median(all.collect())
     };
@@ -380,17 +316,21 @@ impl Frf {
                     let name = format!("1/k:elasticity:{}", joint(i));
                     (name, "rad/(N m)", 1.0 / value, std / (value * value))
                 }
-                Unknown::Damping(i) => {
-                    (format!("d:elasticity:{}", joint(i)), "N m s/rad", value, std)
-                }
+                Unknown::Damping(i) => (
+                    format!("d:elasticity:{}", joint(i)),
+                    "N m s/rad",
+                    value,
+                    std,
+                ),
                 Unknown::Viscous(i) => (format!("viscous:{}", joint(i)), "N m s/rad", value, std),
                 Unknown::Armature(i) => (format!("armature:{}", joint(i)), "kg m²", value, std),
-                Unknown::LinkViscous(i) => {
-                    (format!("link_viscous:{}", joint(i)), "N m s/rad", value, std)
-                }
-                Unknown::LinkInertia => {
-                    (format!("link_inertia:{}", joint(0)), "kg m²", value, std)
-                }
+                Unknown::LinkViscous(i) => (
+                    format!("link_viscous:{}", joint(i)),
+                    "N m s/rad",
+                    value,
+                    std,
+                ),
+                Unknown::LinkInertia => (format!("link_inertia:{}", joint(0)), "kg m²", value, std),
                 Unknown::Delay => ("delay".to_owned(), "s", value, std),
                 // Directions of bodies have no name of their own.
                 Unknown::Rigid(_) => continue,
@@ -415,7 +355,11 @@ impl Frf {
                     let moved = own.map(|(m, slope)| slope[(i, i)] * value(Unknown::Rigid(m)));
                     plant.inertia[(i, i)] + moved.sum::<f64>()
                 };
-                mode(value(Unknown::Stiffness(i)), link, value(Unknown::Armature(i)))
+                mode(
+                    value(Unknown::Stiffness(i)),
+                    link,
+                    value(Unknown::Armature(i)),
+                )
             };
             let hertz = 1.0 / std::f64::consts::TAU;
             let estimated = |of: &dyn Fn(&[f64]) -> f64| {
@@ -429,7 +373,10 @@ impl Frf {
                 inertia_ratio: estimated(&|x| of(x).2),
             });
         }
-        self.fitted_to = problem.used.checked_sub(1).map(|last| self.frequencies[last]);
+        self.fitted_to = problem
+            .used
+            .checked_sub(1)
+            .map(|last| self.frequencies[last]);
         self.lacking = Some(fit.lacking);
         self.chi_squared = Some(fit.chi_squared);
         self.error = ErrorRange {
@@ -496,7 +443,8 @@ fn links(points: &[Point], joints: &[String], problem: &Problem, fit: &Fit) -> V
             for line in 0..problem.used.min(measured.len()) {
                 let own = measured[line][(i, i)];
                 let omega = problem.omega[line];
-                let predicted = link_response(&problem.plants[p], &fit.layout, &fit.x, omega, problem.dt);
+                let predicted =
+                    link_response(&problem.plants[p], &fit.layout, &fit.x, omega, problem.dt);
                 if let Some(predicted) = predicted
                     && noise[line][(i, i)].sqrt() < LINK_NOISE * own.norm()
                 {
@@ -520,7 +468,12 @@ fn links(points: &[Point], joints: &[String], problem: &Problem, fit: &Fit) -> V
     checks
 }
 
-fn curves(points: &[Point], f: &[f64], joints: &[String], fitted: Option<(&Problem, &Fit)>) -> Vec<Curve> {
+fn curves(
+    points: &[Point],
+    f: &[f64],
+    joints: &[String],
+    fitted: Option<(&Problem, &Fit)>,
+) -> Vec<Curve> {
     let pair = |x: realfft::num_complex::Complex64| [x.re, x.im];
     let mut all = Vec::new();
     for (p, point) in points.iter().enumerate() {
@@ -539,7 +492,9 @@ fn curves(points: &[Point], f: &[f64], joints: &[String], fitted: Option<(&Probl
                     input: input.clone(),
                     f: f.to_vec(),
                     measured: point.mean.iter().map(|g| pair(g[(i, j)])).collect(),
-                    std: std.map(|(v, n)| [v[(i, j)].sqrt(), n[(i, j)].sqrt()]).collect(),
+                    std: std
+                        .map(|(v, n)| [v[(i, j)].sqrt(), n[(i, j)].sqrt()])
+                        .collect(),
                     modelled: model.iter().map(|m| pair(m.response[(i, j)])).collect(),
                 });
             }
@@ -550,5 +505,6 @@ fn curves(points: &[Point], f: &[f64], joints: &[String], fitted: Option<(&Probl
 
 /// Where a page or a command says a log's name.
 pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    path.file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }

@@ -23,7 +23,10 @@ pub(super) type Known = Option<(f64, f64)>;
 /// |ω² G_ii|, mean over points: inverse inertia at each line.
 fn inverse_inertia(points: &[&Point], omega: &[f64], joint: usize) -> Vec<f64> {
     let at = |(line, omega): (usize, &f64)| {
-        let sum: f64 = points.iter().map(|p| p.mean[line][(joint, joint)].norm().ln()).sum();
+        let sum: f64 = points
+            .iter()
+            .map(|p| p.mean[line][(joint, joint)].norm().ln())
+            .sum();
         omega * omega * (sum / points.len().max(1) as f64).exp()
     };
     omega.iter().enumerate().map(at).collect()
@@ -36,7 +39,9 @@ fn minima(inverse_inertia: &[f64], omega: &[f64]) -> Vec<f64> {
     let mut found: Vec<(f64, f64)> = (1..n.saturating_sub(1))
         .filter_map(|k| {
             let around = k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(n);
-            let least = around.clone().all(|l| inverse_inertia[l] >= inverse_inertia[k]);
+            let least = around
+                .clone()
+                .all(|l| inverse_inertia[l] >= inverse_inertia[k]);
             let highest = around.map(|l| inverse_inertia[l]).fold(0.0, f64::max);
             least.then(|| (inverse_inertia[k] / highest, omega[k]))
         })
@@ -47,7 +52,11 @@ fn minima(inverse_inertia: &[f64], omega: &[f64]) -> Vec<f64> {
 
 fn tenth(x: &[f64], from_end: bool) -> f64 {
     let count = (x.len() / 10).max(1).min(x.len());
-    let part = if from_end { &x[x.len() - count..] } else { &x[..count] };
+    let part = if from_end {
+        &x[x.len() - count..]
+    } else {
+        &x[..count]
+    };
     super::fit::median(part.to_vec())
 }
 
@@ -84,7 +93,10 @@ pub(super) fn bench(points: &[&Point], omega: &[f64]) -> (Layout, Vec<Vec<f64>>)
                 link,
                 0.0,
             ];
-            let entries = unknowns.iter().zip(values).map(|(u, v)| Layout::entry(*u, v));
+            let entries = unknowns
+                .iter()
+                .zip(values)
+                .map(|(u, v)| Layout::entry(*u, v));
             starts.push(entries.collect::<Vec<f64>>());
         }
     }
@@ -124,17 +136,31 @@ pub(super) fn joints(
     };
     for i in 0..n {
         let inertia = plants.iter().map(|p| p.inertia[(i, i)]).sum::<f64>() / plants.len() as f64;
-        let place = minima(&inverse_inertia(points, omega, i), omega).first().copied();
+        let place = minima(&inverse_inertia(points, omega, i), omega)
+            .first()
+            .copied();
         let place = place.unwrap_or(omega[omega.len() / 2]);
         let stiffness = inertia * place * place;
         push(Unknown::Stiffness(i), stiffness, None);
-        push(Unknown::Damping(i), 2.0 * DAMPING_RATIO * stiffness / place, None);
+        push(
+            Unknown::Damping(i),
+            2.0 * DAMPING_RATIO * stiffness / place,
+            None,
+        );
         // Viscous friction of slow motion need not hold here: it only says where to begin.
         let slow = 1e-2 * inertia * omega[0];
-        push(Unknown::Viscous(i), viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow)), None);
+        push(
+            Unknown::Viscous(i),
+            viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow)),
+            None,
+        );
         match armature[i] {
             Some((value, std)) if value > 0.0 => {
-                push(Unknown::Armature(i), value, Some((std / value).clamp(1e-3, DECADES)));
+                push(
+                    Unknown::Armature(i),
+                    value,
+                    Some((std / value).clamp(1e-3, DECADES)),
+                );
             }
             _ => push(Unknown::Armature(i), 0.3 * inertia, None),
         }
@@ -157,15 +183,27 @@ pub(super) fn joints(
 }
 
 /// The same without springs: stiff ones, fixed.
-pub(super) fn rigid(layout: &Layout, start: &[f64], plants: &[Plant], omega: &[f64]) -> (Layout, Vec<f64>) {
+pub(super) fn rigid(
+    layout: &Layout,
+    start: &[f64],
+    plants: &[Plant],
+    omega: &[f64],
+) -> (Layout, Vec<f64>) {
     let top = STIFF * omega.last().copied().unwrap_or(1.0);
     let mut own = Layout::default();
     let mut x = Vec::new();
-    let armature = |i: usize| layout.index(Unknown::Armature(i)).map_or(0.0, |n| start[n].exp());
+    let armature = |i: usize| {
+        layout
+            .index(Unknown::Armature(i))
+            .map_or(0.0, |n| start[n].exp())
+    };
     for (n, unknown) in layout.unknowns.iter().enumerate() {
         match *unknown {
             Unknown::Stiffness(i) => {
-                let inertia = plants.iter().map(|p| p.inertia[(i, i)]).fold(armature(i), f64::max);
+                let inertia = plants
+                    .iter()
+                    .map(|p| p.inertia[(i, i)])
+                    .fold(armature(i), f64::max);
                 own.fixed.push((*unknown, inertia * top * top));
             }
             // Of one mass there is one inertia and one friction.

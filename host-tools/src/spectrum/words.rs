@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::result::{Estimated, FrfValue, Frf, LinkCheck, Mode};
+use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
 use crate::summary::{Summary, typed};
 
 /// Three digits, as many after the point as the standard deviation shows.
@@ -50,8 +50,16 @@ impl Frf {
         if self.joints.len() == 1 {
             points.extend(self.modes.iter().map(mode_in_words));
         } else if !self.modes.is_empty() {
-            let springs = self.parameters.iter().filter(|value| value.name.starts_with("1/k"));
-            points.push(springs.map(|k| self.spring_in_words(k)).collect::<Vec<_>>().join("; "));
+            let springs = self
+                .parameters
+                .iter()
+                .filter(|value| value.name.starts_with("1/k"));
+            points.push(
+                springs
+                    .map(|k| self.spring_in_words(k))
+                    .collect::<Vec<_>>()
+                    .join("; "),
+            );
         }
         points.push(self.measurement_in_words());
         points.extend(self.links.iter().map(link_in_words));
@@ -62,7 +70,10 @@ impl Frf {
         } else if model.is_some() && self.error().after.is_some() {
             format!("proprio frf {logs} --apply")
         } else {
-            let stem = self.logs.first().map_or_else(|| "frf".into(), |log| super::result::file_name(log));
+            let stem = self
+                .logs
+                .first()
+                .map_or_else(|| "frf".into(), |log| super::result::file_name(log));
             let stem = stem.split('.').next().unwrap_or("frf").to_owned();
             format!("proprio frf {logs} --html {stem}.html -o {stem}_frf.csv")
         };
@@ -98,7 +109,10 @@ impl Frf {
         let distortion = if scatter.is_empty() {
             String::new()
         } else {
-            format!(", noise and distortion {:.2} %", 100.0 * super::fit::median(scatter))
+            format!(
+                ", noise and distortion {:.2} %",
+                100.0 * super::fit::median(scatter)
+            )
         };
         format!(
             "{} lines, {:.1}–{:.1} Hz, {}; noise {:.2} %{distortion} of a response",
@@ -112,8 +126,9 @@ impl Frf {
 
     /// Every value and point.
     pub fn details(&self) -> String {
-        let mut out =
-            String::from("\nvalue                                    estimate            std  status\n");
+        let mut out = String::from(
+            "\nvalue                                    estimate            std  status\n",
+        );
         for value in &self.parameters {
             out += &format!(
                 "{:<34} {:>14} {:>14}  {} ({})\n",
@@ -125,7 +140,8 @@ impl Frf {
             );
         }
         out += "\npoint  blocks  periods  noise %  scatter %  even %   odd %  mean position\n";
-        let percent = |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{:.2}", 100.0 * x));
+        let percent =
+            |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{:.2}", 100.0 * x));
         for (n, point) in self.points.iter().enumerate() {
             let q: Vec<String> = point.q.iter().map(|q| format!("{q:.3}")).collect();
             out += &format!(
@@ -169,6 +185,10 @@ fn link_in_words(check: &LinkCheck) -> String {
         check.gain,
         check.rms,
         check.lines,
-        if check.reversed { "; it counts the other way" } else { "" }
+        if check.reversed {
+            "; it counts the other way"
+        } else {
+            ""
+        }
     )
 }

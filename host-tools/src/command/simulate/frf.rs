@@ -66,9 +66,10 @@ impl Simulate {
         };
         let simulation = self.excited(&Model::load(model)?);
         let second = self.second_encoder;
-        let duration = f64::from(self.experiments.periods * self.experiments.blocks * self.experiments.points)
-            * self.experiments.period
-            * simulation.joints.len() as f64;
+        let duration =
+            f64::from(self.experiments.periods * self.experiments.blocks * self.experiments.points)
+                * self.experiments.period
+                * simulation.joints.len() as f64;
         let samples = write_log(&self.output, &simulation, second, true, |sample| {
             simulation.record(sample)
         })?;
@@ -190,7 +191,10 @@ fn parse(text: &str) -> Result<(&'static str, Option<String>, [f64; 2]), String>
     };
     let Some(known) = HIDDEN.iter().find(|known| **known == name) else {
         let unknown = format!("with --frf, `{name}` is not one of {}", HIDDEN.join(", "));
-        return Err(suggest(&unknown, name::nearest(name, HIDDEN.iter().copied())));
+        return Err(suggest(
+            &unknown,
+            name::nearest(name, HIDDEN.iter().copied()),
+        ));
     };
     let number = |text: &str| match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),

@@ -12,7 +12,10 @@ use crate::spectrum::Frf;
 /// The path of a log that cannot be read any more, and why.
 pub fn responses(found: &Frf, logs: &[PathBuf], model: Option<&Path>) -> Result<Page, Unreadable> {
     let summary = found.summary(model, false);
-    let findings = summary.points.into_iter().chain(found.warnings.iter().cloned());
+    let findings = summary
+        .points
+        .into_iter()
+        .chain(found.warnings.iter().cloned());
     let header = header("Frequency responses", findings.collect(), logs)?;
     Ok(Page {
         header: Header {
