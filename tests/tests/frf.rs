@@ -108,7 +108,7 @@ fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
         ));
         let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
         for joint in ["yaw", "shoulder", "elbow"] {
-            for (what, share) in [("1/k:elasticity", 0.01), ("d:elasticity", 0.15)] {
+            for (what, share) in [("1/k:elasticity", 0.006), ("d:elasticity", 0.05)] {
                 let name = format!("{what}:{joint}");
                 let (own, truth) = (
                     parameter(&found, &name),

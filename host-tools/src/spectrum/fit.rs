@@ -465,6 +465,11 @@ fn jackknife(factors: &[DMatrix<f64>], owners: &[usize], prior: &DMatrix<f64>) -
         let step = damped(&stacked(others.map(|(factor, _)| factor), prior), 0.0);
         spread += &step * step.transpose() * ((count as f64 - 1.0) / count as f64);
     }
+    // Of few groups the spread itself is uncertain: the variance of Student's t of as many degrees of freedom.
+    let freedom = count as f64 - 1.0;
+    if freedom > 2.0 {
+        spread *= freedom / (freedom - 2.0);
+    }
     spread
 }
 

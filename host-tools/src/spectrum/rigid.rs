@@ -45,31 +45,31 @@ impl Links {
         })
     }
 
-    /// The plants at points: means over the path, which a slow motion around a point makes differ from those at its middle. Those of the joints that are not recorded stand at 0.
+    /// The plants at points: means over the path, which a slow motion around a point makes differ from those at its middle, and those at the
+    /// middle. The joints that are not recorded stand at 0.
     ///
     /// # Errors
     /// If the dynamics cannot be computed.
-    pub(super) fn plants(&self, points: &[Point]) -> Result<Vec<Plant>, FrfError> {
-        let mut plants = Vec::new();
+    pub(super) fn plants(&self, points: &[Point]) -> Result<[Vec<Plant>; 2], FrfError> {
+        let (mut means, mut middles) = (Vec::new(), Vec::new());
         for point in points {
             let mut mean = self.plant(&point.path[0])?;
             for q in &point.path[1..] {
                 mean = added(mean, &self.plant(q)?);
             }
-            plants.push(divided(mean, point.path.len() as f64));
+            means.push(divided(mean, point.path.len() as f64));
+            middles.push(self.plant(&point.q)?);
         }
         // Directions that are felt at some point.
-        let felt: Vec<usize> = (0..self.directions.ncols())
-            .filter(|&m| {
-                plants
-                    .iter()
-                    .any(|p: &Plant| p.rigid[m].norm() > FELT * p.inertia.norm())
-            })
-            .collect();
-        for plant in &mut plants {
+        let is_felt = |m: &usize| {
+            let felt = |p: &Plant| p.rigid[*m].norm() > FELT * p.inertia.norm();
+            means.iter().any(felt)
+        };
+        let felt: Vec<usize> = (0..self.directions.ncols()).filter(is_felt).collect();
+        for plant in means.iter_mut().chain(&mut middles) {
             plant.rigid = felt.iter().map(|&m| plant.rigid[m].clone()).collect();
         }
-        Ok(plants)
+        Ok([means, middles])
     }
 
     fn plant(&self, own: &[f64]) -> Result<Plant, FrfError> {

@@ -51,7 +51,7 @@ pub(super) fn with_model<'a>(
     omega: &[f64],
     dt: f64,
 ) -> Result<Fitted<'a>, FrfError> {
-    let plants = Links::new(model, joints)?.plants(points)?;
+    let [plants, middles] = Links::new(model, joints)?.plants(points)?;
     let own: Vec<&Point> = points.iter().collect();
     let of = |effect: &str| -> Vec<Known> {
         joints
@@ -62,7 +62,7 @@ pub(super) fn with_model<'a>(
     let (layout, starts) = start::joints(&own, &plants, omega, &of("armature"), &of("viscous"));
     let problem = Problem {
         points: own,
-        plants,
+        plants: plants.clone(),
         omega: omega.to_vec(),
         used: omega.len(),
         dt,
@@ -78,17 +78,21 @@ pub(super) fn with_model<'a>(
         before: rigid,
         after: f64::INFINITY,
     })?;
-    let other = Problem {
+    // Two things that no scatter shows: friction that differs from slow motion's, and matrices that change along the slow motion.
+    let problem = Problem {
         points: doubted.iter().collect(),
         ..problem
     };
     if doubted.len() == points.len() {
-        other.doubted(&mut fit);
+        problem.doubted(&mut fit);
     }
     let problem = Problem {
         points: points.iter().collect(),
-        ..other
+        plants: middles,
+        ..problem
     };
+    problem.doubted(&mut fit);
+    let problem = Problem { plants, ..problem };
     Ok((problem, rigid, fit))
 }
 
