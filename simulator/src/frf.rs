@@ -141,6 +141,24 @@ impl FrfSimulation {
         truth
     }
 
+    /// The first joint that moves too fast for the simulation's steps: its spring's resonance, Hz, or its damper is too much of a step.
+    pub fn too_fast(&self) -> Option<(String, f64)> {
+        /// ω Δt of a spring, and d Δt/inertia of a damper: half of where steps become unstable.
+        const MOST: [f64; 2] = [1.0, 0.5];
+        let robot = Robot::new(self);
+        let inertia = robot.inertia(&vec![0.0; self.joints.len()]);
+        let speed = |j: usize| {
+            let inverse = 1.0 / inertia[(j, j)] + 1.0 / robot.armature[j];
+            let [k, d] = robot.spring[j].map(|of| of * inverse);
+            let is_fast = k.sqrt() * STEP > MOST[0] || d * STEP > MOST[1];
+            (!(k.is_finite() && d.is_finite()) || is_fast)
+                .then_some(k.sqrt() / std::f64::consts::TAU)
+        };
+        let joints = self.joints.iter().enumerate();
+        let mut fast = joints.filter_map(|(j, joint)| Some((joint.name.clone(), speed(j)?)));
+        fast.next()
+    }
+
     /// Records the experiments: point after point, block after block, as many experiments in each as joints.
     ///
     /// # Errors

@@ -41,6 +41,20 @@ pub enum FrfError {
         /// The median of all, s.
         dt: f64,
     },
+    /// A cell that holds no finite number.
+    #[error("{}, {place}: a value is not finite", .path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// The sample.
+        place: Place,
+    },
+    /// A joint whose links the model's dynamics does not have.
+    #[error("joint {joint} has no dynamics in the model")]
+    NoDynamics {
+        /// The joint.
+        joint: String,
+    },
     /// Nothing repeats itself.
     #[error("{}: no period: {signal} resembles itself shifted in time by {correlation:.2} at most, and 0.50 is needed", .path.display())]
     NoPeriod {
@@ -174,6 +188,10 @@ impl FrfError {
             Self::Uneven { .. } => {
                 "record without losing samples: a period is transformed as a whole"
             }
+            Self::NotFinite { .. } => {
+                "record without losing samples: a period is transformed as a whole"
+            }
+            Self::NoDynamics { .. } => "give a model whose limbs have this joint",
             Self::NoPeriod { .. } => {
                 "excite with a periodic signal, and record `ref/<joint>`; `proprio simulate --frf -m MODEL` shows one"
             }

@@ -242,7 +242,8 @@ impl Problem<'_> {
                 }
                 damping *= 10.0;
             }
-            if !(moved > SETTLED) || moved.is_infinite() {
+            // Infinite where no damping made the cost fall.
+            if moved.is_infinite() || moved.is_nan() || moved <= SETTLED {
                 break;
             }
         }

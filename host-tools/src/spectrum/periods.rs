@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn experiments_in_one_log_are_told_apart() {
+    fn experiments_in_one_log_are_separated() {
         let mut signal = multisine(400, 100, 0.7);
         signal.extend([0.0; 57]);
         signal.extend(multisine(500, 100, 1.9));

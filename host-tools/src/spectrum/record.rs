@@ -80,6 +80,16 @@ impl Record {
             Ok(cells.map(|cell| (cell, Need::Always)).collect())
         })?;
         let dt = even(path, &table)?;
+        let unfit = table
+            .rows
+            .iter()
+            .position(|row| row.iter().any(|x| !x.is_finite()));
+        if let Some(place) = unfit.and_then(|row| table.place(row)) {
+            return Err(FrfError::NotFinite {
+                path: path.to_owned(),
+                place,
+            });
+        }
         let mut at = 0;
         let mut next = || {
             at += 1;
@@ -195,13 +205,13 @@ fn even(path: &Path, table: &NumberTable) -> Result<f64, FrfError> {
     let mut sorted: Vec<f64> = gaps().collect();
     sorted.sort_by(f64::total_cmp);
     let dt = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    if !(dt > 0.0) {
+    if dt.is_nan() || dt <= 0.0 {
         return Err(FrfError::Columns {
             path: path.to_owned(),
             what: "time does not advance".to_owned(),
         });
     }
-    let uneven = gaps().position(|gap| !((gap - dt).abs() <= JITTER * dt));
+    let uneven = gaps().position(|gap| gap.is_nan() || (gap - dt).abs() > JITTER * dt);
     if let Some(row) = uneven
         && let Some(place) = table.place(row + 1)
     {

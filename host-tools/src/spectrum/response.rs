@@ -175,6 +175,10 @@ fn inverse_torques(
                 let size = row.norm();
                 row /= Complex64::from(size.max(1e-300));
             }
+            // An iteration for singular values need not end on what is not finite.
+            if !scaled.iter().all(|x| x.is_finite()) {
+                return Err((line, f64::INFINITY));
+            }
             let values = scaled.singular_values();
             let condition = values.max() / values.min().max(1e-300);
             match torques.try_inverse() {

@@ -32,10 +32,10 @@ impl Links {
         let dynamics = Dynamics::new(model, None)?;
         let mut places = Vec::new();
         for joint in joints {
-            // The names are the model's own.
-            if let Some(place) = dynamics.joints().iter().position(|own| own == joint) {
-                places.push(place);
-            }
+            let place = dynamics.joints().iter().position(|own| own == joint);
+            places.push(place.ok_or_else(|| FrfError::NoDynamics {
+                joint: joint.clone(),
+            })?);
         }
         let directions = directions(model, dynamics.joints())?;
         Ok(Self {

@@ -19,7 +19,7 @@ fn short(x: f64) -> String {
 
 /// A value ± its standard deviation, whose first two digits say how many the value has.
 fn with_std(of: Estimated) -> String {
-    if !(of.std > 0.0) || !of.std.is_finite() {
+    if of.std <= 0.0 || !of.std.is_finite() {
         return short(of.value);
     }
     let digits = 1 - of.std.log10().floor() as i32;

@@ -65,6 +65,12 @@ impl Simulate {
             usage_error("simulate", ErrorKind::MissingRequiredArgument, message)
         };
         let simulation = self.excited(&Model::load(model)?);
+        if let Some((joint, f)) = simulation.too_fast() {
+            let message = format!(
+                "the spring or damper of {joint} is too stiff to simulate: its resonance is at {f:.0} Hz, and joints without `elasticity` are at 120 Hz"
+            );
+            usage_error("simulate", ErrorKind::ValueValidation, message);
+        }
         let second = self.second_encoder;
         let duration =
             f64::from(self.experiments.periods * self.experiments.blocks * self.experiments.points)
