@@ -206,7 +206,7 @@ impl FrfError {
             }
             Self::Differs { .. } => "give logs of the same joints, rate and excitation together",
             Self::PointMoves { .. } => {
-                "let the position controller hold the mean, and wait until the arm has settled"
+                "let the position controller hold the mean, and wait until the arm has settled; excite harder if friction lets the joint creep alone"
             }
             Self::Sticks { .. } => {
                 "excite harder, or add a slow motion that keeps the joint from resting (`proprio simulate --frf` does)"

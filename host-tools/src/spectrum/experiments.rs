@@ -292,15 +292,6 @@ fn positions(
         let (low, high) =
             (own[..period].iter()).fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         let swing = high - low;
-        let drift = (mean(&own[own.len() - period..]) - mean(&own[..period])).abs();
-        if drift > DRIFT * swing && swing > 0.0 {
-            return Err(FrfError::PointMoves {
-                path: record.path.clone(),
-                joint: joint.clone(),
-                drift,
-                swing,
-            });
-        }
         let speed = || own.windows(2).map(|two| (two[1] - two[0]).abs());
         let fastest = speed().fold(0.0, f64::max);
         let resting = speed().filter(|v| *v <= REST * fastest).count();
@@ -309,6 +300,15 @@ fn positions(
             return Err(FrfError::Sticks {
                 joint: joint.clone(),
                 share: 100.0 * share,
+            });
+        }
+        let drift = (mean(&own[own.len() - period..]) - mean(&own[..period])).abs();
+        if drift > DRIFT * swing && swing > 0.0 {
+            return Err(FrfError::PointMoves {
+                path: record.path.clone(),
+                joint: joint.clone(),
+                drift,
+                swing,
             });
         }
         point.push(mean(own));

@@ -50,7 +50,13 @@ impl Asked {
     pub(super) fn hidden(&self) -> &Hidden {
         match &self.parsed {
             Ok(hidden) => hidden,
-            Err(message) => usage_error("simulate", ErrorKind::ValueValidation, message.clone()),
+            Err(message) => {
+                let message = format!(
+                    "invalid value '{}' for '--hide <EFFECT[:JOINT]=VALUE[,NAME=VALUE...]>': {message}",
+                    self.text
+                );
+                usage_error("simulate", ErrorKind::ValueValidation, message)
+            }
         }
     }
 }
