@@ -186,7 +186,7 @@ mod tests {
     fn experiments_in_one_log_are_separated() {
         let mut signal = multisine(400, 100, 0.7);
         signal.extend([0.0; 57]);
-        signal.extend(multisine(500, 100, 1.9));
+        signal.extend(multisine(500, 100, 2.3));
         let signal = vec![signal];
         let length = period(&signal).unwrap();
         let found = repeated(&signal, length, REFERENCE_TOLERANCE);
