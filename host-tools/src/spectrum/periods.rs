@@ -10,7 +10,7 @@ use super::record::Record;
 /// 0.5, three 0.67.
 const LEAST_CORRELATION: f64 = 0.5;
 /// Of the shifts that resemble the best as much as this, the shortest is the period: multiples of a period are as good.
-const AS_GOOD: f64 = 0.9;
+const AS_GOOD: f64 = 0.97;
 /// By how much of its energy a reference may differ from itself one period later: rounding in a text file alone.
 const REFERENCE_TOLERANCE: f64 = 1e-6;
 /// The same of what was measured: noise at a tenth of the signal's power.
