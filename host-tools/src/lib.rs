@@ -2,7 +2,7 @@
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`formula`], [`model`], [`gate`], `trajectory`, [`recording`],
 //! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
-//! [`compare`], [`identify`] and [`kinematics`], [`dynamics`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
+//! [`compare`], [`identify`] and [`kinematics`], [`dynamics`], [`spectrum`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
 //! demos, independent of them, is a crate of its own: [`proprio_simulator`].
 
 pub mod advise;
@@ -38,6 +38,7 @@ pub mod recording;
 pub mod report;
 mod robust;
 mod select;
+pub mod spectrum;
 pub mod summary;
 pub mod table;
 mod trajectory;

@@ -1,5 +1,6 @@
 //! A simulated robot whose truth is known: one to four pinned legs that follow a reference, and the log they make; and in [`walk`]
-//! the whole robot on its feet; in [`poses`] an arm at rest, measured by a tracker.
+//! the whole robot on its feet; in [`poses`] an arm at rest, measured by a tracker; in [`frf`] one
+//! with elastic joints under periodic excitation.
 //!
 //! The bodies are the Go2's CAD or, as on a real robot, something near it ([`Simulation::inertia_error`]). What is added to
 //! them are effects in continuous time (`effect/`, one file each), which share nothing with the identification's columns,
@@ -10,6 +11,7 @@
 mod dry;
 mod effect;
 pub mod follow;
+pub mod frf;
 pub mod hidden;
 mod inertia_error;
 mod lag;

@@ -116,6 +116,14 @@ pub fn folder() -> TempDir {
     tempfile::tempdir().expect("a folder can be made")
 }
 
+/// Writes `arm.toml`, an arm of three joints that turn: the rod that slides is held.
+pub fn frf_arm(folder: &Path) {
+    let urdf = Path::new(env!("CARGO_MANIFEST_DIR")).join("robots/arm.urdf");
+    let urdf = urdf.display().to_string();
+    let model = format!("format = 1\n[robot]\nurdf = {urdf:?}\n[held]\nslide = 0.0\n");
+    std::fs::write(folder.join("arm.toml"), model).expect("a folder of our own");
+}
+
 /// A folder with the `log.csv` that `simulate` makes of these arguments.
 pub fn simulated(arguments: &str) -> TempDir {
     let folder = folder();

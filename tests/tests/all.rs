@@ -31,6 +31,7 @@ mod export;
 mod faults;
 mod formulas;
 mod free_base;
+mod frf;
 mod hidden_effect;
 mod identify_model;
 mod ladder;

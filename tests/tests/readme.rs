@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use proprio_tests::command::{done, proprio, stderr};
+use proprio_tests::command::{done, frf_arm, proprio, stderr};
 
 /// What is no proprio of ours: it starts another program, or all tests.
 const NOT_RUN: [&str; 2] = ["cargo ", "tests/run"];
@@ -146,6 +146,13 @@ fn the_calibrations_commands_run() {
     let model = "format = 1\n[robot]\nurdf = \"arm.urdf\"\n";
     fs::write(folder.path().join("arm.toml"), model).unwrap();
     all_run("docs/calibrate.md", folder.path());
+}
+
+#[test]
+fn the_frequency_responses_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    frf_arm(folder.path());
+    all_run("docs/frf.md", folder.path());
 }
 
 #[test]

@@ -32,7 +32,15 @@ zero sim --legs FR --pose calves-folded
 ports";
 
 /// Commands that other tests run.
-const ELSEWHERE: [&str; 6] = ["calibrate", "capture", "demo", "excite", "flash", "record"];
+const ELSEWHERE: [&str; 7] = [
+    "calibrate",
+    "capture",
+    "demo",
+    "excite",
+    "flash",
+    "frf",
+    "record",
+];
 
 #[test]
 fn each_command_holds_to_its_schema() {

@@ -21,6 +21,7 @@ use crate::log::{LEAST_RATE, LogError, Problem};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::recording::RecordingError;
+use crate::spectrum::FrfError;
 use crate::validate::ValidateError;
 use proprio_simulator::walk::WalkError;
 
@@ -76,6 +77,11 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Web(WebError::Bind { .. }) => Some(
             "take an address of this machine and a port from 1024 on: --web=127.0.0.1:7700".to_owned(),
         ),
+        Error::Frf(error) => match error {
+            FrfError::Log(error) => Some(of_log(error)),
+            FrfError::Name(unknown) => of_name(unknown),
+            error => error.hint(),
+        },
         Error::Calibrate(error) => match error {
             CalibrateError::Log(error) => Some(of_log(error)),
             CalibrateError::Name(unknown) => of_name(unknown),

@@ -1,4 +1,4 @@
-//! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`,
+//! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`, `frf`,
 //! `identify`, `import`, `man`, `monitor`, `ports`, `record`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an
 //! error;
 //! `overwrite`: what a command would replace; `result`: what --json prints.
@@ -15,6 +15,7 @@ mod effects;
 mod excite;
 mod export;
 mod flash;
+mod frf;
 pub mod hint;
 mod identify;
 mod import;
@@ -56,6 +57,7 @@ use crate::monitor::{FeedError, JournalError};
 use crate::output::WriteError;
 use crate::recording::RecordingError;
 use crate::report::pages::Unreadable;
+use crate::spectrum::FrfError;
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -107,6 +109,7 @@ enum Command {
     Excite(Box<excite::Excite>),
     Export(export::Export),
     Flash(flash::Flash),
+    Frf(frf::Frf),
     Identify(identify::Identify),
     Import(import::Import),
     Man(man::Manual),
@@ -208,6 +211,7 @@ impl Command {
             Self::Excite(command) => command.run(),
             Self::Export(command) => command.run(),
             Self::Flash(command) => command.run(),
+            Self::Frf(command) => command.run(),
             Self::Identify(command) => command.run(),
             Self::Import(command) => command.run(),
             Self::Man(command) => command.run(),
@@ -239,6 +243,8 @@ pub(crate) enum Error {
     },
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
+    #[error(transparent)]
+    Frf(#[from] FrfError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error(transparent)]

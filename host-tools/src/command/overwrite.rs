@@ -17,13 +17,14 @@ use clap::ArgMatches;
 use super::Error;
 
 /// Arguments that name a file to write.
-const WRITTEN: [&str; 6] = [
+const WRITTEN: [&str; 7] = [
     "output",
     "html",
     "truth",
     "coefficients",
     "factors",
     "record",
+    "slow",
 ];
 /// Arguments that name a file which may be written again on purpose.
 const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];

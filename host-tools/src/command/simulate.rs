@@ -1,6 +1,7 @@
 //! `proprio simulate`: a log whose truth is known.
 
 mod formula;
+mod frf;
 mod help;
 mod poses;
 mod walk;
@@ -54,8 +55,13 @@ pub(crate) struct Simulate {
     /// Measure an arm of any robot (-m) at so many poses instead: a file for `calibrate`
     #[arg(long, value_name = "N", requires = "model", conflicts_with_all = ["legs", "motion", "walk", "temperature", "second_encoder", "typical"], value_parser = clap::value_parser!(u32).range(1..100_000))]
     poses: Option<u32>,
-    /// The robot that is measured, of --poses
-    #[arg(short, long, value_name = "MODEL", requires = "poses")]
+    /// Excite a robot (-m) with elastic joints by multisines instead: a log for `frf`
+    #[arg(long, requires = "model", conflicts_with_all = ["legs", "motion", "walk", "follow", "poses", "temperature", "typical", "duration"])]
+    frf: bool,
+    #[command(flatten)]
+    experiments: frf::ExperimentArguments,
+    /// The robot that is measured, of --poses and --frf
+    #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// How far joint frames are off, of --poses: standard deviations of each coordinate and angle
     #[arg(long, value_name = "MM,MRAD", requires = "poses", value_parser = parse_two, default_value = "0.5,0.7")]
@@ -146,6 +152,9 @@ struct Report {
     legs: Vec<&'static str>,
     samples: u64,
     duration: f64,
+    /// The slow log of the same robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    slow: Option<PathBuf>,
     #[serde(skip_serializing_if = "Option::is_none")]
     poses: Option<usize>,
     seed: u64,
@@ -165,7 +174,12 @@ struct Truth {
 impl Simulate {
     pub(crate) fn run(self) -> Result<String, Error> {
         let as_json = self.json;
+        if self.model.is_some() && self.poses.is_none() && !self.frf {
+            let message = "-m is the robot of --poses or --frf".to_owned();
+            super::usage_error("simulate", ErrorKind::MissingRequiredArgument, message);
+        }
         let report = match (self.poses, self.walk) {
+            _ if self.frf => self.excite()?,
             (Some(count), _) => self.measure(count as usize)?,
             (None, Some(gait)) => self.walk(gait.into())?,
             (None, None) => self.hang()?,
@@ -211,6 +225,7 @@ impl Simulate {
             samples,
             duration: simulation.duration,
             poses: None,
+            slow: None,
             seed: simulation.seed,
         })
     }
@@ -330,6 +345,13 @@ impl std::fmt::Display for Report {
                 Some(truth) => writeln!(f, "{}: the truth", truth.display()),
                 None => Ok(()),
             };
+        }
+        if let Some(slow) = &self.slow {
+            writeln!(
+                f,
+                "{}: slow motion of the same robot, for `identify`",
+                slow.display()
+            )?;
         }
         let legs = self.legs.join(", ");
         let what = self.gait.map_or(legs, |gait| format!("a robot: {gait}"));

@@ -37,6 +37,7 @@
 //! - `models`: errors of several models, joint by joint
 //! - `motion`: a designed motion: what each joint does and how the search went; and the feedback that models leave
 //! - `poses`: measured poses: error vectors, errors by pose and by joint
+//! - `responses`: frequency responses, their scatter and values
 //! - `robot`: the robot as lines, from its URDF: each link in the colour of its joint's error
 //! - `stance`: which feet carry a force, or may, and why that is believed
 //! - `stick`: a moving figure of limbs
@@ -56,6 +57,7 @@ pub mod pages;
 pub mod parameters;
 pub mod poses;
 pub mod residual;
+pub mod responses;
 mod robot;
 mod section;
 pub mod stance;

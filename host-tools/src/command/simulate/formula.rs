@@ -31,11 +31,12 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// Refuses nothing that poses may hide.
+    /// Refuses nothing that poses or frequency responses may hide.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let parsed = parse(text);
         let name = text.split(['=', ':']).next().unwrap_or_default();
-        let of_poses = PoseKind::ALL.iter().any(|(known, _)| *known == name);
+        let of_poses = PoseKind::ALL.iter().any(|(known, _)| *known == name)
+            || super::frf::HIDDEN.contains(&name);
         match parsed {
             Err(message) if !of_poses => Err(message),
             parsed => Ok(Self {
@@ -49,7 +50,13 @@ impl Asked {
     pub(super) fn hidden(&self) -> &Hidden {
         match &self.parsed {
             Ok(hidden) => hidden,
-            Err(message) => usage_error("simulate", ErrorKind::ValueValidation, message.clone()),
+            Err(message) => {
+                let message = format!(
+                    "invalid value '{}' for '--hide <EFFECT[:JOINT]=VALUE[,NAME=VALUE...]>': {message}",
+                    self.text
+                );
+                usage_error("simulate", ErrorKind::ValueValidation, message)
+            }
         }
     }
 }

@@ -12,7 +12,8 @@ pub(super) const EXAMPLES: &str = "Examples:
   proprio simulate --typical --hide payload:FR_calf=0.2,z=-0.1 --hide base_tilt=0.03,pitch=-0.02
   proprio simulate --typical --hide 'FR_calf: 0.3*q*sign(dq)' -o unknown.csv
   proprio simulate --walk trot --typical --inertia-error 0.03 --hide payload:base=2,x=0.05,z=0.07 -o walk.csv
-  proprio simulate --poses 30 -m arm.toml --hide elasticity:A2=2e6 -o poses.csv";
+  proprio simulate --poses 30 -m arm.toml --hide elasticity:A2=2e6 -o poses.csv
+  proprio simulate --frf -m arm.toml --hide elasticity:elbow=500,damping=0.5 --hide coulomb=1 --slow slow.csv -o frf.csv";
 
 /// Examples, then every effect with its parameters.
 pub(super) fn long_help() -> String {
@@ -34,6 +35,10 @@ pub(super) fn long_help() -> String {
     text += &format!(
         "\nWith --poses: {} (N m/rad, rad or a share).",
         poses.join(", ")
+    );
+    text += &format!(
+        "\nWith --frf: {}; elasticity:JOINT=k[,damping=d] (N m/rad, N m s/rad).",
+        super::frf::HIDDEN.join(", ")
     );
     text
 }

@@ -64,6 +64,7 @@ impl Simulate {
             samples: poses.len() as u64,
             duration: 0.0,
             poses: Some(poses.len()),
+            slow: None,
             seed: self.seed,
         })
     }

@@ -75,6 +75,7 @@ impl Simulate {
             samples,
             duration: walk.duration,
             poses: None,
+            slow: None,
             seed: walk.seed,
         })
     }

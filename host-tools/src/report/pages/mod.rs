@@ -6,6 +6,7 @@
 //! - `compare`: the page of `compare`
 //! - `diagnose`: the page of `diagnose`
 //! - `excite`: the page of `excite`
+//! - `frf`: the page of `frf`
 //! - `identify`: the page of `identify`
 //! - `models`: the page of `compare` with several models
 //! - `validate`: the page of `validate`
@@ -15,6 +16,7 @@ mod calibrate;
 mod compare;
 mod diagnose;
 pub mod excite;
+mod frf;
 mod identify;
 mod models;
 pub mod validate;
@@ -36,6 +38,7 @@ use crate::recording::LogGates;
 pub use calibrate::calibration;
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
+pub use frf::responses;
 pub use identify::fit;
 pub use models::models;
 pub use walk::{walk, walk_diagnosis, walk_identification};

@@ -1,0 +1,266 @@
+//! `proprio simulate --frf`: a robot with elastic joints whose springs are known, excited by multisines.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clap::error::ErrorKind;
+use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use proprio_core::inertia::InertialParameters;
+use proprio_simulator::TrueValue;
+use proprio_simulator::frf::{ElasticJoint, FrfSample, FrfSimulation};
+use serde::Serialize;
+
+use super::super::{Error, json, usage_error};
+use super::{Report, Simulate, suggest, within, written};
+use crate::model::{JointKind, Model};
+use crate::name;
+use crate::output::{self, WriteError};
+use crate::progress::Progress;
+
+/// What may be hidden.
+pub(super) const HIDDEN: [&str; 4] = ["elasticity", "armature", "viscous", "coulomb"];
+/// Effort of a joint whose description does not state one, N m.
+const EFFORT: f64 = 100.0;
+/// Length of the slow log, s.
+const SLOW: f64 = 60.0;
+/// Damping of a spring for which none is said, as a share of its stiffness, s.
+const DAMPING: f64 = 1e-3;
+
+/// What `--frf` takes.
+#[derive(Debug, Args)]
+pub(super) struct ExperimentArguments {
+    /// Points at which the robot is excited, of --frf
+    #[arg(long, value_name = "N", requires = "frf", default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..1000))]
+    points: u32,
+    /// Blocks of random phases at each point, of --frf: each has as many experiments as joints
+    #[arg(long, value_name = "N", requires = "frf", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..1000))]
+    blocks: u32,
+    /// Periods of each experiment, of --frf; the first is transient
+    #[arg(long, value_name = "N", requires = "frf", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..1000))]
+    periods: u32,
+    /// Length of a period, of --frf
+    #[arg(long, value_name = "S", requires = "frf", default_value_t = 2.0, value_parser = within(0.1, 100.0))]
+    period: f64,
+    /// Excitation as a multiple of what friction and effort suggest, of --frf
+    #[arg(long, value_name = "FACTOR", requires = "frf", default_value_t = 1.0, value_parser = within(0.0, 100.0))]
+    excitation: f64,
+    /// Also write a log of slow motion of the same robot: for `identify`, whose friction and masses `frf` needs
+    #[arg(long, value_name = "LOG", requires = "frf")]
+    slow: Option<PathBuf>,
+}
+
+/// What the truth file holds; parameters are named as `frf` and `identify` name them.
+#[derive(Debug, Serialize)]
+struct Truth {
+    seed: u64,
+    inertia_error: f64,
+    parameters: Vec<TrueValue>,
+}
+
+impl Simulate {
+    /// Points, blocks and experiments, one after the other.
+    pub(super) fn excite(self) -> Result<Report, Error> {
+        let Some(model) = &self.model else {
+            let message = "--frf needs the robot: -m MODEL".to_owned();
+            usage_error("simulate", ErrorKind::MissingRequiredArgument, message)
+        };
+        let simulation = self.excited(&Model::load(model)?);
+        if let Some((joint, f)) = simulation.too_fast() {
+            let message = format!(
+                "the spring or damper of {joint} is too stiff to simulate: its resonance is at {f:.0} Hz, and joints without `elasticity` are at 120 Hz"
+            );
+            usage_error("simulate", ErrorKind::ValueValidation, message);
+        }
+        let second = self.second_encoder;
+        let duration =
+            f64::from(self.experiments.periods * self.experiments.blocks * self.experiments.points)
+                * self.experiments.period
+                * simulation.joints.len() as f64;
+        let samples = write_log(&self.output, &simulation, second, true, |sample| {
+            simulation.record(sample)
+        })?;
+        let slow = &self.experiments.slow;
+        if let Some(slow) = slow {
+            write_log(slow, &simulation, second, false, |sample| {
+                simulation.record_slow(SLOW, sample)
+            })?;
+        }
+        let truth = self.truth_path();
+        if let Some(truth) = &truth {
+            let all = Truth {
+                seed: self.seed,
+                inertia_error: self.inertia_error,
+                parameters: simulation.truth(),
+            };
+            output::write(truth, &json(&all))?;
+        }
+        Ok(Report {
+            log: self.output,
+            truth,
+            gait: Some("multisines in closed loop"),
+            legs: Vec::new(),
+            samples,
+            duration,
+            slow: self.experiments.slow,
+            poses: None,
+            seed: self.seed,
+        })
+    }
+
+    /// The robot of the model with what is hidden.
+    fn excited(&self, model: &Model) -> FrfSimulation {
+        let joints = model.robot().bodies().iter().enumerate().map(|(b, body)| {
+            let rotation = Rotation3::from_matrix_unchecked(body.placement.rotation);
+            let phi = model.inertia(b);
+            let (com, inertia) = about_com(phi);
+            ElasticJoint {
+                name: body.name.clone(),
+                parent: body.parent,
+                placement: Isometry3::from_parts(
+                    Translation3::from(body.placement.translation),
+                    UnitQuaternion::from_rotation_matrix(&rotation),
+                ),
+                axis: body.axis,
+                slides: body.kind == JointKind::Prismatic,
+                limits: body.limits,
+                effort: if body.effort.is_finite() && body.effort > 0.0 {
+                    body.effort
+                } else {
+                    EFFORT
+                },
+                mass: phi.mass(),
+                com,
+                inertia,
+                armature: None,
+                viscous: 0.0,
+                coulomb: 0.0,
+                spring: None,
+            }
+        });
+        let mut joints: Vec<ElasticJoint> = joints.collect();
+        self.hide_in(model, &mut joints);
+        FrfSimulation {
+            joints,
+            down: model.base().rotation.tr_mul(&-Vector3::z()),
+            points: self.experiments.points as usize,
+            blocks: self.experiments.blocks as usize,
+            periods: self.experiments.periods as usize,
+            period: self.experiments.period,
+            rate: self.rate,
+            inertia_error: self.inertia_error,
+            excitation: self.experiments.excitation,
+            noise: self.noise,
+            seed: self.seed,
+        }
+    }
+
+    fn hide_in(&self, model: &Model, joints: &mut [ElasticJoint]) {
+        let refuse =
+            |message: String| -> ! { usage_error("simulate", ErrorKind::ValueValidation, message) };
+        for asked in &self.hide {
+            let (what, joint, [value, damping]) =
+                parse(&asked.text).unwrap_or_else(|message| refuse(message));
+            let places = match &joint {
+                Some(joint) => match model.robot().joint(joint) {
+                    Ok(joint) => joint..joint + 1,
+                    Err(unknown) => refuse(suggest(&unknown, unknown.nearest())),
+                },
+                None => 0..joints.len(),
+            };
+            for joint in &mut joints[places] {
+                match what {
+                    "elasticity" => joint.spring = Some([value, damping]),
+                    "armature" => joint.armature = Some(value),
+                    "viscous" => joint.viscous = value,
+                    _ => joint.coulomb = value,
+                }
+            }
+        }
+    }
+}
+
+/// Centre of mass and inertia about it.
+fn about_com(phi: &InertialParameters<f64>) -> (Vector3<f64>, nalgebra::Matrix3<f64>) {
+    let mass = phi.mass().max(1e-9);
+    let com = phi.first_moment() / mass;
+    let square = com.dot(&com);
+    let moved = mass * (nalgebra::Matrix3::identity() * square - com * com.transpose());
+    (com, phi.rotational_inertia() - moved)
+}
+
+/// `NAME[:JOINT]=VALUE[,damping=VALUE]`.
+fn parse(text: &str) -> Result<(&'static str, Option<String>, [f64; 2]), String> {
+    let (place, values) = text.split_once('=').ok_or("expected NAME[:JOINT]=VALUE")?;
+    let (name, joint) = match place.split_once(':') {
+        Some((name, joint)) => (name, Some(joint.to_owned())),
+        None => (place, None),
+    };
+    let Some(known) = HIDDEN.iter().find(|known| **known == name) else {
+        let unknown = format!("with --frf, `{name}` is not one of {}", HIDDEN.join(", "));
+        return Err(suggest(
+            &unknown,
+            name::nearest(name, HIDDEN.iter().copied()),
+        ));
+    };
+    let number = |text: &str| match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(format!("`{text}` is not a number of 0 or more")),
+    };
+    let (value, damping) = match values.split_once(",damping=") {
+        Some((value, damping)) if name == "elasticity" => (number(value)?, Some(number(damping)?)),
+        _ => (number(values)?, None),
+    };
+    if value == 0.0 && ["elasticity", "armature"].contains(&name) {
+        return Err(format!("`{name}` must be greater than 0"));
+    }
+    Ok((known, joint, [value, damping.unwrap_or(DAMPING * value)]))
+}
+
+/// Writes what `record` gives; counts the samples.
+fn write_log(
+    path: &Path,
+    simulation: &FrfSimulation,
+    second_encoder: bool,
+    reference: bool,
+    record: impl FnOnce(&mut dyn FnMut(&FrfSample) -> Result<(), WriteError>) -> Result<(), WriteError>,
+) -> Result<u64, Error> {
+    let mut channels = vec!["q", "dq", "tau"];
+    if reference {
+        channels.push("ref");
+    }
+    if second_encoder {
+        channels.push("q_link");
+    }
+    written(path, |out, unwritable| {
+        let mut progress = Progress::new("Simulating");
+        let joints = || simulation.joints.iter().map(|joint| joint.name.as_str());
+        let mut header = "t".to_owned();
+        for channel in &channels {
+            header.extend(joints().map(|joint| format!(",{channel}/{joint}")));
+        }
+        writeln!(out, "{header}").map_err(unwritable)?;
+        let experiments = simulation.points * simulation.blocks * simulation.joints.len();
+        let total = (experiments * simulation.periods) as f64 * simulation.period;
+        let mut samples = 0;
+        record(&mut |sample| {
+            write!(out, "{:.6}", sample.t).map_err(unwritable)?;
+            for channel in &channels {
+                let values = match *channel {
+                    "q" => &sample.q,
+                    "dq" => &sample.dq,
+                    "tau" => &sample.tau,
+                    "ref" => &sample.reference,
+                    _ => &sample.q_link,
+                };
+                for value in values {
+                    write!(out, ",{value:.8}").map_err(unwritable)?;
+                }
+            }
+            writeln!(out).map_err(unwritable)?;
+            samples += 1;
+            progress.set((sample.t * 1e3) as u64, (total * 1e3) as u64);
+            Ok(())
+        })?;
+        Ok(samples)
+    })
+}

@@ -1,0 +1,554 @@
+//! A fit of the flexible joint model: the logarithms of measured and modelled responses, weighted by their scatter, over all points.
+//!
+//! The error of an element is ln(G/Ĝ), complex: the same at an antiresonance as at a resonance, where a difference G − Ĝ would see the
+//! resonance alone (Wernholt & Moberg 2011). Its variance is that of G over |G|², plus a share that the model lacks: the same at all lines,
+//! as large as the residuals show (median), so that lines without noise do not rule.
+
+use nalgebra::{DMatrix, DVector};
+use proprio_solve::bounded::{inverse, triangle};
+use rayon::prelude::*;
+use realfft::num_complex::Complex64;
+
+use super::flexible::{Derived, Plant, derived, response};
+use super::layout::Layout;
+use super::response::{Point, Response};
+
+/// Elements whose relative variance is greater are left out: the logarithm of what is mostly noise is biased.
+const LEAST_KNOWN: f64 = 0.25;
+/// Neighbouring lines to each side over which a variance is averaged: one of few blocks is worth little alone.
+const SMOOTHED: usize = 2;
+/// No response is better known than this share: rounding of encoders and of the model's aliases.
+const LEAST_ERROR: f64 = 1e-3;
+/// The error share before residuals have shown one.
+const FIRST_ERROR: f64 = 0.05;
+/// From a median of absolute values to a standard deviation, of normal errors.
+const MEDIAN_TO_STD: f64 = 1.4826;
+/// The longest step of a logarithm.
+const LONGEST_STEP: f64 = 1.0;
+/// A fit stands when no entry moves by more than this.
+const SETTLED: f64 = 1e-6;
+
+/// What is fitted.
+pub(super) struct Problem<'a> {
+    pub(super) points: Vec<&'a Point>,
+    /// One for each point.
+    pub(super) plants: Vec<Plant>,
+    /// Angular frequencies of the lines, rad/s.
+    pub(super) omega: Vec<f64>,
+    /// How many of them are used, from the lowest.
+    pub(super) used: usize,
+    /// Sampling period, s.
+    pub(super) dt: f64,
+}
+
+/// A fit.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    pub(super) layout: Layout,
+    /// The entries of the layout's unknowns.
+    pub(super) x: Vec<f64>,
+    /// Covariance of the entries.
+    pub(super) covariance: DMatrix<f64>,
+    /// What the model lacks, as a share of a response.
+    pub(super) lacking: f64,
+    /// Mean square of the residuals in units of the measured scatter alone.
+    pub(super) chi_squared: f64,
+    /// Held-out error of each element that is used: log magnitude.
+    pub(super) held_out: Vec<f64>,
+}
+
+/// Weighted rows of one group of data: derivatives, and residual as the last column.
+struct Group {
+    rows: DMatrix<f64>,
+}
+
+/// A fit on its way.
+struct State {
+    x: Vec<f64>,
+    cost: f64,
+}
+
+impl Problem<'_> {
+    /// Relative variance of an element at a line, averaged over neighbours.
+    fn relative_variance(&self, point: &Point, line: usize, i: usize, j: usize) -> f64 {
+        let lines = line.saturating_sub(SMOOTHED)..(line + SMOOTHED + 1).min(point.mean.len());
+        let count = lines.len() as f64;
+        let of = |l: usize| {
+            let variance = point.variance[l][(i, j)].max(point.noise[l][(i, j)]);
+            variance / point.mean[l][(i, j)].norm_sqr().max(1e-300)
+        };
+        lines.map(of).sum::<f64>() / count
+    }
+
+    /// Residuals ln(G/Ĝ) of `response` at a point: line, element, value, its standard deviation from scatter of each component.
+    fn residuals(
+        &self,
+        point: usize,
+        response: &Response,
+        model: &[DMatrix<Complex64>],
+    ) -> Vec<(usize, usize, usize, Complex64, f64)> {
+        let own = self.points[point];
+        let mut all = Vec::new();
+        for (line, model) in model.iter().enumerate() {
+            let n = model.nrows();
+            for i in 0..n {
+                for j in 0..n {
+                    let variance = self.relative_variance(own, line, i, j);
+                    let error = (response[line][(i, j)] / model[(i, j)]).ln();
+                    if variance < LEAST_KNOWN && error.is_finite() {
+                        all.push((line, i, j, error, (0.5 * variance).sqrt()));
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// The model's response and derivatives at all lines of a point.
+    fn model(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Vec<Derived>> {
+        (self.omega[..self.used].iter())
+            .map(|&omega| derived(&self.plants[point], layout, x, omega, self.dt))
+            .collect()
+    }
+
+    /// The model's response at all lines of a point.
+    fn responses(&self, point: usize, layout: &Layout, x: &[f64]) -> Option<Response> {
+        (self.omega[..self.used].iter())
+            .map(|&omega| response(&self.plants[point], layout, x, omega, self.dt))
+            .collect()
+    }
+
+    /// Weighted rows of a point's mean, or of one of its blocks, between two lines.
+    fn rows(
+        &self,
+        point: usize,
+        block: Option<usize>,
+        lines: std::ops::Range<usize>,
+        model: &[Derived],
+        lacking: f64,
+    ) -> DMatrix<f64> {
+        let own = self.points[point];
+        let response = block.map_or(&own.mean, |b| &own.blocks[b]);
+        // A block weighs as much as its share of the mean.
+        let share = block.map_or(1.0, |_| own.blocks.len() as f64).sqrt();
+        let responses: Vec<DMatrix<Complex64>> = model.iter().map(|m| m.response.clone()).collect();
+        let residuals = self.residuals(point, response, &responses);
+        let kept: Vec<_> = residuals
+            .iter()
+            .filter(|(line, ..)| lines.contains(line))
+            .collect();
+        let unknowns = model.first().map_or(0, |m| m.slopes.len());
+        let mut rows = DMatrix::zeros(2 * kept.len(), unknowns + 1);
+        for (k, &&(line, i, j, error, std)) in kept.iter().enumerate() {
+            let weight = weight(std, lacking) / share;
+            for (u, slope) in model[line].slopes.iter().enumerate() {
+                let relative = slope[(i, j)] / model[line].response[(i, j)] * weight;
+                rows[(2 * k, u)] = relative.re;
+                rows[(2 * k + 1, u)] = relative.im;
+            }
+            rows[(2 * k, unknowns)] = error.re * weight;
+            rows[(2 * k + 1, unknowns)] = error.im * weight;
+        }
+        rows
+    }
+
+    /// Rows of all points' means, each as a triangle.
+    fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
+        (0..self.points.len())
+            .into_par_iter()
+            .map(|point| {
+                let model = self.model(point, layout, x)?;
+                Some(triangle(self.rows(
+                    point,
+                    None,
+                    0..self.used,
+                    &model,
+                    lacking,
+                )))
+            })
+            .collect()
+    }
+
+    /// The groups of data that are left out in turn: blocks of points, or where there is one alone stretches of lines.
+    fn leave_out(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<(usize, Group)>> {
+        /// Stretches of lines, where there is one block alone: a tenth of the lines each.
+        const STRETCHES: usize = 10;
+        let blocks: usize = self.points.iter().map(|p| p.blocks.len()).sum();
+        let mut all = Vec::new();
+        for point in 0..self.points.len() {
+            let model = self.model(point, layout, x)?;
+            if blocks > 2 {
+                for block in 0..self.points[point].blocks.len() {
+                    let rows = self.rows(point, Some(block), 0..self.used, &model, lacking);
+                    all.push((point, Group { rows }));
+                }
+            } else {
+                for k in 0..STRETCHES {
+                    let lines = k * self.used / STRETCHES..(k + 1) * self.used / STRETCHES;
+                    let rows = self.rows(point, None, lines, &model, lacking);
+                    all.push((point, Group { rows }));
+                }
+            }
+        }
+        Some(all)
+    }
+
+    /// Weighted squares at x.
+    fn cost(&self, layout: &Layout, x: &[f64], lacking: f64) -> f64 {
+        let of_point = |point: usize| {
+            let Some(model) = self.responses(point, layout, x) else {
+                return f64::INFINITY;
+            };
+            let all = self.residuals(point, &self.points[point].mean, &model);
+            let square = |(_, _, _, error, std): &(_, _, _, Complex64, f64)| {
+                error.norm_sqr() * weight(*std, lacking).powi(2)
+            };
+            all.iter().map(square).sum::<f64>()
+        };
+        let points = (0..self.points.len()).into_par_iter();
+        // In the order of the points, so that the sum is the same every time.
+        let costs: Vec<f64> = points.map(of_point).collect();
+        costs.iter().sum::<f64>() + prior_rows(layout, x).column(x.len()).norm_squared()
+    }
+
+    /// Levenberg–Marquardt steps from x.
+    fn descend(&self, layout: &Layout, x: &[f64], lacking: f64, steps: usize) -> State {
+        let mut state = State {
+            x: x.to_vec(),
+            cost: self.cost(layout, x, lacking),
+        };
+        let mut damping = 1e-3;
+        for _ in 0..steps {
+            let Some(factors) = self.factors(layout, &state.x, lacking) else {
+                break;
+            };
+            let factor = stacked(factors.iter(), &prior_rows(layout, &state.x));
+            let mut moved = f64::INFINITY;
+            // Ten times the damping up to ten times: then no direction falls.
+            for _ in 0..10 {
+                let step = damped(&factor, damping);
+                let next: Vec<f64> = state
+                    .x
+                    .iter()
+                    .zip(step.iter())
+                    .map(|(x, s)| x + s)
+                    .collect();
+                let cost = self.cost(layout, &next, lacking);
+                if cost < state.cost {
+                    moved = step.amax();
+                    state = State { x: next, cost };
+                    damping = (damping / 10.0).max(1e-9);
+                    break;
+                }
+                damping *= 10.0;
+            }
+            // Infinite where no damping made the cost fall.
+            if moved.is_infinite() || moved.is_nan() || moved <= SETTLED {
+                break;
+            }
+        }
+        state
+    }
+
+    /// Fits, beginning at each of these and going on from the best; steps are bounded.
+    pub(super) fn fit(&self, layout: &Layout, starts: &[Vec<f64>]) -> Option<Fit> {
+        /// Steps from each start, and of the best one.
+        const FIRST_STEPS: usize = 6;
+        const LAST_STEPS: usize = 25;
+        let best = (starts.iter())
+            .map(|x| self.descend(layout, x, FIRST_ERROR, FIRST_STEPS))
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let (mut x, mut lacking) = (best.x, FIRST_ERROR);
+        for _ in 0..2 {
+            x = self.descend(layout, &x, lacking, LAST_STEPS).x;
+            lacking = self.lacking(layout, &x)?;
+        }
+        let state = self.descend(layout, &x, lacking, LAST_STEPS);
+        if !state.cost.is_finite() {
+            return None;
+        }
+        self.judged(layout, state, lacking)
+    }
+
+    /// Adds to a fit's covariance how far these data, measured with something else assumed, would move it: one step.
+    pub(super) fn doubted(&self, fit: &mut Fit) {
+        let Some(factors) = self.factors(&fit.layout, &fit.x, fit.lacking) else {
+            return;
+        };
+        let step = damped(
+            &stacked(factors.iter(), &prior_rows(&fit.layout, &fit.x)),
+            0.0,
+        );
+        fit.covariance += &step * step.transpose();
+    }
+
+    /// All residuals of the means, with their standard deviations by scatter.
+    fn all_residuals(&self, layout: &Layout, x: &[f64]) -> Option<Vec<(Complex64, f64)>> {
+        let mut all = Vec::new();
+        for point in 0..self.points.len() {
+            let responses = self.responses(point, layout, x)?;
+            let own = self.residuals(point, &self.points[point].mean, &responses);
+            all.extend(own.into_iter().map(|(_, _, _, error, std)| (error, std)));
+        }
+        Some(all)
+    }
+
+    /// What residuals show beyond the scatter.
+    fn lacking(&self, layout: &Layout, x: &[f64]) -> Option<f64> {
+        let all = self.all_residuals(layout, x)?;
+        let components = all.iter().flat_map(|(e, _)| [e.re.abs(), e.im.abs()]);
+        let shown = MEDIAN_TO_STD * median(components.collect());
+        let scatter = median(all.iter().map(|(_, std)| *std).collect());
+        Some((shown * shown - scatter * scatter).max(0.0).sqrt())
+    }
+
+    /// Covariance and held-out errors of what was reached.
+    fn judged(&self, layout: &Layout, state: State, lacking: f64) -> Option<Fit> {
+        let n = layout.unknowns.len();
+        let groups = self.leave_out(layout, &state.x, lacking)?;
+        let prior = prior_rows(layout, &state.x);
+        let factors: Vec<DMatrix<f64>> = groups
+            .iter()
+            .map(|(_, g)| triangle(g.rows.clone()))
+            .collect();
+        let whole = stacked(factors.iter(), &prior);
+        let r_inverse = inverse(&whole.view((0, 0), (n, n)).into_owned());
+        let posterior = &r_inverse * r_inverse.transpose();
+        let owners: Vec<usize> = groups.iter().map(|(point, _)| *point).collect();
+        let by_group = jackknife(&factors, &(0..groups.len()).collect::<Vec<_>>(), &prior);
+        // What the model lacks at a point is the same in all its blocks.
+        let spread = if self.points.len() > 2 {
+            larger(by_group, &jackknife(&factors, &owners, &prior))
+        } else {
+            by_group
+        };
+        // Priors' own errors move the estimates by C R_pᵀ: what no scatter shows.
+        let rows = prior.view((0, 0), (prior.nrows(), n)).into_owned();
+        let moved = &posterior * rows.transpose();
+        let covariance = spread + &moved * moved.transpose();
+        let held_out = self.held_out(layout, &state.x, &groups, &factors, &prior)?;
+        let all = self.all_residuals(layout, &state.x)?;
+        let square = |(e, std): &(Complex64, f64)| e.norm_sqr() / (2.0 * std * std).max(1e-12);
+        let chi_squared = all.iter().map(square).sum::<f64>() / all.len().max(1) as f64;
+        Some(Fit {
+            layout: layout.clone(),
+            x: state.x,
+            covariance,
+            lacking,
+            chi_squared,
+            held_out,
+        })
+    }
+
+    /// Log magnitude errors of each point by a fit without it; of one point, of each stretch of lines or block.
+    fn held_out(
+        &self,
+        layout: &Layout,
+        x: &[f64],
+        groups: &[(usize, Group)],
+        factors: &[DMatrix<f64>],
+        prior: &DMatrix<f64>,
+    ) -> Option<Vec<f64>> {
+        let by_point = self.points.len() > 2;
+        let folds = if by_point { self.points.len() } else { 1 };
+        let mut errors = Vec::new();
+        if by_point {
+            for point in 0..folds {
+                let others = (factors.iter().zip(groups))
+                    .filter(|(_, (own, _))| *own != point)
+                    .map(|(factor, _)| factor);
+                let step = damped(&stacked(others, prior), 0.0);
+                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                errors.extend(self.point_errors(point, 0..self.used, layout, &without)?);
+            }
+            return Some(errors);
+        }
+        // Every fourth line in turn: neighbours of a sharp resonance stay in.
+        const FOLDS: usize = 4;
+        for point in 0..self.points.len() {
+            for fold in 0..FOLDS {
+                let mut kept = Vec::new();
+                for other in 0..self.points.len() {
+                    let model = self.model(other, layout, x)?;
+                    for line in (0..self.used).filter(|l| other != point || l % FOLDS != fold) {
+                        kept.push(self.rows(other, None, line..line + 1, &model, FIRST_ERROR));
+                    }
+                }
+                let step = damped(&stacked(kept.iter(), prior), 0.0);
+                let without: Vec<f64> = x.iter().zip(step.iter()).map(|(x, s)| x + s).collect();
+                for line in (fold..self.used).step_by(FOLDS) {
+                    errors.extend(self.point_errors(point, line..line + 1, layout, &without)?);
+                }
+            }
+        }
+        Some(errors)
+    }
+
+    /// Log magnitude errors of a point's mean at some lines.
+    fn point_errors(
+        &self,
+        point: usize,
+        lines: std::ops::Range<usize>,
+        layout: &Layout,
+        x: &[f64],
+    ) -> Option<Vec<f64>> {
+        let own = self.points[point];
+        let mut errors = Vec::new();
+        for line in lines {
+            let model = response(&self.plants[point], layout, x, self.omega[line], self.dt)?;
+            for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
+                let error = (own.mean[line][(i, j)] / model[(i, j)]).ln().re;
+                if self.relative_variance(own, line, i, j) < LEAST_KNOWN && error.is_finite() {
+                    errors.push(error);
+                }
+            }
+        }
+        Some(errors)
+    }
+
+    /// Standard deviation of a log magnitude by scatter alone, root mean square over what is used.
+    pub(super) fn floor(&self) -> f64 {
+        let mut squares = Vec::new();
+        for own in &self.points {
+            for line in 0..self.used {
+                for (i, j) in (0..own.q.len()).flat_map(|i| (0..own.q.len()).map(move |j| (i, j))) {
+                    let variance = self.relative_variance(own, line, i, j);
+                    if variance < LEAST_KNOWN {
+                        squares.push(0.5 * variance);
+                    }
+                }
+            }
+        }
+        (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+    }
+}
+
+impl Fit {
+    /// Root mean square of the held-out log magnitude errors.
+    pub(super) fn error(&self) -> f64 {
+        rms(&self.held_out)
+    }
+
+    /// An unknown's value in SI units, and its standard deviation.
+    pub(super) fn estimate(&self, of: super::layout::Unknown) -> Option<(f64, f64)> {
+        let index = self.layout.index(of)?;
+        let std = self.covariance[(index, index)].max(0.0).sqrt();
+        Some((
+            self.layout.value(&self.x, of),
+            std * self.layout.scale(&self.x, index),
+        ))
+    }
+
+    /// A function of the entries and its standard deviation to first order.
+    pub(super) fn derived(&self, of: impl Fn(&[f64]) -> f64) -> (f64, f64) {
+        const STEP: f64 = 1e-5;
+        let slope = DVector::from_fn(self.x.len(), |n, _| {
+            let (mut up, mut down) = (self.x.clone(), self.x.clone());
+            up[n] += STEP;
+            down[n] -= STEP;
+            (of(&up) - of(&down)) / (2.0 * STEP)
+        });
+        let variance = (slope.transpose() * &self.covariance * &slope)[(0, 0)];
+        (of(&self.x), variance.max(0.0).sqrt())
+    }
+}
+
+/// Covariance by fits that leave out the factors of each owner in turn, to first order (Efron 1982, delete-a-group jackknife).
+fn jackknife(factors: &[DMatrix<f64>], owners: &[usize], prior: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = prior.ncols() - 1;
+    let count = owners.iter().max().map_or(0, |last| last + 1);
+    let mut spread = DMatrix::zeros(n, n);
+    for left_out in 0..count {
+        let others = factors
+            .iter()
+            .zip(owners)
+            .filter(|(_, owner)| **owner != left_out);
+        let step = damped(&stacked(others.map(|(factor, _)| factor), prior), 0.0);
+        spread += &step * step.transpose() * ((count as f64 - 1.0) / count as f64);
+    }
+    // Of few groups the spread itself is uncertain: the variance of Student's t of as many degrees of freedom.
+    let freedom = count as f64 - 1.0;
+    if freedom > 2.0 {
+        spread *= freedom / (freedom - 2.0);
+    }
+    spread
+}
+
+/// A covariance whose standard deviations are made as large as those of another one, where that has larger ones.
+fn larger(mut covariance: DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = covariance.nrows();
+    let factor = |k: usize| {
+        let ratio = other[(k, k)] / covariance[(k, k)].max(1e-300);
+        ratio.max(1.0).sqrt()
+    };
+    let factors: Vec<f64> = (0..n).map(factor).collect();
+    for i in 0..n {
+        for j in 0..n {
+            covariance[(i, j)] *= factors[i] * factors[j];
+        }
+    }
+    covariance
+}
+
+/// One over the standard deviation of a component of an error.
+fn weight(std: f64, lacking: f64) -> f64 {
+    1.0 / (std * std + lacking * lacking + LEAST_ERROR * LEAST_ERROR).sqrt()
+}
+
+/// Root mean square.
+pub(super) fn rms(x: &[f64]) -> f64 {
+    (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+/// The middle one; of none 0.
+pub(super) fn median(mut x: Vec<f64>) -> f64 {
+    x.sort_by(f64::total_cmp);
+    x.get(x.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// The priors as rows: (x − mean)/std is nothing.
+fn prior_rows(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
+    let n = layout.unknowns.len();
+    let known: Vec<(usize, (f64, f64))> = (layout.priors.iter().enumerate())
+        .filter_map(|(k, prior)| prior.map(|p| (k, p)))
+        .collect();
+    let mut rows = DMatrix::zeros(known.len(), n + 1);
+    for (row, (k, (mean, std))) in known.into_iter().enumerate() {
+        rows[(row, k)] = 1.0 / std;
+        rows[(row, n)] = (mean - x[k]) / std;
+    }
+    rows
+}
+
+/// The triangle of all rows.
+fn stacked<'a>(
+    parts: impl Iterator<Item = &'a DMatrix<f64>>,
+    prior: &'a DMatrix<f64>,
+) -> DMatrix<f64> {
+    let columns = prior.ncols();
+    let parts: Vec<&DMatrix<f64>> = parts.chain([prior]).collect();
+    let count: usize = parts.iter().map(|p| p.nrows()).sum();
+    let mut all = DMatrix::zeros(count, columns);
+    let mut at = 0;
+    for part in parts {
+        all.view_mut((at, 0), (part.nrows(), columns))
+            .copy_from(part);
+        at += part.nrows();
+    }
+    triangle(all)
+}
+
+/// The step of min ‖R s − z‖² + damping ‖D s‖², D the columns' sizes; each entry no longer than a logarithm may move.
+fn damped(factor: &DMatrix<f64>, damping: f64) -> DVector<f64> {
+    let n = factor.ncols() - 1;
+    let mut rows = DMatrix::zeros(n, n + 1);
+    for k in 0..n {
+        // What the data do not see is held where it is.
+        let size = factor.view((0, k), (n, 1)).norm().max(1e-6);
+        rows[(k, k)] = (damping.max(1e-12)).sqrt() * size;
+    }
+    let whole = stacked(std::iter::once(factor), &rows);
+    let r = whole.view((0, 0), (n, n)).into_owned();
+    let step = inverse(&r) * whole.view((0, n), (n, 1)).column(0);
+    step.map(|s| s.clamp(-LONGEST_STEP, LONGEST_STEP))
+}

@@ -1,0 +1,280 @@
+//! The flexible joint model, linearised: torque to motor position of a robot with a spring and a damper at each joint.
+//!
+//! With s = jω, H the links' inertia matrix, K_g the stiffness of gravity, S = diag(k + s d), motors of inertia J and viscous friction F_v,
+//! and links with viscous friction F_l:
+//!
+//! A = s² H + K_g + s diag(F_l) + S,   Z = s² diag(J) + s diag(F_v) + S − S A⁻¹ S,   P = Z⁻¹   (Wernholt & Moberg 2011).
+//!
+//! A drive that holds its torque for T and samples at the same instants sees the aliases of P times the hold's response:
+//! G(ω) = e^{−jωδ} Σ_a P(s_a) (1 − e^{−jωT})/(s_a T), s_a = j(ω + 2πa/T). P falls as 1/s², so that three terms suffice at low lines and
+//! seven everywhere; no matrix exponential is needed, and derivatives are those of P.
+//!
+//! Derivatives of Z to k and d of joint i have rank one: w wᵀ and s w wᵀ with w = (1 − S A⁻¹) e_i.
+
+use nalgebra::{DMatrix, DVector};
+use realfft::num_complex::Complex64;
+
+use super::layout::{Layout, Unknown};
+
+/// Aliases to each side below [`FEW_BELOW`] of the sampling rate, and above: what is left out is (f/f_s)³, 1e-4 and 3e-3 of the response.
+const FEW_ALIASES: i32 = 1;
+const ALL_ALIASES: i32 = 3;
+const FEW_BELOW: f64 = 0.12;
+
+/// What a point's responses are computed with.
+#[derive(Debug, Clone)]
+pub(super) struct Plant {
+    /// H at the point, kg m².
+    pub(super) inertia: DMatrix<f64>,
+    /// ∂g/∂q, N m/rad.
+    pub(super) gravity: DMatrix<f64>,
+    /// Derivatives of H to each rigid unknown.
+    pub(super) rigid: Vec<DMatrix<f64>>,
+}
+
+/// A response and its derivatives to all unknowns of a layout.
+pub(super) struct Derived {
+    pub(super) response: DMatrix<Complex64>,
+    pub(super) slopes: Vec<DMatrix<Complex64>>,
+}
+
+fn complex(m: &DMatrix<f64>, by: Complex64) -> DMatrix<Complex64> {
+    m.map(|x| by * x)
+}
+
+/// The matrices at one s.
+struct Blocks {
+    /// A⁻¹.
+    inverse: DMatrix<Complex64>,
+    /// P.
+    p: DMatrix<Complex64>,
+    /// diag(S).
+    spring: Vec<Complex64>,
+}
+
+/// P at s, or none where a matrix is singular.
+fn blocks(plant: &Plant, layout: &Layout, x: &[f64], s: Complex64) -> Option<Blocks> {
+    let n = plant.inertia.nrows();
+    let value = |of: Unknown| layout.value(x, of);
+    let spring: Vec<Complex64> = (0..n)
+        .map(|i| s * value(Unknown::Damping(i)) + value(Unknown::Stiffness(i)))
+        .collect();
+    let mut inertia = plant.inertia.clone();
+    for (m, slope) in plant.rigid.iter().enumerate() {
+        inertia += slope * value(Unknown::Rigid(m));
+    }
+    if n == 1 && layout.has(Unknown::LinkInertia) {
+        inertia[(0, 0)] = value(Unknown::LinkInertia);
+    }
+    let mut a = complex(&inertia, s * s) + complex(&plant.gravity, Complex64::from(1.0));
+    for i in 0..n {
+        a[(i, i)] += spring[i] + s * value(Unknown::LinkViscous(i));
+    }
+    let inverse = a.try_inverse()?;
+    let mut z = DMatrix::from_fn(n, n, |i, j| -spring[i] * inverse[(i, j)] * spring[j]);
+    for i in 0..n {
+        z[(i, i)] +=
+            s * s * value(Unknown::Armature(i)) + s * value(Unknown::Viscous(i)) + spring[i];
+    }
+    Some(Blocks {
+        inverse,
+        p: z.try_inverse()?,
+        spring,
+    })
+}
+
+/// Which aliases count at ω, as s and the hold's factor.
+fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
+    let rate = std::f64::consts::TAU / dt;
+    let aliases = if omega < FEW_BELOW * rate {
+        FEW_ALIASES
+    } else {
+        ALL_ALIASES
+    };
+    (-aliases..=aliases).map(move |a| {
+        let s = Complex64::new(0.0, omega + f64::from(a) * rate);
+        let hold = (Complex64::from(1.0) - Complex64::new(0.0, -omega * dt).exp()) / (s * dt);
+        (s, hold)
+    })
+}
+
+fn delayed(omega: f64, delay: f64) -> Complex64 {
+    Complex64::new(0.0, -omega * delay).exp()
+}
+
+/// Torque to motor position at ω; none where the model is singular.
+pub(super) fn response(
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    omega: f64,
+    dt: f64,
+) -> Option<DMatrix<Complex64>> {
+    let n = plant.inertia.nrows();
+    let mut response = DMatrix::zeros(n, n);
+    let delay = delayed(omega, layout.value(x, Unknown::Delay));
+    for (s, hold) in terms(omega, dt) {
+        response += blocks(plant, layout, x, s)?.p * (hold * delay);
+    }
+    Some(response)
+}
+
+/// The same with its derivatives; none where the model is singular.
+pub(super) fn derived(
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    omega: f64,
+    dt: f64,
+) -> Option<Derived> {
+    let n = plant.inertia.nrows();
+    let zero = || DMatrix::zeros(n, n);
+    let mut response: DMatrix<Complex64> = zero();
+    let mut slopes: Vec<DMatrix<Complex64>> = layout.unknowns.iter().map(|_| zero()).collect();
+    let delay = delayed(omega, layout.value(x, Unknown::Delay));
+    for (s, hold) in terms(omega, dt) {
+        let own = blocks(plant, layout, x, s)?;
+        let by = hold * delay;
+        response += &own.p * by;
+        add_slopes(&mut slopes, plant, layout, x, (s, by), &own, dt);
+    }
+    if let Some(index) = layout.index(Unknown::Delay) {
+        let by = Complex64::new(0.0, -omega) * layout.scale(x, index);
+        slopes[index] = &response * by;
+    }
+    Some(Derived { response, slopes })
+}
+
+/// Adds ∂P = −P ∂Z P of one term to the derivatives.
+fn add_slopes(
+    slopes: &mut [DMatrix<Complex64>],
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    (s, by): (Complex64, Complex64),
+    own: &Blocks,
+    dt: f64,
+) {
+    let rate = std::f64::consts::TAU / dt;
+    let n = plant.inertia.nrows();
+    let (p, a, spring) = (&own.p, &own.inverse, &own.spring);
+    // t = A⁻¹ S P: a torque's effect on the links.
+    let sp = DMatrix::from_fn(n, n, |i, j| spring[i] * p[(i, j)]);
+    let t = a * sp;
+    // −v vᵀ with v = P w: the derivative of P where that of Z is w wᵀ.
+    let rank_one = |v: DVector<Complex64>, factor: Complex64| {
+        let row = v.transpose();
+        v * row * -factor
+    };
+    let column = |m: &DMatrix<Complex64>, i: usize| m.column(i).into_owned();
+    for (index, unknown) in layout.unknowns.iter().enumerate() {
+        let factor = by * layout.scale(x, index);
+        // P is symmetric, so that P (1 − S A⁻¹) e_i is the row i of P − t.
+        let bent = |i: usize| DVector::from_fn(n, |j, _| p[(j, i)] - t[(i, j)]);
+        let slope = match *unknown {
+            Unknown::Stiffness(i) => rank_one(bent(i), factor),
+            Unknown::Damping(i) => rank_one(bent(i), factor * s),
+            Unknown::Viscous(i) => rank_one(column(p, i), factor * s),
+            Unknown::Armature(i) => rank_one(column(p, i), factor * s * s),
+            Unknown::LinkViscous(i) => rank_one(t.row(i).transpose(), factor * s),
+            Unknown::LinkInertia => rank_one(t.row(0).transpose(), factor * s * s),
+            // Aliases hardly depend on the links: motors move alone there.
+            Unknown::Rigid(_) if s.im > 0.5 * rate || s.im < 0.0 => continue,
+            Unknown::Rigid(m) => {
+                let bent = complex(&plant.rigid[m], s * s) * &t;
+                t.transpose() * bent * -factor
+            }
+            Unknown::Delay => continue,
+        };
+        slopes[index] += slope;
+    }
+}
+
+/// Torque to the links' position at ω.
+pub(super) fn link_response(
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    omega: f64,
+    dt: f64,
+) -> Option<DMatrix<Complex64>> {
+    let n = plant.inertia.nrows();
+    let mut response = DMatrix::zeros(n, n);
+    let delay = delayed(omega, layout.value(x, Unknown::Delay));
+    for (s, hold) in terms(omega, dt) {
+        let own = blocks(plant, layout, x, s)?;
+        let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
+        response += own.inverse * sp * (hold * delay);
+    }
+    Some(response)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layout::tests::two_joints;
+    use super::*;
+
+    fn plant() -> Plant {
+        let m = |v: &[f64]| DMatrix::from_row_slice(2, 2, v);
+        Plant {
+            inertia: m(&[2.0, 0.5, 0.5, 0.7]),
+            gravity: m(&[3.0, 1.0, 1.0, 2.0]),
+            rigid: vec![m(&[0.3, 0.1, 0.1, 0.0])],
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_differences() {
+        let (layout, x) = two_joints();
+        let plant = plant();
+        for omega in [20.0, 90.0, 400.0] {
+            let at = |x: &[f64]| derived(&plant, &layout, x, omega, 0.002).unwrap();
+            let own = at(&x);
+            for n in 0..x.len() {
+                let step = 1e-6;
+                let (mut up, mut down) = (x.clone(), x.clone());
+                up[n] += step;
+                down[n] -= step;
+                let difference =
+                    (at(&up).response - at(&down).response) / Complex64::from(2.0 * step);
+                let wrong = (&difference - &own.slopes[n]).norm();
+                // A difference over 1e-6 is rounded to 2e-10 of the response.
+                let bound = 1e-5 * difference.norm() + 1e-9 * own.response.norm();
+                assert!(
+                    wrong < bound,
+                    "{:?} at {omega}: {wrong:.2e}, at most {bound:.2e}",
+                    layout.unknowns[n]
+                );
+            }
+        }
+    }
+
+    /// A mass alone, held and sampled: the discrete double integrator T²(z + 1)/(2 J (z − 1)²).
+    #[test]
+    fn a_stiff_joint_is_the_sampled_double_integrator() {
+        let (layout, mut x) = two_joints();
+        let rigid = DMatrix::identity(2, 2);
+        let plant = Plant {
+            inertia: rigid.clone(),
+            gravity: DMatrix::zeros(2, 2),
+            rigid: vec![DMatrix::zeros(2, 2)],
+        };
+        for (n, unknown) in layout.unknowns.iter().enumerate() {
+            x[n] = match unknown {
+                Unknown::Stiffness(_) => 1e9_f64.ln(),
+                Unknown::Armature(_) => 0.5_f64.ln(),
+                Unknown::Delay | Unknown::Rigid(_) => 0.0,
+                _ => -40.0,
+            };
+        }
+        let dt = 0.002;
+        for f in [5.0, 30.0, 55.0, 200.0] {
+            let omega = std::f64::consts::TAU * f;
+            let z = Complex64::new(0.0, omega * dt).exp();
+            let exact = (z + 1.0) / ((z - 1.0) * (z - 1.0)) * dt * dt / (2.0 * 1.5);
+            let own = derived(&plant, &layout, &x, omega, dt).unwrap().response[(0, 0)];
+            let wrong = (own / exact - 1.0).norm();
+            assert!(wrong < 3e-3, "{f} Hz: {wrong:.1e}");
+        }
+    }
+}

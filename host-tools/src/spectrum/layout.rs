@@ -1,0 +1,127 @@
+//! What a fit estimates: the list of its unknowns, and how each is scaled.
+
+/// An unknown of the flexible joint model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unknown {
+    /// k of a joint, N m/rad.
+    Stiffness(usize),
+    /// d of a joint, N m s/rad.
+    Damping(usize),
+    /// Viscous friction of a motor, N m s/rad.
+    Viscous(usize),
+    /// Inertia of a motor, kg m².
+    Armature(usize),
+    /// Viscous friction of a link against the ground, N m s/rad: of a bench alone.
+    LinkViscous(usize),
+    /// Inertia of the only link, kg m²: where no model says it.
+    LinkInertia,
+    /// A direction of the rigid bodies' parameters, in its prior's standard deviations.
+    Rigid(usize),
+    /// Delay of the measurement against the torque, s.
+    Delay,
+}
+
+/// The delay's unit in a fit, s.
+const DELAY_UNIT: f64 = 1e-3;
+
+/// The unknowns in their order, and what is fixed.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Layout {
+    /// In the order of a fit's vector.
+    pub(super) unknowns: Vec<Unknown>,
+    /// Prior mean and standard deviation of each, in the fit's scale, where it has one.
+    pub(super) priors: Vec<Option<(f64, f64)>>,
+    /// What is not estimated and not nothing, in SI units.
+    pub(super) fixed: Vec<(Unknown, f64)>,
+}
+
+impl Unknown {
+    /// Whether its logarithm is estimated: what is positive.
+    pub(super) fn is_log(self) -> bool {
+        !matches!(self, Self::Rigid(_) | Self::Delay)
+    }
+}
+
+impl Layout {
+    /// Its place.
+    pub(super) fn index(&self, of: Unknown) -> Option<usize> {
+        self.unknowns.iter().position(|u| *u == of)
+    }
+
+    /// Whether it is estimated or fixed.
+    pub(super) fn has(&self, of: Unknown) -> bool {
+        self.index(of).is_some() || self.fixed.iter().any(|(unknown, _)| *unknown == of)
+    }
+
+    /// Adds an unknown.
+    pub(super) fn push(&mut self, of: Unknown, prior: Option<(f64, f64)>) {
+        self.unknowns.push(of);
+        self.priors.push(prior);
+    }
+
+    /// Its value in SI units: estimated, fixed or 0.
+    pub(super) fn value(&self, x: &[f64], of: Unknown) -> f64 {
+        let Some(index) = self.index(of) else {
+            let fixed = self.fixed.iter().find(|(unknown, _)| *unknown == of);
+            return fixed.map_or(0.0, |(_, value)| *value);
+        };
+        match of {
+            Unknown::Delay => DELAY_UNIT * x[index],
+            _ if of.is_log() => x[index].exp(),
+            _ => x[index],
+        }
+    }
+
+    /// The derivative of an unknown's SI value to its entry of the fit's vector.
+    pub(super) fn scale(&self, x: &[f64], index: usize) -> f64 {
+        match self.unknowns[index] {
+            Unknown::Delay => DELAY_UNIT,
+            Unknown::Rigid(_) => 1.0,
+            _ => x[index].exp(),
+        }
+    }
+
+    /// The entry of a fit's vector for an SI value.
+    pub(super) fn entry(of: Unknown, value: f64) -> f64 {
+        match of {
+            Unknown::Delay => value / DELAY_UNIT,
+            Unknown::Rigid(_) => value,
+            _ => value.max(1e-300).ln(),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// All kinds of unknowns of two joints, with values.
+    pub(in super::super) fn two_joints() -> (Layout, Vec<f64>) {
+        let values = [
+            (Unknown::Stiffness(0), 4e3),
+            (Unknown::Stiffness(1), 1e3),
+            (Unknown::Damping(0), 3.0),
+            (Unknown::Damping(1), 1.0),
+            (Unknown::Viscous(0), 2.0),
+            (Unknown::Viscous(1), 0.5),
+            (Unknown::Armature(0), 0.8),
+            (Unknown::Armature(1), 0.3),
+            (Unknown::LinkViscous(0), 0.4),
+            (Unknown::LinkViscous(1), 0.2),
+            (Unknown::Rigid(0), 0.5),
+            (Unknown::Delay, 0.7e-3),
+        ];
+        let unknowns: Vec<Unknown> = values.iter().map(|(u, _)| *u).collect();
+        let x = values.iter().map(|(u, v)| Layout::entry(*u, *v)).collect();
+        let priors = vec![None; unknowns.len()];
+        let fixed = Vec::new();
+        (
+            Layout {
+                unknowns,
+                priors,
+                fixed,
+            },
+            x,
+        )
+    }
+}

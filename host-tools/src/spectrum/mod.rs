@@ -1,0 +1,45 @@
+//! Spectrum: what periodic excitation says of springs and dampers between motors and links.
+//!
+//! [`frf`] is `diagnose` for frequency responses: from the motor side alone, in closed loop, at one point or several. Nonparametric responses
+//! come first, with their scatter; then the flexible joint model, linearised about each point, is fitted to their logarithms. Values go into
+//! the model file as `elasticity`, where motion logs and poses put theirs.
+//!
+//! Terms: a *line* is a multiple of the inverse period; a *point* is where the robot stands; an *experiment* is some periods of one excitation;
+//! a *block* has as many experiments as joints.
+//!
+//! Files beside:
+//!
+//! - `csv`: responses as a table
+//! - `error`: why logs are refused
+//! - `experiments`: spectra of periods, transients left out; what is excited
+//! - `fit`: the weighted fit of logarithms, its errors and what is held out
+//! - `flexible`: the flexible joint model's response and derivatives
+//! - `friction`: dry friction out of the torque
+//! - `layout`: the unknowns of a fit
+//! - `periods`: the period of a log and its periodic stretches
+//! - `record`: logs of periodic experiments
+//! - `response`: responses by point and block, with noise and scatter
+//! - `result`: what `frf` reports
+//! - `rigid`: the links behind the springs, by the model
+//! - `springs`: springs of a bench and of a model's joints
+//! - `start`: where a fit begins
+//! - `words`: the first screen
+
+mod csv;
+mod error;
+mod experiments;
+mod fit;
+mod flexible;
+mod friction;
+mod layout;
+mod periods;
+mod record;
+mod response;
+mod result;
+mod rigid;
+mod springs;
+mod start;
+mod words;
+
+pub use error::FrfError;
+pub use result::{Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf};

@@ -1,0 +1,224 @@
+//! Where a fit begins: springs by the antiresonances of the measured responses, and what the model says.
+
+use nalgebra::DMatrix;
+
+use super::flexible::Plant;
+use super::layout::{Layout, Unknown};
+use super::response::Point;
+
+/// A logarithm that nothing is known of but its order: three decades either way at 1σ, so that no fit runs off to nothing.
+const DECADES: f64 = 7.0;
+/// A delay of a drive before the data, ms.
+const DELAY: f64 = 2.0;
+/// Damping ratio of a gear, to begin with.
+const DAMPING_RATIO: f64 = 0.03;
+/// How many antiresonances of a bench are tried.
+const TRIED: usize = 3;
+/// Springs that are no springs: their resonance is so many times the highest line.
+const STIFF: f64 = 100.0;
+
+/// What is known of a joint's drive before: value and standard deviation.
+pub(super) type Known = Option<(f64, f64)>;
+
+/// |ω² G_ii|, mean over points: inverse inertia at each line.
+fn inverse_inertia(points: &[&Point], omega: &[f64], joint: usize) -> Vec<f64> {
+    let at = |(line, omega): (usize, &f64)| {
+        let sum: f64 = points
+            .iter()
+            .map(|p| p.mean[line][(joint, joint)].norm().ln())
+            .sum();
+        omega * omega * (sum / points.len().max(1) as f64).exp()
+    };
+    omega.iter().enumerate().map(at).collect()
+}
+
+/// The deepest minima, the deepest first: angular frequencies.
+fn minima(inverse_inertia: &[f64], omega: &[f64]) -> Vec<f64> {
+    const BESIDE: usize = 3;
+    let n = inverse_inertia.len();
+    let mut found: Vec<(f64, f64)> = (1..n.saturating_sub(1))
+        .filter_map(|k| {
+            let around = k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(n);
+            let least = around
+                .clone()
+                .all(|l| inverse_inertia[l] >= inverse_inertia[k]);
+            let highest = around.map(|l| inverse_inertia[l]).fold(0.0, f64::max);
+            least.then(|| (inverse_inertia[k] / highest, omega[k]))
+        })
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.into_iter().map(|(_, omega)| omega).collect()
+}
+
+fn tenth(x: &[f64], from_end: bool) -> f64 {
+    let count = (x.len() / 10).max(1).min(x.len());
+    let part = if from_end {
+        &x[x.len() - count..]
+    } else {
+        &x[..count]
+    };
+    super::fit::median(part.to_vec())
+}
+
+/// A bench of one joint, of which no model says anything: unknowns and starts.
+pub(super) fn bench(points: &[&Point], omega: &[f64]) -> (Layout, Vec<Vec<f64>>) {
+    let seen = inverse_inertia(points, omega, 0);
+    let whole = 1.0 / tenth(&seen, false).max(1e-300);
+    let mut places = minima(&seen, omega);
+    places.truncate(TRIED);
+    if places.is_empty() {
+        places.push(omega[omega.len() / 2]);
+    }
+    let unknowns = [
+        Unknown::Stiffness(0),
+        Unknown::Damping(0),
+        Unknown::Viscous(0),
+        Unknown::Armature(0),
+        Unknown::LinkViscous(0),
+        Unknown::LinkInertia,
+        Unknown::Delay,
+    ];
+    let mut starts = Vec::new();
+    for place in &places {
+        for share in [0.25, 0.5, 0.75] {
+            let (motor, link) = (whole * (1.0 - share), whole * share);
+            let stiffness = link * place * place;
+            let slow = 1e-3 * whole * omega[0];
+            let values = [
+                stiffness,
+                2.0 * DAMPING_RATIO * stiffness / place,
+                slow,
+                motor,
+                slow,
+                link,
+                0.0,
+            ];
+            let entries = unknowns
+                .iter()
+                .zip(values)
+                .map(|(u, v)| Layout::entry(*u, v));
+            starts.push(entries.collect::<Vec<f64>>());
+        }
+    }
+    let mut layout = Layout::default();
+    for (unknown, start) in unknowns.iter().zip(&starts[0]) {
+        let std = if unknown.is_log() { DECADES } else { DELAY };
+        layout.push(*unknown, Some((*start, std)));
+    }
+    (layout, starts)
+}
+
+/// The plant of a bench.
+pub(super) fn bench_plant() -> Plant {
+    Plant {
+        inertia: DMatrix::from_element(1, 1, 1.0),
+        gravity: DMatrix::zeros(1, 1),
+        rigid: Vec::new(),
+    }
+}
+
+/// Joints in front of a model's links: unknowns and starts. `armature` and `viscous` are what the model knows of each.
+pub(super) fn joints(
+    points: &[&Point],
+    plants: &[Plant],
+    omega: &[f64],
+    armature: &[Known],
+    viscous: &[Known],
+) -> (Layout, Vec<Vec<f64>>) {
+    let n = armature.len();
+    let mut layout = Layout::default();
+    let mut start = Vec::new();
+    let mut push = |unknown: Unknown, value: f64, prior: Option<f64>| {
+        let entry = Layout::entry(unknown, value);
+        let std = prior.unwrap_or(if unknown.is_log() { DECADES } else { DELAY });
+        layout.push(unknown, Some((entry, std)));
+        start.push(entry);
+    };
+    for i in 0..n {
+        let inertia = plants.iter().map(|p| p.inertia[(i, i)]).sum::<f64>() / plants.len() as f64;
+        let place = minima(&inverse_inertia(points, omega, i), omega)
+            .first()
+            .copied();
+        let place = place.unwrap_or(omega[omega.len() / 2]);
+        let stiffness = inertia * place * place;
+        push(Unknown::Stiffness(i), stiffness, None);
+        push(
+            Unknown::Damping(i),
+            2.0 * DAMPING_RATIO * stiffness / place,
+            None,
+        );
+        // Viscous friction of slow motion need not hold here: it only says where to begin.
+        let slow = 1e-2 * inertia * omega[0];
+        push(
+            Unknown::Viscous(i),
+            viscous[i].map_or(slow, |(value, _)| value.max(1e-6 * slow)),
+            None,
+        );
+        match armature[i] {
+            Some((value, std)) if value > 0.0 => {
+                push(
+                    Unknown::Armature(i),
+                    value,
+                    Some((std / value).clamp(1e-3, DECADES)),
+                );
+            }
+            _ => push(Unknown::Armature(i), 0.3 * inertia, None),
+        }
+    }
+    push(Unknown::Delay, 0.0, None);
+    let directions = plants.first().map_or(0, |p| p.rigid.len());
+    for m in 0..directions {
+        push(Unknown::Rigid(m), 0.0, Some(1.0));
+    }
+    // Springs half and twice as stiff: a minimum may be a neighbour's.
+    let starts = [1.0, 0.5, 2.0].map(|factor: f64| {
+        let scaled = layout.unknowns.iter().zip(&start);
+        let entry = |(unknown, entry): (&Unknown, &f64)| match unknown {
+            Unknown::Stiffness(_) => entry + factor.ln(),
+            _ => *entry,
+        };
+        scaled.map(entry).collect::<Vec<f64>>()
+    });
+    (layout, starts.into())
+}
+
+/// The same without springs: stiff ones, fixed.
+pub(super) fn rigid(
+    layout: &Layout,
+    start: &[f64],
+    plants: &[Plant],
+    omega: &[f64],
+) -> (Layout, Vec<f64>) {
+    let top = STIFF * omega.last().copied().unwrap_or(1.0);
+    let mut own = Layout::default();
+    let mut x = Vec::new();
+    let armature = |i: usize| {
+        layout
+            .index(Unknown::Armature(i))
+            .map_or(0.0, |n| start[n].exp())
+    };
+    for (n, unknown) in layout.unknowns.iter().enumerate() {
+        match *unknown {
+            Unknown::Stiffness(i) => {
+                let inertia = plants
+                    .iter()
+                    .map(|p| p.inertia[(i, i)])
+                    .fold(armature(i), f64::max);
+                own.fixed.push((*unknown, inertia * top * top));
+            }
+            // Of one mass there is one inertia and one friction.
+            Unknown::LinkInertia => own.fixed.push((*unknown, 0.0)),
+            Unknown::Damping(_) | Unknown::LinkViscous(_) => {}
+            Unknown::Armature(0) if layout.has(Unknown::LinkInertia) => {
+                let link = layout.value(start, Unknown::LinkInertia);
+                own.push(*unknown, layout.priors[n]);
+                x.push((start[n].exp() + link).ln());
+            }
+            _ => {
+                own.push(*unknown, layout.priors[n]);
+                x.push(start[n]);
+            }
+        }
+    }
+    (own, x)
+}

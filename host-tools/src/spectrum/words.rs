@@ -1,0 +1,194 @@
+//! The first screen of `frf`, and all values.
+
+use std::path::Path;
+
+use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
+use crate::summary::{Summary, typed};
+
+/// Three digits, as many after the point as the standard deviation shows.
+fn short(x: f64) -> String {
+    match x.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-2..1e6).contains(&size) => {
+            let digits = (2 - size.log10().floor() as i32).max(0) as usize;
+            format!("{x:.digits$}")
+        }
+        _ => format!("{x:.2e}"),
+    }
+}
+
+/// A value ± its standard deviation, whose first two digits say how many the value has.
+fn with_std(of: Estimated) -> String {
+    if of.std <= 0.0 || !of.std.is_finite() {
+        return short(of.value);
+    }
+    let digits = 1 - of.std.log10().floor() as i32;
+    if (-4..=6).contains(&digits) && of.value.abs() < 1e7 {
+        let digits = digits.max(0) as usize;
+        format!("{:.digits$} ± {:.digits$}", of.value, of.std)
+    } else {
+        format!("{:.3e} ± {:.1e}", of.value, of.std)
+    }
+}
+
+impl Frf {
+    /// What matters most.
+    pub fn summary(&self, model: Option<&Path>, applied: bool) -> Summary {
+        let error = self.error();
+        let headline = match (error.before, error.after) {
+            (Some(before), Some(after)) => format!(
+                "Springs: held-out error {before:.3} → {after:.3} log magnitude (floor {:.3})",
+                error.floor.unwrap_or(f64::NAN)
+            ),
+            _ => format!(
+                "Frequency responses of {} at {}",
+                self.joints.join(", "),
+                counted_points(self.points.len())
+            ),
+        };
+        let mut points = Vec::new();
+        if self.joints.len() == 1 {
+            points.extend(self.modes.iter().map(mode_in_words));
+        } else if !self.modes.is_empty() {
+            let springs = self
+                .parameters
+                .iter()
+                .filter(|value| value.name.starts_with("1/k"));
+            points.push(
+                springs
+                    .map(|k| self.spring_in_words(k))
+                    .collect::<Vec<_>>()
+                    .join("; "),
+            );
+        }
+        points.push(self.measurement_in_words());
+        points.extend(self.links.iter().map(link_in_words));
+        points.truncate(3);
+        let logs = typed(&self.logs, model);
+        let next = if applied {
+            format!("proprio compare {logs}")
+        } else if model.is_some() && self.error().after.is_some() {
+            format!("proprio frf {logs} --apply")
+        } else {
+            let stem = self
+                .logs
+                .first()
+                .map_or_else(|| "frf".into(), |log| super::result::file_name(log));
+            let stem = stem.split('.').next().unwrap_or("frf").to_owned();
+            format!("proprio frf {logs} --html {stem}.html -o {stem}_frf.csv")
+        };
+        Summary {
+            headline,
+            points,
+            next: vec![next],
+        }
+    }
+
+    fn spring_in_words(&self, compliance: &FrfValue) -> String {
+        let joint = compliance.name.rsplit(':').next().unwrap_or_default();
+        let damping = format!("d:elasticity:{joint}");
+        let d = self.parameters.iter().find(|value| value.name == damping);
+        let k = 1.0 / compliance.value;
+        let k = Estimated {
+            value: k,
+            std: compliance.std * k * k,
+        };
+        let d = d.map_or_else(String::new, |d| {
+            let d = Estimated {
+                value: d.value,
+                std: d.std,
+            };
+            format!(", d {}", with_std(d))
+        });
+        format!("{joint} k {}{d}", with_std(k))
+    }
+
+    fn measurement_in_words(&self) -> String {
+        let noise = super::fit::median(self.points.iter().map(|p| p.noise).collect());
+        let scatter: Vec<f64> = self.points.iter().filter_map(|p| p.scatter).collect();
+        let distortion = if scatter.is_empty() {
+            String::new()
+        } else {
+            format!(
+                ", noise and distortion {:.2} %",
+                100.0 * super::fit::median(scatter)
+            )
+        };
+        format!(
+            "{} lines, {:.1}–{:.1} Hz, {}; noise {:.2} %{distortion} of a response",
+            self.lines,
+            self.band[0],
+            self.band[1],
+            counted_points(self.points.len()),
+            100.0 * noise
+        )
+    }
+
+    /// Every value and point.
+    pub fn details(&self) -> String {
+        let mut out = String::from(
+            "\nvalue                                    estimate            std  status\n",
+        );
+        for value in &self.parameters {
+            out += &format!(
+                "{:<34} {:>14} {:>14}  {} ({})\n",
+                value.name,
+                short(value.value),
+                short(value.std),
+                value.status,
+                value.unit
+            );
+        }
+        out += "\npoint  blocks  periods  noise %  scatter %  even %   odd %  mean position\n";
+        let percent =
+            |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{:.2}", 100.0 * x));
+        for (n, point) in self.points.iter().enumerate() {
+            let q: Vec<String> = point.q.iter().map(|q| format!("{q:.3}")).collect();
+            out += &format!(
+                "{:>5} {:>7} {:>8} {:>8.2} {:>10} {:>7} {:>7}  {}\n",
+                n + 1,
+                point.blocks,
+                point.periods,
+                100.0 * point.noise,
+                percent(point.scatter),
+                percent(point.even_distortion),
+                percent(point.odd_distortion),
+                q.join(" ")
+            );
+        }
+        out
+    }
+}
+
+fn counted_points(count: usize) -> String {
+    if count == 1 {
+        "1 point".to_owned()
+    } else {
+        format!("{count} points")
+    }
+}
+
+fn mode_in_words(mode: &Mode) -> String {
+    format!(
+        "{}: antiresonance {} Hz, resonance {} Hz, link's over motor's inertia {}",
+        mode.joint,
+        with_std(mode.antiresonance),
+        with_std(mode.resonance),
+        with_std(mode.inertia_ratio)
+    )
+}
+
+fn link_in_words(check: &LinkCheck) -> String {
+    format!(
+        "{}: the link's encoder, which the fit has not used, moves {:.3} times as predicted; rms {:.3} log magnitude at {} lines{}",
+        check.joint,
+        check.gain,
+        check.rms,
+        check.lines,
+        if check.reversed {
+            "; it counts the other way"
+        } else {
+            ""
+        }
+    )
+}

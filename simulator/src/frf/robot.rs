@@ -1,0 +1,184 @@
+//! The robot: motors in front of springs in front of links, and the forces between them.
+
+use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+
+use super::{ElasticJoint, FrfSimulation};
+
+/// m/s².
+pub(super) const GRAVITY: f64 = 9.81;
+/// Resonance of a joint that is not said to be elastic, Hz, and its damping ratio.
+const STIFF: f64 = 120.0;
+const STIFF_DAMPING: f64 = 0.05;
+
+/// The robot as it is and where it is.
+pub(super) struct Robot {
+    pub(super) joints: Vec<ElasticJoint>,
+    pub(super) down: Vector3<f64>,
+    pub(super) armature: Vec<f64>,
+    pub(super) spring: Vec<[f64; 2]>,
+    /// Motors and links: positions and velocities.
+    pub(super) motor: [Vec<f64>; 2],
+    pub(super) link: [Vec<f64>; 2],
+    /// H⁻¹ where it was last computed.
+    pub(super) inverse: DMatrix<f64>,
+}
+
+impl Robot {
+    pub(super) fn new(of: &FrfSimulation) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(of.seed);
+        let mut joints = of.joints.clone();
+        for joint in &mut joints {
+            let factor = (of.inertia_error * rng.sample::<f64, _>(StandardNormal)).exp();
+            joint.mass *= factor;
+            joint.inertia *= factor;
+        }
+        let n = joints.len();
+        let mut robot = Self {
+            down: of.down,
+            armature: vec![0.0; n],
+            spring: vec![[0.0; 2]; n],
+            motor: [vec![0.0; n], vec![0.0; n]],
+            link: [vec![0.0; n], vec![0.0; n]],
+            inverse: DMatrix::identity(n, n),
+            joints,
+        };
+        let inertia = robot.inertia(&vec![0.0; n]);
+        for j in 0..n {
+            let own = inertia[(j, j)];
+            let motor = robot.joints[j].armature.unwrap_or(0.5 * own);
+            robot.armature[j] = motor;
+            let omega = std::f64::consts::TAU * STIFF;
+            let stiff = omega * omega * own * motor / (own + motor);
+            let stiff = [stiff, 2.0 * STIFF_DAMPING * stiff / omega];
+            robot.spring[j] = robot.joints[j].spring.unwrap_or(stiff);
+        }
+        robot
+    }
+
+    /// Motors and links where gravity leaves them if the motors are held at q.
+    pub(super) fn rest_at(&mut self, q: &[f64]) {
+        let zero = vec![0.0; q.len()];
+        let gravity = self.torques(q, &zero, &zero);
+        for j in 0..q.len() {
+            self.motor[0][j] = q[j];
+            self.link[0][j] = q[j] - gravity[j] / self.spring[j][0];
+        }
+        self.motor[1].fill(0.0);
+        self.link[1].fill(0.0);
+    }
+
+    /// Torques at the links for these positions, velocities and accelerations: forces on each body in its own frame, collected from the tips.
+    pub(super) fn torques(&self, q: &[f64], dq: &[f64], ddq: &[f64]) -> Vec<f64> {
+        let n = q.len();
+        let mut rotations: Vec<Rotation3<f64>> = Vec::with_capacity(n);
+        let mut offsets: Vec<Vector3<f64>> = Vec::with_capacity(n);
+        // Angular velocity, angular acceleration and acceleration of each frame, in itself; the base falls upwards.
+        let mut state: Vec<[Vector3<f64>; 3]> = Vec::with_capacity(n);
+        let mut loads: Vec<[Vector3<f64>; 2]> = Vec::with_capacity(n);
+        for (j, joint) in self.joints.iter().enumerate() {
+            let fixed = joint.placement.rotation.to_rotation_matrix();
+            let (rotation, offset) = if joint.slides {
+                let slid = fixed * (joint.axis * q[j]);
+                (fixed, joint.placement.translation.vector + slid)
+            } else {
+                let turned = Rotation3::from_axis_angle(&Unit::new_unchecked(joint.axis), q[j]);
+                (fixed * turned, joint.placement.translation.vector)
+            };
+            let [omega, alpha, a] = match joint.parent {
+                Some(p) => state[p],
+                None => [Vector3::zeros(), Vector3::zeros(), -GRAVITY * self.down],
+            };
+            let at = a + alpha.cross(&offset) + omega.cross(&omega.cross(&offset));
+            let back = rotation.inverse();
+            let (mut omega, mut alpha, mut at) = (back * omega, back * alpha, back * at);
+            let (speed, slope) = (joint.axis * dq[j], joint.axis * ddq[j]);
+            if joint.slides {
+                at += slope + 2.0 * omega.cross(&speed);
+            } else {
+                alpha += slope + omega.cross(&speed);
+                omega += speed;
+            }
+            let c = &joint.com;
+            let force = joint.mass * (at + alpha.cross(c) + omega.cross(&omega.cross(c)));
+            let moment =
+                joint.inertia * alpha + omega.cross(&(joint.inertia * omega)) + c.cross(&force);
+            rotations.push(rotation);
+            offsets.push(offset);
+            state.push([omega, alpha, at]);
+            loads.push([force, moment]);
+        }
+        let mut torques = vec![0.0; n];
+        for j in (0..n).rev() {
+            let [force, moment] = loads[j];
+            let joint = &self.joints[j];
+            torques[j] = joint.axis.dot(if joint.slides { &force } else { &moment });
+            if let Some(p) = joint.parent {
+                let carried = rotations[j] * force;
+                loads[p][0] += carried;
+                loads[p][1] += rotations[j] * moment + offsets[j].cross(&carried);
+            }
+        }
+        torques
+    }
+
+    /// The links' inertia matrix, by unit accelerations.
+    pub(super) fn inertia(&self, q: &[f64]) -> DMatrix<f64> {
+        let n = q.len();
+        let zero = vec![0.0; n];
+        let still = self.torques(q, &zero, &zero);
+        let mut inertia = DMatrix::zeros(n, n);
+        for j in 0..n {
+            let mut unit = zero.clone();
+            unit[j] = 1.0;
+            for (i, torque) in self.torques(q, &zero, &unit).iter().enumerate() {
+                inertia[(i, j)] = torque - still[i];
+            }
+        }
+        inertia
+    }
+
+    /// Moves through a sampling period at these motor torques. The inertia matrix is that of its beginning.
+    pub(super) fn advance(&mut self, torque: &[f64], period: f64, steps: usize) {
+        let n = torque.len();
+        if let Some(inverse) = self.inertia(&self.link[0]).try_inverse() {
+            self.inverse = inverse;
+        }
+        let dt = period / steps as f64;
+        let zero = vec![0.0; n];
+        let half = |[q, v]: &mut [Vec<f64>; 2]| {
+            for (q, v) in q.iter_mut().zip(v.iter()) {
+                *q += 0.5 * dt * v;
+            }
+        };
+        for _ in 0..steps {
+            half(&mut self.motor);
+            half(&mut self.link);
+            let spring: Vec<f64> = (0..n)
+                .map(|j| {
+                    let [k, d] = self.spring[j];
+                    k * (self.motor[0][j] - self.link[0][j])
+                        + d * (self.motor[1][j] - self.link[1][j])
+                })
+                .collect();
+            let bias = self.torques(&self.link[0], &self.link[1], &zero);
+            let force = DVector::from_fn(n, |j, _| spring[j] - bias[j]);
+            let acceleration = &self.inverse * force;
+            for j in 0..n {
+                self.link[1][j] += dt * acceleration[j];
+                let joint = &self.joints[j];
+                let by = dt / self.armature[j];
+                let v = &mut self.motor[1][j];
+                // Friction with the velocity at the end, which keeps it stable and lets it stick.
+                let free = (*v + by * (torque[j] - spring[j])) / (1.0 + by * joint.viscous);
+                let dry = by * joint.coulomb;
+                *v = free - free.clamp(-dry, dry);
+            }
+            half(&mut self.motor);
+            half(&mut self.link);
+        }
+    }
+}

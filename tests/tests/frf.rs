@@ -1,0 +1,291 @@
+//! Frequency responses, by the command that a user types: springs of a bench and of simulated arms, what is predicted of encoders that no fit has
+//! seen, and logs that are refused.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use proprio_tests::command::{
+    done, folder, frf_arm, json, parameter, proprio, recorded_logs, refusal, stdout,
+};
+use serde_json::Value;
+
+fn number(of: &Value) -> f64 {
+    of.as_f64().unwrap_or_else(|| panic!("{of} is no number"))
+}
+
+/// The published antiresonance and resonance of a real bench, from its motor's side alone; the load's encoder is predicted.
+#[test]
+fn a_benchs_spring_is_found_and_its_loads_encoder_predicted() {
+    let Some(data) = recorded_logs() else { return };
+    let log = data.join("bench/two_mass_multisine_a.csv.gz");
+    let folder = folder();
+    let log = log.to_str().unwrap();
+    let words = ["frf", log, "--json", "-o", "frf.csv", "--html", "frf.html"];
+    let found = json(&done(folder.path(), &words));
+    let mode = &found["modes"][0];
+    let antiresonance = number(&mode["antiresonance"]["value"]);
+    assert!((antiresonance - 53.9).abs() < 0.5, "{mode}");
+    assert!(number(&mode["antiresonance"]["std"]) < 0.5, "{mode}");
+    assert!(
+        (number(&mode["resonance"]["value"]) - 76.1).abs() < 0.5,
+        "{mode}"
+    );
+    assert!(
+        (number(&mode["inertia_ratio"]["value"]) - 1.01).abs() < 0.03,
+        "{mode}"
+    );
+    let link = &found["links"][0];
+    assert!((number(&link["gain"]) - 1.0).abs() < 0.01, "{link}");
+    assert!(
+        number(&link["rms"]) < 0.1 && number(&link["lines"]) > 100.0,
+        "{link}"
+    );
+    let error = &found["error"];
+    assert!(
+        number(&error["after"]) < 0.15 * number(&error["before"]),
+        "{error}"
+    );
+    assert!(number(&error["floor"]) < number(&error["after"]), "{error}");
+
+    let text = fs::read_to_string(folder.path().join("frf.csv")).unwrap();
+    let header = text.lines().next().unwrap();
+    assert_eq!(header, "point,f,out,in,re,im,var,var_noise,dof,q/motor");
+    assert_eq!(text.lines().count(), 241);
+    let page = fs::read_to_string(folder.path().join("frf.html")).unwrap();
+    assert!(page.contains("motor by torque of motor: magnitude"));
+}
+
+/// Springs of the simulated arm, of which no joint is stiff.
+const ARM: [&str; 14] = [
+    "--hide",
+    "elasticity:yaw=3000,damping=3",
+    "--hide",
+    "elasticity:shoulder=4000,damping=4",
+    "--hide",
+    "elasticity:elbow=900,damping=0.8",
+    "--hide",
+    "coulomb=1.5",
+    "--hide",
+    "coulomb:elbow=0.8",
+    "--hide",
+    "viscous=0.6",
+    "--second-encoder",
+    "--json",
+];
+
+/// Friction and masses come from a slow log of the same robot; the springs then from the responses, and they are the true ones.
+#[test]
+fn an_arms_springs_are_found_behind_friction_that_a_slow_log_gave() {
+    let (mut within, mut all) = (0_u32, 0_u32);
+    for seed in ["1", "2"] {
+        let folder = folder();
+        let folder = folder.path();
+        frf_arm(folder);
+        let plain = [
+            "simulate", "--frf", "-m", "arm.toml", "--slow", "slow.csv", "-o", "frf.csv", "--seed",
+            seed,
+        ];
+        done(folder, &[&plain[..], &ARM].concat());
+        done(
+            folder,
+            &["add", "viscous", "coulomb", "armature", "-m", "arm.toml"],
+        );
+        done(
+            folder,
+            &[
+                "identify",
+                "slow.csv",
+                "-m",
+                "arm.toml",
+                "-o",
+                "fitted.toml",
+            ],
+        );
+        let found = json(&done(
+            folder,
+            &["frf", "frf.csv", "-m", "fitted.toml", "--json", "--apply"],
+        ));
+        let truth = json(&fs::read_to_string(folder.join("frf.truth.json")).unwrap());
+        for joint in ["yaw", "shoulder", "elbow"] {
+            for (what, share) in [("1/k:elasticity", 0.006), ("d:elasticity", 0.05)] {
+                let name = format!("{what}:{joint}");
+                let (own, truth) = (
+                    parameter(&found, &name),
+                    number(&parameter(&truth, &name)["value"]),
+                );
+                let wrong = number(&own["value"]) / truth - 1.0;
+                println!("seed {seed} {name}: {:+.2} %", 100.0 * wrong);
+                assert!(
+                    wrong.abs() < share,
+                    "seed {seed}: {name} {:+.2} %",
+                    100.0 * wrong
+                );
+                all += 1;
+                within += u32::from(wrong.abs() * truth <= 2.0 * number(&own["std"]));
+            }
+            // The encoder at the link is no part of the fit.
+            let links = found["links"].as_array().unwrap();
+            let link = links.iter().find(|link| link["joint"] == joint).unwrap();
+            assert!(
+                (number(&link["gain"]) - 1.0).abs() < 0.02,
+                "seed {seed}: {link}"
+            );
+        }
+        let error = &found["error"];
+        assert!(
+            number(&error["after"]) < 0.3 * number(&error["before"]),
+            "{error}"
+        );
+        let file = fs::read_to_string(folder.join("fitted.toml")).unwrap();
+        assert!(file.contains("\"elasticity\""), "{file}");
+    }
+    println!("{within} of {all} values within 2 standard deviations");
+    assert!(
+        within * 10 >= all * 7,
+        "{within} of {all} values within 2 standard deviations"
+    );
+}
+
+/// One joint at 500 Hz, periods of a second, with sines at `lines` Hz, as a rigid mass moves.
+fn periodic(
+    folder: &Path,
+    lines: &[usize],
+    columns: &str,
+    change: impl Fn(usize, [f64; 3]) -> [f64; 3],
+) {
+    let mut text = format!("t,{columns}\n");
+    for k in 0..3000_usize {
+        let t = k as f64 / 500.0;
+        let sum = |power: f64| {
+            let sine = |line: &usize| {
+                let omega = std::f64::consts::TAU * *line as f64;
+                (omega * t + (line * line) as f64).sin() / omega.powf(power)
+            };
+            lines.iter().map(sine).sum::<f64>()
+        };
+        let [q, tau, reference] = change(k, [-sum(2.0), sum(0.0), sum(0.0)]);
+        let _ = write!(text, "{t:.6}");
+        for name in columns.split(',') {
+            let value = match name {
+                "q/j" => q,
+                "tau/j" | "current/j" => tau,
+                _ => reference,
+            };
+            let _ = write!(text, ",{value:.10}");
+        }
+        text.push('\n');
+    }
+    fs::write(folder.join("log.csv"), text).unwrap();
+}
+
+/// Odd lines from 3 to 51 Hz.
+fn odd() -> Vec<usize> {
+    (3..52).step_by(2).collect()
+}
+
+/// Each bad log has its own words and a hint.
+#[test]
+fn bad_logs_are_refused_each_in_its_own_words() {
+    const ALL: &str = "q/j,tau/j,ref/j";
+    let folder = folder();
+    let refused = |what: &str| {
+        let message = refusal(folder.path(), &["frf", "log.csv", "--json"]);
+        assert!(
+            message.contains(what) && message.contains("\nhint: "),
+            "{what}: {message}"
+        );
+    };
+    let noise = |k: usize| {
+        let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        ((mixed ^ (mixed >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 40) as f64
+            / (1 << 24) as f64
+            - 0.5
+    };
+    periodic(folder.path(), &odd(), ALL, |k, _| {
+        [noise(k), noise(k + 7000), noise(k + 14_000)]
+    });
+    refused("no period");
+    periodic(folder.path(), &odd(), "q/j,ref/j", |_, x| x);
+    refused("torque is missing");
+    periodic(
+        folder.path(),
+        &(150..230).step_by(2).collect::<Vec<_>>(),
+        ALL,
+        |_, x| x,
+    );
+    refused("beyond 0.8 of the Nyquist frequency");
+    periodic(folder.path(), &[3, 5, 7], ALL, |_, x| x);
+    refused("3 excited lines");
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [q + 0.02 * k as f64 / 500.0, tau, r]
+    });
+    refused("the point moves: j");
+    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| {
+        [if k == 100 { 1e-3 } else { 0.0 }, tau, r]
+    });
+    refused("joint j sticks");
+    periodic(folder.path(), &odd(), ALL, |k, [_, tau, r]| {
+        [1e-3 * noise(k), tau, r]
+    });
+    refused("does not answer its excitation");
+    periodic(folder.path(), &odd(), ALL, |k, [q, tau, r]| {
+        [q, tau, if k < 1100 { r } else { 0.0 }]
+    });
+    refused("2 periods of 1 s");
+}
+
+/// Without a reference the torque's own period serves, and current for torque: both are said.
+#[test]
+fn current_and_no_reference_are_said() {
+    let folder = folder();
+    periodic(folder.path(), &odd(), "q/j,current/j", |_, x| x);
+    let output = proprio(folder.path(), &["frf", "log.csv", "--json"]);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    if output.status.success() {
+        let found = json(&stdout(&output));
+        assert_eq!(found["torque_unit"], "A");
+        assert_eq!(found["reference"], false);
+        assert!(told.contains("current stands for torque"), "{told}");
+        assert!(
+            told.contains("the period and its lines are the torque's own"),
+            "{told}"
+        );
+    } else {
+        // A mass alone has no spring to find.
+        assert!(told.contains("no elastic model fits"), "{told}");
+    }
+}
+
+/// Experiments that all drive the joints alike do not tell them apart; an arm that hardly moves gives no spring.
+#[test]
+fn what_an_experiment_cannot_tell_is_refused() {
+    let folder = folder();
+    let folder = folder.path();
+    frf_arm(folder);
+    let simulate = |more: &[&str]| {
+        let plain = [
+            "simulate", "--frf", "-m", "arm.toml", "--points", "1", "--blocks", "1", "-o",
+            "frf.csv", "--force",
+        ];
+        done(folder, &[&plain[..], more].concat());
+    };
+    simulate(&[]);
+    // The first experiment three times.
+    let text = fs::read_to_string(folder.join("frf.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    let experiment = &lines[1001..1001 + 4000];
+    let mut alike = vec![lines[0].to_owned()];
+    for n in 0..3 {
+        for (k, line) in experiment.iter().enumerate() {
+            let (_, cells) = line.split_once(',').unwrap();
+            alike.push(format!("{:.6},{cells}", (n * 4000 + k) as f64 / 500.0));
+        }
+    }
+    fs::write(folder.join("frf.csv"), alike.join("\n") + "\n").unwrap();
+    let message = refusal(folder, &["frf", "frf.csv", "-m", "arm.toml"]);
+    assert!(
+        message.contains("not independent") || message.contains("experiments of 3 joints"),
+        "{message}"
+    );
+}
