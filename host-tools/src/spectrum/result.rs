@@ -305,7 +305,12 @@ impl Frf {
             "rad/(N m)" if !in_newtons => format!("rad/{}", self.torque_unit),
             of => of.replace("N m", self.torque_unit),
         };
+        let is_bench = fit.layout.has(Unknown::LinkInertia);
         for unknown in &fit.layout.unknowns {
+            // In a robot they take what dry friction and the slow motion leave in the responses, and their errors do not know of it.
+            if !is_bench && matches!(unknown, Unknown::Viscous(_) | Unknown::Armature(_)) {
+                continue;
+            }
             let Some((value, std)) = fit.estimate(*unknown) else {
                 continue;
             };
