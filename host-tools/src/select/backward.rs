@@ -18,7 +18,8 @@ pub(super) fn nothing<M: Fitted>(model: &M, steps: &[Step<M>], drive: bool) -> V
     small.into_iter().map(|(_, member)| member).collect()
 }
 
-/// What was taken at a joint before another effect there: it may only have resembled that.
+/// What was taken at a joint before another effect there, or before a link of its limb was let go: it may only have resembled that. A link that
+/// swings against its motor shakes all joints of its limb.
 pub(super) fn superseded<M: Fitted>(steps: &[Step<M>]) -> Vec<Member> {
     let own = |step: &Step<M>| match step.members[..] {
         [member] if !step.removed && !step.effect.description().is_plain() => Some(member),
@@ -27,7 +28,8 @@ pub(super) fn superseded<M: Fitted>(steps: &[Step<M>]) -> Vec<Member> {
     let is_superseded = |(n, member): &(usize, Member)| {
         (steps[n + 1..].iter())
             .filter_map(own)
-            .any(|later| (later.0, later.1.1) == (member.0, member.1.1))
+            .filter(|later| later.0 == member.0)
+            .any(|(_, (effect, joint))| joint == member.1.1 || effect.description().is_compliant())
     };
     let members = steps.iter().enumerate();
     members
