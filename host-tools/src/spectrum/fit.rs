@@ -12,6 +12,7 @@ use realfft::num_complex::Complex64;
 use super::flexible::{Derived, Plant, derived, response};
 use super::layout::Layout;
 use super::response::{Point, Response};
+use crate::robust::{median, scale};
 
 /// Elements whose relative variance is greater are left out: the logarithm of what is mostly noise is biased.
 const LEAST_KNOWN: f64 = 0.25;
@@ -21,8 +22,6 @@ const SMOOTHED: usize = 2;
 const LEAST_ERROR: f64 = 1e-3;
 /// The error share before residuals have shown one.
 const FIRST_ERROR: f64 = 0.05;
-/// From a median of absolute values to a standard deviation, of normal errors.
-const MEDIAN_TO_STD: f64 = 1.4826;
 /// The longest step of a logarithm.
 const LONGEST_STEP: f64 = 1.0;
 /// A fit stands when no entry moves by more than this.
@@ -296,9 +295,9 @@ impl Problem<'_> {
     /// What residuals show beyond the scatter.
     fn lacking(&self, layout: &Layout, x: &[f64]) -> Option<f64> {
         let all = self.all_residuals(layout, x)?;
-        let components = all.iter().flat_map(|(e, _)| [e.re.abs(), e.im.abs()]);
-        let shown = MEDIAN_TO_STD * median(components.collect());
-        let scatter = median(all.iter().map(|(_, std)| *std).collect());
+        let components = all.iter().flat_map(|(e, _)| [e.re, e.im]);
+        let shown = scale(components).unwrap_or_default();
+        let scatter = median(all.iter().map(|(_, std)| *std)).unwrap_or_default();
         Some((shown * shown - scatter * scatter).max(0.0).sqrt())
     }
 
@@ -498,12 +497,6 @@ fn weight(std: f64, lacking: f64) -> f64 {
 /// Root mean square.
 pub(super) fn rms(x: &[f64]) -> f64 {
     (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
-}
-
-/// The middle one; of none 0.
-pub(super) fn median(mut x: Vec<f64>) -> f64 {
-    x.sort_by(f64::total_cmp);
-    x.get(x.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// The priors as rows: (x − mean)/std is nothing.

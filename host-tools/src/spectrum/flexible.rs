@@ -98,8 +98,20 @@ fn terms(omega: f64, dt: f64) -> impl Iterator<Item = (Complex64, Complex64)> {
     })
 }
 
-fn delayed(omega: f64, delay: f64) -> Complex64 {
-    Complex64::new(0.0, -omega * delay).exp()
+/// Goes through the aliases that count at ω with a drive that holds its torque for `dt` and a delay: the matrices at each s, s, and the factor of what
+/// they give. None where the model is singular.
+fn each_alias(
+    plant: &Plant,
+    layout: &Layout,
+    x: &[f64],
+    (omega, dt): (f64, f64),
+    mut add: impl FnMut(&Blocks, Complex64, Complex64),
+) -> Option<()> {
+    let delay = Complex64::new(0.0, -omega * layout.value(x, Unknown::Delay)).exp();
+    for (s, hold) in terms(omega, dt) {
+        add(&blocks(plant, layout, x, s)?, s, hold * delay);
+    }
+    Some(())
 }
 
 /// Torque to motor position at ω; none where the model is singular.
@@ -112,10 +124,9 @@ pub(super) fn response(
 ) -> Option<DMatrix<Complex64>> {
     let n = plant.inertia.nrows();
     let mut response = DMatrix::zeros(n, n);
-    let delay = delayed(omega, layout.value(x, Unknown::Delay));
-    for (s, hold) in terms(omega, dt) {
-        response += blocks(plant, layout, x, s)?.p * (hold * delay);
-    }
+    each_alias(plant, layout, x, (omega, dt), |own, _, by| {
+        response += &own.p * by
+    })?;
     Some(response)
 }
 
@@ -131,13 +142,10 @@ pub(super) fn derived(
     let zero = || DMatrix::zeros(n, n);
     let mut response: DMatrix<Complex64> = zero();
     let mut slopes: Vec<DMatrix<Complex64>> = layout.unknowns.iter().map(|_| zero()).collect();
-    let delay = delayed(omega, layout.value(x, Unknown::Delay));
-    for (s, hold) in terms(omega, dt) {
-        let own = blocks(plant, layout, x, s)?;
-        let by = hold * delay;
+    each_alias(plant, layout, x, (omega, dt), |own, s, by| {
         response += &own.p * by;
-        add_slopes(&mut slopes, plant, layout, x, (s, by), &own, dt);
-    }
+        add_slopes(&mut slopes, plant, layout, x, (s, by), own, dt);
+    })?;
     if let Some(index) = layout.index(Unknown::Delay) {
         let by = Complex64::new(0.0, -omega) * layout.scale(x, index);
         slopes[index] = &response * by;
@@ -200,12 +208,10 @@ pub(super) fn link_response(
 ) -> Option<DMatrix<Complex64>> {
     let n = plant.inertia.nrows();
     let mut response = DMatrix::zeros(n, n);
-    let delay = delayed(omega, layout.value(x, Unknown::Delay));
-    for (s, hold) in terms(omega, dt) {
-        let own = blocks(plant, layout, x, s)?;
+    each_alias(plant, layout, x, (omega, dt), |own, _, by| {
         let sp = DMatrix::from_fn(n, n, |i, j| own.spring[i] * own.p[(i, j)]);
-        response += own.inverse * sp * (hold * delay);
-    }
+        response += &own.inverse * sp * by;
+    })?;
     Some(response)
 }
 

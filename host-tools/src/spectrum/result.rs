@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::error::FrfError;
 use super::experiments::Experiments;
-use super::fit::{Fit, Problem, median, rms};
+use super::fit::{Fit, Problem, rms};
 use super::flexible::{derived, link_response};
 use super::layout::Unknown;
 use super::record::{Record, TorqueUnit};
@@ -15,6 +15,7 @@ use super::response::{self, Point};
 use super::springs::{self, FRICTION_DOUBT, bench, mode, with_model};
 use crate::catalogue;
 use crate::model::Model;
+use crate::robust::median;
 use crate::summary::ErrorRange;
 
 /// A joint is silent if the noise of more than this share of its own lines exceeds half the response.
@@ -282,7 +283,7 @@ fn measured_point(point: &Point) -> MeasuredPoint {
                 .zip(mean.iter())
                 .map(|(v, g)| (v / g.norm_sqr()).sqrt())
         });
-        median(all.collect())
+        median(all).unwrap_or_default()
     };
     MeasuredPoint {
         q: point.q.clone(),
@@ -464,7 +465,7 @@ fn links(points: &[Point], joints: &[String], problem: &Problem, fit: &Fit) -> V
         let errors: Vec<f64> = ratios.iter().map(|r| r.norm().ln()).collect();
         checks.push(LinkCheck {
             joint: joint.clone(),
-            gain: median(errors.clone()).exp(),
+            gain: median(errors.iter().copied()).unwrap_or_default().exp(),
             rms: rms(&errors),
             reversed: direction < 0.0,
             lines: errors.len(),

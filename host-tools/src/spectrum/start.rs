@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use super::flexible::Plant;
 use super::layout::{Layout, Unknown};
 use super::response::Point;
+use crate::robust::median;
 
 /// A logarithm that nothing is known of but its order: three decades either way at 1σ, so that no fit runs off to nothing.
 const DECADES: f64 = 7.0;
@@ -57,7 +58,7 @@ fn tenth(x: &[f64], from_end: bool) -> f64 {
     } else {
         &x[..count]
     };
-    super::fit::median(part.to_vec())
+    median(part.iter().copied()).unwrap_or_default()
 }
 
 /// A bench of one joint, of which no model says anything: unknowns and starts.

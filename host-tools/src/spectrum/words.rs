@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::result::{Estimated, Frf, FrfValue, LinkCheck, Mode};
+use crate::robust::median;
 use crate::summary::{Summary, typed};
 
 /// Three digits, as many after the point as the standard deviation shows.
@@ -104,14 +105,14 @@ impl Frf {
     }
 
     fn measurement_in_words(&self) -> String {
-        let noise = super::fit::median(self.points.iter().map(|p| p.noise).collect());
+        let noise = median(self.points.iter().map(|p| p.noise)).unwrap_or_default();
         let scatter: Vec<f64> = self.points.iter().filter_map(|p| p.scatter).collect();
         let distortion = if scatter.is_empty() {
             String::new()
         } else {
             format!(
                 ", noise and distortion {:.2} %",
-                100.0 * super::fit::median(scatter)
+                100.0 * median(scatter).unwrap_or_default()
             )
         };
         format!(
