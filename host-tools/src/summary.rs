@@ -10,22 +10,80 @@ use serde::Serialize;
 pub struct Summary {
     /// How large the error is, and what is missing.
     pub headline: String,
+    /// Values, where the answer is a few of them: a line of text each, as it stands.
+    pub rows: Vec<String>,
     /// The most important findings, three at most.
     pub points: Vec<String>,
     /// What to run next, as it can be typed.
     pub next: Vec<String>,
 }
 
+/// Lines of a first screen: half of a terminal's 24 and what stood there before.
+const LINES: usize = 15;
+/// Lines of what stands above the headline, each.
+const ABOVE: usize = 2;
+
+impl Summary {
+    /// The screen, of at most [`LINES`] lines: what stands `above` (what is wrong with the samples, which file was written), headline, rows,
+    /// points, the next command; `more` says how the rest is printed. Where there is not room for all of it the longest points are cut:
+    /// --verbose and the page have them whole.
+    pub fn screen(&self, above: &[String], more: &str) -> String {
+        let above = above.iter().filter(|text| !text.is_empty());
+        let mut lines: Vec<String> = above
+            .flat_map(|text| cut(wrapped_lines(text, "", "  "), ABOVE))
+            .collect();
+        lines.extend(wrapped_lines(&self.headline, "", "  "));
+        lines.extend(self.rows.iter().cloned());
+        let next = self.next.iter().map(|command| format!("Next: {command}"));
+        let mut end: Vec<String> = next.collect();
+        if !more.is_empty() {
+            end.extend(wrapped_lines(&format!("More: {more}"), "", "  "));
+        }
+        let mut points: Vec<Vec<String>> = (self.points.iter())
+            .map(|point| wrapped_lines(point, "  • ", "    "))
+            .collect();
+        let room = LINES.saturating_sub(lines.len() + end.len());
+        shorten(&mut points, room);
+        lines.extend(points.concat());
+        lines.extend(end);
+        lines.join("\n") + "\n"
+    }
+}
+
+/// Cuts the longest points, the last of them first, until all together have `room`; of each a line stays.
+fn shorten(points: &mut [Vec<String>], room: usize) {
+    while points.iter().map(Vec::len).sum::<usize>() > room {
+        let longest = points.iter_mut().max_by_key(|point| point.len());
+        match longest {
+            Some(point) if point.len() > 1 => *point = cut(std::mem::take(point), point.len() - 1),
+            _ => return,
+        }
+    }
+}
+
+/// The first `most` lines of a text, with a sign that there are more.
+fn cut(mut lines: Vec<String>, most: usize) -> Vec<String> {
+    if lines.len() <= most {
+        return lines;
+    }
+    lines.truncate(most);
+    if let Some(last) = lines.last_mut() {
+        let words = last.strip_suffix(CUT).unwrap_or(last);
+        let words = match words.rsplit_once(' ') {
+            Some((rest, _)) if words.chars().count() + CUT.chars().count() > COLUMNS => rest,
+            _ => words,
+        };
+        *last = format!("{words}{CUT}");
+    }
+    lines
+}
+
+/// Stands at the end of a text that is cut.
+const CUT: &str = " …";
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", wrapped(&self.headline, "", "  "))?;
-        for point in &self.points {
-            write!(f, "{}", wrapped(point, "  • ", "    "))?;
-        }
-        for command in &self.next {
-            writeln!(f, "\n  $ {command}")?;
-        }
-        Ok(())
+        f.write_str(&self.screen(&[], ""))
     }
 }
 
@@ -67,15 +125,18 @@ const COLUMNS: usize = 80;
 
 /// Text in lines that a terminal holds, the first of them after `first`, the others after `next`; a word that is longer has a line of its own.
 pub(crate) fn wrapped(text: &str, first: &str, next: &str) -> String {
-    let mut lines = String::new();
+    wrapped_lines(text, first, next).join("\n") + "\n"
+}
+
+/// The lines of [`wrapped`].
+fn wrapped_lines(text: &str, first: &str, next: &str) -> Vec<String> {
+    let mut lines = Vec::new();
     let mut line = first.to_owned();
     let mut is_new = true;
     for word in text.split_whitespace() {
         let len = line.chars().count() + usize::from(!is_new) + word.chars().count();
         if !is_new && len > COLUMNS {
-            lines += &line;
-            lines.push('\n');
-            line = next.to_owned();
+            lines.push(std::mem::replace(&mut line, next.to_owned()));
             is_new = true;
         }
         if !is_new {
@@ -84,13 +145,43 @@ pub(crate) fn wrapped(text: &str, first: &str, next: &str) -> String {
         line += word;
         is_new = false;
     }
-    lines + &line + "\n"
+    lines.push(line);
+    lines
 }
 
 /// A torque error as it is told: three digits that count, N m.
 pub(crate) fn torque(rms: f64) -> String {
     let digits = if rms < 0.1 { 4 } else { 3 };
     format!("{rms:.digits$}")
+}
+
+/// Most rows of a table on a first screen.
+const MOST_ROWS: usize = 7;
+
+/// Joints by kinds, each with its name: a joint each where they are few; `hips`, where names have kinds; all together otherwise.
+pub(crate) fn by_kind(all: &[String]) -> Vec<(String, Vec<String>)> {
+    if all.len() <= MOST_ROWS {
+        let alone = |joint: &String| (joint.clone(), vec![joint.clone()]);
+        return all.iter().map(alone).collect();
+    }
+    let mut kinds: Vec<(String, Vec<String>)> = Vec::new();
+    for joint in all {
+        let kind = joint
+            .rsplit_once('_')
+            .map_or(joint.as_str(), |(_, kind)| kind);
+        match kinds.iter_mut().find(|(known, _)| known == kind) {
+            Some((_, own)) => own.push(joint.clone()),
+            None => kinds.push((kind.to_owned(), vec![joint.clone()])),
+        }
+    }
+    if kinds.len() > MOST_ROWS {
+        return vec![("all joints".to_owned(), all.to_vec())];
+    }
+    let named = kinds.into_iter().map(|(kind, own)| match own.len() {
+        1 => (own[0].clone(), own),
+        _ => (plural(&[kind]), own),
+    });
+    named.collect()
 }
 
 /// Joints by what they have in common: `all joints`, `every calf`, `FR_hip, FR_thigh`, `5 joints`.
@@ -134,6 +225,11 @@ pub fn typed(logs: &[PathBuf], model: Option<&Path>) -> String {
         words.extend(["-m".to_owned(), word(model)]);
     }
     words.join(" ")
+}
+
+/// Whether any log is standard input, which is read once: no other command can be printed for it.
+pub(crate) fn from_standard_input(logs: &[PathBuf]) -> bool {
+    logs.iter().any(|log| log.as_os_str() == "-")
 }
 
 /// A path as a shell takes it.
@@ -191,6 +287,35 @@ mod tests {
         );
         assert_eq!(long.trim(), "x".repeat(100));
         assert!(lines[0].starts_with("  • word") && lines[1].starts_with("    word"));
+    }
+
+    /// Whatever there is to say.
+    #[test]
+    fn a_screen_has_fifteen_lines_of_eighty_columns() {
+        let text = |words: usize| "words ".repeat(words);
+        for (headline, points) in [(5, [9, 90, 9]), (30, [90, 90, 90]), (40, [200, 5, 200])] {
+            let summary = Summary {
+                headline: text(headline),
+                rows: vec!["row".to_owned(); 2],
+                points: points.map(text).to_vec(),
+                next: vec!["proprio compare log.csv".to_owned()],
+            };
+            let above = [text(50), text(3), String::new()];
+            let screen = summary.screen(&above, "--verbose");
+            let lines: Vec<&str> = screen.lines().collect();
+            assert!(lines.len() <= LINES, "{screen}");
+            assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS));
+            assert_eq!(lines.iter().filter(|line| line.contains('•')).count(), 3);
+            assert!(screen.ends_with("\nNext: proprio compare log.csv\nMore: --verbose\n"));
+            assert!(screen.contains(CUT), "{screen}");
+        }
+        // What there is room for is not cut.
+        let points = [30, 30, 30].map(text).to_vec();
+        let summary = Summary {
+            points,
+            ..Summary::default()
+        };
+        assert!(!summary.screen(&[], "").contains(CUT));
     }
 
     #[test]

@@ -9,7 +9,9 @@ use proprio_tests::command::{done, folder, json, proprio, simulated, stderr, std
 #[test]
 fn the_catalogue_is_told_whole() {
     let folder = folder();
-    let text = done(folder.path(), &["effects"]);
+    let text = done(folder.path(), &["effects", "--verbose"]);
+    // Long lines are wrapped.
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let catalogue = json(&done(folder.path(), &["effects", "--json"]));
     let entries = catalogue["effects"].as_array().unwrap();
     assert_eq!(entries.len(), EffectKind::ALL.len());
@@ -56,7 +58,7 @@ fn a_model_is_shown_and_effects_are_taken_out_of_it() {
             "m.toml",
         ],
     );
-    let shown = done(folder, &["show", "m.toml"]);
+    let shown = done(folder, &["show", "m.toml", "--verbose"]);
     insta::assert_snapshot!(shown);
     let report = json(&done(folder, &["show", "m.toml", "--json"]));
     assert_eq!(report["effects"].as_array().unwrap().len(), 14);
@@ -81,7 +83,7 @@ fn a_model_is_shown_and_effects_are_taken_out_of_it() {
         &["remove", "viscous", "base_tilt", "-m", "m.toml", "--json"],
     ));
     assert_eq!(report["removed"].as_array().unwrap().len(), 12);
-    let shown = done(folder, &["show", "m.toml"]);
+    let shown = done(folder, &["show", "m.toml", "--verbose"]);
     assert!(
         shown.contains("No effects: the rigid body alone."),
         "{shown}"

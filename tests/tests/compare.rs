@@ -139,7 +139,7 @@ fn where_and_when_are_told_in_the_order_of_their_weight() {
         "{screen}"
     );
     assert!(
-        screen.contains("\n  $ proprio diagnose log.csv\n"),
+        screen.contains("\nNext: proprio diagnose log.csv\n"),
         "{screen}"
     );
 }

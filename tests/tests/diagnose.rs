@@ -202,7 +202,7 @@ fn the_first_screen_ends_with_a_command_that_runs() {
     assert!((1..=3).contains(&points), "{screen}");
     let command = screen
         .lines()
-        .find_map(|line| line.strip_prefix("  $ proprio "))
+        .find_map(|line| line.strip_prefix("Next: proprio "))
         .unwrap();
     assert!(
         command.starts_with("add ") && command.ends_with(" -m go2.toml"),

@@ -169,7 +169,7 @@ fn runs_of_several_logs_are_told_beside_the_fit_of_all() {
         folder,
         &["identify", "log.csv", "b.csv", "c.csv", "-m", "model.toml"],
     );
-    assert!(text.contains("The runs disagree beyond chance"), "{text}");
+    assert!(text.contains("The logs disagree beyond chance"), "{text}");
     done(
         folder,
         &[

@@ -1,10 +1,14 @@
-//! Every command that a first screen prints runs as it is printed, and so does every one that it prints in turn.
+//! First screens: each fits a terminal, and every command that one prints runs as it is printed, and so does every one that it prints in turn.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::process::{Command, Output};
 
+use proprio_host::model::Limb;
 use proprio_tests::command::{binary, simulated, stderr, stdout};
+use proprio_tests::recorder::Recorder;
 use tempfile::TempDir;
+
+use crate::other_robot::{ARM, TYPICAL, robot, with_model};
 
 /// Where a user begins: with a log, with a model file of it, with the log of another day.
 const BEGINNINGS: &str = "\
@@ -15,20 +19,40 @@ proprio advise log.csv
 proprio identify log.csv -m model.toml -o fitted.toml
 proprio compare other.csv -m fitted.toml
 proprio diagnose other.csv -m fitted.toml
-proprio show fitted.toml";
+proprio diagnose log.csv --apply -m applied.toml
+proprio show fitted.toml
+proprio effects
+proprio validate other.csv
+proprio demo";
+
+/// The same of an arm and of a robot that walks.
+const OTHERS: &str = "\
+proprio identify log.csv -m model.toml -o fitted.toml
+proprio compare log.csv -m fitted.toml
+proprio diagnose log.csv -m model.toml
+proprio advise log.csv -m model.toml
+proprio show fitted.toml
+proprio simulate --walk trot --typical --inertia-error 0.03 -o walk.csv
+proprio identify --free-base walk.csv -o walked.toml
+proprio compare --free-base walk.csv -m walked.toml
+proprio diagnose --free-base walk.csv
+proprio diagnose --free-base walk.csv -m go2.toml --apply";
+
+/// Lines and columns of a first screen.
+const SCREEN: [usize; 2] = [15, 80];
 
 /// Long enough for a search to have a motion, s: Ctrl-C ends it with the best so far.
-const PATIENCE: &str = "6";
+const PATIENCE: u32 = 6;
 
 /// Runs a line as a shell does.
-fn typed(folder: &TempDir, line: &str) -> Output {
+fn typed(folder: &TempDir, line: &str, patience: u32) -> Output {
     let path = std::env::var("PATH").unwrap_or_default();
     let ours = binary().parent().unwrap().display().to_string();
     let patient = [
         "--foreground",
         "--preserve-status",
         "--signal=INT",
-        PATIENCE,
+        &patience.to_string(),
         "sh",
         "-c",
     ];
@@ -52,6 +76,33 @@ fn printed(screen: &str) -> impl Iterator<Item = String> + '_ {
         .filter_map(command)
 }
 
+/// Whether a first screen fits a terminal; a command is as long as its logs' names.
+fn fits(line: &str, screen: &str) {
+    let [lines, columns] = SCREEN;
+    assert!(screen.lines().count() <= lines, "{line}:\n{screen}");
+    let is_command = |line: &&str| line.starts_with("Next: ");
+    let widest = (screen.lines().filter(|line| !is_command(line)))
+        .map(|line| line.chars().count())
+        .max();
+    assert!(widest <= Some(columns), "{line}:\n{screen}");
+    println!("$ {line}\n{screen}");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_screens_of_an_arm_and_of_a_walk_fit() {
+    let folder = with_model(ARM, &TYPICAL);
+    let recorder = Recorder::new(robot(folder.path()));
+    let limbs = recorder.model.robot().limbs();
+    let limbs: Vec<&Limb> = limbs.iter().collect();
+    std::fs::write(folder.path().join("log.csv"), recorder.log::<4>(&limbs)).unwrap();
+    for line in OTHERS.lines() {
+        let output = typed(&folder, line, 300);
+        assert_eq!(output.status.code(), Some(0), "{line}: {}", stderr(&output));
+        fits(line, &stdout(&output));
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn every_command_that_a_screen_prints_runs() {
@@ -63,8 +114,14 @@ fn every_command_that_a_screen_prints_runs() {
     let mut seen: BTreeSet<String> = waiting.iter().cloned().collect();
     let begun = seen.len();
     while let Some(line) = waiting.pop_front() {
-        let output = typed(&folder, &line);
+        let patience = if line.contains("excite") {
+            PATIENCE
+        } else {
+            300
+        };
+        let output = typed(&folder, &line, patience);
         assert_eq!(output.status.code(), Some(0), "{line}: {}", stderr(&output));
+        fits(&line, &stdout(&output));
         for next in printed(&stdout(&output)) {
             if seen.insert(next.clone()) {
                 waiting.push_back(next);

@@ -1,7 +1,9 @@
-//! What logs could not tell, in words, and the motion that would.
+//! What logs could not tell, in words, and the motion that would; on one screen in `summary`.
 //!
 //! Of each parameter three standard deviations are compared: before any data, after the logs, and after the best and longest of
 //! motions ([`crate::excite::told`]). What lies between the last two is what a better motion can still give.
+
+mod summary;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,7 +15,7 @@ use crate::excite::earlier::{self, EarlierError};
 use crate::excite::{Told, told};
 use crate::model::{Limb, Model};
 use crate::parameter::{self, INERTIAL_NAMES};
-use crate::summary::typed;
+use crate::summary::{from_standard_input, typed, word};
 
 /// Share of what can be learned of a parameter at all, as a variance, below which it is open, and from which on it is told.
 const OPEN: f64 = 0.5;
@@ -23,8 +25,10 @@ const STRUCTURAL: f64 = 0.9;
 /// What the best and longest of motions brings below this share of its prior's standard deviation is told in full: it is no more
 /// than rounding, or far below what any log reaches.
 const NOTHING: f64 = 0.01;
-/// Parameters that the command for the next motion names per limb.
+/// Most parameters that the command for the next motion names.
 const NAMED: usize = 6;
+/// A command that is no longer stands on one line of a terminal after `Next: `, columns.
+const ONE_LINE: usize = 74;
 /// Parameters per limb that the lines at the end of another command name.
 const CLOSING: usize = 3;
 
@@ -57,6 +61,9 @@ pub struct Advice {
     pub std: f64,
     /// After the best and longest of motions.
     pub best_std: f64,
+    /// Torque that the standard deviation after the logs leaves open on their motion, if nothing else were: rms over windows, of all
+    /// the limb's joints together, N m (sliding joints: N).
+    pub torque: f64,
 }
 
 /// What the logs say of a limb.
@@ -64,9 +71,12 @@ pub struct Advice {
 pub struct LimbAdvice {
     /// Its name.
     pub limb: String,
+    /// Its joints.
+    #[serde(skip)]
+    pub joints: Vec<String>,
     /// Condition number of the identifiable inertias, scaled as `excite` does.
     pub condition_number: f64,
-    /// Parameters, those of which a motion can still tell most first.
+    /// Parameters: first those of which a motion can still tell more, by the torque that they leave open.
     pub parameters: Vec<Advice>,
     /// The command that fills the gap; none if nothing is open.
     pub command: Option<String>,
@@ -98,12 +108,18 @@ pub fn advise(
         };
         let told = told(model, limb, own)?;
         let mut parameters: Vec<Advice> = told.parameters.iter().map(advice).collect();
-        let open = |a: &Advice| !matches!(a.learned, Learned::Never);
-        parameters.sort_by(|a, b| open(b).cmp(&open(a)).then(a.share.total_cmp(&b.share)));
+        parameters.sort_by(|a, b| {
+            let kinds = b.is_open().cmp(&a.is_open());
+            kinds.then(b.torque.total_cmp(&a.torque))
+        });
+        let open: Vec<&Advice> = parameters.iter().filter(|a| a.is_open()).collect();
         all.push(LimbAdvice {
             limb: limb.name.clone(),
+            joints: (limb.bodies.clone())
+                .map(|body| model.joint_name(body).to_owned())
+                .collect(),
             condition_number: told.condition_number,
-            command: command(file, &limb.name, &parameters, logs),
+            command: command(file, &limb.name, &open, logs),
             parameters,
         });
     }
@@ -135,36 +151,32 @@ fn advice(told: &Told) -> Advice {
         prior_std: told.prior_std,
         std: told.std,
         best_std: told.best_std,
+        torque: told.torque,
     }
 }
 
-fn command(
-    file: Option<&Path>,
-    limb: &str,
-    parameters: &[Advice],
-    logs: &[PathBuf],
-) -> Option<String> {
-    let open = parameters.iter().filter(|a| a.is_open());
-    let names: Vec<&str> = open.take(NAMED).map(|a| a.parameter.as_str()).collect();
-    let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
-    let model = file.map_or_else(String::new, |file| format!("-m {} ", file.display()));
-    (!names.is_empty()).then(|| {
-        format!(
-            "proprio excite {model}--legs {limb} --for {} --from {} -o next.csv",
-            names.join(","),
-            logs.join(" ")
-        )
-    })
+/// The motion for the first of the `open` parameters, so many as a line of a terminal holds; none if nothing is open.
+fn command(file: Option<&Path>, limb: &str, open: &[&Advice], logs: &[PathBuf]) -> Option<String> {
+    let logs = typed(logs, None);
+    let model = file.map_or_else(String::new, |file| format!("-m {} ", word(file)));
+    let asking = |names: &[&str]| {
+        let names = names.join(",");
+        format!("proprio excite {model}--legs {limb} --for {names} --from {logs} -o next.csv")
+    };
+    let names: Vec<&str> = open
+        .iter()
+        .take(NAMED)
+        .map(|a| a.parameter.as_str())
+        .collect();
+    let fits = |n: &usize| asking(&names[..*n]).chars().count() <= ONE_LINE;
+    let most = (1..=names.len()).rev().find(fits).unwrap_or(1);
+    (!names.is_empty()).then(|| asking(&names[..most]))
 }
 
 impl Advised {
-    /// In words; `all` tells of every parameter.
-    pub fn text(&self, all: bool) -> String {
-        let mut text = String::new();
-        for limb in &self.limbs {
-            text += &limb.text(all);
-        }
-        text
+    /// Every parameter, limb by limb.
+    pub fn text(&self) -> String {
+        self.limbs.iter().map(LimbAdvice::text).collect()
     }
 
     /// The lines that close what another command says of the same logs; none if they have told all that a motion can.
@@ -185,22 +197,6 @@ impl Advised {
         }
         text
     }
-}
-
-/// Where to ask what logs do not identify, and for the motion that would: one line, for which nothing is read; nothing of logs from standard input.
-pub fn pointer(file: Option<&Path>, logs: &[PathBuf]) -> String {
-    if from_standard_input(logs) {
-        return String::new();
-    }
-    format!(
-        "What these logs leave open: proprio advise {}\n",
-        typed(logs, file)
-    )
-}
-
-/// Standard input is read once.
-fn from_standard_input(logs: &[PathBuf]) -> bool {
-    logs.iter().any(|log| log.as_os_str() == "-")
 }
 
 /// [`Advised::closing`] of logs, for the end of another command's words: empty where nothing can be said of them.
@@ -239,9 +235,9 @@ impl LimbAdvice {
         self.command.as_ref().map(line).unwrap_or_default()
     }
 
-    fn text(&self, all: bool) -> String {
+    fn text(&self) -> String {
         let mut text = self.heading();
-        for advice in self.parameters.iter().filter(|a| all || a.is_open()) {
+        for advice in &self.parameters {
             text += &format!("  {advice}\n");
         }
         text + &self.way_on()
@@ -249,6 +245,11 @@ impl LimbAdvice {
 }
 
 impl Advice {
+    /// What it is, and of which joint.
+    fn split(&self) -> (&str, &str) {
+        (self.parameter.split_once(':')).unwrap_or((self.parameter.as_str(), ""))
+    }
+
     /// Whether a motion can still tell more of it.
     fn is_open(&self) -> bool {
         matches!(self.learned, Learned::Open | Learned::Partly)
@@ -311,6 +312,7 @@ mod tests {
                 prior_std,
                 std,
                 best_std,
+                torque: 0.0,
             })
         };
         assert_eq!(of(1.0, 0.1, 0.0).learned, Learned::Told);
@@ -328,6 +330,7 @@ mod tests {
                 prior_std: 1.3e-3,
                 std: 1.27e-3,
                 best_std,
+                torque: 0.0,
             };
             advice(&told).to_string()
         };
@@ -339,14 +342,28 @@ mod tests {
         assert_eq!(of(2.1e-4), format!("{open}the best motion leaves ±2.1e-4"));
     }
 
+    /// As many parameters as there is room for, and one at least.
     #[test]
-    fn the_pointer_can_be_typed() {
-        let logs = ["a b.csv".into(), "c.csv".into()];
-        let line = pointer(Some(Path::new("m.toml")), &logs);
-        assert!(
-            line.ends_with(": proprio advise 'a b.csv' c.csv -m m.toml\n"),
-            "{line}"
+    fn the_command_fits_a_line() {
+        let of = |parameter: &str| Advice {
+            parameter: parameter.to_owned(),
+            learned: Learned::Open,
+            share: 0.0,
+            prior_std: 1.0,
+            std: 1.0,
+            best_std: 0.1,
+            torque: 1.0,
+        };
+        let all = ["m:FR_thigh", "hz:FR_thigh", "hx:FR_calf"].map(of);
+        let open: Vec<&Advice> = all.iter().collect();
+        let line = command(None, "FR", &open, &["a b.csv".into()]).unwrap();
+        assert_eq!(
+            line,
+            "proprio excite --legs FR --for m:FR_thigh --from 'a b.csv' -o next.csv"
         );
-        assert_eq!(pointer(None, &["-".into()]), "");
+        assert!(line.chars().count() <= ONE_LINE);
+        let long = command(None, "FR", &open, &["a/".repeat(40).into()]).unwrap();
+        assert!(long.contains("--for m:FR_thigh --from"), "{long}");
+        assert_eq!(command(None, "FR", &[], &["log.csv".into()]), None);
     }
 }

@@ -16,7 +16,7 @@ use crate::progress::Progress;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio advise chirp.csv
-  proprio advise monday.csv tuesday.csv --legs FR --all
+  proprio advise monday.csv tuesday.csv --legs FR --verbose
   proprio advise arm.csv --model arm.toml --json")]
 pub(crate) struct Advise {
     /// Logs: CSV, plain or gzip-compressed
@@ -28,9 +28,9 @@ pub(crate) struct Advise {
     /// Which legs (limbs of another robot) [default: all that the logs have]
     #[arg(long, value_name = "LEGS", value_delimiter = ',')]
     legs: Vec<String>,
-    /// Tell of every parameter, not the open ones only
-    #[arg(long)]
-    all: bool,
+    /// Print every parameter: its standard deviation before the logs, after them, and after the best motion
+    #[arg(short, long, visible_alias = "all")]
+    verbose: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -49,10 +49,12 @@ impl Advise {
             |done, total| progress.set(done, total),
         )?;
         drop(progress);
-        Ok(if self.json {
-            result("advise", &advised)
-        } else {
-            advised.text(self.all)
+        Ok(match (self.json, self.verbose) {
+            (true, _) => result("advise", &advised),
+            (false, true) => advised.text(),
+            (false, false) => advised
+                .summary(self.model.as_deref(), &self.logs)
+                .screen(&[], "--verbose (each parameter)"),
         })
     }
 }

@@ -87,13 +87,14 @@ impl Calibrate {
     fn text(&self, calibration: &Calibration, poses: &Poses, written: Option<&PathBuf>) -> String {
         let model = written.unwrap_or(&self.model);
         let summary = calibration.summary(poses, Some(model), written.is_some());
-        let mut text = summary.to_string();
-        if let Some(path) = written {
-            text += &format!("Wrote {}.\n", path.display());
+        let wrote = written.map(|path| format!("Wrote {}.", path.display()));
+        let wrote: Vec<String> = wrote.into_iter().collect();
+        match self.verbose {
+            true => summary.screen(&wrote, "") + &calibration.details(),
+            false => summary.screen(
+                &wrote,
+                "--verbose (values, candidates, poses), --html calibration.html",
+            ),
         }
-        if self.verbose {
-            return text + &calibration.details();
-        }
-        text + "More: --verbose (values, candidates, poses), --html calibration.html\n"
     }
 }

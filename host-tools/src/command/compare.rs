@@ -18,6 +18,9 @@ use super::result::judged;
 use super::{Error, remove, unreadable};
 use crate::progress::{Progress, Underway};
 
+/// What the first screen leaves to --verbose and the page.
+const MORE: &str = "--verbose (each joint, where, when), --html report.html (plots, tick boxes)";
+
 /// Compare model and measurement: how well, where and when it fails
 ///
 /// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, or has it from a diagnosis of
@@ -147,17 +150,11 @@ impl Compare {
         let model = super::model_or_default(self.file(), false)?;
         let poses = Poses::read(&self.logs, &model)?;
         let comparison = compare_poses(&poses, &model)?;
+        let summary = comparison.summary(&poses, self.file());
         Ok(match (self.json, self.all || self.verbose) {
             (true, _) => judged("compare", comparison.error(), &comparison),
-            (false, details) => {
-                let summary = comparison.summary(&poses, self.file());
-                let more = if details {
-                    comparison.details()
-                } else {
-                    "More: --verbose (every target and pose)\n".to_owned()
-                };
-                format!("{summary}{more}")
-            }
+            (false, true) => summary.to_string() + &comparison.details(),
+            (false, false) => summary.screen(&[], "--verbose (every target and pose)"),
         })
     }
 
@@ -181,12 +178,7 @@ impl Compare {
         Ok(match (self.json, self.all || self.verbose) {
             (true, _) => judged("compare", comparison.comparison.error(), &comparison),
             (false, true) => comparison.text(self.all),
-            (false, false) => {
-                let summary = comparison.summary(model);
-                format!(
-                    "{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots)\n"
-                )
-            }
+            (false, false) => comparison.summary(model).screen(&[], MORE),
         })
     }
 
@@ -258,10 +250,7 @@ impl Compare {
             return comparison.text(self.all);
         }
         let data = first_gate_words(&comparison.data);
-        let summary = comparison.summary(self.file());
-        format!(
-            "{data}{summary}\nMore: --verbose (each joint, where, when), --html report.html (plots, tick boxes)\n"
-        )
+        comparison.summary(self.file()).screen(&[data], MORE)
     }
 
     /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.

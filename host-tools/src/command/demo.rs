@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::output::{self, WriteError};
 use crate::recording::Recording;
 use crate::report::pages;
-use crate::summary::{ErrorRange, Summary};
+use crate::summary::{ErrorRange, Summary, torque};
 use crate::table::{Table, with_std};
 use clap::Args;
 use proprio_core::effect::EffectKind;
@@ -144,12 +144,10 @@ impl Demo {
         // First, so that what an interrupted demo leaves is known to be a demo's.
         output::write(&files.tour, TOUR)?;
         let report = tour(files, self.seed)?;
-        let text = report.to_string();
-        output::write(&report.files.tour, &format!("{TOUR}\n{text}"))?;
-        Ok(if self.json {
-            judged("demo", report.error(), &report)
-        } else {
-            text
+        output::write(&report.files.tour, &format!("{TOUR}\n{report}"))?;
+        Ok(match self.json {
+            true => judged("demo", report.error(), &report),
+            false => report.screen(),
         })
     }
 }
@@ -285,8 +283,41 @@ impl fmt::Display for Report {
 }
 
 impl Report {
+    /// The tour in short: the file that `tour` names has each command and what it printed.
+    fn screen(&self) -> String {
+        let Tour {
+            before, summary, ..
+        } = &self.tour;
+        let where_ = before.patterns.first().map(|p| p.sentence.clone());
+        let mut end = String::new();
+        // Writing into a String cannot fail.
+        let _ = self.write_end(&mut end);
+        let hidden = format!("{} of {}", self.hidden.name, self.hidden.value);
+        let points = vec![
+            format!(
+                "simulate, add, compare: the CAD with friction, rotor and offset leaves {} N m; {}",
+                torque(self.before_rms),
+                where_.unwrap_or_default()
+            ),
+            format!("diagnose: {}", summary.headline),
+            format!("add, compare: {end}"),
+        ];
+        let model = crate::summary::word(&self.files.model);
+        let tour = self.files.tour.display();
+        let screen = Summary {
+            headline: format!(
+                "A simulated leg hides {hidden} {} from its model.",
+                self.hidden.unit
+            ),
+            points,
+            next: vec![format!("proprio show {model}")],
+            ..Summary::default()
+        };
+        screen.screen(&[], &format!("{tour} (each command and what it prints)"))
+    }
+
     /// Whether it is the one, and how near the error came to the noise.
-    fn write_end(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    fn write_end(&self, f: &mut impl fmt::Write) -> fmt::Result {
         let TrueValue { name, unit, value } = &self.hidden;
         let found = self.found.as_deref().unwrap_or("nothing");
         let size = match (self.value, self.std) {

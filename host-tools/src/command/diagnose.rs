@@ -4,7 +4,7 @@ mod written;
 
 use std::path::PathBuf;
 
-use crate::advise::{closing, pointer};
+use crate::advise::closing;
 use crate::compare::ValuesFrom;
 use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
@@ -14,7 +14,7 @@ use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
 use crate::recording::{Recording, first_gate_words, gate_words};
 use crate::report::pages;
-use crate::summary::{typed, wrapped};
+use crate::summary::typed;
 use clap::Args;
 use serde::Serialize;
 use written::{Values, Written};
@@ -22,6 +22,9 @@ use written::{Values, Written};
 use super::result::judged;
 use super::{Error, unreadable};
 use crate::progress::{Progress, Underway};
+
+/// What the first screen leaves to --verbose and the page.
+const MORE: &str = "--verbose (candidates, steps, ladder), --html report.html (plots, tick boxes)";
 
 /// Say which physical effect is missing
 ///
@@ -157,11 +160,7 @@ impl Diagnose {
             let logs = typed(&self.logs, file);
             summary.next = vec![format!("proprio diagnose --free-base {logs}")];
         }
-        let wrote = wrote.map_or_else(String::new, |wrote| wrapped(&wrote, "", "  "));
-        let open = pointer(file, &self.logs);
-        Ok(format!(
-            "{data}{wrote}{summary}\n{open}More: --verbose (every candidate and step), --html report.html (plots, tick boxes)\n"
-        ))
+        Ok(summary.screen(&[data, wrote.unwrap_or_default()], MORE))
     }
 
     /// Where the values of the written file may come from.
@@ -226,15 +225,15 @@ impl Diagnose {
             return Ok(judged("diagnose", diagnosis.diagnosis.error(), &report));
         }
         if self.verbose {
-            return Ok(diagnosis.diagnosis.to_string());
+            let told = &diagnosis.diagnosis;
+            return Ok(format!("{told}\n{}", told.ladder()));
         }
         let summary = diagnosis.summary(model.robot(), self.model.as_deref(), written);
-        let ladder = if self.apply {
-            diagnosis.diagnosis.ladder() + "\n"
-        } else {
-            String::new()
+        let wrote = match (written, &self.model) {
+            (true, Some(path)) => format!("Wrote {}.", path.display()),
+            _ => String::new(),
         };
-        Ok(format!("{ladder}{summary}"))
+        Ok(summary.screen(&[wrote], MORE))
     }
 }
 

@@ -1,11 +1,13 @@
 //! `proprio effects`: the catalogue.
 
-use crate::catalogue;
 use std::path::PathBuf;
+
+use crate::catalogue;
+use crate::summary::{Summary, wrapped};
 
 use crate::model::{Model, UnknownName};
 use clap::Args;
-use proprio_core::effect::{Description, Mjcf, Parameter};
+use proprio_core::effect::{Description, EffectKind, Form, Mjcf, Moved, Parameter};
 use serde::Serialize;
 
 use super::Error;
@@ -18,12 +20,16 @@ use super::result::result;
 #[command(after_help = "Examples:
   proprio effects
   proprio effects stribeck load_friction
+  proprio effects --verbose
   proprio effects -m go2.toml
   proprio effects --json")]
 pub(crate) struct Effects {
     /// Only these
     #[arg(value_name = "EFFECT")]
     effects: Vec<String>,
+    /// Print each: its torque, parameters, look-alikes and the motion that separates them
+    #[arg(short, long)]
+    verbose: bool,
     /// With the formulas of this model file
     #[arg(short, long, value_name = "MODEL")]
     model: Option<PathBuf>,
@@ -79,6 +85,9 @@ impl Effects {
             chosen.extend(own);
             chosen.dedup();
         }
+        if !(self.json || self.verbose || at_length) {
+            return Ok(by_form(&chosen));
+        }
         let report = Report {
             effects: chosen
                 .iter()
@@ -92,6 +101,51 @@ impl Effects {
             report.to_string()
         })
     }
+}
+
+/// The names, by what they act on.
+fn by_form(effects: &[EffectKind]) -> String {
+    let groups: [(&str, fn(&Description) -> bool); 5] = [
+        ("Every drive", Description::is_plain),
+        ("At a joint", |d| {
+            matches!(d.form, Form::Columns) && !d.is_plain()
+        }),
+        ("Between joints", |d| matches!(d.form, Form::Coupled)),
+        ("Transmission", |d| {
+            matches!(d.form, Form::Motion(Moved::Link(_)))
+        }),
+        ("Sensors, time", |d| {
+            let moved = matches!(d.form, Form::Motion(moved) if !matches!(moved, Moved::Link(_)));
+            moved || matches!(d.form, Form::Scale | Form::Clock)
+        }),
+    ];
+    let mut left: Vec<EffectKind> = effects.to_vec();
+    let mut points = Vec::new();
+    for (title, is_of) in groups {
+        let (own, others) = left.into_iter().partition(|e| is_of(e.description()));
+        left = others;
+        points.push((title, own));
+    }
+    points.push(("Bodies, base", left));
+    let names = |own: &[EffectKind]| {
+        let names: Vec<&str> = own.iter().map(|e| e.name()).collect();
+        names.join(", ")
+    };
+    let lines = points.iter().filter(|(_, own)| !own.is_empty());
+    let rows = lines.flat_map(|(title, own)| {
+        let text = wrapped(&names(own), &format!("  {title:<15}"), &" ".repeat(17));
+        text.lines().map(str::to_owned).collect::<Vec<_>>()
+    });
+    let screen = Summary {
+        headline: format!("{} effects that a model may lack", effects.len()),
+        rows: rows.collect(),
+        next: vec![format!("proprio effects {}", effects[0].name())],
+        ..Summary::default()
+    };
+    screen.screen(
+        &[],
+        "--verbose (each: torque, parameters, look-alikes, separating motion)",
+    )
 }
 
 impl Entry {
@@ -144,25 +198,30 @@ impl std::fmt::Display for Report {
             if n > 0 {
                 writeln!(f)?;
             }
-            writeln!(f, "{}: {}", effect.name, effect.words)?;
-            writeln!(f, "    torque         {}", effect.torque)?;
+            let line = |what: &str, text: &str| {
+                let first = format!("    {what:<15}");
+                wrapped(text, &first, &" ".repeat(first.len()))
+            };
+            let text = format!("{}: {}", effect.name, effect.words);
+            write!(f, "{}", wrapped(&text, "", "  "))?;
+            write!(f, "{}", line("torque", effect.torque))?;
             let parameters: Vec<String> = effect
                 .parameters
                 .iter()
                 .map(ParameterEntry::words)
                 .collect();
-            writeln!(f, "    parameters     {}", parameters.join("; "))?;
+            write!(f, "{}", line("parameters", &parameters.join("; ")))?;
             if !effect.looks_like.is_empty() {
-                writeln!(f, "    looks like     {}", effect.looks_like.join(", "))?;
+                write!(f, "{}", line("look-alikes", &effect.looks_like.join(", ")))?;
             }
-            writeln!(f, "    told apart by  {}", effect.told_apart_by)?;
+            write!(f, "{}", line("separated by", effect.told_apart_by))?;
             let spelling = [("URDF", effect.urdf), ("MJCF", effect.mjcf)];
             let spelling = spelling
                 .iter()
                 .filter_map(|(format, word)| Some(format!("{format} {}", (*word)?)));
             let spelling: Vec<String> = spelling.collect();
             if self.at_length && !spelling.is_empty() {
-                writeln!(f, "    exported as    {}", spelling.join(", "))?;
+                write!(f, "{}", line("exported as", &spelling.join(", ")))?;
             }
         }
         Ok(())

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::model::Model;
 use crate::model::export::{Exported, mjcf, urdf};
+use crate::model::{Model, Robot};
 use crate::output;
+use crate::summary::{joints_in_words, wrapped};
 use clap::{ArgGroup, Args};
 use serde::Serialize;
 
@@ -84,7 +85,9 @@ impl Export {
                 },
             ));
         }
-        notes.iter().for_each(|note| eprintln!("note: {note}"));
+        for note in together(&notes, model.robot()) {
+            eprint!("{}", wrapped(&format!("note: {note}"), "", "  "));
+        }
         Ok(match self.output {
             Some(path) => format!(
                 "Wrote {} bodies and {} effects to {}.\n",
@@ -94,5 +97,68 @@ impl Export {
             ),
             None => text,
         })
+    }
+}
+
+/// Notes of effects that are left out for the same reason, as one: `bias (all joints), velocity_gain (FR_hip) are left out: …`.
+fn together(notes: &[String], robot: &Robot) -> Vec<String> {
+    const LEFT_OUT: &str = " is left out: ";
+    let all: Vec<String> = robot
+        .bodies()
+        .iter()
+        .map(|body| body.name.clone())
+        .collect();
+    let mut told: Vec<String> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<(&str, Vec<String>)>)> = Vec::new();
+    for note in notes {
+        let place = note.split_once(LEFT_OUT).and_then(|(place, reason)| {
+            let (effect, joint) = place.split_once(':')?;
+            Some((effect, joint.to_owned(), reason))
+        });
+        let Some((effect, joint, reason)) = place else {
+            told.push(note.clone());
+            continue;
+        };
+        let known = reasons.iter().position(|(known, _)| *known == reason);
+        let n = known.unwrap_or_else(|| {
+            reasons.push((reason, Vec::new()));
+            reasons.len() - 1
+        });
+        let effects = &mut reasons[n].1;
+        match effects.iter_mut().find(|(known, _)| *known == effect) {
+            Some((_, joints)) => joints.push(joint),
+            None => effects.push((effect, vec![joint])),
+        }
+    }
+    told.extend(reasons.into_iter().map(|(reason, effects)| {
+        let one = |(effect, joints): (&str, Vec<String>)| {
+            format!("{effect} ({})", joints_in_words(&joints, &all))
+        };
+        let list: Vec<String> = effects.into_iter().map(one).collect();
+        format!("left out: {}: {reason}", list.join(", "))
+    }));
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_out_for_one_reason_is_one_note() {
+        let robot = Robot::go2();
+        let calves = ["FR", "FL", "RR", "RL"];
+        let mut notes: Vec<String> = (calves.iter())
+            .map(|leg| format!("bias:{leg}_calf is left out: MJCF has no word for it"))
+            .collect();
+        notes.push("delay:FR_hip is left out: MJCF has no word for it".to_owned());
+        notes.push("the base is fixed".to_owned());
+        assert_eq!(
+            together(&notes, &robot),
+            [
+                "the base is fixed",
+                "left out: bias (all calves), delay (FR_hip): MJCF has no word for it"
+            ]
+        );
     }
 }

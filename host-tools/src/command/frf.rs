@@ -75,16 +75,18 @@ impl Frf {
     }
 
     fn text(&self, found: &Responses) -> String {
-        let mut text = found.summary(self.model.as_deref(), self.apply).to_string();
-        if let (Some(path), true) = (&self.model, self.apply) {
-            text += &format!("Wrote {}.\n", path.display());
+        let summary = found.summary(self.model.as_deref(), self.apply);
+        let model = self.model.as_ref().filter(|_| self.apply);
+        let written = model.into_iter().chain(&self.output);
+        let wrote: Vec<String> = written
+            .map(|path| format!("Wrote {}.", path.display()))
+            .collect();
+        match self.verbose {
+            true => summary.screen(&wrote, "") + &found.details(),
+            false => summary.screen(
+                &wrote,
+                "--verbose (values, points), --html frf.html, -o responses.csv",
+            ),
         }
-        if let Some(path) = &self.output {
-            text += &format!("Wrote {}.\n", path.display());
-        }
-        if self.verbose {
-            return text + &found.details();
-        }
-        text + "More: --verbose (values, points), --html frf.html, -o responses.csv\n"
     }
 }

@@ -4,7 +4,7 @@ mod factors;
 
 use std::path::{Path, PathBuf};
 
-use crate::advise::{closing, pointer};
+use crate::advise::closing;
 use crate::compare::{ValuesFrom, compare, compare_free_base};
 use crate::estimate::Constraint;
 use crate::identify::{
@@ -37,7 +37,7 @@ pub(crate) struct Identify {
     #[arg(value_name = "LOG", required_unless_present = "factor")]
     logs: Vec<PathBuf>,
     /// Instead of logs: factors that `replay --factors` or `monitor` read from devices, merged
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["logs", "output", "bus", "physical", "free", "free_base", "html", "model", "base", "stages", "method"])]
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["logs", "output", "bus", "verbose", "physical", "free", "free_base", "html", "model", "base", "stages", "method"])]
     factor: Vec<PathBuf>,
     /// Also write a model file with the values; or, if the name ends in .json, what --json prints
     #[arg(short, long, value_name = "FILE")]
@@ -68,7 +68,10 @@ pub(crate) struct Identify {
     model: Option<PathBuf>,
     #[command(flatten)]
     part: super::Part,
-    /// Also print what is identifiable at all, and what these logs do not identify
+    /// Print each value ± its standard deviation
+    #[arg(short, long)]
+    verbose: bool,
+    /// Print each value, what is identifiable at all, and what these logs do not identify
     #[arg(long)]
     base: bool,
     /// Friction with the CAD's bodies first, then inertia, then physical inertia
@@ -81,6 +84,9 @@ pub(crate) struct Identify {
     #[arg(long)]
     json: bool,
 }
+
+/// What the first screen leaves to --verbose and the page.
+const MORE: &str = "--verbose (each value ± 1σ, priors), --base, --html report.html (plots)";
 
 /// Names of the equations on the command line.
 #[derive(Debug, Clone, Copy, Default, clap::ValueEnum)]
@@ -163,16 +169,21 @@ impl Identify {
         if self.json {
             return Ok(judged("identify", fitted.error(), fitted));
         }
-        let told = match self.base {
-            true => fitted.identifiability(),
-            false => String::new(),
-        };
         let file = self.model.as_deref();
-        let open = match self.base {
-            true => closing(model, file, &self.logs),
-            false => format!("\n{}", pointer(file, &self.logs)),
-        };
-        Ok(format!("{fitted}{told}{open}"))
+        if self.base {
+            let told = fitted.identifiability();
+            let open = closing(model, file, &self.logs);
+            return Ok(format!("{fitted}{told}{open}"));
+        }
+        // Steps and other equations are asked for to be looked at.
+        Ok(
+            match self.verbose || self.stages || options.method != Method::Momentum {
+                true => fitted.to_string(),
+                false => fitted
+                    .summary(file, self.model_file())
+                    .screen(&self.wrote(), MORE),
+            },
+        )
     }
 
     /// The whole robot, moving and in contact.
@@ -198,11 +209,19 @@ impl Identify {
             let page = pages::walk_identification(&found, &comparison);
             page.map_err(unreadable)?.write(path)?;
         }
-        Ok(if self.json {
-            judged("identify", found.error(), &found)
-        } else {
-            found.to_string()
+        Ok(match (self.json, self.verbose) {
+            (true, _) => judged("identify", found.error(), &found),
+            (false, true) => found.to_string(),
+            (false, false) => found
+                .summary(self.model.as_deref(), self.model_file())
+                .screen(&self.wrote(), MORE),
         })
+    }
+
+    /// Which file was written, for the first screen.
+    fn wrote(&self) -> Vec<String> {
+        let wrote = |path: &PathBuf| format!("Wrote {}.", path.display());
+        self.output.iter().map(wrote).collect()
     }
 
     fn constraint(&self) -> Constraint {

@@ -1,9 +1,11 @@
 //! `proprio show`: what a model file says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::model::{BASE, Model, Source};
 use crate::parameter;
+use crate::summary::{Summary, joints_in_words, typed};
+use crate::table::Table;
 use clap::Args;
 use serde::Serialize;
 
@@ -16,15 +18,22 @@ use super::result::result;
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio show go2.toml
+  proprio show go2.toml --verbose
   proprio show go2.toml --json")]
 pub(crate) struct Show {
     /// The model file
     #[arg(value_name = "MODEL")]
     model: PathBuf,
+    /// Print each joint's values
+    #[arg(short, long)]
+    verbose: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
+
+/// Kinds of effects that the first screen has room for.
+const KINDS: usize = 8;
 
 /// What `show` reports.
 #[derive(Debug, Serialize)]
@@ -77,10 +86,10 @@ impl Show {
     pub(crate) fn run(self) -> Result<String, Error> {
         let model = Model::load(&self.model)?;
         let report = Report::of(self.model, &model);
-        Ok(if self.json {
-            result("show", &report)
-        } else {
-            report.to_string()
+        Ok(match (self.json, self.verbose) {
+            (true, _) => result("show", &report),
+            (false, true) => report.to_string(),
+            (false, false) => report.screen(),
         })
     }
 }
@@ -141,14 +150,80 @@ impl Report {
         }
     }
 
-    /// The effects, one line each kind: `coulomb  N m        FR_hip 0.146 ±0.004; not identified yet: FL_hip`.
-    fn effect_lines(&self) -> Vec<String> {
+    /// The first screen: the effects by kind with the range of their values, the bodies, where they are from.
+    fn screen(&self) -> String {
+        let joints = self.joints();
+        let kinds = self.kinds();
+        let mut table = Table::default();
+        for kind in kinds.iter().take(KINDS) {
+            let own: Vec<&Effect> = self.effects.iter().filter(|e| e.effect == *kind).collect();
+            let at: Vec<String> = own.iter().map(|e| e.joint.clone()).collect();
+            let unit = own.first().map_or("", |effect| effect.unit);
+            table.row([
+                (*kind).to_owned(),
+                joints_in_words(&at, &joints),
+                format!("{} {unit}", range(&own)),
+            ]);
+        }
+        let table = table.to_string();
+        let mut rows: Vec<String> = table.lines().map(|line| format!("  {line}")).collect();
+        if kinds.len() > KINDS {
+            rows.push(format!("  … and {} more", kinds.len() - KINDS));
+        }
+        let held =
+            (self.held.iter()).map(|held| format!("{} is held at {}", held.joint, held.position));
+        let notes: Vec<String> = held.chain(self.notes.iter().cloned()).collect();
+        let from = self
+            .command
+            .as_ref()
+            .map(|command| format!("from {}: {command}", self.logs.join(", ")));
+        let points = (!notes.is_empty())
+            .then(|| notes.join("; "))
+            .into_iter()
+            .chain(from);
+        let found = self.logs.iter().all(|log| Path::new(log).exists());
+        let logs: Vec<PathBuf> = self.logs.iter().map(PathBuf::from).collect();
+        let next = (found && !logs.is_empty())
+            .then(|| format!("proprio compare {}", typed(&logs, Some(&self.model))));
+        let screen = Summary {
+            headline: format!(
+                "{}: {} ({}), {} joints; {} effects, {} bodies that are not the CAD's",
+                self.model.display(),
+                self.robot,
+                self.source,
+                joints.len(),
+                kinds.len(),
+                self.bodies.len()
+            ),
+            rows,
+            points: points.collect(),
+            next: next.into_iter().collect(),
+        };
+        screen.screen(&[], "--verbose (each joint's values ± 1σ, bodies)")
+    }
+
+    fn joints(&self) -> Vec<String> {
+        (self
+            .limbs
+            .iter()
+            .flat_map(|limb| limb.joints.iter().cloned()))
+        .collect()
+    }
+
+    /// The kinds of effects, in the file's order.
+    fn kinds(&self) -> Vec<&'static str> {
         let mut kinds: Vec<&'static str> = Vec::new();
         for effect in &self.effects {
             if !kinds.contains(&effect.effect) {
                 kinds.push(effect.effect);
             }
         }
+        kinds
+    }
+
+    /// The effects, one line each kind: `coulomb  N m        FR_hip 0.146 ±0.004; not identified yet: FL_hip`.
+    fn effect_lines(&self) -> Vec<String> {
+        let kinds = self.kinds();
         let width = kinds.iter().map(|kind| kind.len()).max().unwrap_or(0);
         let units = self
             .effects
@@ -180,6 +255,26 @@ impl Report {
             .chain(unknown)
             .collect::<Vec<_>>()
             .join("; ")
+    }
+}
+
+/// `0.0431 to 0.2109` of those that have a value; how many have none.
+fn range(effects: &[&Effect]) -> String {
+    let values = || effects.iter().filter_map(|effect| effect.value);
+    let low = values().fold(f64::INFINITY, f64::min);
+    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let unknown = effects
+        .iter()
+        .filter(|effect| effect.value.is_none())
+        .count();
+    let known = match (low.is_finite(), low == high) {
+        (false, _) => return "not identified yet,".to_owned(),
+        (true, true) => format!("{low:.4}"),
+        (true, false) => format!("{low:.4} to {high:.4}"),
+    };
+    match unknown {
+        0 => known,
+        n => format!("{known} ({n} not identified yet)"),
     }
 }
 

@@ -31,8 +31,9 @@ impl Comparison {
         if points.is_empty() {
             points.push(NO_STRUCTURE.to_owned());
         }
-        points.truncate(POINTS - usize::from(self.black_box.is_some()));
-        points.extend(self.black_box.as_ref().map(black_box::sentence));
+        let bound = self.black_box.as_ref().filter(|boxes| boxes.is_known());
+        points.truncate(POINTS - usize::from(bound.is_some()));
+        points.extend(bound.map(black_box::sentence));
         let with = typed(&self.logs, model);
         let lacks = self
             .above_noise_percent
@@ -45,6 +46,7 @@ impl Comparison {
             headline: self.first_line(),
             points,
             next: vec![next],
+            ..Summary::default()
         }
     }
 

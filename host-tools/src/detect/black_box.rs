@@ -110,6 +110,13 @@ impl BlackBox {
             .map(|rung| rung.rms)
             .fold(self.rms, f64::min)
     }
+
+    /// Whether its last rung is known to better than half of itself: a bound of 0.2 ± 4.4 N m bounds nothing.
+    pub(crate) fn is_known(&self) -> bool {
+        self.rungs
+            .last()
+            .is_some_and(|rung| rung.std < 0.5 * rung.rms)
+    }
 }
 
 /// What a black box takes away of a joint's error.

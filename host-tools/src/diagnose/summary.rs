@@ -76,6 +76,7 @@ impl Diagnosis {
             headline: self.headline(&missing),
             points,
             next: vec![self.command(&missing, robot, model)],
+            ..Summary::default()
         }
     }
 

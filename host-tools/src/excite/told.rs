@@ -1,12 +1,14 @@
 //! What a triangle of rows tells of each parameter, beside what was known before and what any motion could tell.
 
 use nalgebra::DMatrix;
+use proprio_core::effect::EffectKind;
+use proprio_core::estimator::EFFECTS;
 use proprio_core::inertia::INERTIAL;
 
 use super::ExciteError;
 use super::cost::triangle;
 use super::settings::Earlier;
-use super::setup::Knowledge;
+use super::setup::{Knowledge, window_weights};
 use super::space::{Space, by_kind};
 use super::spectrum::spectrum;
 use crate::model::{self, Model};
@@ -22,6 +24,8 @@ pub struct Told {
     pub std: f64,
     /// After the best and longest of motions: what it shares with others in every motion stays unknown.
     pub best_std: f64,
+    /// Torque that `std` leaves open on the logs' motion: rms over windows, of all the limb's joints together, N m (sliding joints: N).
+    pub torque: f64,
 }
 
 /// What logs tell of a limb.
@@ -53,6 +57,7 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
         .tr_solve_upper_triangular(&root.transpose())
         .map_or_else(|| root.clone(), |x| x.transpose());
     let whole = Space::new(body.as_ref(), &theta, &columns, &root);
+    let torques = torques(model, limb, earlier);
     let parameters = names
         .into_iter()
         .enumerate()
@@ -64,6 +69,7 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
                 prior_std,
                 std: spread.row(n).norm(),
                 best_std: open.max(0.0).sqrt(),
+                torque: spread.row(n).norm() * torques[n],
             }
         })
         .collect();
@@ -80,4 +86,28 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
         parameters,
         condition_number: values.map_or(f64::INFINITY, |v| v.max() / v.min()),
     })
+}
+
+/// Torque that a unit of each parameter makes on the logs' motion: rms over windows, of all joints together. An offset of 1 N m makes 1 N m,
+/// so its column says how long the windows are together.
+fn torques(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Vec<f64> {
+    let weights = window_weights(model, limb);
+    let inertial = INERTIAL * limb.bodies.len();
+    let of_effect = |joint: usize, n: usize| {
+        let column = earlier
+            .triangle
+            .column(inertial + EFFECTS.len() * joint + n);
+        column.norm() / weights[joint]
+    };
+    let offset = EFFECTS
+        .iter()
+        .position(|effect| *effect == EffectKind::Bias);
+    let time = offset.map_or(f64::INFINITY, |n| of_effect(0, n));
+    let bodies = (0..inertial).map(|k| earlier.inertial.column(k).norm());
+    let joints = 0..limb.bodies.len();
+    let effects = joints.flat_map(|joint| (0..EFFECTS.len()).map(move |n| (joint, n)));
+    bodies
+        .chain(effects.map(|(joint, n)| of_effect(joint, n)))
+        .map(|norm| if time > 0.0 { norm / time } else { 0.0 })
+        .collect()
 }

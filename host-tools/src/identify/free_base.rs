@@ -1,4 +1,6 @@
-//! What `proprio identify --free-base` does: a walking robot's parameters, for machines and for humans.
+//! What `proprio identify --free-base` does: a walking robot's parameters, for machines and for humans; its first screen is in `summary`.
+
+mod summary;
 
 use std::fmt;
 use std::path::PathBuf;

@@ -5,13 +5,15 @@
 //! 3. `bus`: samples as a device receives them over the motor bus.
 //! 4. `to_model`: estimates into a model file.
 //! 5. `bodies`: bodies that are not the CAD's.
-//! 6. `free_base`: the same questions of a Go2 on a floating base.
+//! 6. `free_base`: the same questions of a robot on a floating base.
+//! 7. `screen`: what their first screens have in common.
 
 mod bodies;
 mod bus;
 mod free_base;
 pub(crate) mod model_fit;
 mod runs;
+mod screen;
 mod to_model;
 
 use std::path::PathBuf;

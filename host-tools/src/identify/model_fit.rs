@@ -1,6 +1,7 @@
 //! A model's effects and bodies, fitted to a recording.
 
 mod result;
+mod summary;
 mod words;
 
 use proprio_core::effect::{Form, Moved, Prior};

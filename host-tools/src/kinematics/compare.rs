@@ -186,6 +186,7 @@ impl PoseComparison {
             ),
             points,
             next: vec![format!("proprio calibrate {}", typed(&poses.files, model))],
+            ..Summary::default()
         }
     }
 

@@ -93,6 +93,7 @@ impl Calibration {
             headline,
             points,
             next: vec![next],
+            ..Summary::default()
         }
     }
 

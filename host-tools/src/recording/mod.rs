@@ -20,7 +20,6 @@ use serde::Serialize;
 use crate::gate::{DataGates, GateReport, Joint, Reading};
 use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
-use crate::summary::wrapped;
 pub use error::RecordingError;
 pub use limb::LimbRecording;
 pub use only::ConditionProblem;
@@ -449,7 +448,7 @@ pub fn first_gate_words(gates: &[LogGates]) -> String {
         0 => String::new(),
         more => format!(" (and {more} more)"),
     };
-    wrapped(&format!("Data: {first}{more}"), "", "  ")
+    format!("Data: {first}{more}")
 }
 
 /// What is wrong with the samples, a line each; that nothing is, if so.

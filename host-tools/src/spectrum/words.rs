@@ -82,6 +82,7 @@ impl Frf {
             headline,
             points,
             next: vec![next],
+            ..Summary::default()
         }
     }
 

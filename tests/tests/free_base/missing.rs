@@ -80,7 +80,10 @@ fn a_load_on_the_trunk_is_named_and_its_model_predicts() {
         &[&["diagnose", "--free-base", "--apply", &with], &file[..]].concat(),
     );
     assert!(screen.contains("Missing: payload (base)"), "{screen}");
-    assert!(screen.contains("$ proprio compare --free-base"), "{screen}");
+    assert!(
+        screen.contains("Next: proprio compare --free-base"),
+        "{screen}"
+    );
     let after = compared("go2.toml");
     println!("{before} → {after} N m");
     assert!(after < 0.2 * before && after < 0.04);

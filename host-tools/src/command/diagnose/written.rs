@@ -87,8 +87,7 @@ impl fmt::Display for Written {
         match (self.rms, self.of_other_logs) {
             (Some(rms), _) => write!(
                 f,
-                "Wrote {file}: values ± standard deviation of {values} of its {effects} effects and of {bodies} bodies; read back, it leaves {rms:.4} N m \
-                 of these logs, which it has seen"
+                "Wrote {file}: {values} of {effects} effects with values, {bodies} bodies; error of the file {rms:.4} N m on these logs (fitted data)"
             ),
             (None, true) => write!(
                 f,

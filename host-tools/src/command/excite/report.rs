@@ -84,12 +84,9 @@ impl std::fmt::Display for Report {
         }
         writeln!(
             f,
-            "\nCondition number of the identifiable inertias, masses, first moments and inertias each scaled by the prior; in SI, \
-             columns are per kg, kg m and kg m^2."
-        )?;
-        writeln!(
-            f,
-            "Within all limits at every instant, for parameters off by the stated uncertainty."
+            "\nCondition number of the identifiable inertias, each scaled by its prior; in SI,\n\
+             columns are per kg, kg m and kg m^2. Within all limits at every instant, for\n\
+             parameters off by the stated uncertainty."
         )?;
         if self.interrupted {
             writeln!(f, "Interrupted: the best motion until then.")?;

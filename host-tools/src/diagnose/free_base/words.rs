@@ -213,6 +213,25 @@ fn values(report: &CandidateReport) -> String {
 }
 
 impl FreeBaseDiagnosis {
+    /// The loads that were found: the body, and mass and place in words.
+    fn loads(&self) -> Vec<(String, String)> {
+        let path = &self.diagnosis.path;
+        let found = |c: &&CandidateReport| {
+            let is_step = |step: &PathStep| step.effect == c.effect && step.joints == c.joints;
+            path.iter()
+                .rev()
+                .find(|step| is_step(step))
+                .is_some_and(|step| !step.removed)
+        };
+        let candidates = self.diagnosis.candidates.iter();
+        let loads =
+            candidates.filter(|c| c.parameters.first().is_some_and(|p| p.symbol == LOAD[0].0));
+        let told = loads
+            .filter(found)
+            .map(|c| (c.joints.join(", "), values(c)));
+        told.collect()
+    }
+
     /// The first screen: as [`Diagnosis::summary`], but what is missing is added with its value, by `--apply`. `written`: the model file has
     /// it.
     pub fn summary(&self, robot: &Robot, model: Option<&Path>, written: bool) -> Summary {
@@ -228,11 +247,15 @@ impl FreeBaseDiagnosis {
             }];
             return summary;
         }
-        // What is missing, the step that takes most of it away, and what is left at the end.
-        let left = summary.points.pop();
-        summary.points.truncate(1);
-        summary.points.insert(0, self.diagnosis.reason.clone());
-        summary.points.extend(left);
+        // How heavy a load is, and where, is what its finder asks first.
+        for (place, load) in self.loads() {
+            let at = [format!("({place})"), format!(", {place}:")];
+            let of_it = |point: &&mut String| at.iter().any(|at| point.contains(at));
+            match summary.points.iter_mut().find(of_it) {
+                Some(point) => *point += &format!("; {load}"),
+                None => summary.points.insert(0, format!("{place}: {load}")),
+            }
+        }
         let logs = typed(&self.diagnosis.logs, None);
         let file = word(model.unwrap_or(Path::new(NEW_MODEL)));
         summary.next = vec![match written {

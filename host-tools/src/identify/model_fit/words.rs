@@ -98,7 +98,7 @@ fn others<'a>(
 }
 
 /// Names the values that cannot be, by two standard deviations: those of a fit without constraints.
-fn unphysical(f: &mut fmt::Formatter<'_>, parameters: &[FittedParameter]) -> fmt::Result {
+pub(super) fn unphysical(f: &mut impl Write, parameters: &[FittedParameter]) -> fmt::Result {
     let mut effects: Vec<EffectKind> = Vec::new();
     for p in parameters {
         if let Where::Effect(effect, ..) = p.place
@@ -151,7 +151,7 @@ fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
 }
 
 /// Which parameters have other values at another time, beyond chance: a line, or none.
-fn between(parameters: &[FittedParameter]) -> String {
+pub(super) fn between(parameters: &[FittedParameter]) -> String {
     let differs = |p: &&FittedParameter| p.std_between > 0.0;
     let mut differing: Vec<&FittedParameter> = parameters.iter().filter(differs).collect();
     let share = |p: &FittedParameter| p.std_between / p.estimate.std;

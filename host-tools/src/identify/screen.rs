@@ -1,0 +1,195 @@
+//! What the first screens of `identify` have in common: values by kinds of joints, and which of them the logs do not identify.
+
+use proprio_core::effect::EffectKind;
+
+use crate::catalogue;
+use crate::estimate::{ParameterEstimate, Status};
+use crate::parameter;
+use crate::summary::{by_kind, joints_in_words};
+use crate::table::{Table, with_std};
+
+/// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
+/// A value at its bound has a `*`.
+pub(super) fn drive_rows<'a>(
+    joints: &[String],
+    find: impl Fn(&str) -> Option<&'a ParameterEstimate>,
+) -> Vec<String> {
+    let of = |effect: EffectKind, joint: &String| find(&parameter::name_at(effect.name(), joint));
+    let has = |effect: &EffectKind| joints.iter().any(|joint| of(*effect, joint).is_some());
+    let effects: Vec<EffectKind> = EffectKind::PLAIN.into_iter().filter(has).collect();
+    if effects.is_empty() {
+        return Vec::new();
+    }
+    let mut table = Table::default();
+    let heading = |effect: &EffectKind| format!("{} {}", effect.name(), parameter::unit(*effect));
+    table.row(
+        [String::new()]
+            .into_iter()
+            .chain(effects.iter().map(heading)),
+    );
+    for (kind, members) in by_kind(joints) {
+        let cell = |effect: &EffectKind| {
+            let estimates = members.iter().filter_map(|joint| of(*effect, joint));
+            range(&estimates.collect::<Vec<_>>())
+        };
+        table.row([kind].into_iter().chain(effects.iter().map(cell)));
+    }
+    let text = table.to_string();
+    text.lines().map(|line| format!("  {line}")).collect()
+}
+
+/// `0.08–0.21`; of a single value `0.142 ±0.017`; with a `*` at its bound.
+fn range(estimates: &[&ParameterEstimate]) -> String {
+    let decimals = estimates
+        .iter()
+        .filter(|e| e.std > 0.0)
+        .map(|e| (1.0 - e.std.log10().floor()).clamp(0.0, 5.0) as usize);
+    let decimals = decimals.max().unwrap_or(4);
+    let one = |e: &ParameterEstimate| match (e.at_bound, e.value == 0.0) {
+        (true, true) => "0*".to_owned(),
+        (true, false) => format!("{:.decimals$}*", e.value),
+        (false, _) => format!("{:.decimals$}", e.value),
+    };
+    let by_value = |a: &&&ParameterEstimate, b: &&&ParameterEstimate| a.value.total_cmp(&b.value);
+    match estimates {
+        [] => "–".to_owned(),
+        [e] if e.at_bound => one(e),
+        [e] => with_std(e.value, e.std),
+        _ => {
+            let ends = [
+                estimates.iter().min_by(by_value),
+                estimates.iter().max_by(by_value),
+            ];
+            let [low, high] = ends.map(|end| end.map_or_else(String::new, |e| one(e)));
+            match low == high {
+                true => low,
+                false => format!("{low}–{high}"),
+            }
+        }
+    }
+}
+
+/// The effects beyond the drive, each with its joints.
+pub(super) fn other_effects(estimates: &[&ParameterEstimate], joints: &[String]) -> Option<String> {
+    let is_other = |name: &str| {
+        catalogue::effect_named(name).is_some_and(|effect| !effect.description().is_plain())
+    };
+    let named = estimates
+        .iter()
+        .filter(|e| !e.is_inertial())
+        .filter_map(|e| e.name.split_once(':'))
+        .filter(|(what, _)| is_other(what));
+    let listed = by_effect(named, joints);
+    (!listed.is_empty()).then(|| format!("Other effects: {listed}."))
+}
+
+/// The drive's values that the logs do not identify: those at a bound by name, the others by how many they are.
+pub(super) fn not_identified(
+    estimates: &[&ParameterEstimate],
+    joints: &[String],
+) -> Option<String> {
+    let plain = |e: &&&ParameterEstimate| {
+        let what = e.name.split(':').next().unwrap_or_default();
+        EffectKind::PLAIN.iter().any(|effect| effect.name() == what)
+    };
+    let drive: Vec<&&ParameterEstimate> = estimates.iter().filter(plain).collect();
+    let at_bound = drive.iter().filter(|e| e.at_bound);
+    let bounds = by_effect(at_bound.filter_map(|e| e.name.split_once(':')), joints);
+    let open = |e: &&&&ParameterEstimate| !e.at_bound && e.status != Status::Identified;
+    let open = drive.iter().filter(open).count();
+    let mut words = Vec::new();
+    if !bounds.is_empty() {
+        words.push(format!("* at a bound, not identified: {bounds}."));
+    }
+    if open > 0 {
+        words.push(format!(
+            "{open} of {} drive values are prior-dominated.",
+            drive.len()
+        ));
+    }
+    (!words.is_empty()).then(|| words.join(" "))
+}
+
+/// `armature (all hips), coulomb (FR_calf)`.
+fn by_effect<'a>(places: impl Iterator<Item = (&'a str, &'a str)>, joints: &[String]) -> String {
+    let mut effects: Vec<(&str, Vec<String>)> = Vec::new();
+    for (effect, joint) in places {
+        match effects.iter_mut().find(|(known, _)| *known == effect) {
+            Some((_, own)) => own.push(joint.to_owned()),
+            None => effects.push((effect, vec![joint.to_owned()])),
+        }
+    }
+    let words = effects
+        .iter()
+        .map(|(effect, own)| format!("{effect} ({})", joints_in_words(own, joints)));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// How many of the bodies' numbers the logs identify.
+pub(super) fn bodies(estimates: &[&ParameterEstimate]) -> String {
+    let inertial: Vec<_> = estimates.iter().filter(|e| e.is_inertial()).collect();
+    let identified = inertial
+        .iter()
+        .filter(|e| e.status == Status::Identified)
+        .count();
+    format!(
+        "Bodies: {identified} of {} inertial parameters identified beyond the CAD.",
+        inertial.len()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(name: &str, value: f64, at_bound: bool) -> ParameterEstimate {
+        ParameterEstimate {
+            name: name.to_owned(),
+            unit: "N m",
+            value,
+            std: 0.02,
+            prior: 0.0,
+            prior_std: 1.0,
+            status: if at_bound {
+                Status::Prior
+            } else {
+                Status::Identified
+            },
+            at_bound,
+        }
+    }
+
+    #[test]
+    fn values_are_told_by_kinds_of_joints() {
+        let joints: Vec<String> = ["FR", "FL", "RR", "RL"]
+            .iter()
+            .flat_map(|leg| ["hip", "thigh", "calf"].map(|kind| format!("{leg}_{kind}")))
+            .collect();
+        let all: Vec<ParameterEstimate> = joints
+            .iter()
+            .enumerate()
+            .map(|(n, joint)| estimate(&format!("coulomb:{joint}"), 0.1 * n as f64, n == 0))
+            .collect();
+        let find = |name: &str| all.iter().find(|e| e.name == name);
+        let rows = drive_rows(&joints, find);
+        assert_eq!(rows.len(), 4, "{rows:#?}");
+        assert!(rows[1].ends_with("0*–0.900"), "{rows:#?}");
+        let all: Vec<&ParameterEstimate> = all.iter().collect();
+        assert_eq!(
+            not_identified(&all, &joints).as_deref(),
+            Some("* at a bound, not identified: coulomb (FR_hip).")
+        );
+    }
+
+    #[test]
+    fn a_robot_of_few_joints_has_a_row_each() {
+        let joints = ["shoulder".to_owned(), "elbow".to_owned()];
+        let all = [
+            estimate("coulomb:shoulder", 0.5, false),
+            estimate("coulomb:elbow", 0.25, false),
+        ];
+        let rows = drive_rows(&joints, |name| all.iter().find(|e| e.name == name));
+        assert_eq!(rows.len(), 3);
+        assert!(rows[1].contains("0.500 ±0.020"), "{rows:#?}");
+    }
+}
