@@ -155,7 +155,7 @@ impl std::fmt::Display for Report {
             if !effect.looks_like.is_empty() {
                 writeln!(f, "    looks like     {}", effect.looks_like.join(", "))?;
             }
-            writeln!(f, "    told apart by  {}", effect.told_apart_by)?;
+            writeln!(f, "    separated by   {}", effect.told_apart_by)?;
             let spelling = [("URDF", effect.urdf), ("MJCF", effect.mjcf)];
             let spelling = spelling
                 .iter()
