@@ -346,6 +346,6 @@ fn write_comparison(f: &mut fmt::Formatter<'_>, comparison: &Comparison) -> fmt:
             "{:.0} % of the square error: {}.",
             worst.share_percent, worst.sentence
         ),
-        None => writeln!(f, "What is left follows nothing that moves."),
+        None => writeln!(f, "The residual has no structure above the noise."),
     }
 }

@@ -293,10 +293,10 @@ const ACCEPTED: &str = "accepted";
 fn words_of(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Accepted => ACCEPTED,
-        Outcome::NotHeard => "its motor is not heard",
+        Outcome::NotHeard => "its motor does not answer",
         Outcome::Moves => "it moves",
         Outcome::OutOfRange => "it cannot be there",
-        _ => "the device cannot be told",
+        _ => "the device refuses",
     }
 }
 
