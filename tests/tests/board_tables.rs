@@ -80,7 +80,9 @@ fn the_documents_say_what_the_budgets_say() {
         line.replace("|  |", "| |")
     };
     let pages = ["docs/board.md", "studies/board.md"].map(|page| root.join(page));
-    let committed = pages.each_ref().map(|page| fs::read_to_string(page).unwrap());
+    let committed = pages
+        .each_ref()
+        .map(|page| fs::read_to_string(page).unwrap());
     let mut written = committed.clone();
     for own in ROWS {
         let begin = format!("| {} |", own.0);

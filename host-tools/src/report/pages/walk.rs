@@ -58,9 +58,9 @@ pub fn walk_identification(
     header.headline = format!(
         "Error {:.4} N m{}, {:.4} with the CAD alone, in the {} equations of {} windows, contact forces eliminated",
         found.rms,
-        found.held_out_rms.map_or(String::new(), |rms| format!(
-            ", {rms:.4} held out"
-        )),
+        found
+            .held_out_rms
+            .map_or(String::new(), |rms| format!(", {rms:.4} held out")),
         found.cad_rms,
         found.windows.equations,
         found.windows.used
