@@ -187,9 +187,10 @@ fn length(sentence: &str) -> usize {
     sentence.split_whitespace().filter(is_word).count()
 }
 
-/// What a reader reads: README and all of docs/.
+/// What a reader reads: README, CONTRIBUTING, the examples' page and all of docs/.
 fn read_pages() -> Vec<(PathBuf, String)> {
-    let all = std::iter::once(PathBuf::from("README.md")).chain(pages());
+    let others = ["README.md", "CONTRIBUTING.md", "examples/README.md"];
+    let all = others.into_iter().map(PathBuf::from).chain(pages());
     all.map(|page| {
         let text = fs::read_to_string(root().join(&page)).unwrap();
         (page, text)
