@@ -448,6 +448,31 @@ fn exists(file: &Path, page: &str) -> bool {
         .any(|path| path.is_file())
 }
 
+/// A file or folder of the repository that a page names in backquotes exists.
+#[test]
+fn files_that_pages_name_exist() {
+    let mut faults = Vec::new();
+    let mut count = 0;
+    for (page, text) in read_pages() {
+        for named in text.split('`').skip(1).step_by(2) {
+            let (folder, path) = named.split_once('/').unwrap_or_default();
+            let is_path = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
+            // NAME and TARGET stand for names that a reader chooses.
+            let chosen =
+                |part: &str| part.len() > 1 && part.chars().all(|c| c.is_ascii_uppercase());
+            let whole = path.chars().all(is_path) && !path.split(['/', '.']).any(chosen);
+            if whole && !folder.is_empty() && root().join(folder).is_dir() {
+                count += 1;
+                if !root().join(named).exists() {
+                    faults.push(format!("{}: {named}", page.display()));
+                }
+            }
+        }
+    }
+    assert!(count > 50, "{count}");
+    none(&faults);
+}
+
 /// docs/catalogue.md is what `proprio effects` lists.
 #[test]
 fn the_catalogues_page_is_the_catalogue() {
