@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use proprio_tests::command::{done, frf_arm, proprio, stderr};
+use proprio_tests::command::{done, frf_arm, proprio, recorded_logs, stderr};
 
 /// What is no proprio of ours: it starts another program, or all tests.
 const NOT_RUN: [&str; 2] = ["cargo ", "tests/run"];
@@ -149,6 +149,58 @@ fn markdown(folder: &str) -> Vec<PathBuf> {
     names
         .filter(|path| path.extension().is_some_and(|e| e == "md"))
         .collect()
+}
+
+/// What a page shows of a command (a block of text with lines that begin with `$ proprio`) is what the command prints, white space apart;
+/// `…` stands for what is not shown.
+fn outputs_are_as_shown(page: &str, folder: &Path) {
+    let text = fs::read_to_string(root().join(page)).unwrap();
+    let blocks = text.split("\n```text\n").skip(1);
+    let blocks = blocks.map(|rest| rest.split("\n```").next().unwrap());
+    let mut shown = 0;
+    for block in blocks.filter(|block| block.starts_with("$ ")) {
+        // A command of the page begins its line; the one that a screen ends with is indented.
+        let block = format!("\n{block}");
+        for part in block.split("\n$ proprio ").skip(1) {
+            let (command, output) = part.split_once('\n').unwrap_or((part, ""));
+            let words = words(command);
+            let words: Vec<&str> = words.iter().map(String::as_str).collect();
+            let printed = squeezed(&done(folder, &words));
+            let mut rest = printed.as_str();
+            for piece in squeezed(output).split('…').map(str::trim) {
+                let found = rest.find(piece);
+                let at = found.unwrap_or_else(|| panic!("{page}: not printed: {piece}\n{printed}"));
+                rest = &rest[at + piece.len()..];
+            }
+            shown += 1;
+        }
+    }
+    assert!(shown > 0, "{page} shows no output");
+}
+
+/// A text with one blank where it has white space.
+fn squeezed(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn what_formulas_print_is_as_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    outputs_are_as_shown("docs/effects.md", folder.path());
+}
+
+/// The real chirp that README, guide and `identify`'s page are of.
+#[test]
+fn what_a_real_log_prints_is_as_shown() {
+    let Some(logs) = recorded_logs() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let chirp = logs.join("go2_air_chirp_7.0hz_p25d5.0.csv");
+    fs::copy(chirp, folder.path().join("chirp.csv")).unwrap();
+    outputs_are_as_shown("README.md", folder.path());
+    outputs_are_as_shown("docs/guide.md", folder.path());
+    let applied = ["diagnose", "chirp.csv", "--apply", "-m", "go2.toml"];
+    done(folder.path(), &applied);
+    outputs_are_as_shown("docs/identify.md", folder.path());
 }
 
 /// The guide makes its own logs.
