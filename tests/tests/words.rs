@@ -473,6 +473,25 @@ fn files_that_pages_name_exist() {
     none(&faults);
 }
 
+/// Each key that docs/json.md names as a main one is in the command's schema.
+#[test]
+fn the_json_pages_keys_are_the_schemas() {
+    let page = fs::read_to_string(root().join("docs/json.md")).unwrap();
+    let table = page.split("## Main keys").nth(1).unwrap();
+    let rows: Vec<&str> = table.lines().filter(|row| row.starts_with("| `")).collect();
+    assert!(rows.len() > 10, "{rows:?}");
+    for row in rows {
+        let cells: Vec<&str> = row.split('|').collect();
+        let command = cells[1].trim().trim_matches('`');
+        let schema = fs::read_to_string(root().join(format!("docs/schema/{command}.json")));
+        let schema = json(&schema.unwrap());
+        for key in cells[2].split('`').skip(1).step_by(2) {
+            let known = &schema["$defs"]["result"]["properties"][key];
+            assert!(known.is_object(), "proprio {command} --json has no {key}");
+        }
+    }
+}
+
 /// docs/catalogue.md is what `proprio effects` lists.
 #[test]
 fn the_catalogues_page_is_the_catalogue() {
