@@ -1,5 +1,6 @@
 //! Every command line that README and docs/ show as one to be run (```sh) runs, in the order in which it stands there.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -151,31 +152,40 @@ fn markdown(folder: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// What a page shows of a command (a block of text with lines that begin with `$ proprio`) is what the command prints, white space apart;
-/// `…` stands for what is not shown.
-fn outputs_are_as_shown(page: &str, folder: &Path) {
-    let text = fs::read_to_string(root().join(page)).unwrap();
-    let blocks = text.split("\n```text\n").skip(1);
-    let blocks = blocks.map(|rest| rest.split("\n```").next().unwrap());
-    let mut shown = 0;
-    for block in blocks.filter(|block| block.starts_with("$ ")) {
-        // A command of the page begins its line; the one that a screen ends with is indented.
-        let block = format!("\n{block}");
-        for part in block.split("\n$ proprio ").skip(1) {
-            let (command, output) = part.split_once('\n').unwrap_or((part, ""));
-            let words = words(command);
-            let words: Vec<&str> = words.iter().map(String::as_str).collect();
-            let printed = squeezed(&done(folder, &words));
-            let mut rest = printed.as_str();
-            for piece in squeezed(output).split('…').map(str::trim) {
-                let found = rest.find(piece);
-                let at = found.unwrap_or_else(|| panic!("{page}: not printed: {piece}\n{printed}"));
-                rest = &rest[at + piece.len()..];
+/// What pages show of a command (a block of text with lines that begin with `$ proprio`) is what the command prints, white space apart;
+/// `…` stands for what is not shown. A command of several pages runs once.
+fn outputs_are_as_shown(pages: &[&str], folder: &Path) {
+    let mut outputs = HashMap::new();
+    for page in pages {
+        let text = fs::read_to_string(root().join(page)).unwrap();
+        let blocks = text.split("\n```text\n").skip(1);
+        let blocks = blocks.map(|rest| rest.split("\n```").next().unwrap());
+        let mut shown = 0;
+        for block in blocks.filter(|block| block.starts_with("$ ")) {
+            let block = format!("\n{block}");
+            for part in block.split("\n$ proprio ").skip(1) {
+                let (command, output) = part.split_once('\n').unwrap_or((part, ""));
+                let printed = outputs.entry(command.to_owned()).or_insert_with(|| {
+                    let words = words(command);
+                    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+                    squeezed(&done(folder, &words))
+                });
+                in_order(page, printed, &squeezed(output));
+                shown += 1;
             }
-            shown += 1;
         }
+        assert!(shown > 0, "{page} shows no output");
     }
-    assert!(shown > 0, "{page} shows no output");
+}
+
+/// Each piece of what is shown, between one `…` and the next, is printed, one after the other.
+fn in_order(page: &str, printed: &str, shown: &str) {
+    let mut rest = printed;
+    for piece in shown.split('…').map(str::trim) {
+        let found = rest.find(piece);
+        let at = found.unwrap_or_else(|| panic!("{page}: not printed: {piece}\n{printed}"));
+        rest = &rest[at + piece.len()..];
+    }
 }
 
 /// A text with one blank where it has white space.
@@ -186,7 +196,7 @@ fn squeezed(text: &str) -> String {
 #[test]
 fn what_formulas_print_is_as_shown() {
     let folder = tempfile::tempdir().unwrap();
-    outputs_are_as_shown("docs/effects.md", folder.path());
+    outputs_are_as_shown(&["docs/effects.md"], folder.path());
 }
 
 /// The real chirp that README, guide and `identify`'s page are of.
@@ -196,11 +206,10 @@ fn what_a_real_log_prints_is_as_shown() {
     let folder = tempfile::tempdir().unwrap();
     let chirp = logs.join("go2_air_chirp_7.0hz_p25d5.0.csv");
     fs::copy(chirp, folder.path().join("chirp.csv")).unwrap();
-    outputs_are_as_shown("README.md", folder.path());
-    outputs_are_as_shown("docs/guide.md", folder.path());
+    outputs_are_as_shown(&["README.md", "docs/guide.md"], folder.path());
     let applied = ["diagnose", "chirp.csv", "--apply", "-m", "go2.toml"];
     done(folder.path(), &applied);
-    outputs_are_as_shown("docs/identify.md", folder.path());
+    outputs_are_as_shown(&["docs/identify.md"], folder.path());
 }
 
 /// The guide makes its own logs.
