@@ -1,6 +1,6 @@
 //! How far from the CAD the hip and calf inertias of recorded logs come out.
 //!
-//! A study of the same robot's leg (`/work/shared/go2.md` has its figures) found 146e-3 kg m² for the hip's inertia where the
+//! A study of the same robot's leg found 146e-3 kg m² for the hip's inertia where the
 //! CAD says 0.48e-3: a fit without a prior puts there whatever its model lacks.
 
 use std::path::Path;

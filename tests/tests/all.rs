@@ -64,6 +64,7 @@ mod schemas;
 mod screens;
 mod second_encoder;
 mod walking;
+mod words;
 
 /// No file is forgotten: each one beside this is a module of it.
 #[test]

@@ -1,4 +1,4 @@
-//! The tables of cost in `docs/board.md` say what `budgets.toml` accepted; `PROPRIO_ACCEPT=1` writes them.
+//! The tables of cost in `docs/board.md` and `studies/board.md` say what `budgets.toml` accepted; `PROPRIO_ACCEPT=1` writes them.
 
 use std::fs;
 use std::path::Path;
@@ -79,20 +79,32 @@ fn the_documents_say_what_the_budgets_say() {
         );
         line.replace("|  |", "| |")
     };
-    let path = root.join("docs/board.md");
-    let committed = fs::read_to_string(&path).unwrap();
+    let pages = ["docs/board.md", "studies/board.md"].map(|page| root.join(page));
+    let committed = pages
+        .each_ref()
+        .map(|page| fs::read_to_string(page).unwrap());
     let mut written = committed.clone();
     for own in ROWS {
         let begin = format!("| {} |", own.0);
-        let line = committed.lines().find(|line| line.starts_with(&begin));
-        let line = line.unwrap_or_else(|| panic!("docs/board.md has no row `{begin}`"));
-        written = written.replace(line, &row(own));
+        let mut found = false;
+        for (text, written) in committed.iter().zip(&mut written) {
+            for line in text.lines().filter(|line| line.starts_with(&begin)) {
+                found = true;
+                *written = written.replace(line, &row(own));
+            }
+        }
+        assert!(found, "neither page has a row `{begin}`");
     }
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {
-        fs::write(&path, &written).unwrap();
+        for (page, text) in pages.iter().zip(&written) {
+            fs::write(page, text).unwrap();
+        }
+        return;
     }
-    let committed = fs::read_to_string(&path).unwrap();
-    assert_eq!(committed, written, "PROPRIO_ACCEPT=1 writes docs/board.md");
+    assert_eq!(
+        committed, written,
+        "PROPRIO_ACCEPT=1 writes docs/board.md and studies/board.md"
+    );
 }
 
 /// 12 345.

@@ -12,7 +12,7 @@ impl Effect for Armature {
         torque: "Ia q̈",
         plain: true,
         parameters: &[Parameter::new("Ia", "kg m^2", 0.0, f64::INFINITY)],
-        words: "inertia of the motor's rotor, felt at the joint times the gear ratio squared",
+        words: "reflected inertia of the motor's rotor: times the gear ratio squared",
         look_alikes: &["payload", "delay", "elasticity", "torque_gain"],
         separated_by: "fast motion of this joint while the joints below it are held at different angles",
         mjcf: Some(Mjcf::Joint("armature")),

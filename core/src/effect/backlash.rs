@@ -20,7 +20,7 @@ impl Effect for Backlash {
         enters: Enters::Trial,
         reach: Reach::Joint,
         parameters: &[Parameter::new("gap", "rad", 0.0, 0.2).searched(Grid::Gaps)],
-        words: "play between motor and link, crossed when the torque changes sign",
+        words: "a gap between motor and link, crossed when the torque changes sign",
         look_alikes: &["elasticity", "cogging", "coulomb", "delay"],
         separated_by: "slow motion through the pose in which the torque changes sign",
         ..Description::TORQUE

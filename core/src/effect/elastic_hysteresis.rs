@@ -23,7 +23,7 @@ impl Effect for ElasticHysteresis {
             Parameter::new("f", "N m", 0.0, f64::INFINITY),
             Parameter::new("w", "rad", 0.0, f64::INFINITY),
         ],
-        words: "the gear gives way otherwise under a growing torque than under a falling one (friction inside the gear)",
+        words: "the gear deflects otherwise under a growing torque than under a falling one (friction inside the gear)",
         look_alikes: &["elasticity", "backlash"],
         separated_by: "a second encoder at the link (q_link)",
         ..Description::TORQUE

@@ -20,7 +20,7 @@ impl Effect for Elasticity {
         parameters: &[
             Parameter::new("1/k", "rad/(N m)", 0.0, f64::INFINITY).searched(Grid::Resonances)
         ],
-        words: "the link gives way against the motor in proportion to the torque (gear, belt, shaft)",
+        words: "the link deflects against the motor in proportion to the torque (gear, belt, shaft)",
         look_alikes: &["delay", "armature", "backlash"],
         separated_by: "fast motion near the resonance and slow motion under load",
         ..Description::TORQUE

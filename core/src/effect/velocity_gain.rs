@@ -15,7 +15,7 @@ impl Effect for VelocityGain {
         parameters: &[Parameter::new("g", "1", 0.2, 5.0).neutral(1.0)],
         words: "the reported velocity is a constant multiple of the true one (position is right)",
         look_alikes: &["viscous", "armature", "torque_gain"],
-        separated_by: "any motion: positions alone tell it",
+        separated_by: "any motion: positions alone show it",
         ..Description::TORQUE
     };
 

@@ -219,7 +219,7 @@ impl LimbAdvice {
                 .count()
         };
         format!(
-            "{}: {} parameters told, {} partly, {} open; {} that no motion tells apart from others. Condition number {:.0}.\n",
+            "{}: {} parameters identified, {} in part, {} prior-dominated; {} not identifiable with a fixed base. Condition number {:.0}.\n",
             self.limb,
             of(Learned::Told),
             of(Learned::Partly),
@@ -231,7 +231,7 @@ impl LimbAdvice {
 
     /// The command for the next motion, as a line.
     fn way_on(&self) -> String {
-        let line = |command| format!("  the motion that would tell: {command}\n");
+        let line = |command| format!("  the motion that identifies more: {command}\n");
         self.command.as_ref().map(line).unwrap_or_default()
     }
 
@@ -259,10 +259,10 @@ impl Advice {
 impl fmt::Display for Advice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words = match self.learned {
-            Learned::Told => "told",
-            Learned::Partly => "told in part",
-            Learned::Open => "open",
-            Learned::Never => "no motion tells it alone",
+            Learned::Told => "identified",
+            Learned::Partly => "in part",
+            Learned::Open => "prior-dominated",
+            Learned::Never => "not identifiable alone",
         };
         let best = match self.learned {
             Learned::Never => String::new(),

@@ -9,17 +9,17 @@ use super::result::result;
 use super::{Error, model_or_default};
 use crate::progress::Progress;
 
-/// Say what logs could not tell, and the motion that would
+/// Show what logs do not identify, and the motion that does
 ///
 /// Each inertial parameter and each joint's friction, rotor inertia and offset: its standard deviation before the logs, after
-/// them, and after the best of motions. What no motion of a pinned limb tells apart is counted, not blamed on the log.
+/// them, and after the best of motions. Parameters that no motion of a fixed-base limb can identify are counted apart.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio advise chirp.csv
   proprio advise monday.csv tuesday.csv --legs FR --verbose
   proprio advise arm.csv --model arm.toml --json")]
 pub(crate) struct Advise {
-    /// Logs: CSV, plain or gzip-compressed
+    /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
     /// The robot and what is known of it [default: the Go2's CAD]

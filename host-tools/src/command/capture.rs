@@ -25,12 +25,12 @@ use super::result::result;
 use super::zero::{parse_at, parse_joint};
 use crate::progress::{Progress, Underway};
 
-/// Record a motor bus's raw bytes, or tell what a recording of them says
+/// Record a motor bus's raw bytes, or explain such a recording
 ///
-/// An RS-485 adapter listens to one leg's bus; `qemu` is the bus of an emulated board that hears a simulated robot. What it brings goes to the file with the times at which it came, until Ctrl-C
-/// or --seconds. --explain tells of such a file what the device would make of it: ids and order of the motors, cycle rate,
-/// turn-around times, seeds of the checksums, errors, and which share of the replies become samples. Times are as good as
-/// the adapter's: set the latency timer of a USB adapter to 1 ms.
+/// An RS-485 adapter listens to one leg's bus; `qemu` is the bus of an emulated board with a simulated robot. The bytes go to
+/// the file with their times, until Ctrl-C or --seconds. --explain prints what the device would make of such a file: ids and
+/// order of the motors, cycle rate, turn-around times, seeds of the checksums, errors, and the share of the replies that become
+/// samples. Times are as good as the adapter's: set the latency timer of a USB adapter to 1 ms.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
@@ -60,7 +60,7 @@ pub(crate) struct Capture {
     /// These joints' motors turn against them, separated by commas
     #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint, conflicts_with = "explain")]
     reversed: Vec<JointId>,
-    /// Tell what this capture says
+    /// Explain this capture
     #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "output", "seconds", "baud"])]
     explain: Option<PathBuf>,
     /// Print one JSON object

@@ -23,10 +23,10 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
 
 /// Compare model and measurement: how well, where and when it fails
 ///
-/// Data that cannot be trusted are named first. What the model file gives is taken as given. Where an effect has no value yet, as after `proprio add`, or has it from a diagnosis of
-/// these very logs, as after `diagnose --apply`, parameters are
-/// fitted within their priors to every stretch of time but the one that is predicted. Time in which a foot carries a force is told
-/// and left out.
+/// Data that cannot be trusted are named first. Values of the model file are taken as given. Where an effect has no value yet,
+/// as after `proprio add`, parameters are fitted within their priors to every block of time but the one that is predicted. The
+/// same holds for values of a diagnosis of these very logs, as after `diagnose --apply`. Time in which a foot carries a force is
+/// reported and excluded.
 ///
 /// A file of measured poses is compared as `calibrate` reads it: the error in mm, by target and pose.
 #[derive(Debug, Args)]
@@ -43,7 +43,7 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
   proprio compare poses.csv --model arm.toml
   proprio compare chirp.csv --model go2.toml --json")]
 pub(crate) struct Compare {
-    /// Logs: CSV, plain or gzip-compressed
+    /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
     /// The model; joints in the logs have its names; several, each with its own -m, stand side by side [default: the Go2's rigid body and no effect]
@@ -55,7 +55,7 @@ pub(crate) struct Compare {
     /// Take the model file as it is: what has no value does nothing
     #[arg(long)]
     given: bool,
-    /// The robot walks, sways or is swung: a Go2's equations that contact forces leave, from logs with gyro/ and acc/ columns
+    /// The robot is on its feet (floating base): contact forces are eliminated; from logs with gyro/ and acc/ columns
     #[arg(long, conflicts_with_all = ["at_rest", "output"])]
     free_base: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
@@ -69,10 +69,10 @@ pub(crate) struct Compare {
     without: Vec<String>,
     #[command(flatten)]
     part: super::Part,
-    /// Tell each joint's error, where and when the model fails
+    /// Print each joint's error, where and when the model fails
     #[arg(short, long)]
     verbose: bool,
-    /// Tell every place and moment where the model fails, not the worst ones only
+    /// Print every place and moment where the model fails, not the worst ones only
     #[arg(long)]
     all: bool,
     /// Also write a report with plots: one page, no network needed

@@ -27,9 +27,9 @@ use super::{Error, unreadable};
 
 /// Find a hidden effect in a simulated log: the tour
 ///
-/// Simulates a leg whose bodies are off the CAD and which hides an effect from its model. Compares model and log, diagnoses
-/// what is missing, adds it, compares again, and tells each command on the way. Log, model, and a report with plots stay in
-/// a directory to go on with. Takes seconds.
+/// Simulates a leg whose bodies are off the CAD and which hides an effect from its model. Compares model and log, diagnoses what
+/// is missing, adds it, compares again, and prints each command on the way. Log, model, and a report with plots stay in a
+/// directory to go on with. Takes seconds.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio demo
@@ -377,6 +377,6 @@ fn write_comparison(f: &mut fmt::Formatter<'_>, comparison: &Comparison) -> fmt:
             "{:.0} % of the square error: {}.",
             worst.share_percent, worst.sentence
         ),
-        None => writeln!(f, "What is left follows nothing that moves."),
+        None => writeln!(f, "The residual has no structure above the noise."),
     }
 }

@@ -26,12 +26,12 @@ use crate::progress::{Progress, Underway};
 /// What the first screen leaves to --verbose and the page.
 const MORE: &str = "--verbose (candidates, steps, ladder), --html report.html (plots, tick boxes)";
 
-/// Say which physical effect is missing
+/// Find which physical effect is missing
 ///
-/// Tries every effect of the catalogue at every joint: how much smaller does the error become on stretches of time that the
-/// fit has not seen? Names the best with its value, error and look-alikes, and goes on until nothing gains beyond its error.
-/// "Nothing is missing" is an answer. Where the catalogue leaves structure, formulas of physical terms are sought (docs/effects.md). From four logs on, each log is held out as a whole in turn, and an effect must make none of
-/// them worse predicted by the others.
+/// Tries every effect of the catalogue at every joint: how much does it reduce the held-out error? Names the best with its
+/// value, error and look-alikes, and goes on until nothing gains beyond its error. "Nothing is missing" is an answer. Where the
+/// catalogue leaves structure, formulas of physical terms are searched (docs/effects.md). From four logs on, each log is held
+/// out in turn, and an effect must make none of them worse predicted by the others.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio diagnose chirp.csv
@@ -41,7 +41,7 @@ const MORE: &str = "--verbose (candidates, steps, ladder), --html report.html (p
   proprio diagnose --free-base walk.csv --model go2.toml
   proprio diagnose chirp.csv --apply -m go2.toml && proprio compare chirp.csv -m go2.toml")]
 pub(crate) struct Diagnose {
-    /// Logs: CSV, plain or gzip-compressed
+    /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
     /// The model; joints in the logs have its names [default: the Go2's rigid body and no effect]
@@ -53,7 +53,7 @@ pub(crate) struct Diagnose {
     /// logs these stay, and effects that are new have none.
     #[arg(long)]
     apply: bool,
-    /// The robot walks, sways or is swung: effects at its joints and loads on its bodies, the trunk's too
+    /// The robot is on its feet (floating base): effects at its joints and payloads on its bodies, the trunk's too
     ///
     /// Logs have gyro/ and acc/ columns, as for `identify --free-base`. With --apply the values found are written to the model.
     #[arg(long)]

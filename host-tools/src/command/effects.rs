@@ -15,7 +15,7 @@ use super::result::result;
 
 /// List the effects that a model may lack
 ///
-/// Each with its torque, its parameters, the effects that look like it on poor data, and the motion that tells it from them.
+/// Each with its torque, its parameters, the effects that look like it on poor data, and the motion that separates them.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio effects

@@ -32,8 +32,8 @@ const MOST_GAIN: f64 = 500.0;
 /// torque and power hold at every instant, for parameters off by --uncertainty, and no shape comes nearer than --distance to
 /// another. Ctrl-C ends the search with the best motion so far; a second one ends the program.
 ///
-/// A robot that hangs by its trunk tells nothing of it. --standing designs a motion of the trunk over four planted feet, for
-/// `identify --free-base`.
+/// A suspended robot does not reveal its trunk's parameters. --standing designs a motion of the trunk over four planted feet,
+/// for `identify --free-base`.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Excite {
@@ -55,7 +55,8 @@ pub(crate) struct Excite {
     /// Length, s
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     duration: f64,
-    /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to tell a load from rotor inertia, the duration]
+    /// Length of the period that is repeated, s; about [default: a third of the duration, 3.3 s at most; to separate a payload
+    /// from armature, the duration]
     #[arg(long, value_name = "S")]
     period: Option<f64>,
     /// Waves of a series: the fastest is this many in a period [default: 10; of the trunk's, 5]
@@ -64,7 +65,7 @@ pub(crate) struct Excite {
     /// What the motion is to be good for
     #[arg(long, value_enum, default_value_t = Cost::Condition)]
     cost: Cost,
-    /// Parameters to be told best, such as m:FR_calf,coulomb:FR_hip; instead of --cost
+    /// Parameters to identify best, such as m:FR_calf,coulomb:FR_hip; instead of --cost
     #[arg(
         long = "for",
         value_name = "PARAMETERS",
@@ -72,10 +73,10 @@ pub(crate) struct Excite {
         conflicts_with = "cost"
     )]
     parameters: Vec<String>,
-    /// Two effects to tell apart, at a joint or at all: stribeck,quadratic_drag:FR_thigh; instead of --cost
+    /// Two effects to separate, at a joint or at all: stribeck,quadratic_drag:FR_thigh; instead of --cost
     #[arg(long, value_name = "A,B[:JOINT]", value_parser = parse_separation, conflicts_with_all = ["cost", "parameters"])]
     separate: Option<Separation>,
-    /// Logs whose knowledge the motion is to complete
+    /// Logs whose information the motion completes
     #[arg(long, value_name = "LOG", num_args = 1.., conflicts_with = "separate")]
     from: Vec<PathBuf>,
     /// Where to begin and end, rad: FR_hip=0.1,FR_calf=-1.8 [default: a bent leg]

@@ -21,9 +21,9 @@ use crate::progress::Progress;
 
 /// Identify the robot from its logs
 ///
-/// Fits bodies and effects and prints each with its standard deviation, and how well they explain the torque. Without a model: viscous and
-/// Coulomb friction, armature and torque offset of every joint of the recorded legs of a Go2. The base is taken to be fixed and level:
-/// the robot hangs or is held. Several logs are taken together.
+/// Fits bodies and effects and prints each with its standard deviation, and how well they explain the torque. Without a model:
+/// viscous and Coulomb friction, armature and torque offset of every joint of the recorded legs of a Go2. The base is taken to
+/// be fixed and level: suspended or mounted. Several logs are taken together.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio identify chirp.csv
@@ -33,7 +33,7 @@ use crate::progress::Progress;
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
   proprio add coulomb -m arm.toml --urdf arm.urdf && proprio identify arm.csv -m arm.toml")]
 pub(crate) struct Identify {
-    /// Logs: CSV, plain or gzip-compressed
+    /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(value_name = "LOG", required_unless_present = "factor")]
     logs: Vec<PathBuf>,
     /// Instead of logs: factors that `replay --factors` or `monitor` read from devices, merged
@@ -53,9 +53,10 @@ pub(crate) struct Identify {
     /// Without it every body could exist, and friction and rotor inertia are at least zero.
     #[arg(long, conflicts_with = "physical")]
     free: bool,
-    /// The robot walks, sways or is swung: trunk and legs, from logs with gyro/ and acc/ columns
+    /// The robot is on its feet (floating base): trunk and legs, from logs with gyro/ and acc/ columns
     ///
-    /// Without a model that of a Go2; a model file says of another robot what its feet are and where its IMU is ([[foot]], [imu]). Nothing needs to be known of velocity, attitude or contact forces; foot/ columns help to tell which feet are in the air.
+    /// Without a model that of a Go2. The model file of another robot states its feet and IMU ([[foot]], [imu]). Velocity,
+    /// attitude and contact forces need not be known; foot/ columns help to detect stance.
     #[arg(long, conflicts_with_all = ["bus", "base", "stages", "method"])]
     free_base: bool,
     /// Also write a report with plots: one page, no network needed

@@ -42,8 +42,9 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// factors for `identify --factor`, w has the device write what it knows to its flash, q quits. Without a terminal, or with --lines, lines are printed instead; --web serves the
 /// same as a page with live plots.
 ///
-/// `qemu` builds the firmware, boots it on an emulated board and has it hear a simulated robot; `sim` runs its code in this
-/// process, which needs no emulator. `dds` has that code hear a robot over its own network, as `record` does; `-` rows of CSV on standard input. Anything else is a board's serial port, or a file that --record made.
+/// `qemu` builds the firmware and boots it on an emulated board with a simulated robot; `sim` runs its code in this process,
+/// which needs no emulator. `dds` gives that code a robot's own network, as `record` does; `-` rows of CSV on standard input.
+/// Anything else is a board's serial port, or a file that --record made.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio monitor sim

@@ -26,9 +26,9 @@ use crate::progress::Progress;
 
 /// Play a log into a device and print what comes back
 ///
-/// The log's samples become the motor bus's bytes; the device assembles and identifies them and streams its estimates back.
-/// The last ones are printed: they equal those of `proprio identify --bus`. So is what the device itself finds of each effect
-/// that it keeps columns for: the share of the squared error on held-out data that the effect takes away, or would.
+/// The log's samples become the motor bus's bytes; the device assembles and identifies them and streams its estimates back. The
+/// last ones are printed: they equal those of `proprio identify --bus`. So is the device's own diagnosis of each effect for
+/// which it keeps columns: the share of the held-out squared error that the effect explains, or would.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio replay chirp.csv --to qemu
@@ -36,7 +36,7 @@ use crate::progress::Progress;
   proprio replay chirp.csv --to desktop --add quadratic_drag:FR_calf --drop bias
   proprio replay chirp.csv --to /dev/ttyACM0 --leg FR=/dev/ttyUSB0")]
 pub(crate) struct Replay {
-    /// Log: CSV, plain or gzip-compressed
+    /// Log in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// `qemu` builds and boots the firmware in an emulator, `desktop` runs its application in this process, a serial port

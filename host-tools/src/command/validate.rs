@@ -27,7 +27,7 @@ use crate::progress::Progress;
   proprio validate chirp_9hz.csv -m fit.toml -m consistent.toml --html feedback.html"
 )]
 pub(crate) struct Validate {
-    /// Logs: CSV, plain or gzip-compressed
+    /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
     #[arg(
         value_name = "LOG",
         required_unless_present = "motion",

@@ -23,18 +23,19 @@ use serde::Serialize;
 use super::Error;
 use super::result::result;
 
-/// Tell a device where the robot's joints are, so that it knows their zeros
+/// Set where a device's joints are, so that it knows their zeros
 ///
-/// A motor counts its rotor's turns from its power-up on, from another place each time. A device therefore identifies nothing until it is told
-/// where each joint is: while the robot rests in a named pose, with joints against their stops, or at angles that were measured. Joints may be
-/// told one after the other. What a device was told holds until a motor is silent for 0.1 s or its position jumps; `monitor` then says so.
+/// A motor counts its rotor's turns from its power-up on, from another place each time. A device therefore identifies nothing
+/// until each joint's position is set: while the robot rests in a named pose, with joints against their stops, or at measured
+/// angles. Joints may be set one after the other. A zero holds until a motor is silent for 0.1 s or its position jumps;
+/// `monitor` then reports it.
 ///
-/// Without --pose and --at it says what the device knows. `sim` and `qemu` are devices that hear a simulated robot after a power-up, resting
-/// where it is said to be: to try what a real one will be asked.
+/// Without --pose and --at it prints what the device knows. `sim` and `qemu` are devices with a simulated robot after a
+/// power-up, at rest where the options say: to try what a real one will be asked.
 #[derive(Debug, Args)]
 #[command(after_help = poses_help())]
 pub(crate) struct Zero {
-    /// The device: a board's serial port; or one that hears a simulated robot
+    /// The device: a board's serial port; or one with a simulated robot
     #[arg(value_name = "PORT|sim|qemu")]
     device: String,
     /// The robot rests in this pose; several may hold at once
@@ -49,10 +50,11 @@ pub(crate) struct Zero {
     /// These joints' motors turn against them, separated by commas
     #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint)]
     reversed: Vec<JointId>,
-    /// The board was restarted, and the motors were not switched off since it was told: have it trust the zeros that it has kept
+    /// The board was restarted, and the motors were not switched off since the zeros were set: have it trust the zeros that it
+    /// has kept
     #[arg(long, conflicts_with_all = ["pose", "at", "reversed"])]
     same_power_up: bool,
-    /// Say what the device would be told, and do not
+    /// Print what would be set, and set nothing
     #[arg(long)]
     dry_run: bool,
     /// Seed of the power-up of `sim` and `qemu`
@@ -291,10 +293,10 @@ const ACCEPTED: &str = "accepted";
 fn words_of(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Accepted => ACCEPTED,
-        Outcome::NotHeard => "its motor is not heard",
+        Outcome::NotHeard => "its motor does not answer",
         Outcome::Moves => "it moves",
         Outcome::OutOfRange => "it cannot be there",
-        _ => "the device cannot be told",
+        _ => "the device refuses",
     }
 }
 

@@ -12,7 +12,7 @@ const WORTH_SAYING: f64 = 0.2;
 /// How far each box comes, and the noise (N m) if it is known, as written.
 pub(super) fn table(boxes: &BlackBox, noise: Option<String>) -> Table {
     let mut table = Table::default();
-    table.row(["a black box that sees, blind to torque", "rms"].map(str::to_owned));
+    table.row(["a non-parametric bound from, blind to torque", "rms"].map(str::to_owned));
     table.row(["nothing: the model alone".to_owned(), torque(boxes.rms)]);
     for rung in &boxes.rungs {
         let sees = match rung.sees {
@@ -39,7 +39,7 @@ pub(super) fn sentence(boxes: &BlackBox) -> String {
     let all = square - past.powi(2);
     if all < LEAST_TAKEN * square {
         return format!(
-            "A black box that sees the limb's whole motion takes away no more than {:.0} % of the square error: what is left is noise, or does \
+            "A non-parametric bound from the limb's whole motion explains no more than {:.0} % of the squared error: the residual is noise, or does \
              not follow the motion",
             (100.0 * all / square).max(0.0).ceil()
         );
@@ -60,7 +60,7 @@ pub(super) fn sentence(boxes: &BlackBox) -> String {
         .map(|(part, what)| format!("{:.0} % {what}", 100.0 * part / all))
         .collect();
     format!(
-        "A black box could reach {} N m instead of {}; of the square error that it takes away {}",
+        "A non-parametric bound reaches {} N m instead of {}; of the squared error that it explains {}",
         with_std(past, boxes.rungs[2].std),
         torque(boxes.rms),
         parts.join(", ")

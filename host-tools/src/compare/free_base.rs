@@ -291,7 +291,7 @@ impl FreeBaseComparison {
             );
         }
         format!(
-            "{}\n{table}\nMeasured less predicted mean over a window, in the {} equations of {} windows that contact forces leave.\n",
+            "{}\n{table}\nMeasured less predicted mean over a window, in the {} equations of {} windows, contact forces eliminated.\n",
             self.comparison.text(all),
             self.windows.equations,
             self.windows.used

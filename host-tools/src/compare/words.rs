@@ -84,8 +84,8 @@ impl Comparison {
             .collect();
         if sentences.len() > 1 {
             sentences.push(
-                "Contact: more than one leg carries a force, so the base moves, and other feet may carry one that cannot be \
-                 told; of what is left it is said where it is, not what it looks like."
+                "Contact: more than one leg carries a force, so the base moves, and other feet may carry an undetected one; \
+                 the residual is reported by place, not by cause."
                     .to_owned(),
             );
         }
@@ -120,7 +120,7 @@ impl Comparison {
             "joint", "rms", "fit %", "VAF %", "bias", "max", "floor", "above %", "zero", "CAD",
         ];
         let heads = heads.into_iter().chain(before.then_some("before"));
-        table.row(heads.chain(["what is left"]).map(str::to_owned));
+        table.row(heads.chain(["residual"]).map(str::to_owned));
         for joint in &self.joints {
             table.row(cells(joint, before));
         }

@@ -130,7 +130,7 @@ impl fmt::Display for Diagnosis {
                 .collect();
             writeln!(
                 f,
-                "\n{} cannot be told apart on these data from: {}",
+                "\n{} cannot be separated on these data from: {}",
                 best.name(),
                 names.join(", ")
             )?;
@@ -173,7 +173,7 @@ pub(super) fn reason(
             "record motion of all joints at several speeds".to_owned(),
         ),
         (Verdict::Complete, _) => (
-            "no effect of the catalogue makes the error on unseen data smaller beyond its own error".to_owned(),
+            "no effect of the catalogue reduces the held-out error significantly".to_owned(),
             "nothing: the model explains these data".to_owned(),
         ),
     }
@@ -206,10 +206,10 @@ pub(super) fn twist(joint: &str, twist: &Twist) -> String {
                 format!("{spring} with friction of {inside} inside it, built up over {over}");
             (gear, "the torque between them")
         }
-        Some(Beside::Play { gap }) => (format!("a play of {}", number(gap, "rad")), "that motion"),
+        Some(Beside::Play { gap }) => (format!("a gap of {}", number(gap, "rad")), "that motion"),
     };
     format!(
-        "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} tells {:.0} % of {what}",
+        "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} explains {:.0} % of {what}",
         1e3 * twist.rms,
         100.0 * twist.told[0]
     )
@@ -226,8 +226,8 @@ pub(super) fn black_box(taken: &Taken) -> Option<String> {
         Sees::Past => "what its limb did before",
     };
     Some(format!(
-        "a black box that sees {sees}, and no measured torque, takes away {:.0} ±{:.0} % of the squared error that is left; the catalogue has \
-         nothing that does",
+        "a non-parametric bound from {sees}, without the measured torque, explains {:.0} ±{:.0} % of the squared residual; no effect of the \
+         catalogue does",
         100.0 * taken.share,
         100.0 * taken.std,
     ))

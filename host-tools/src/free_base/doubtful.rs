@@ -58,7 +58,7 @@ const KINDS: [Kind; 8] = [
     Kind {
         parameters: RADIUS..GYRO_BIAS,
         what: "the feet's radius",
-        why: "the feet or the ground give way, the feet are others than the model's [[foot]], or this is another robot",
+        why: "the feet or the ground are soft, the feet are others than the model's [[foot]], or this is another robot",
         times: 1e3,
         unit: "mm",
     },

@@ -46,7 +46,7 @@ pub enum FreeBaseError {
     Facts(UnknownName),
     /// An effect that walks are not judged with.
     #[error(
-        "a walk does not tell {effect} at {place}: it would need the transmitted torque, which contact forces leave open, or another sensor; \
+        "a walk does not identify {effect} at {place}: that needs the transmitted torque, which contact forces change, or another sensor; \
          `proprio remove {effect}:{place}` takes it out"
     )]
     Effect {

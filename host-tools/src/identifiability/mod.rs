@@ -269,7 +269,7 @@ fn words(names: &[String]) -> String {
     match names {
         [] => "nothing".to_owned(),
         [one] => format!("{one} does not show"),
-        [one, other] => format!("{one} and {other} cannot be told apart"),
+        [one, other] => format!("{one} and {other} cannot be separated"),
         [one, others @ ..] => {
             let named = others[..others.len().min(MOST_NAMED)].join(", ");
             let more = if others.len() > MOST_NAMED {
@@ -277,7 +277,7 @@ fn words(names: &[String]) -> String {
             } else {
                 ""
             };
-            format!("{one} cannot be told apart from {named}{more} together")
+            format!("{one} cannot be separated from {named}{more} together")
         }
     }
 }

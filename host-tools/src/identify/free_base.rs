@@ -366,11 +366,11 @@ impl FreeBaseIdentification {
             .collect();
         writeln!(
             f,
-            "\n{used} windows with {equations} equations: {} feet that may carry a force.\n\
-             Left out of them: {resting} equations of joints that friction may hold.\n\
-             Lost: {cut} cut by touch-downs and lift-offs, {impact} at impacts, {gap} at gaps, {still} in which the robot stands still, {outside} \
+            "\n{used} windows with {equations} equations: {} feet whose force is eliminated.\n\
+             Excluded from them: {resting} equations of sticking joints.\n\
+             Excluded: {cut} at touch-down or lift-off, {impact} at impacts, {gap} at gaps, {still} in which the robot stands still, {outside} \
              that no model explains;\n\
-             {held} without the trunk's equations: something beyond the feet carries the robot, or no IMU tells how it moves.\n\
+             {held} without the trunk's equations: the robot is supported by something else, or has no IMU.\n\
              Of {} samples {} repeat the one before, {} are late, {} impossible.",
             feet.join(", "),
             self.samples.total,
@@ -395,7 +395,7 @@ impl FreeBaseIdentification {
             }
             write!(
                 f,
-                "\n{}: what says that a foot may carry a force\n{table}",
+                "\n{}: evidence that a foot is in stance\n{table}",
                 log.display()
             )?;
         }

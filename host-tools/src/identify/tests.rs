@@ -151,7 +151,7 @@ fn what_motion_can_tell_of_a_leg_and_what_not() {
         .collect();
     assert_eq!(words.len(), 30 + 12 - 27);
     assert!(
-        words.contains(&"FR_hip armature and FR_hip Ixx cannot be told apart"),
+        words.contains(&"FR_hip armature and FR_hip Ixx cannot be separated"),
         "{words:?}"
     );
     assert!(words.contains(&"FR_hip m does not show"), "{words:?}");

@@ -70,7 +70,7 @@ const BETWEEN_LOGS_US: u64 = 1_000_000;
 
 impl Recording {
     /// Reads `logs` of the robot of `model`, joints by the model's names. `progress` hears of bytes read and of how many in
-    /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than eight joints.
+    /// all. Limbs that are not recorded are left out, and so, with a warning, are those of more than sixteen joints.
     ///
     /// # Errors
     /// The first log that is bad; [`RecordingError::LimbTooLarge`] if no limb is left; [`RecordingError::TooShort`].
@@ -167,7 +167,7 @@ impl Recording {
     }
 
     /// Samples that a simulation gives, without a file between: `joints` names those of a sample in their order. A limb of
-    /// which a joint is not among them, or of more than eight joints, is left out.
+    /// which a joint is not among them, or of more than sixteen joints, is left out.
     pub fn from_samples<'a>(
         model: &Model,
         joints: &[&str],

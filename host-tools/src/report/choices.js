@@ -195,7 +195,7 @@ async function startChoices(specs, draw) {
     get('rms').textContent = rms.toFixed(4);
     get('rms').dataset.value = String(rms);
     const noise = floor ? `; noise ${Math.min(floor, rms, errorOfAll(found)).toFixed(4)}` : '';
-    get('beside').textContent = `on data that the fit has not seen; ${errorOfAll(before).toFixed(4)} before, ${errorOfAll(found).toFixed(4)} as found${noise}`;
+    get('beside').textContent = `held out; ${errorOfAll(before).toFixed(4)} before, ${errorOfAll(found).toFixed(4)} as found${noise}`;
     for (const { joint, cells, bars } of lines) {
       const [was, is] = [before, now].map((fits) => (joint ? errorOf(fits, joint) : errorOfAll(fits)));
       const noise = joint ? joint.floor : floor;

@@ -47,8 +47,8 @@ pub fn section(feet: &[FootEpisode], names: &[String]) -> Section {
     Section {
         id: "stance",
         title: "Feet on the ground",
-        text: "A foot that may carry a force is left out of the equations by its direction, whatever the force: that costs three equations of \
-               a window and no truth. A foot counts as in the air only where nothing that was measured speaks against it."
+        text: "The contact force of a foot that may be in stance is eliminated, whatever its size: that costs three equations of \
+               a window. A foot counts as in swing only where no measurement contradicts it."
             .to_owned(),
         legend: legend.collect(),
         figures: if feet.is_empty() {

@@ -47,9 +47,9 @@ pub fn section(steps: &[Step], noise_floor: Option<f64>) -> Section {
         id: "waterfall",
         title: "Error after each added effect",
         text: "From top to bottom, effects are added to the model one after the other, the most useful first. The dark bar is \
-               the error that is left (root mean square, on data the fit has not seen), the pale part what the step took \
-               away. No model can go below the noise floor; when the bars reach it, nothing is missing. A black box is no model, \
-               but shows what one could still take away."
+               the held-out error that remains (root mean square), the pale part what the step \
+               explained. No model can go below the noise floor; when the bars reach it, nothing is missing. The non-parametric bound is no model, \
+               but shows what one could still explain."
             .to_owned(),
         legend,
         figures,

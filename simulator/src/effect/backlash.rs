@@ -4,7 +4,7 @@ use super::{Description, Effect, Parameter, Scope, Site, Transmission};
 
 pub(super) const DESCRIPTION: Description = Description {
     name: "backlash",
-    words: "play between motor and link",
+    words: "a gap between motor and link",
     scope: Scope::Joint,
     parameters: &[
         Parameter::positive("gap", "rad", 0.0),

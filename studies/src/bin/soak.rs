@@ -34,7 +34,7 @@ struct Arguments {
     /// The firmware's image on the emulated board, not its code in this process
     #[arg(long, conflicts_with = "simulated")]
     board: bool,
-    /// Write studies/soak.md, soak_simulated.md or soak_board.md
+    /// Write the table in studies/
     #[arg(long)]
     accept: bool,
 }

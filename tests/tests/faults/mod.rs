@@ -238,20 +238,17 @@ fn whatever_goes_wrong_is_counted_and_passes() {
     .map(|(what, name)| walk_line(what, name))
     .concat();
     let text = format!(
-        "# What goes wrong around a board\n\nEach line is 10 s of a good robot, 2 s of the fault on the bus of FR, its clock or \
-         the host's line, and 10 s of a good robot again, received by the\ndevice's code (`tests/tests/faults/mod.rs`, which makes this \
-         table and checks it). Of 11 000 polling cycles so many became samples and were\nused; everything else is in a counter: \
-         replies are three for each sample and those unused, bytes are those of good frames, skipped\nand lost, samples are \
-         used, late or rejected. The other three buses never notice. All estimates are finite at all times; the last column is\n\
-         how far FR's friction is off at the end, in N m and N m s/rad, at most.\n\nNo field of a frame can be NaN: all are integers. \
-         A number that is not finite is refused where one could come in: a prior\nthat the host sets, a sample before its window, a window before its \
-         factor, a factor before it is merged.\n\nA power that fails while the device writes to its flash: [the board](board.md#what-outlives-the-power).\n\nSeven of the lines are \
-         played to the firmware's image in the emulator as well (`tests/tests/faults/emulated.rs`): five of the bus and the clock, after \
-         which\nits counters and estimates are those of the desktop to the bit, and the host that floods or sends random bytes. No step \
-         of theirs is over\nits budget.\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
+        "# Faults around a board\n\nWhat does a device do when a bus, a clock or a host fails? Each line is 10 s of a good robot, 2 s of the fault on FR's bus, \
+         its clock or\nthe host's line, and 10 s of a good robot again. The device's own code receives them (`tests/tests/faults/mod.rs`, which makes \
+         and checks these\ntables).\n\n| column | meaning |\n| --- | --- |\n| samples, used | of 11 000 polling cycles |\n| counted | \
+         replies: three for each sample, and those unused; bytes: of good frames, skipped, lost; samples: used, late, rejected |\n| friction off by | \
+         FR's at the end, N m and N m s/rad, at most |\n\nThe other three buses are unaffected, and all estimates are finite at all times. A number that is not finite \
+         is refused wherever one could\ncome in: a prior, a sample, a window, a factor. Seven of the lines also run on the emulated board \
+         (`tests/tests/faults/emulated.rs`), with no\nstep over its budget. After the five of bus and clock its counters and estimates equal the desktop's to the bit. Power failures while the\n\
+         flash is written: [the board](board.md#what-outlives-the-power).\n\n| fault | samples | used | counted | friction off by |\n| --- | --- | --- | --- | --- \
          |\n{lines}\n## A robot that is put on its feet\n\n10 s of a suspended robot, a simulated walk of 4.5 s (`tests/oracle/walk`), \
-         and 10 s of the suspended robot again. Its feet carry it\n([how that is detected](board.md#a-robot-that-is-put-on-its-feet)): the walk's windows, those of \
-         the 2 s after it and of the block of 2 s in which\nit began are excluded, in all legs; every hello reports it while it lasts. No change is reported.\n\n\
+         and 10 s of the suspended robot again\n([detection](board.md#a-robot-that-is-put-on-its-feet)). The walk's windows, those of the 2 s after it and those of the \
+         block in which it\nbegan are excluded, in all legs. Every hello reports it while it lasts. No change is reported.\n\n\
          | the robot | windows of the walk | windows of FR folded in | left out | friction off by |\n| --- | --- | --- | --- | --- |\n{walks}"
     );
     if std::env::var_os("PROPRIO_ACCEPT").is_some() {

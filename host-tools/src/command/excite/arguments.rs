@@ -54,7 +54,8 @@ impl LimitArguments {
 /// A motion of the trunk.
 #[derive(Debug, Args)]
 pub(super) struct TrunkArguments {
-    /// Sway, heave, roll, pitch and yaw of the trunk over four planted feet, to tell the trunk's mass, centre of mass and inertia
+    /// Sway, heave, roll, pitch and yaw of the trunk over four planted feet, to identify the trunk's mass, centre of mass and
+    /// inertia
     #[arg(long, conflicts_with_all = ["legs", "cost", "parameters", "separate", "from", "pose", "shapes", "html", "ground"])]
     pub(super) standing: bool,
     /// With --standing: greatest tangential over normal force of a foot
@@ -84,7 +85,7 @@ pub(super) enum Cost {
     Condition,
     /// The same of columns per kg, kg m and kg m², as in most of the literature
     ConditionSi,
-    /// What is told of inertias, friction, rotors and offsets beyond what is known (D-optimal)
+    /// Information on inertias, friction, armature and offsets beyond the prior (D-optimal)
     Determinant,
 }
 

@@ -117,7 +117,7 @@ impl Answer {
                 Outcome::NoSuchJoint => "no such joint",
                 Outcome::NoSuchEffect => "no such effect",
                 Outcome::OutOfRange => "out of range",
-                Outcome::NotHeard => "its motor is not heard",
+                Outcome::NotHeard => "its motor does not answer",
                 Outcome::Moves => "it moves",
                 Outcome::NoZero => "no zero is kept",
                 Outcome::NoStorage => "no storage",

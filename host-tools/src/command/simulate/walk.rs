@@ -23,7 +23,7 @@ pub(super) enum GaitName {
     Flying,
     /// Off the ground with all four feet at once
     Hop,
-    /// Four feet that stay, and a trunk that sways above them
+    /// Four planted feet, and a trunk that moves above them
     Sway,
 }
 

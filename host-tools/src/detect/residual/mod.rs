@@ -244,9 +244,9 @@ impl fmt::Display for Criticism {
             .map(|i| format!("{:?}", i.input).to_lowercase())
             .collect();
         match &self.whiteness {
-            Some(whiteness) if whiteness.white => write!(f, "  What is left is white")?,
-            Some(_) => write!(f, "  What is left is not white")?,
-            None => write!(f, "  Too short to tell whether what is left is white")?,
+            Some(whiteness) if whiteness.white => write!(f, "  The residual is white")?,
+            Some(_) => write!(f, "  The residual is not white")?,
+            None => write!(f, "  Too short to test whether the residual is white")?,
         }
         if dependent.is_empty() {
             writeln!(f, ", and independent of the motion.")

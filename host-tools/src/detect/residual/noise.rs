@@ -271,7 +271,7 @@ fn weighted<const N: usize>(
         .cholesky()
         .expect("a covariance of full rank")
         .l();
-    let solve = "a triangle of full rank";
+    let solve = "a factor of full rank";
     let x = root.solve_lower_triangular(&columns).expect(solve);
     let y = root.solve_lower_triangular(&y).expect(solve);
     let qr = x.transpose() * x;

@@ -107,12 +107,12 @@ fn reason(
         return if missing {
             (
                 "something is missing that no effect of the catalogue explains".to_owned(),
-                "look at where the error lives: `proprio compare --free-base` tells it joint by joint".to_owned(),
+                "look at where the error lives: `proprio compare --free-base` shows it joint by joint".to_owned(),
             )
         } else {
             (
-                "no effect of the catalogue makes the error on unseen time smaller beyond its own error".to_owned(),
-                "nothing: of what a walk can tell the model explains all".to_owned(),
+                "no effect of the catalogue reduces the held-out error significantly".to_owned(),
+                "nothing: the model explains what a walk can identify".to_owned(),
             )
         };
     };

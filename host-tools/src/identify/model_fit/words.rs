@@ -51,8 +51,8 @@ impl fmt::Display for Fitted {
         writeln!(
             f,
             "\n± one standard deviation, the larger of what independent residuals and the spread over blocks of time give, and by how much\n\
-             values differ between stretches of time or logs;\n{}\n{}\
-             rms of the mean torque over windows, N m: of the fit, on stretches of time it has not seen, and of the CAD's \
+             values differ between blocks of time or logs;\n{}\n{}\
+             rms of the mean torque over windows, N m: of the fit, held out by blocks of time, and of the CAD's \
              rigid body.\n{identified} of {} inertial parameters are identified beyond the CAD; --json lists them.",
             LEGEND.split_once("; ").map_or(LEGEND, |(_, marks)| marks),
             between(&self.parameters),

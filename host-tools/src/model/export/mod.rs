@@ -87,7 +87,7 @@ pub enum ExportProblem {
         ours: String,
     },
     /// Without the links fixed to it, a moving link would not be physical.
-    #[error("`{link}` cannot be what is left without the links fixed to it: {fault}")]
+    #[error("`{link}` without the links fixed to it is not physical: {fault}")]
     Carried {
         /// The moving link.
         link: String,

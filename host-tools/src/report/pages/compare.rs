@@ -94,7 +94,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
         .map(|rung| {
             least = least.min(rung.rms);
             Step {
-                label: format!("black box: {}", rung.sees.in_short()),
+                label: format!("non-parametric bound: {}", rung.sees.in_short()),
                 rms: least.min(comparison.rms),
             }
         })

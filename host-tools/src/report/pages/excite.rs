@@ -37,7 +37,7 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
     });
     Page {
         header: Header {
-            title: "A motion that tells".to_owned(),
+            title: "An informative motion".to_owned(),
             findings,
             command,
             ..Header::default()

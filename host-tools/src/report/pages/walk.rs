@@ -56,11 +56,11 @@ pub fn walk_identification(
     findings.extend(found.warnings.iter().cloned());
     let mut header = header("What was identified of a walk", findings, &found.logs)?;
     header.headline = format!(
-        "{:.4} N m is left{}, {:.4} with the CAD alone, in the {} equations of {} windows that contact forces leave",
+        "Error {:.4} N m{}, {:.4} with the CAD alone, in the {} equations of {} windows, contact forces eliminated",
         found.rms,
-        found.held_out_rms.map_or(String::new(), |rms| format!(
-            ", {rms:.4} on time that the fit has not seen"
-        )),
+        found
+            .held_out_rms
+            .map_or(String::new(), |rms| format!(", {rms:.4} held out")),
         found.cad_rms,
         found.windows.equations,
         found.windows.used
