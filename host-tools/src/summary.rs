@@ -234,10 +234,14 @@ pub(crate) fn from_standard_input(logs: &[PathBuf]) -> bool {
 
 /// A path as a shell takes it.
 pub(crate) fn word(path: &Path) -> String {
-    let text = path.display().to_string();
+    quoted(&path.display().to_string())
+}
+
+/// A word as a shell takes it.
+pub(crate) fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+=@%".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
-        text
+        text.to_owned()
     } else {
         format!("'{}'", text.replace('\'', "'\\''"))
     }

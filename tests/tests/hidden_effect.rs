@@ -349,3 +349,31 @@ fn late_stamps_do_not_make_an_error() {
         "{said}"
     );
 }
+
+/// Before anything of a drive is known, a strong spring makes the whole robot look late: what all joints seemed to share is given up once
+/// what it stood for is known.
+#[test]
+fn a_strong_spring_is_named_from_the_cad_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for seed in ["1", "2"] {
+        let log = format!("--typical --hide spring:FL_thigh=4 --seed {seed} -o log.csv");
+        let simulate: Vec<&str> = ["simulate"].into_iter().chain(log.split(' ')).collect();
+        done(folder, &simulate);
+        let found = json(&done(folder, &["diagnose", "log.csv", "--json"]));
+        let mut names: Vec<String> = Vec::new();
+        for step in found["path"].as_array().unwrap() {
+            let name = step["effect"].as_str().unwrap_or_default().to_owned();
+            match step["step"].as_str() {
+                Some("add") => names.push(name),
+                Some("remove") => names.retain(|known| *known != name),
+                _ => (),
+            }
+        }
+        names.sort();
+        let expected = ["armature", "bias", "coulomb", "spring", "viscous"];
+        assert_eq!(names, expected, "seed {seed}: {}", found["path"]);
+        let error = |key: &str| found["error"][key].as_f64().unwrap();
+        assert!(error("after") < 1.1 * error("floor"), "{}", found["error"]);
+    }
+}

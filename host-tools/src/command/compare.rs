@@ -250,7 +250,8 @@ impl Compare {
             return comparison.text(self.all);
         }
         let data = first_gate_words(&comparison.data);
-        comparison.summary(self.file()).screen(&[data], MORE)
+        let summary = self.part.kept(comparison.summary(self.file()));
+        summary.screen(&[data], MORE)
     }
 
     /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.

@@ -160,7 +160,10 @@ impl Diagnose {
             let logs = typed(&self.logs, file);
             summary.next = vec![format!("proprio diagnose --free-base {logs}")];
         }
-        Ok(summary.screen(&[data, wrote.unwrap_or_default()], MORE))
+        Ok(self
+            .part
+            .kept(summary)
+            .screen(&[data, wrote.unwrap_or_default()], MORE))
     }
 
     /// Where the values of the written file may come from.

@@ -180,8 +180,8 @@ impl Identify {
         Ok(
             match self.verbose || self.stages || options.method != Method::Momentum {
                 true => fitted.to_string(),
-                false => fitted
-                    .summary(file, self.model_file())
+                false => (self.part)
+                    .kept(fitted.summary(file, self.model_file()))
                     .screen(&self.wrote(), MORE),
             },
         )

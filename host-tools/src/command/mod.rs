@@ -58,6 +58,7 @@ use crate::output::WriteError;
 use crate::recording::RecordingError;
 use crate::report::pages::Unreadable;
 use crate::spectrum::FrfError;
+use crate::summary::{Summary, quoted};
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -74,6 +75,20 @@ pub(crate) struct Part {
     /// of other joints stay whole.
     #[arg(long, value_name = "CONDITION", conflicts_with = "free_base")]
     only: Vec<String>,
+}
+
+impl Part {
+    /// A first screen whose next command judges the same part, if it is of a command that takes one.
+    fn kept(&self, mut summary: Summary) -> Summary {
+        let takes = ["compare", "diagnose", "identify"].map(|name| format!("proprio {name} "));
+        for command in &mut summary.next {
+            if takes.iter().any(|name| command.starts_with(name)) {
+                let only = self.only.iter();
+                command.extend(only.map(|text| format!(" --only {}", quoted(text))));
+            }
+        }
+        summary
+    }
 }
 
 /// What your robot's body really is, and what the model of it is still missing.

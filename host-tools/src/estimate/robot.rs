@@ -48,7 +48,7 @@ pub(crate) fn fit<'a>(
 }
 
 /// The same from the limbs' own values, where they have any.
-fn fit_from<'a>(
+pub(crate) fn fit_from<'a>(
     data: &'a [LimbData<'a>],
     places: &[Vec<Place>],
     how: &How,
@@ -99,7 +99,9 @@ fn fit_from<'a>(
     (again.into_iter().flatten().collect(), values)
 }
 
-/// Fits anew those limbs whose effects are not those of `before`, from the values of `start`; all, if what they share changes.
+/// Fits anew those limbs whose effects are not those of `before`, from the values of `start`; all, if what they share changes. What limbs
+/// share keeps its value else, so that one limb's trial costs one limb's fit: of a model that is kept, [`fit_from`] gives it the value that
+/// suits the whole.
 pub(crate) fn refit<'a>(
     data: &'a [LimbData<'a>],
     places: &[Vec<Place>],

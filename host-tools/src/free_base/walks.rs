@@ -23,6 +23,12 @@ pub(crate) struct Walks {
 }
 
 impl Walks {
+    /// The largest sampling period of the logs, s.
+    pub(crate) fn period(&self) -> f64 {
+        let periods = self.walks.iter().map(|(walk, _)| walk.period);
+        periods.fold(0.0, f64::max)
+    }
+
     /// Reads logs. `progress` hears of logs read, and of how many in all.
     pub(crate) fn read(
         logs: &[PathBuf],

@@ -65,6 +65,11 @@ impl<'a> Source for Limbs<'a> {
         self.data.len()
     }
 
+    fn period(&self) -> f64 {
+        let periods = self.data.iter().map(|data| data.recording.period());
+        periods.fold(0.0, f64::max)
+    }
+
     fn look(&mut self, model: &mut State<'a>) -> Vec<Candidate> {
         self.screens.look(model, &self.given)
     }
@@ -124,6 +129,10 @@ impl<'a> Source for Limbs<'a> {
         all: &'c [Candidate],
     ) -> Option<(&'c Candidate, State<'a>, bool)> {
         compliance_scan::most_promising_transmission(&self.context(model), refused, all)
+    }
+
+    fn settled(&self, model: State<'a>) -> State<'a> {
+        model.settled(self.data)
     }
 
     fn limits(&mut self, model: &State<'a>) -> Vec<(Member, Limit)> {

@@ -138,7 +138,7 @@ impl<S: Source> Search<S> {
 
     /// Changes the model: the only place that does.
     fn apply(&mut self, edit: Edit<S::Model>) {
-        self.model = edit.after;
+        self.model = self.source.settled(edit.after);
         self.steps.push(Step {
             effect: edit.members[0].1.0,
             members: edit.members,
@@ -316,7 +316,7 @@ impl<S: Source> Search<S> {
     /// Takes out again what has become nothing, or what the others do without.
     fn take_out(&mut self) -> bool {
         let drive = restart::lacks_a_drive(&self.steps);
-        for member in backward::nothing(&self.model, &self.steps, drive) {
+        for member in backward::nothing(&self.model, &self.steps, drive, self.source.period()) {
             self.do_without(member, true);
         }
         for member in backward::superseded(&self.steps) {

@@ -22,6 +22,9 @@ pub(crate) trait Source: Sized {
     /// How many limbs are fitted each by itself.
     fn limbs(&self) -> usize;
 
+    /// The largest sampling period of the logs, s.
+    fn period(&self) -> f64;
+
     /// All that a model may lack and was not given, by score tests. The model's own nonlinear parameters may be found anew.
     fn look(&mut self, model: &mut Self::Model) -> Vec<Candidate>;
 
@@ -77,6 +80,11 @@ pub(crate) trait Source: Sized {
         _all: &'c [Candidate],
     ) -> Option<(&'c Candidate, Self::Model, bool)> {
         None
+    }
+
+    /// The model as it is kept: with all that trials held at its value fitted anew.
+    fn settled(&self, model: Self::Model) -> Self::Model {
+        model
     }
 
     /// Drives at their limits that a model's fits tell and were not asked before.

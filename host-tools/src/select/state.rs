@@ -88,6 +88,33 @@ impl<'a> State<'a> {
         Some(after)
     }
 
+    /// The model with the values that limbs share fitted anew beside all else: while effects are tried they are held, and what they stood for
+    /// may have been explained since.
+    pub(super) fn settled(self, data: &'a [LimbData<'a>]) -> Self {
+        if self.shared.is_empty() {
+            return self;
+        }
+        let starts: Vec<Option<Values>> = self.values().into_iter().map(Some).collect();
+        let how = How {
+            shapes: Some(Vec::new()),
+            ..how()
+        };
+        let (fits, shared) = robot::fit_from(data, &self.places(), &how, &starts);
+        if fits.len() < data.len() {
+            return self;
+        }
+        let squares: Option<Vec<Squares>> =
+            side_by_side(&fits, held_out_squares).into_iter().collect();
+        match squares {
+            Some(squares) => Self {
+                fits: fits.into_iter().map(Arc::new).collect(),
+                shared,
+                squares,
+            },
+            None => self,
+        }
+    }
+
     pub(super) fn values(&self) -> Vec<Values> {
         self.fits.iter().map(|fit| fit.values.clone()).collect()
     }

@@ -90,10 +90,9 @@ impl<'a> WalkScreen<'a> {
             sums[c][0] += (held_out / fit.noise).powi(2);
             sums[c][1] += (scale[c] * equation.measured).powi(2);
         });
-        let periods = walks.walks.iter().map(|(walk, _)| walk.period);
         Some(Self {
             memory: left.iter().map(|own| autocorrelation_time(own)).collect(),
-            period: periods.fold(0.0, f64::max),
+            period: walks.period(),
             data,
             model,
             factors,

@@ -110,6 +110,10 @@ impl Source for WalkSource<'_> {
         1
     }
 
+    fn period(&self) -> f64 {
+        self.walks.period()
+    }
+
     fn look(&mut self, now: &mut WalkModel) -> Vec<Candidate> {
         let fit = Arc::downgrade(&now.fit);
         let known = self

@@ -1,6 +1,6 @@
 //! What a robot can have: values that are physical, likely and not nothing.
 
-use proprio_core::effect::{Form, Parameter};
+use proprio_core::effect::{EffectKind, Form, Parameter};
 
 use super::presence::is_there;
 use super::step::LEAST_VALUE;
@@ -84,13 +84,16 @@ fn is_something(told: &Finding) -> bool {
 
 /// Whether what moves a torque in time is more than how it runs between two samples.
 fn is_resolved(told: &Finding) -> bool {
-    let shifts = told.place.0.description().shifts();
-    shifts
-        .zip(told.parameters[0])
-        .is_none_or(|(sign, (time, _))| {
-            let periods = sign * time / told.period;
-            !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
-        })
+    told.parameters[0].is_none_or(|(time, _)| is_resolved_shift(told.place.0, time, told.period))
+}
+
+/// Whether an effect with this first parameter, s, moves a torque by more than how it runs between two samples of a log with this sampling
+/// period, s; so does every effect that moves none.
+pub(crate) fn is_resolved_shift(effect: EffectKind, time: f64, period: f64) -> bool {
+    effect.description().shifts().is_none_or(|sign| {
+        let periods = sign * time / period;
+        !(-LEAST_LEAD..=LEAST_DELAY).contains(&periods)
+    })
 }
 
 /// Whether a mass and its first moment about the body's centre may be a load, within twice their errors: a first moment without
@@ -115,7 +118,23 @@ fn can_be_load(told: &[Option<(f64, f64)>]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::is_likely;
+    use super::{EffectKind, is_likely, is_resolved_shift};
+
+    /// At 500 Hz, ms: a delay of less than a tenth of a period, a lead of less than a half; friction shifts nothing.
+    #[test]
+    fn a_shift_within_a_sampling_period_is_none() {
+        let resolved = |effect, ms: f64| is_resolved_shift(effect, ms * 1e-3, 2e-3);
+        for (ms, is_one) in [
+            (0.0, false),
+            (0.19, false),
+            (0.21, true),
+            (-0.9, false),
+            (-1.1, true),
+        ] {
+            assert_eq!(resolved(EffectKind::Delay, ms), is_one, "{ms} ms");
+        }
+        assert!(resolved(EffectKind::Coulomb, 0.0));
+    }
 
     /// Of a gear's spring, whose prior is 0 ± 0.01 rad/(N m): the softest that the batteries hide, one that a short log tells badly, and what a
     /// chirp of a Go2 made of a calf (k = 13 N m/rad).
