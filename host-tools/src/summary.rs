@@ -54,10 +54,11 @@ impl Summary {
 fn shorten(points: &mut [Vec<String>], room: usize) {
     while points.iter().map(Vec::len).sum::<usize>() > room {
         let longest = points.iter_mut().max_by_key(|point| point.len());
-        match longest {
-            Some(point) if point.len() > 1 => *point = cut(std::mem::take(point), point.len() - 1),
-            _ => return,
-        }
+        let Some(point) = longest.filter(|point| point.len() > 1) else {
+            return;
+        };
+        let fewer = point.len() - 1;
+        *point = cut(std::mem::take(point), fewer);
     }
 }
 

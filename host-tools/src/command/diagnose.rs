@@ -24,7 +24,7 @@ use super::{Error, unreadable};
 use crate::progress::{Progress, Underway};
 
 /// What the first screen leaves to --verbose and the page.
-const MORE: &str = "--verbose (candidates, steps, ladder), --html report.html (plots, tick boxes)";
+const MORE: &str = "--verbose (candidates, steps), --html report.html (plots, tick boxes)";
 
 /// Find which physical effect is missing
 ///

@@ -159,6 +159,7 @@ impl Report {
             let own: Vec<&Effect> = self.effects.iter().filter(|e| e.effect == *kind).collect();
             let at: Vec<String> = own.iter().map(|e| e.joint.clone()).collect();
             let unit = own.first().map_or("", |effect| effect.unit);
+            let unit = if unit == "1" { "" } else { unit };
             table.row([
                 (*kind).to_owned(),
                 joints_in_words(&at, &joints),

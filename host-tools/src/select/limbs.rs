@@ -10,7 +10,7 @@ use super::limits::{Sought, with_limit};
 use super::look::Screens;
 use super::refused::Refused;
 use super::source::{Source, Tried};
-use super::state::State;
+use super::state::{State, how_kept};
 use super::trial_factors::ScoreTest;
 use crate::equation::values::Place;
 use crate::estimate::limb_data::LimbData;
@@ -96,10 +96,12 @@ impl<'a> Source for Limbs<'a> {
         self.context(model).with(candidate)
     }
 
-    fn without(&self, model: &State<'a>, member: Member) -> Option<State<'a>> {
+    fn without(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
         let mut places = model.places();
-        places[member.0].retain(|place| *place != member.1);
-        model.with(self.data, &places, &model.values(), &[])
+        for (limb, member) in members {
+            places[*limb].retain(|place| place != member);
+        }
+        model.with_worthwhile(self.data, &places, &model.values(), &how_kept(), &|_| true)
     }
 
     fn try_best<'c>(

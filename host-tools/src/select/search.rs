@@ -21,6 +21,7 @@ use super::source::{Source, Tried};
 use super::{backward, headline, restart};
 use proprio_core::effect::EffectKind;
 
+use crate::equation::values::is_shared;
 use crate::model::BASE;
 
 /// What a search has found.
@@ -330,14 +331,21 @@ impl<S: Source> Search<S> {
         if !self.model.has(&member) {
             return;
         }
-        let Some(after) = self.source.without(&self.model, member) else {
+        // What all limbs share goes from all of them.
+        let members: Vec<Member> = match is_shared(member.1.1) {
+            true => (0..self.source.limbs())
+                .map(|limb| (limb, member.1))
+                .collect(),
+            false => vec![member],
+        };
+        let Some(after) = self.source.without(&self.model, &members) else {
             return;
         };
         let before = self.model.held_out(&self.model);
         // Of what is nothing more is asked than of what another one stands for.
         if does_without(&after.held_out(&self.model), &before, nothing) {
             self.apply(Edit {
-                members: vec![member],
+                members,
                 removed: true,
                 after,
             });

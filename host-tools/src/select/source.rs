@@ -48,8 +48,8 @@ pub(crate) trait Source: Sized {
     /// The model with a candidate in it, fitted from the model as it is.
     fn with(&self, model: &Self::Model, candidate: &Candidate) -> Option<Self::Model>;
 
-    /// The model without an effect.
-    fn without(&self, model: &Self::Model, member: Member) -> Option<Self::Model>;
+    /// The model without some of its effects.
+    fn without(&self, model: &Self::Model, members: &[Member]) -> Option<Self::Model>;
 
     /// The best candidate, or what it only resembles, and the model with it; and what was tried in vain. The `first` look tells what the best one
     /// would be, taken or not.

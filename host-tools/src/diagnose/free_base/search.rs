@@ -179,7 +179,11 @@ impl Source for WalkSource<'_> {
         model.refitted(model.data.clone(), structure)
     }
 
-    fn without(&self, model: &WalkModel, (_, place): Member) -> Option<WalkModel> {
+    fn without(&self, model: &WalkModel, members: &[Member]) -> Option<WalkModel> {
+        // Trunk and legs are one limb: what all of it shares is one member.
+        let [(_, place)] = *members else {
+            return None;
+        };
         model.refitted(model.data.clone(), model.structure_without(place))
     }
 
