@@ -1,0 +1,255 @@
+//! A limb over all its blocks: bodies, and couplings of its joints, are the same in all of them; what a joint has of its own may be another in each.
+//!
+//! In a block the joint's own columns come first. An orthogonal reduction then leaves rows without them, which say of bodies what no value of the
+//! block's own effects can; those of all blocks together give the bodies (partially linear least squares: Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). The
+//! rows before them give the block's own values for these bodies. So a friction that warms from log to log is no error of a mass.
+
+use nalgebra::{DMatrix, DVector};
+use proprio_core::effect::Form;
+use proprio_solve::factor::HeapFactor;
+
+use super::columns::BlockColumns;
+use super::partial::Kept;
+use crate::robust;
+
+/// Noise below which residuals are rounding, N m.
+const LEAST_NOISE: f64 = 1e-6;
+/// A block tells a value if its standard deviation is at most so many times the median block's: others, cut short or hardly moved, would
+/// weigh as much as they do.
+const MOST_STD: f64 = 3.0;
+
+/// A limb's solution.
+#[derive(Debug, Clone)]
+pub struct LimbSolution {
+    /// Values of the columns that joints share (bodies, couplings), with their ±, in the columns' units; by place among the columns.
+    pub shared: Vec<(usize, f64, f64)>,
+    /// Each joint's own.
+    pub joints: Vec<JointSolution>,
+}
+
+/// A joint's own effects, block by block.
+#[derive(Debug, Clone, Default)]
+pub struct JointSolution {
+    /// Its own columns, by place among the limb's.
+    pub columns: Vec<usize>,
+    /// Its blocks.
+    pub blocks: Vec<OwnBlock>,
+    /// Of each column the part of its mean's ± that the bodies' errors make, in the column's unit.
+    pub std_of_bodies: Vec<f64>,
+}
+
+/// What a block says of a joint's own effects, the bodies being known.
+#[derive(Debug, Clone)]
+pub struct OwnBlock {
+    /// Which of the robot's blocks.
+    pub block: usize,
+    /// Value of each column.
+    pub values: Vec<f64>,
+    /// Its standard deviation by the noise within the block.
+    pub std: Vec<f64>,
+    /// R θ = d of the own columns: rows in units of the noise, θ in the columns' units.
+    pub rows: DMatrix<f64>,
+    /// See `rows`.
+    pub right: DVector<f64>,
+}
+
+/// Which columns are a joint's own: torques of its own motion.
+fn own_columns(columns: &BlockColumns, joint: usize) -> Vec<usize> {
+    let is_own = |k: &usize| {
+        let column = &columns.columns[*k];
+        let form = column.effect().map(|effect| effect.description().form);
+        !column.is_inertial() && form == Some(Form::Columns)
+    };
+    columns.of_joint(joint).into_iter().filter(is_own).collect()
+}
+
+/// A block's triangle of a joint: own columns first, then shared ones, in units of priors and noise.
+struct Reduced {
+    block: usize,
+    joint: usize,
+    triangle: HeapFactor,
+}
+
+/// Solves a robot's limb; `None` without data.
+pub fn solve(kept: &Kept) -> Option<LimbSolution> {
+    let columns = &*kept.columns;
+    let joints = columns.joints.len();
+    let own: Vec<Vec<usize>> = (0..joints).map(|j| own_columns(columns, j)).collect();
+    let is_shared = |k: &usize| !own.iter().any(|own| own.contains(k));
+    let shared: Vec<usize> = (0..columns.columns.len()).filter(is_shared).collect();
+    let noise: Vec<f64> = (0..joints).map(|j| noise(kept, j)).collect();
+    let mut sum = HeapFactor::new(shared.len());
+    sum.fold(&mut identity(shared.len()));
+    let mut reduced = Vec::new();
+    for (b, block) in kept.blocks.iter().enumerate() {
+        for (j, noise) in noise.iter().enumerate() {
+            let Some(factor) = block.joint(j) else {
+                continue;
+            };
+            let triangle = reduce(columns, (j, &own[j]), &factor, *noise);
+            let places = shared_places(columns, j, &shared);
+            sum.fold(&mut trailing(&triangle, own[j].len(), &places, shared.len()));
+            reduced.push(Reduced {
+                block: b,
+                joint: j,
+                triangle,
+            });
+        }
+    }
+    if reduced.is_empty() {
+        return None;
+    }
+    let mut bodies = vec![0.0; shared.len()];
+    sum.solve_before(shared.len(), &mut bodies);
+    let root = inverse(&sum);
+    let told = shared.iter().enumerate().map(|(n, &k)| {
+        let column = &columns.columns[k];
+        let std = root.row(n).norm();
+        (k, column.mean + column.std * bodies[n], column.std * std)
+    });
+    Some(LimbSolution {
+        shared: told.collect(),
+        joints: (0..joints)
+            .map(|j| {
+                let places = shared_places(columns, j, &shared);
+                let blocks = reduced.iter().filter(|one| one.joint == j);
+                joint_solution(columns, &own[j], blocks, (&places, &bodies, &root))
+            })
+            .collect(),
+    })
+}
+
+/// A joint's noise: the median block's residual, N m.
+fn noise(kept: &Kept, joint: usize) -> f64 {
+    let blocks = kept.blocks.iter().filter(|block| !block.joints[joint].is_empty());
+    robust::median(blocks.map(|block| block.rms[joint]))
+        .unwrap_or(0.0)
+        .max(LEAST_NOISE)
+}
+
+/// Of a joint's shared columns, in their order in its rows, the places among the limb's shared ones.
+fn shared_places(columns: &BlockColumns, joint: usize, shared: &[usize]) -> Vec<usize> {
+    let of_joint = columns.of_joint(joint);
+    let place = |k: &usize| shared.iter().position(|own| own == k);
+    of_joint.iter().filter_map(place).collect()
+}
+
+/// A factor in units of priors and noise, own columns first and with their priors.
+fn reduce(
+    columns: &BlockColumns,
+    (joint, own): (usize, &[usize]),
+    factor: &HeapFactor,
+    noise: f64,
+) -> HeapFactor {
+    let of_joint = columns.of_joint(joint);
+    let p = of_joint.len();
+    let others = of_joint.iter().filter(|k| !own.contains(k));
+    let order: Vec<usize> = own.iter().chain(others).copied().collect();
+    let to = |k: usize| order.iter().position(|at| *at == k).unwrap_or(0);
+    let places: Vec<usize> = of_joint.iter().map(|&k| to(k)).collect();
+    let width = p + 1;
+    // The last row is what nothing explains.
+    let mut rows = vec![0.0; (p + own.len()) * width];
+    for (k, row) in rows.chunks_exact_mut(width).take(p).enumerate() {
+        let numbers = factor.row(k);
+        let mut right = numbers[p - k];
+        for (x, c) in numbers[..p - k].iter().zip(k..) {
+            let column = &columns.columns[of_joint[c]];
+            row[places[c]] = x * column.std / noise;
+            right -= x * column.mean;
+        }
+        row[p] = right / noise;
+    }
+    for (n, row) in rows.chunks_exact_mut(width).skip(p).enumerate() {
+        row[n] = 1.0;
+    }
+    let mut triangle = HeapFactor::new(p);
+    triangle.fold(&mut rows);
+    triangle
+}
+
+/// The rows of a triangle after its `own` first columns, over the limb's shared columns.
+fn trailing(triangle: &HeapFactor, own: usize, places: &[usize], shared: usize) -> Vec<f64> {
+    let p = triangle.columns();
+    let width = shared + 1;
+    let mut rows = vec![0.0; (p - own) * width];
+    for (row, k) in rows.chunks_exact_mut(width).zip(own..p) {
+        let numbers = triangle.row(k);
+        for (x, c) in numbers[..p - k].iter().zip(k - own..) {
+            row[places[c]] = *x;
+        }
+        row[shared] = numbers[p - k];
+    }
+    rows
+}
+
+fn identity(n: usize) -> Vec<f64> {
+    let mut rows = vec![0.0; n * (n + 1)];
+    for (k, row) in rows.chunks_exact_mut(n + 1).enumerate() {
+        row[k] = 1.0;
+    }
+    rows
+}
+
+/// The inverse of a triangle's first rows and columns; its row k is as long as the standard deviation of column k.
+fn inverse(factor: &HeapFactor) -> DMatrix<f64> {
+    let p = factor.columns();
+    let triangle = factor.dense().view((0, 0), (p, p)).into_owned();
+    triangle
+        .solve_upper_triangular(&DMatrix::identity(p, p))
+        .unwrap_or_else(|| DMatrix::zeros(p, p))
+}
+
+fn joint_solution<'a>(
+    columns: &BlockColumns,
+    own: &[usize],
+    blocks: impl Iterator<Item = &'a Reduced>,
+    (places, bodies, root): (&[usize], &[f64], &DMatrix<f64>),
+) -> JointSolution {
+    let n = own.len();
+    let scale = DVector::from_iterator(n, own.iter().map(|&k| columns.columns[k].std));
+    let mean = DVector::from_iterator(n, own.iter().map(|&k| columns.columns[k].mean));
+    let known = DVector::from_iterator(places.len(), places.iter().map(|&at| bodies[at]));
+    let mut by_bodies = DMatrix::zeros(n, places.len());
+    let mut told = Vec::new();
+    for one in blocks {
+        let dense = one.triangle.dense();
+        let p = one.triangle.columns();
+        let square = dense.view((0, 0), (n, n)).into_owned();
+        let others = dense.view((0, n), (n, p - n)).into_owned();
+        let right = dense.view((0, p), (n, 1)).column(0) - &others * &known;
+        let Some(inverse) = square.solve_upper_triangular(&DMatrix::identity(n, n)) else {
+            continue;
+        };
+        let values = mean.clone() + scale.component_mul(&(&inverse * &right));
+        let std = (0..n).map(|k| scale[k] * inverse.row(k).norm());
+        by_bodies += &inverse * &others;
+        let rows = DMatrix::from_fn(n, n, |r, c| square[(r, c)] / scale[c]);
+        told.push(OwnBlock {
+            block: one.block,
+            values: values.iter().copied().collect(),
+            std: std.collect(),
+            right: &right + &rows * &mean,
+            rows,
+        });
+    }
+    by_bodies /= told.len().max(1) as f64;
+    // How far the bodies' errors, which all blocks share, move the mean.
+    let shared = DMatrix::from_fn(places.len(), root.ncols(), |r, c| root[(places[r], c)]);
+    let moved = by_bodies * shared;
+    JointSolution {
+        columns: own.to_vec(),
+        std_of_bodies: (0..n).map(|k| scale[k] * moved.row(k).norm()).collect(),
+        blocks: told,
+    }
+}
+
+impl JointSolution {
+    /// A column's series: (which block, value), of the blocks that tell it.
+    pub fn series(&self, n: usize) -> Vec<(usize, f64)> {
+        let median = robust::median(self.blocks.iter().map(|block| block.std[n]));
+        let most = MOST_STD * median.unwrap_or(f64::INFINITY);
+        let told = self.blocks.iter().filter(|block| block.std[n] <= most);
+        told.map(|block| (block.block, block.values[n])).collect()
+    }
+}
