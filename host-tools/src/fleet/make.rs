@@ -122,12 +122,14 @@ pub fn blocks_of_log(
 
 /// Folds a part of a log into the blocks that it belongs to.
 fn grow(growing: &mut Vec<Growing>, model: &Model, slab: Slab) {
+    // One block of time has one beginning, whichever samples a limb lacks.
+    let all = slab.limbs.iter().map(|(_, samples)| ends(samples));
+    let ends = all.fold([u64::MAX, 0], |[a, b], [c, d]| [a.min(c), b.max(d)]);
     let of = |(limb, samples): &(Limb, LimbRecording)| {
-        let made = factors(model, limb, samples)?;
-        Some((limb.clone(), temperatures(samples), ends(samples), made))
+        Some((limb.clone(), temperatures(samples), factors(model, limb, samples)?))
     };
     let made: Vec<_> = slab.limbs.par_iter().map(of).collect();
-    for (limb, temperature, ends, (columns, factors)) in made.into_iter().flatten() {
+    for (limb, temperature, (columns, factors)) in made.into_iter().flatten() {
         for (joint, factor) in factors.into_iter().enumerate() {
             let known = growing.iter_mut().rev().find(|own| {
                 own.block == slab.block && own.limb == limb && own.joint == joint

@@ -34,3 +34,8 @@ pub use gate::{Fault, Gate};
 pub use make::{Origin, blocks_of_log};
 pub use partial::{Kept, merge, partial};
 pub use table::{TableError, read, write};
+
+#[cfg(test)]
+mod gate_tests;
+#[cfg(test)]
+mod study;

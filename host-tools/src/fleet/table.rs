@@ -33,7 +33,7 @@ pub const SCHEMA: &str = "proprio.blocks/1";
 /// Before a hash in the metadata.
 const COLUMNS: &str = "proprio.columns.";
 /// The columns of the table.
-const MESSAGE: &str = "message blocks {
+pub(super) const MESSAGE: &str = "message blocks {
   required binary robot (UTF8);
   optional binary site (UTF8);
   optional binary firmware (UTF8);
@@ -114,9 +114,7 @@ pub fn encode(blocks: &[Block]) -> Result<Vec<u8>, ParquetError> {
     metadata.extend(
         (known.iter()).map(|(hash, columns)| KeyValue::new(format!("{COLUMNS}{hash}"), columns.text())),
     );
-    let factor = ColumnPath::from("factor.list.element");
     let numbers = ColumnPath::new(vec!["factor".into(), "list".into(), "element".into()]);
-    drop(factor);
     let properties = WriterProperties::builder()
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(LEVEL)?))
         .set_statistics_enabled(EnabledStatistics::None)
@@ -221,7 +219,13 @@ pub fn read(path: &Path) -> Table {
     }
 }
 
-/// The same of an open file, or of bytes, under a name.
+/// Whether a file is a table of blocks.
+pub fn is_ours(path: &Path) -> bool {
+    let table = read(path);
+    table.faults.is_empty() && !table.blocks.is_empty()
+}
+
+/// [`read`] of an open file, or of bytes, under a name.
 pub fn read_from<R: parquet::file::reader::ChunkReader + 'static>(name: &str, file: R) -> Table {
     // Bytes from outside: a decoder that panics is a damaged file.
     let read = catch_unwind(AssertUnwindSafe(|| Reading::of(name, file)));
@@ -355,7 +359,7 @@ fn blocks_of(
     let short = || ParquetError::General("a column is shorter than the others".to_owned());
     let mut next = 0..;
     let mut place = || next.next().unwrap_or(0);
-    let mut text = |k: usize| -> Result<Vec<Option<String>>, ParquetError> {
+    let text = |k: usize| -> Result<Vec<Option<String>>, ParquetError> {
         let (values, definition, _) = column::<ByteArrayType>(rows, k)?;
         let strings = values.iter().map(|bytes| bytes.as_utf8().map(str::to_owned));
         let strings: Vec<String> = strings.collect::<Result<_, _>>()?;
