@@ -300,6 +300,8 @@ fn of_factors(error: &FactorsError) -> Option<String> {
         }
         FactorsError::Damaged(_) => "read the device's factors again",
         FactorsError::Other(_) => "read it with the proprio that made it, or make it anew",
+        FactorsError::Twice { .. } => "leave one of the two files out",
+        FactorsError::AnotherRobot { .. } => "identify one robot at a time",
         FactorsError::Solve { .. } => return None,
     };
     Some(hint.to_owned())

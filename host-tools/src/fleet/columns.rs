@@ -8,8 +8,9 @@ use sha2::{Digest, Sha256};
 use crate::model::{Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, of_effect};
 
-/// A column of a limb's factors: one parameter.
+/// A column of a limb's factors: one parameter. As JSON a list in the order of the fields: a table has hundreds of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Packed", into = "Packed")]
 pub struct KeptColumn {
     /// The parameter: `m:FR_hip`, `coulomb:FR_hip`.
     pub name: String,
@@ -21,6 +22,33 @@ pub struct KeptColumn {
     pub std: f64,
     /// The limb's joints whose rows have this column, counted from the first.
     pub joints: Vec<usize>,
+}
+
+type Packed = (String, String, f64, f64, Vec<usize>);
+
+impl From<Packed> for KeptColumn {
+    fn from((name, unit, mean, std, joints): Packed) -> Self {
+        Self {
+            name,
+            unit,
+            mean,
+            std,
+            joints,
+        }
+    }
+}
+
+impl From<KeptColumn> for Packed {
+    fn from(column: KeptColumn) -> Self {
+        let KeptColumn {
+            name,
+            unit,
+            mean,
+            std,
+            joints,
+        } = column;
+        (name, unit, mean, std, joints)
+    }
 }
 
 impl KeptColumn {

@@ -10,22 +10,26 @@
 //! 5. `gate`: which blocks count, and why the others do not.
 //! 6. `partial`: from blocks, in any order and any parts, to what is kept of each robot's limb.
 //! 7. `solve`: a limb's bodies over all its blocks, and its joints' effects block by block.
-//! 8. `memory`: how many independent blocks a series is worth. `drift`: whether it changes, when and by how much.
-//! 9. `population`: what robots have in common, and which one differs in what. `missing`: which effect the fleet's model lacks, held out by robot.
-//! 10. `answers`: all of it, of what [`partial()`] keeps.
+//! 8. `memory`: how many independent blocks a series is worth. `values`: a robot's values, ± by that. `drift`, `drifting`: whether they change, when and by how much.
+//! 9. `population`: what robots have in common. `outliers`: which one differs in what. `missing`: which effect the fleet's model lacks, held out by robot.
+//! 10. `answers`: all of it, of what [`partial()`] keeps. `prior`: the model file that a new robot begins with.
 
 pub mod answers;
 pub mod block;
 pub mod columns;
 pub mod drift;
+mod drifting;
 pub mod gate;
 pub mod make;
 pub mod memory;
 pub mod missing;
+mod outliers;
 pub mod partial;
 pub mod population;
+pub mod prior;
 pub mod solve;
 pub mod table;
+mod values;
 
 pub use answers::{Answers, final_answers};
 pub use block::Block;
@@ -33,6 +37,7 @@ pub use columns::{BlockColumns, KeptColumn};
 pub use gate::{Fault, Gate};
 pub use make::{Origin, blocks_of_log};
 pub use partial::{Kept, merge, partial};
+pub use prior::prior_model;
 pub use table::{TableError, read, write};
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
-//! A limb over all its blocks: bodies, and couplings of its joints, are the same in all of them; what a joint has of its own may be another in each.
+//! A limb over all its blocks: bodies are the same in all of them; what a joint has of its own may be another in each.
 //!
-//! In a block the joint's own columns come first. An orthogonal reduction then leaves rows without them, which say of bodies what no value of the
-//! block's own effects can; those of all blocks together give the bodies (partially linear least squares: Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). The
-//! rows before them give the block's own values for these bodies. So a friction that warms from log to log is no error of a mass.
+//! In a block the joint's own columns come first, all that are kept. An orthogonal reduction then leaves rows without them, which say of bodies what no value of the
+//! block's own effects can; those of all blocks together give the bodies (partially linear least squares: Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). So a
+//! friction that warms from log to log, or an effect that no model has, is no error of a mass. The rows before them give, for these bodies, the block's own
+//! values in any model of own effects. Couplings of joints are in the factors; they are taken to be none here.
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::effect::Form;
@@ -21,8 +22,8 @@ const MOST_STD: f64 = 3.0;
 /// A limb's solution.
 #[derive(Debug, Clone)]
 pub struct LimbSolution {
-    /// Values of the columns that joints share (bodies, couplings), with their ±, in the columns' units; by place among the columns.
-    pub shared: Vec<(usize, f64, f64)>,
+    /// Values of the bodies' columns, with their ±, in the columns' units; by place among the columns.
+    pub bodies: Vec<(usize, f64, f64)>,
     /// Each joint's own.
     pub joints: Vec<JointSolution>,
 }
@@ -34,8 +35,8 @@ pub struct JointSolution {
     pub columns: Vec<usize>,
     /// Its blocks.
     pub blocks: Vec<OwnBlock>,
-    /// Of each column the part of its mean's ± that the bodies' errors make, in the column's unit.
-    pub std_of_bodies: Vec<f64>,
+    /// Σ RᵀR and Σ RᵀS over blocks: how an error of the bodies moves own values; S is R's part of the bodies times the root of their covariance.
+    normal: [DMatrix<f64>; 2],
 }
 
 /// What a block says of a joint's own effects, the bodies being known.
@@ -43,14 +44,21 @@ pub struct JointSolution {
 pub struct OwnBlock {
     /// Which of the robot's blocks.
     pub block: usize,
-    /// Value of each column.
-    pub values: Vec<f64>,
-    /// Its standard deviation by the noise within the block.
-    pub std: Vec<f64>,
     /// R θ = d of the own columns: rows in units of the noise, θ in the columns' units.
     pub rows: DMatrix<f64>,
     /// See `rows`.
     pub right: DVector<f64>,
+}
+
+/// A model's values in each block of a joint.
+#[derive(Debug, Clone, Default)]
+pub struct ModelValues {
+    /// The model's columns, by place among the joint's own.
+    pub columns: Vec<usize>,
+    /// Of each block that tells them: which block, values, standard deviations by the noise within it.
+    pub blocks: Vec<(usize, Vec<f64>, Vec<f64>)>,
+    /// Of each column the part of its mean's ± that the bodies' errors make, in the column's unit.
+    pub std_of_bodies: Vec<f64>,
 }
 
 /// Which columns are a joint's own: torques of its own motion.
@@ -75,8 +83,8 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
     let columns = &*kept.columns;
     let joints = columns.joints.len();
     let own: Vec<Vec<usize>> = (0..joints).map(|j| own_columns(columns, j)).collect();
-    let is_shared = |k: &usize| !own.iter().any(|own| own.contains(k));
-    let shared: Vec<usize> = (0..columns.columns.len()).filter(is_shared).collect();
+    let is_body = |k: &usize| columns.columns[*k].is_inertial();
+    let shared: Vec<usize> = (0..columns.columns.len()).filter(is_body).collect();
     let noise: Vec<f64> = (0..joints).map(|j| noise(kept, j)).collect();
     let mut sum = HeapFactor::new(shared.len());
     sum.fold(&mut identity(shared.len()));
@@ -108,7 +116,7 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
         (k, column.mean + column.std * bodies[n], column.std * std)
     });
     Some(LimbSolution {
-        shared: told.collect(),
+        bodies: told.collect(),
         joints: (0..joints)
             .map(|j| {
                 let places = shared_places(columns, j, &shared);
@@ -143,27 +151,30 @@ fn reduce(
 ) -> HeapFactor {
     let of_joint = columns.of_joint(joint);
     let p = of_joint.len();
-    let others = of_joint.iter().filter(|k| !own.contains(k));
-    let order: Vec<usize> = own.iter().chain(others).copied().collect();
-    let to = |k: usize| order.iter().position(|at| *at == k).unwrap_or(0);
-    let places: Vec<usize> = of_joint.iter().map(|&k| to(k)).collect();
-    let width = p + 1;
+    let bodies = of_joint.iter().filter(|k| columns.columns[**k].is_inertial());
+    let order: Vec<usize> = own.iter().chain(bodies).copied().collect();
+    let to = |k: &usize| order.iter().position(|at| at == k);
+    let places: Vec<Option<usize>> = of_joint.iter().map(to).collect();
+    let width = order.len() + 1;
     // The last row is what nothing explains.
     let mut rows = vec![0.0; (p + own.len()) * width];
     for (k, row) in rows.chunks_exact_mut(width).take(p).enumerate() {
         let numbers = factor.row(k);
         let mut right = numbers[p - k];
         for (x, c) in numbers[..p - k].iter().zip(k..) {
-            let column = &columns.columns[of_joint[c]];
-            row[places[c]] = x * column.std / noise;
-            right -= x * column.mean;
+            if let Some(place) = places[c] {
+                let column = &columns.columns[of_joint[c]];
+                row[place] = x * column.std / noise;
+                right -= x * column.mean;
+            }
         }
-        row[p] = right / noise;
+        row[width - 1] = right / noise;
     }
+    // Wide enough that what is told is not moved; what is not told stays finite.
     for (n, row) in rows.chunks_exact_mut(width).skip(p).enumerate() {
         row[n] = 1.0;
     }
-    let mut triangle = HeapFactor::new(p);
+    let mut triangle = HeapFactor::new(order.len());
     triangle.fold(&mut rows);
     triangle
 }
@@ -210,46 +221,92 @@ fn joint_solution<'a>(
     let scale = DVector::from_iterator(n, own.iter().map(|&k| columns.columns[k].std));
     let mean = DVector::from_iterator(n, own.iter().map(|&k| columns.columns[k].mean));
     let known = DVector::from_iterator(places.len(), places.iter().map(|&at| bodies[at]));
-    let mut by_bodies = DMatrix::zeros(n, places.len());
+    // The errors of the bodies, which all blocks share.
+    let errors = DMatrix::from_fn(places.len(), root.ncols(), |r, c| root[(places[r], c)]);
+    let mut normal = [DMatrix::zeros(n, n), DMatrix::zeros(n, places.len())];
     let mut told = Vec::new();
     for one in blocks {
         let dense = one.triangle.dense();
         let p = one.triangle.columns();
-        let square = dense.view((0, 0), (n, n)).into_owned();
         let others = dense.view((0, n), (n, p - n)).into_owned();
         let right = dense.view((0, p), (n, 1)).column(0) - &others * &known;
-        let Some(inverse) = square.solve_upper_triangular(&DMatrix::identity(n, n)) else {
-            continue;
-        };
-        let values = mean.clone() + scale.component_mul(&(&inverse * &right));
-        let std = (0..n).map(|k| scale[k] * inverse.row(k).norm());
-        by_bodies += &inverse * &others;
-        let rows = DMatrix::from_fn(n, n, |r, c| square[(r, c)] / scale[c]);
+        let rows = DMatrix::from_fn(n, n, |r, c| dense[(r, c)] / scale[c]);
+        normal[0] += rows.tr_mul(&rows);
+        normal[1] += rows.tr_mul(&others);
         told.push(OwnBlock {
             block: one.block,
-            values: values.iter().copied().collect(),
-            std: std.collect(),
             right: &right + &rows * &mean,
             rows,
         });
     }
-    by_bodies /= told.len().max(1) as f64;
-    // How far the bodies' errors, which all blocks share, move the mean.
-    let shared = DMatrix::from_fn(places.len(), root.ncols(), |r, c| root[(places[r], c)]);
-    let moved = by_bodies * shared;
+    let [squares, by_bodies] = normal;
     JointSolution {
         columns: own.to_vec(),
-        std_of_bodies: (0..n).map(|k| scale[k] * moved.row(k).norm()).collect(),
         blocks: told,
+        normal: [squares, by_bodies * errors],
     }
 }
 
 impl JointSolution {
-    /// A column's series: (which block, value), of the blocks that tell it.
-    pub fn series(&self, n: usize) -> Vec<(usize, f64)> {
-        let median = robust::median(self.blocks.iter().map(|block| block.std[n]));
-        let most = MOST_STD * median.unwrap_or(f64::INFINITY);
-        let told = self.blocks.iter().filter(|block| block.std[n] <= most);
-        told.map(|block| (block.block, block.values[n])).collect()
+    /// Values of a model with these of its own columns, the others being none, block by block: of those blocks that tell them about as well as most.
+    pub fn values(&self, columns: &[usize]) -> ModelValues {
+        let told = self.blocks.iter().filter_map(|block| {
+            let (values, std) = block.values(columns)?;
+            Some((block.block, values, std))
+        });
+        let mut blocks: Vec<_> = told.collect();
+        let most: Vec<f64> = (0..columns.len())
+            .map(|n| {
+                let median = robust::median(blocks.iter().map(|(_, _, std)| std[n]));
+                MOST_STD * median.unwrap_or(f64::INFINITY)
+            })
+            .collect();
+        blocks.retain(|(_, _, std)| std.iter().zip(&most).all(|(std, most)| std <= most));
+        ModelValues {
+            std_of_bodies: self.std_of_bodies(columns),
+            columns: columns.to_vec(),
+            blocks,
+        }
+    }
+
+    fn std_of_bodies(&self, columns: &[usize]) -> Vec<f64> {
+        let [squares, by_bodies] = &self.normal;
+        let own = squares.select_rows(columns).select_columns(columns);
+        let moved = own.cholesky().map(|own| own.solve(&by_bodies.select_rows(columns)));
+        let of = |n: usize| moved.as_ref().map_or(0.0, |moved| moved.row(n).norm());
+        (0..columns.len()).map(of).collect()
+    }
+}
+
+impl OwnBlock {
+    /// Least squares of a model of these columns: values and standard deviations; `None` where a column is not told.
+    pub fn values(&self, columns: &[usize]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let factor = self.factor(columns, None);
+        let p = columns.len();
+        let triangle = factor.dense().view((0, 0), (p, p)).into_owned();
+        let inverse = triangle.solve_upper_triangular(&DMatrix::identity(p, p))?;
+        let mut values = vec![0.0; p];
+        factor.solve_before(p, &mut values);
+        Some((values, inverse.row_iter().map(|row| row.norm()).collect()))
+    }
+
+    /// What a model of these columns leaves, one more column being at a value: in units of the noise, squared.
+    pub fn residual(&self, columns: &[usize], with: Option<(usize, f64)>) -> f64 {
+        self.factor(columns, with).row(columns.len())[0].powi(2)
+    }
+
+    fn factor(&self, columns: &[usize], with: Option<(usize, f64)>) -> HeapFactor {
+        let width = columns.len() + 1;
+        let mut rows = vec![0.0; self.rows.nrows() * width];
+        for (r, row) in rows.chunks_exact_mut(width).enumerate() {
+            for (x, &n) in row.iter_mut().zip(columns) {
+                *x = self.rows[(r, n)];
+            }
+            let known = with.map_or(0.0, |(n, value)| self.rows[(r, n)] * value);
+            row[width - 1] = self.right[r] - known;
+        }
+        let mut factor = HeapFactor::new(columns.len());
+        factor.fold(&mut rows);
+        factor
     }
 }

@@ -56,8 +56,9 @@ impl fmt::Display for Report {
         let mut table = Table::default();
         table.row(["", "unit", "value", "±", "between blocks", "blocks", "worth"].map(str::to_owned));
         for own in &self.values {
+            let mark = if own.in_model { "" } else { "+ " };
             table.row([
-                own.name.clone(),
+                format!("{mark}{}", own.name),
                 own.unit.clone(),
                 format!("{:.4}", own.value),
                 format!("{:.4}", own.std),
@@ -69,7 +70,8 @@ impl fmt::Display for Report {
         write!(f, "{table}")?;
         writeln!(
             f,
-            "{}: {} blocks. ± is one standard deviation from between blocks; `worth` is how many independent blocks they are.",
+            "{}: {} blocks. ± is one standard deviation from between blocks; `worth` is how many independent blocks they are.\n\
+             A plain drive's values, and (+) those of each other kept effect added to it alone.",
             self.robot, self.count
         )
     }
