@@ -104,3 +104,15 @@ fn the_recorded_chirps_are_one_robots_blocks() {
         assert!(value > 0.0 && std > 0.0 && std < 0.5, "{coulomb}");
     }
 }
+
+/// The README's first build does not build the fleet's workspace.
+#[test]
+fn the_fleets_workspace_is_its_own() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let text = |path: &str| fs::read_to_string(root.join(path)).unwrap();
+    assert!(text("fleet/Cargo.toml").lines().any(|line| line == "[workspace]"));
+    let own = text("Cargo.toml");
+    let members = own.lines().filter(|line| line.contains("members = "));
+    assert!(members.clone().count() == 2 && members.clone().all(|line| !line.contains("fleet")));
+    assert!(!text("Cargo.lock").contains("proprio-fleet"));
+}

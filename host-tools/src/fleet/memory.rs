@@ -173,7 +173,7 @@ mod tests {
     fn memory_is_that_of_the_series() {
         let mut random = ChaCha8Rng::seed_from_u64(7);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        for (rho, share) in [(0.0, 0.0), (0.9, 1.0), (0.9, 0.5), (0.5, 1.0)] {
+        for (rho, share) in [(0.0f64, 0.0f64), (0.9, 1.0), (0.9, 0.5), (0.5, 1.0)] {
             let mut series = Vec::new();
             for _ in 0..400 {
                 let mut state = normal();
