@@ -48,6 +48,8 @@ pub struct OwnBlock {
     pub rows: DMatrix<f64>,
     /// See `rows`.
     pub right: DVector<f64>,
+    /// What no value of the kept columns explains, in units of the noise, squared.
+    pub unexplained: f64,
 }
 
 /// A model's values in each block of a joint.
@@ -76,6 +78,7 @@ struct Reduced {
     block: usize,
     joint: usize,
     triangle: HeapFactor,
+    unexplained: f64,
 }
 
 /// Solves a robot's limb; `None` without data.
@@ -100,6 +103,7 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
             reduced.push(Reduced {
                 block: b,
                 joint: j,
+                unexplained: (factor.row(factor.columns())[0] / noise).powi(2),
                 triangle,
             });
         }
@@ -237,6 +241,7 @@ fn joint_solution<'a>(
             block: one.block,
             right: &right + &rows * &mean,
             rows,
+            unexplained: one.unexplained,
         });
     }
     let [squares, by_bodies] = normal;
@@ -292,7 +297,7 @@ impl OwnBlock {
 
     /// What a model of these columns leaves, one more column being at a value: in units of the noise, squared.
     pub fn residual(&self, columns: &[usize], with: Option<(usize, f64)>) -> f64 {
-        self.factor(columns, with).row(columns.len())[0].powi(2)
+        self.unexplained + self.factor(columns, with).row(columns.len())[0].powi(2)
     }
 
     fn factor(&self, columns: &[usize], with: Option<(usize, f64)>) -> HeapFactor {
