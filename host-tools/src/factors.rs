@@ -124,7 +124,11 @@ impl Factors {
     ///
     /// # Errors
     /// [`FactorsError::Twice`], [`FactorsError::AnotherRobot`].
-    pub fn belongs_to(&self, path: &Path, (other, known): (&Path, &Self)) -> Result<(), FactorsError> {
+    pub fn belongs_to(
+        &self,
+        path: &Path,
+        (other, known): (&Path, &Self),
+    ) -> Result<(), FactorsError> {
         let [path, other] = [path, other].map(|path| path.display().to_string());
         if let (Some(robot), Some(known)) = (&self.robot, &known.robot)
             && robot != known
@@ -183,10 +187,16 @@ impl Factors {
         })?;
         let damaged = |_| FactorsError::Damaged(name.clone());
         let factors = match (bytes.strip_prefix(FIRST_LINE), bytes.strip_prefix(NAMELESS)) {
-            (Some(content), _) => postcard::from_bytes_crc32(content, CRC.digest()).map_err(damaged)?,
+            (Some(content), _) => {
+                postcard::from_bytes_crc32(content, CRC.digest()).map_err(damaged)?
+            }
             (_, Some(content)) => {
                 let read = postcard::from_bytes_crc32(content, CRC.digest());
-                let Nameless { effects, window_us, legs } = read.map_err(damaged)?;
+                let Nameless {
+                    effects,
+                    window_us,
+                    legs,
+                } = read.map_err(damaged)?;
                 Self {
                     effects,
                     window_us,

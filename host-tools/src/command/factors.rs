@@ -141,7 +141,9 @@ fn of_log(log: &Path, blocks: &[Block]) -> OfLog {
     let last = blocks.iter().map(|block| block.t1);
     OfLog {
         log: log.to_owned(),
-        sha256: blocks.first().map_or_else(String::new, |block| block.log.clone()),
+        sha256: blocks
+            .first()
+            .map_or_else(String::new, |block| block.log.clone()),
         blocks: starts.len(),
         t0: first.fold(f64::INFINITY, f64::min),
         t1: last.fold(f64::NEG_INFINITY, f64::max),
@@ -167,7 +169,14 @@ pub(super) fn admitted(file: &Path, gate: &mut Gate) -> Result<Vec<Block>, Error
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { output, robot, blocks, rows, bytes, .. } = self;
+        let Self {
+            output,
+            robot,
+            blocks,
+            rows,
+            bytes,
+            ..
+        } = self;
         writeln!(
             f,
             "{}: {blocks} blocks of {robot}, {rows} factors, {:.1} kB",

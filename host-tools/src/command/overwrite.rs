@@ -30,7 +30,8 @@ const WRITTEN: [&str; 7] = [
 const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];
 /// Arguments that name logs, motions and models that are read.
 const LOGS: [&str; 11] = [
-    "logs", "log", "blocks", "from", "motion", "follow", "models", "explain", "factor", "image", "shapes",
+    "logs", "log", "blocks", "from", "motion", "follow", "models", "explain", "factor", "image",
+    "shapes",
 ];
 
 /// What stands where a file is to go.

@@ -67,7 +67,9 @@ pub struct Answers {
 type Kinds = BTreeSet<String>;
 
 fn is_plain(column: &KeptColumn) -> bool {
-    column.effect().is_some_and(|effect| effect.description().is_plain())
+    column
+        .effect()
+        .is_some_and(|effect| effect.description().is_plain())
 }
 
 /// All answers that kept blocks give: the same, to the bit, for any order in which they came.
@@ -87,7 +89,9 @@ pub fn final_answers(kept: &[Kept]) -> Answers {
     let (drifts, series) = drifts(&in_model);
     let robots: BTreeSet<&str> = kept.iter().map(|kept| kept.robot.as_str()).collect();
     let times = |kept: &Kept| -> Vec<(String, String, u64)> {
-        let of = |b: &super::partial::KeptBlock| (kept.robot.clone(), b.log.clone(), b.time[0].to_bits());
+        let of = |b: &super::partial::KeptBlock| {
+            (kept.robot.clone(), b.log.clone(), b.time[0].to_bits())
+        };
         kept.blocks.iter().map(of).collect()
     };
     let blocks: BTreeSet<_> = kept.iter().flat_map(times).collect();
@@ -109,8 +113,14 @@ pub fn final_answers(kept: &[Kept]) -> Answers {
 /// the candidates of the last round, those that joined before them.
 fn model(solved: &[Solved]) -> (Kinds, Vec<Candidate>) {
     let columns = solved.iter().flat_map(|of| &of.kept.columns.columns);
-    let all: Kinds = columns.clone().map(|column| column.kind().to_owned()).collect();
-    let mut model: Kinds = columns.filter(|column| is_plain(column)).map(|column| column.kind().to_owned()).collect();
+    let all: Kinds = columns
+        .clone()
+        .map(|column| column.kind().to_owned())
+        .collect();
+    let mut model: Kinds = columns
+        .filter(|column| is_plain(column))
+        .map(|column| column.kind().to_owned())
+        .collect();
     let mut joined = Vec::new();
     for _ in 0..=all.len() {
         let found = missing(solved, &model);
@@ -121,7 +131,10 @@ fn model(solved: &[Solved]) -> (Kinds, Vec<Candidate>) {
             }
             _ => {
                 // What is no gain beside what has joined is not missing.
-                joined.extend(found.into_iter().map(|one| Candidate { is_missing: false, ..one }));
+                joined.extend(found.into_iter().map(|one| Candidate {
+                    is_missing: false,
+                    ..one
+                }));
                 break;
             }
         }
@@ -162,13 +175,16 @@ fn missing(solved: &[Solved], model: &Kinds) -> Vec<Candidate> {
     };
     let joints = joints(solved);
     let told: Vec<_> = joints.par_iter().map(of).collect();
-    let robots = joints.iter().zip(&told).map(|((of, joint), (model, values))| OfRobot {
-        robot: &of.kept.robot,
-        columns: &of.kept.columns,
-        joint: &of.solution.joints[*joint],
-        model,
-        values: values.clone(),
-    });
+    let robots = joints
+        .iter()
+        .zip(&told)
+        .map(|((of, joint), (model, values))| OfRobot {
+            robot: &of.kept.robot,
+            columns: &of.kept.columns,
+            joint: &of.solution.joints[*joint],
+            model,
+            values: values.clone(),
+        });
     candidates(&robots.collect::<Vec<_>>())
 }
 
@@ -235,16 +251,40 @@ impl fmt::Display for Answers {
         }
         write!(f, "{table}")?;
         for own in &self.outliers {
-            let Outlier { robot, name, unit, difference, std } = own;
-            writeln!(f, "{robot} differs: {name} {difference:+.4} ± {std:.4} {unit}")?;
+            let Outlier {
+                robot,
+                name,
+                unit,
+                difference,
+                std,
+            } = own;
+            writeln!(
+                f,
+                "{robot} differs: {name} {difference:+.4} ± {std:.4} {unit}"
+            )?;
         }
         for own in &self.drifts {
-            let Drifting { robot, name, unit, between, size, std, .. } = own;
-            writeln!(f, "{robot} drifts: {name} {size:+.4} ± {std:.4} {unit} between {:.0} s and {:.0} s", between[0], between[1])?;
+            let Drifting {
+                robot,
+                name,
+                unit,
+                between,
+                size,
+                std,
+                ..
+            } = own;
+            writeln!(
+                f,
+                "{robot} drifts: {name} {size:+.4} ± {std:.4} {unit} between {:.0} s and {:.0} s",
+                between[0], between[1]
+            )?;
         }
         let mut missing = self.missing.iter().filter(|own| own.is_missing).peekable();
         if missing.peek().is_none() {
-            return writeln!(f, "A plain drive lacks no kept effect: none explains robots that it was not fitted to");
+            return writeln!(
+                f,
+                "A plain drive lacks no kept effect: none explains robots that it was not fitted to"
+            );
         }
         for own in missing {
             writeln!(

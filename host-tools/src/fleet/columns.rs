@@ -165,7 +165,8 @@ pub(super) fn cad_hash(model: &Model, limb: &Limb) -> String {
         text += &format!(
             "{} {:?} {:?} {:?} {place:?} {inertia:?} {:?}\n",
             body.name,
-            body.parent.map(|parent| parent - limb.bodies.start.min(parent)),
+            body.parent
+                .map(|parent| parent - limb.bodies.start.min(parent)),
             body.kind,
             body.axis,
             model.cad_uncertainty(b),
@@ -195,12 +196,12 @@ mod tests {
                 "coulomb",
                 "armature",
                 "bias",
-                "quadratic_drag",
                 "asymmetric_viscous",
-                "spring",
-                "coupled_viscous",
+                "quadratic_drag",
                 "coupled_armature",
+                "coupled_viscous",
                 "coupled_coulomb",
+                "spring",
             ]
         );
         // A spring's offset is a torque offset.

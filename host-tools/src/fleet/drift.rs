@@ -124,6 +124,10 @@ fn chance_of(x: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
     use super::*;
 
     #[test]
@@ -136,15 +140,26 @@ mod tests {
     #[test]
     fn a_step_is_dated_and_sized_and_what_joints_do_together_is_none() {
         let wave = |k: usize, j: usize| (1.0 + 0.2 * j as f64) * (0.7 * k as f64).sin();
-        let noise = |k: usize, j: usize| 0.1 * (((k * 7919 + j * 104_729) % 1000) as f64 / 500.0 - 1.0);
-        let mut series: Vec<Vec<f64>> =
-            (0..6).map(|j| (0..40).map(|k| wave(k, j) + noise(k, j)).collect()).collect();
+        let mut random = ChaCha8Rng::seed_from_u64(2);
+        let mut noise = move || -> f64 { StandardNormal.sample(&mut random) };
+        let mut series: Vec<Vec<f64>> = (0..6)
+            .map(|j| (0..40).map(|k| wave(k, j) + 0.05 * noise()).collect())
+            .collect();
         series[2][25..].iter_mut().for_each(|x| *x += 0.5);
         let own = own_part(&series, &vec![None; 6]);
-        let found: Vec<_> = own.iter().map(|x| judge(x, by_differences(x), Memory::default())).collect();
+        let found: Vec<_> = own
+            .iter()
+            .map(|x| judge(x, by_differences(x), Memory::default()))
+            .collect();
         let drift = found[2].expect("the step");
         assert_eq!(drift.last_before, 24);
         assert!((drift.size - 0.5).abs() < 3.0 * drift.std, "{drift:?}");
-        assert!(found.iter().enumerate().all(|(j, found)| j == 2 || found.is_none()), "{found:?}");
+        assert!(
+            found
+                .iter()
+                .enumerate()
+                .all(|(j, found)| j == 2 || found.is_none()),
+            "{found:?}"
+        );
     }
 }

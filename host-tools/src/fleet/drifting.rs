@@ -46,29 +46,49 @@ pub(super) fn drifts(all: &[Series]) -> (Vec<Drifting>, usize) {
         groups.entry(group).or_default().push(series);
     }
     let groups: Vec<Aligned> = groups.into_values().filter_map(aligned).collect();
-    let mut kinds: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut kinds: BTreeMap<&str, Vec<(&str, Vec<f64>)>> = BTreeMap::new();
     let mut like: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for (series, own) in groups.iter().flat_map(|group| group.series.iter().zip(&group.own)) {
-        kinds.entry(series.column().kind()).or_default().push(own.clone());
-        like.entry(&series.column().name).or_default().push(by_differences(own));
+    for (series, own) in groups
+        .iter()
+        .flat_map(|group| group.series.iter().zip(&group.own))
+    {
+        let column = series.column();
+        kinds
+            .entry(column.kind())
+            .or_default()
+            .push((&column.name, own.clone()));
+        like.entry(&series.column().name)
+            .or_default()
+            .push(by_differences(own));
     }
-    let memory: BTreeMap<&str, Memory> = kinds.iter().map(|(kind, x)| (*kind, Memory::of(x))).collect();
-    let usual: BTreeMap<&str, f64> =
-        like.into_iter().filter_map(|(name, x)| Some((name, robust::median(x)?))).collect();
+    let memory: BTreeMap<&str, Memory> = kinds
+        .iter()
+        .map(|(kind, x)| (*kind, Memory::of_kind(x)))
+        .collect();
+    let usual: BTreeMap<&str, f64> = like
+        .into_iter()
+        .filter_map(|(name, x)| Some((name, robust::median(x)?)))
+        .collect();
     let (mut found, mut judged) = (Vec::new(), 0);
     for group in &groups {
-        for ((series, own), temperature) in group.series.iter().zip(&group.own).zip(&group.temperature) {
+        for ((series, own), temperature) in
+            group.series.iter().zip(&group.own).zip(&group.temperature)
+        {
             judged += 1;
             let column = series.column();
             // No series is quieter than the same parameter of other robots is.
-            let variance = by_differences(own).max(usual.get(column.name.as_str()).copied().unwrap_or(0.0));
+            let variance =
+                by_differences(own).max(usual.get(column.name.as_str()).copied().unwrap_or(0.0));
             let memory = memory.get(column.kind()).copied().unwrap_or_default();
             if let Some(drift) = judge(own, variance, memory) {
                 found.push(Drifting {
                     robot: series.of.kept.robot.clone(),
                     name: column.name.clone(),
                     unit: column.unit.clone(),
-                    between: [group.times[drift.last_before], group.times[drift.last_before + 1]],
+                    between: [
+                        group.times[drift.last_before],
+                        group.times[drift.last_before + 1],
+                    ],
                     size: drift.size,
                     std: drift.std,
                     temperature: *temperature,
@@ -87,22 +107,33 @@ fn aligned<'a>(series: Vec<&'a Series<'a>>) -> Option<Aligned<'a>> {
             let kept = &series.of.kept.blocks[block];
             let t = time(series, block);
             // Limbs of a block differ by samples that one of them lacks: the second.
-            (t.round().max(0.0) as u64, (t, value, kept.temperature[series.joint]))
+            (
+                t.round().max(0.0) as u64,
+                (t, value, kept.temperature[series.joint]),
+            )
         });
         told.collect()
     };
     let maps: Vec<_> = series.iter().map(of).collect();
     let most = maps.iter().map(BTreeMap::len).max()?;
     // A joint that hardly tells it does not take the others' blocks away.
-    let whole: Vec<usize> = (0..series.len()).filter(|&k| 2 * maps[k].len() >= most).collect();
+    let whole: Vec<usize> = (0..series.len())
+        .filter(|&k| 2 * maps[k].len() >= most)
+        .collect();
     let first = whole.first()?;
-    let shared = maps[*first].keys().filter(|t| whole.iter().all(|&k| maps[k].contains_key(t)));
+    let shared = maps[*first]
+        .keys()
+        .filter(|t| whole.iter().all(|&k| maps[k].contains_key(t)));
     let shared: Vec<u64> = shared.copied().collect();
     let times = shared.iter().map(|t| maps[*first][t].0).collect();
-    let values: Vec<Vec<f64>> =
-        whole.iter().map(|&k| shared.iter().map(|t| maps[k][t].1).collect()).collect();
-    let temperatures: Vec<Option<Vec<f64>>> =
-        whole.iter().map(|&k| shared.iter().map(|t| maps[k][t].2).collect()).collect();
+    let values: Vec<Vec<f64>> = whole
+        .iter()
+        .map(|&k| shared.iter().map(|t| maps[k][t].1).collect())
+        .collect();
+    let temperatures: Vec<Option<Vec<f64>>> = whole
+        .iter()
+        .map(|&k| shared.iter().map(|t| maps[k][t].2).collect())
+        .collect();
     (!shared.is_empty()).then(|| Aligned {
         own: own_part(&values, &temperatures),
         temperature: temperatures.iter().map(Option::is_some).collect(),

@@ -35,7 +35,10 @@ pub enum Fault {
         found: Option<String>,
     },
     /// A column of the table has another name or type.
-    #[error("{file}: column {column} is {found}, which is not {}", super::table::SCHEMA)]
+    #[error(
+        "{file}: column {column} is {found}, which is not {}",
+        super::table::SCHEMA
+    )]
     Schema {
         /// The file.
         file: String,
@@ -45,7 +48,9 @@ pub enum Fault {
         found: String,
     },
     /// The columns that a hash stands for are not in the file, or are others.
-    #[error("{file}: the columns {hash} are not in the file's metadata, or are others than the hash is of")]
+    #[error(
+        "{file}: the columns {hash} are not in the file's metadata, or are others than the hash is of"
+    )]
     Columns {
         /// The file.
         file: String,
@@ -215,7 +220,10 @@ impl Gate {
 /// A block's name in words.
 pub(super) fn name(block: &Block) -> String {
     let log: String = block.log.chars().take(8).collect();
-    format!("{} {} at {} s of log {log}", block.robot, block.joint, block.t0)
+    format!(
+        "{} {} at {} s of log {log}",
+        block.robot, block.joint, block.t0
+    )
 }
 
 /// What can be wrong with a block on its own.
@@ -255,11 +263,24 @@ fn check(block: &Block) -> Result<(), Fault> {
     if !block.factor.iter().all(|x| x.is_finite()) {
         return not_finite("factor");
     }
-    if let Some(column) = block.columns.columns.iter().find(|column| !column.is_known()) {
+    if let Some(column) = block
+        .columns
+        .columns
+        .iter()
+        .find(|column| !column.is_known())
+    {
         return Err(Fault::UnknownColumn {
             block: name(block),
             column: column.name.clone(),
         });
+    }
+    let joints = block.columns.joints.len();
+    let is_usable = |column: &super::KeptColumn| {
+        let prior = column.mean.is_finite() && column.std.is_finite() && column.std > 0.0;
+        prior && column.joints.iter().all(|joint| *joint < joints)
+    };
+    if !block.columns.columns.iter().all(is_usable) {
+        return not_finite("a column's prior");
     }
     let joint = block.columns.place(&block.joint);
     let asked = joint.map_or(0, |joint| block.columns.numbers(joint));
@@ -276,7 +297,10 @@ fn check(block: &Block) -> Result<(), Fault> {
 /// In what two limbs' columns differ first.
 fn difference(a: &super::BlockColumns, b: &super::BlockColumns) -> &'static str {
     let names = |of: &super::BlockColumns| -> Vec<String> {
-        of.columns.iter().map(|column| column.name.clone()).collect()
+        of.columns
+            .iter()
+            .map(|column| column.name.clone())
+            .collect()
     };
     match () {
         () if a.cad != b.cad => "another CAD",

@@ -27,7 +27,11 @@ fn answers(blocks: impl IntoIterator<Item = Block>) -> String {
 /// What the gate lets in, and the kinds of what it refuses.
 fn admitted(blocks: impl IntoIterator<Item = Block>) -> (Vec<Block>, Vec<&'static str>) {
     let (mut gate, mut faults) = (Gate::default(), Vec::new());
-    let admit = |block| gate.admit(block).map_err(|fault| faults.push(fault.kind())).ok();
+    let admit = |block| {
+        gate.admit(block)
+            .map_err(|fault| faults.push(fault.kind()))
+            .ok()
+    };
     (blocks.into_iter().filter_map(admit).collect(), faults)
 }
 
@@ -67,11 +71,36 @@ fn each_fault_is_named_and_the_others_answers_stay() {
         (flipped(30), "checksum"),
         (new(&|b| b.factor.push(0.0)), "shape"),
         (new(&|b| b.joint = "tail".to_owned()), "shape"),
-        (with_columns(&new(&|_| ()), |c| c.window_us = 10_000), "other_columns"),
-        (with_columns(&new(&|_| ()), |c| c.cad = "0".to_owned()), "other_columns"),
-        (with_columns(&new(&|_| ()), |c| c.columns[30].name = "friction:RL_hip".to_owned()), "unknown_column"),
-        (with_columns(&new(&|_| ()), |c| c.columns.swap(0, 1)), "other_columns"),
-        (Block { robot: "r000".to_owned(), ..last.clone() }.sealed(), "other_robot"),
+        (
+            with_columns(&new(&|_| ()), |c| c.window_us = 10_000),
+            "other_columns",
+        ),
+        (
+            with_columns(&new(&|_| ()), |c| c.cad = "0".to_owned()),
+            "other_columns",
+        ),
+        (
+            with_columns(&new(&|_| ()), |c| {
+                c.columns[30].name = "friction:RL_hip".to_owned()
+            }),
+            "unknown_column",
+        ),
+        (
+            with_columns(&new(&|_| ()), |c| c.columns.swap(0, 1)),
+            "other_columns",
+        ),
+        (
+            with_columns(&new(&|_| ()), |c| c.columns[3].std = 0.0),
+            "not_finite",
+        ),
+        (
+            Block {
+                robot: "r000".to_owned(),
+                ..last.clone()
+            }
+            .sealed(),
+            "other_robot",
+        ),
     ];
     for (block, kind) in faulty {
         let after = blocks.iter().cloned().chain([block.clone()]);
@@ -90,14 +119,24 @@ fn late_blocks_count_and_the_order_does_not() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     blocks.shuffle(&mut random);
     let mut gate = Gate::default();
-    let let_in: Vec<Block> = blocks.iter().cloned().map(|block| gate.admit(block).unwrap()).collect();
+    let let_in: Vec<Block> = blocks
+        .iter()
+        .cloned()
+        .map(|block| gate.admit(block).unwrap())
+        .collect();
     assert!(gate.late > 0);
     assert_eq!(answers(let_in), truth);
     // In parts that are put together in any order, limbs' joints torn apart.
-    let mut parts: Vec<Vec<Kept>> = blocks.chunks(37).map(|part| partial(part.iter().cloned())).collect();
+    let mut parts: Vec<Vec<Kept>> = blocks
+        .chunks(37)
+        .map(|part| partial(part.iter().cloned()))
+        .collect();
     parts.shuffle(&mut random);
     let merged = merge(parts);
-    assert_eq!(serde_json::to_string(&final_answers(&merged)).unwrap(), truth);
+    assert_eq!(
+        serde_json::to_string(&final_answers(&merged)).unwrap(),
+        truth
+    );
 }
 
 #[test]
@@ -126,7 +165,10 @@ fn a_damaged_file_costs_what_is_damaged_and_nothing_is_silently_another() {
     for share in [0.0, 0.01, 0.3, 0.9, 0.999] {
         let cut = (share * bytes.len() as f64) as usize;
         let table = read_from("cut", file(&bytes[..cut]));
-        assert!(table.blocks.is_empty() && table.faults[0].kind() == "damaged", "{share}");
+        assert!(
+            table.blocks.is_empty() && table.faults[0].kind() == "damaged",
+            "{share}"
+        );
     }
     let mut survived = 0;
     for at in (0..bytes.len()).step_by(97) {
@@ -135,7 +177,10 @@ fn a_damaged_file_costs_what_is_damaged_and_nothing_is_silently_another() {
         let table = read_from("flipped", file(&flipped));
         let (let_in, _) = admitted(table.blocks);
         // What is let in is what was written.
-        assert!(let_in.iter().all(|block| blocks.contains(block)), "byte {at}");
+        assert!(
+            let_in.iter().all(|block| blocks.contains(block)),
+            "byte {at}"
+        );
         survived += let_in.len();
     }
     let all = bytes.len().div_ceil(97) * blocks.len();
@@ -166,5 +211,8 @@ fn other_types_and_other_names_of_the_tables_columns_are_named() {
     let (kind, words) = with("binary robot", "binary machine");
     assert_eq!(kind, "schema");
     assert!(words.contains("column robot is machine"), "{words}");
-    assert_eq!(of(table::MESSAGE.to_owned(), "proprio.blocks/2").0, "not_blocks");
+    assert_eq!(
+        of(table::MESSAGE.to_owned(), "proprio.blocks/2").0,
+        "not_blocks"
+    );
 }

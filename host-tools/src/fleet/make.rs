@@ -126,14 +126,19 @@ fn grow(growing: &mut Vec<Growing>, model: &Model, slab: Slab) {
     let all = slab.limbs.iter().map(|(_, samples)| ends(samples));
     let ends = all.fold([u64::MAX, 0], |[a, b], [c, d]| [a.min(c), b.max(d)]);
     let of = |(limb, samples): &(Limb, LimbRecording)| {
-        Some((limb.clone(), temperatures(samples), factors(model, limb, samples)?))
+        Some((
+            limb.clone(),
+            temperatures(samples),
+            factors(model, limb, samples)?,
+        ))
     };
     let made: Vec<_> = slab.limbs.par_iter().map(of).collect();
     for (limb, temperature, (columns, factors)) in made.into_iter().flatten() {
         for (joint, factor) in factors.into_iter().enumerate() {
-            let known = growing.iter_mut().rev().find(|own| {
-                own.block == slab.block && own.limb == limb && own.joint == joint
-            });
+            let known = growing
+                .iter_mut()
+                .rev()
+                .find(|own| own.block == slab.block && own.limb == limb && own.joint == joint);
             match known {
                 Some(own) => {
                     own.factor.merge(&factor);
@@ -163,7 +168,11 @@ fn ends(samples: &LimbRecording) -> [u64; 2] {
 /// Of each joint the sum of its motor's temperatures, °C, and how many there are.
 fn temperatures(samples: &LimbRecording) -> Vec<(f64, f64)> {
     let of = |j: usize| {
-        let own = samples.temperature.iter().skip(j).step_by(samples.joints.max(1));
+        let own = samples
+            .temperature
+            .iter()
+            .skip(j)
+            .step_by(samples.joints.max(1));
         let told = own.filter(|t| t.is_finite());
         told.fold((0.0, 0.0), |(sum, count), t| (sum + t, count + 1.0))
     };
@@ -179,8 +188,13 @@ pub(crate) fn factors(
     let data = LimbData::of(model, limb, samples)?;
     let joints = data.joints();
     let at = |kept: &dyn Fn(EffectKind) -> bool| -> Vec<Place> {
-        let effects = EffectKind::ALL.iter().copied().filter(|effect| kept(*effect));
-        effects.flat_map(|effect| (0..joints).map(move |j| (effect, j))).collect()
+        let effects = EffectKind::ALL
+            .iter()
+            .copied()
+            .filter(|effect| kept(*effect));
+        effects
+            .flat_map(|effect| (0..joints).map(move |j| (effect, j)))
+            .collect()
     };
     let plain = at(&|effect| effect.description().is_plain());
     let fit = LimbFit::of(&data, &plain, &How::default())?;
@@ -219,7 +233,12 @@ fn described(data: &LimbData, columns: &Columns, fit: &LimbFit) -> BlockColumns 
                 let body = &data.bodies_before()[entry.joint].0;
                 let (name, unit) = INERTIAL_NAMES[entry.parameter];
                 let std = std.as_ref().map_or(1.0, |std| std[k]);
-                (format!("{name}:{joint}"), unit, body.0[entry.parameter], std)
+                (
+                    format!("{name}:{joint}"),
+                    unit,
+                    body.0[entry.parameter],
+                    std,
+                )
             }
             Some(effect) => {
                 let (mean, std) = data.prior((effect, entry.joint), entry.parameter);
@@ -229,7 +248,12 @@ fn described(data: &LimbData, columns: &Columns, fit: &LimbFit) -> BlockColumns 
                     true => (mean, std),
                     false => (0.0, std.max(mean.abs())),
                 };
-                (name_of(effect, entry.parameter, joint), parameter.unit, mean, std)
+                (
+                    name_of(effect, entry.parameter, joint),
+                    parameter.unit,
+                    mean,
+                    std,
+                )
             }
         };
         let felt = (0..joints.len()).filter(|&j| columns.place(j, k).is_some());

@@ -4,6 +4,8 @@
 //! robot's series is too short to tell ρ, and its own mean takes part of the memory away: the sample autocovariance is too small by the
 //! variance of the mean (Priestley 1981, *Spectral Analysis and Time Series*, §5.3.3). So s and ρ are those of all robots' series of one kind, with that put back.
 
+use std::collections::BTreeMap;
+
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::robust;
@@ -12,8 +14,10 @@ use crate::robust;
 const MOST_RHO: f64 = 0.98;
 /// Lag at which the fall of the correlation is read, blocks; shorter in short series.
 const FAR: usize = 4;
-/// Times that the variance of the mean is put back: it converges by a factor of two or more each.
-const ROUNDS: usize = 40;
+/// Times that what a series' own mean takes away is put back: it converges by a factor of two each, slower where ρ is near one.
+const ROUNDS: usize = 200;
+/// Fewest blocks of a series that says anything of memory: three lags.
+const LEAST_BLOCKS: usize = 4;
 /// Correlation at lag one below so many of its standard errors is none.
 const SEEN: f64 = 2.0;
 /// Least variation of a series, relative to its size: below it is rounding.
@@ -29,46 +33,87 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Of series of one kind, each in the order of time.
-    pub fn of(series: &[Vec<f64>]) -> Self {
-        let centred: Vec<Vec<f64>> = series.iter().filter_map(|x| normalised(x)).collect();
+    /// Of series of one kind, each with its parameter's name and in the order of time: like ones are scaled alike, for a series' own variance is
+    /// the smaller the less it has moved.
+    pub fn of_kind(series: &[(&str, Vec<f64>)]) -> Self {
+        let mut like: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
+        for (name, x) in series {
+            if let Some(centred) = centred(x) {
+                like.entry(name).or_default().push(centred);
+            }
+        }
+        let mut all = Vec::new();
+        for mut own in like.into_values() {
+            let numbers = || own.iter().flatten();
+            let square = numbers().map(|x| x * x).sum::<f64>() / numbers().count().max(1) as f64;
+            own.iter_mut().flatten().for_each(|x| *x /= square.sqrt());
+            all.extend(own);
+        }
+        Self::of(&all)
+    }
+
+    /// Of series about their means.
+    fn of(centred: &[Vec<f64>]) -> Self {
         let pairs: usize = centred.iter().map(|x| x.len() - 1).sum();
         let Some(length) = robust::median(centred.iter().map(|x| x.len() as f64)) else {
             return Self::default();
         };
         let length = length as usize;
         let far = FAR.min(length / 3).max(2);
-        let mean = |lag: usize| {
+        let covariance = |lag: usize| {
             let of = |x: &Vec<f64>| -> (f64, f64) {
                 let products = x.iter().zip(x.iter().skip(lag)).map(|(a, b)| a * b);
                 (products.sum(), x.len().saturating_sub(lag) as f64)
             };
-            let sums = centred.iter().map(of);
-            let (sum, count) = sums.fold((0.0, 0.0), |(a, n), (b, m)| (a + b, n + m));
+            let (sum, count) = centred
+                .iter()
+                .map(of)
+                .fold((0.0, 0.0), |(a, n), (b, m)| (a + b, n + m));
             sum / f64::max(count, 1.0)
         };
-        let seen = [mean(0), mean(1), mean(far)];
+        let seen = [0, 1, far].map(covariance);
+        let least = SEEN / (pairs as f64).sqrt();
         let mut memory = Self::default();
         for _ in 0..ROUNDS {
-            // Where c is the correlation, a centred series has (c − v/n) of the variance over (1 − v/n).
-            let lost = (memory.inflation(length) / length as f64).min(0.9);
-            let [near, away] = [seen[1], seen[2]].map(|own| own / seen[0] * (1.0 - lost) + lost);
-            if near < SEEN / (pairs as f64).sqrt() || away <= 0.0 {
-                let share = near.clamp(0.0, 1.0);
-                let is_seen = near >= SEEN / (pairs as f64).sqrt();
-                return match is_seen {
-                    // A memory of one block.
-                    true => Self { share: 1.0, rho: share },
-                    false => Self::default(),
-                };
+            let asked = memory.about_own_means(length, far);
+            let missed = |k: usize| seen[k] / seen[0] - asked[k] / asked[0];
+            let [near, away] =
+                [(1, 1), (2, far)].map(|(k, lag)| memory.correlation(lag) + missed(k));
+            if near < least {
+                return Self::default();
             }
-            let rho = (away / near).powf(1.0 / (far - 1) as f64).clamp(near.min(MOST_RHO), MOST_RHO);
+            let near = near.min(MOST_RHO);
+            // Where nothing is left farther away, it is a memory of few blocks.
+            let rho = match away > least {
+                true => (away / near)
+                    .powf(1.0 / (far - 1) as f64)
+                    .clamp(near, MOST_RHO),
+                false => near,
+            };
             memory = Self {
-                share: (near / rho).clamp(0.0, 1.0),
+                share: near / rho,
                 rho,
             };
         }
         memory
+    }
+
+    /// Expected covariances, at the lags 0, 1 and `far`, of n blocks about their own mean, where the variance about the true one is 1: c_k less the means'
+    /// covariances with both blocks, plus the variance of the mean.
+    fn about_own_means(&self, n: usize, far: usize) -> [f64; 3] {
+        let mut sums = vec![0.0];
+        for k in 1..n {
+            sums.push(sums[k - 1] + self.correlation(k));
+        }
+        let with_mean: Vec<f64> = (0..n)
+            .map(|t| (1.0 + sums[t] + sums[n - 1 - t]) / n as f64)
+            .collect();
+        let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len().max(1) as f64;
+        let of = |lag: usize| {
+            let (first, last) = (&with_mean[..n - lag], &with_mean[lag..]);
+            self.correlation(lag) - mean(first) - mean(last) + mean(&with_mean)
+        };
+        [0, 1, far].map(of)
     }
 
     /// Correlation of two blocks so many apart.
@@ -108,14 +153,11 @@ impl Memory {
     }
 }
 
-/// A series about its mean in units of its own deviation; `None` if it is too short or does not vary.
-fn normalised(x: &[f64]) -> Option<Vec<f64>> {
-    let n = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / n;
-    let square = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-    let scale = square.sqrt();
-    (x.len() >= 4 && scale > ROUNDING * mean.abs() && scale > 0.0)
-        .then(|| x.iter().map(|x| (x - mean) / scale).collect())
+/// A series about its mean; `None` if it is too short or does not vary.
+fn centred(x: &[f64]) -> Option<Vec<f64>> {
+    let (mean, variance) = mean_and_variance(x);
+    let varies = variance.sqrt() > ROUNDING * mean.abs() && variance > 0.0;
+    (x.len() >= LEAST_BLOCKS && varies).then(|| x.iter().map(|x| x - mean).collect())
 }
 
 /// Mean and variance about it.
@@ -139,7 +181,9 @@ pub fn moderated(variances: &[f64], freedom: f64) -> Vec<(f64, f64)> {
     let common = middle / (1.0 - 2.0 / (9.0 * freedom)).powi(3).max(0.1);
     let logs: Vec<f64> = told.iter().map(|v| v.ln()).collect();
     let centre = robust::median(logs.iter().copied()).unwrap_or(0.0);
-    let spread = robust::scale(logs.iter().map(|x| x - centre)).unwrap_or(0.0).powi(2);
+    let spread = robust::scale(logs.iter().map(|x| x - centre))
+        .unwrap_or(0.0)
+        .powi(2);
     let half = 0.5 * freedom;
     let excess = spread - (1.0 / half + 0.5 / (half * half));
     // As many degrees of freedom as all of them have together, at most.
@@ -181,22 +225,32 @@ mod tests {
                     state = rho * state + f64::sqrt(1.0 - rho * rho) * normal();
                     share.sqrt() * state + f64::sqrt(1.0 - share) * normal()
                 });
-                series.push(own.collect::<Vec<f64>>());
+                series.push(("like", own.collect::<Vec<f64>>()));
             }
-            let memory = Memory::of(&series);
+            let memory = Memory::of_kind(&series);
             let truth = Memory { share, rho };
             let (found, asked) = (memory.inflation(50), truth.inflation(50));
-            assert!((found / asked - 1.0).abs() < 0.15, "{memory:?} {rho} {share}: {found} {asked}");
+            assert!(
+                (found / asked - 1.0).abs() < 0.15,
+                "{memory:?} {rho} {share}: {found} {asked}"
+            );
         }
-        assert_eq!(Memory::of(&[]), Memory::default());
-        assert_eq!(Memory::of(&[vec![1.0; 9]]), Memory::default());
+        assert_eq!(Memory::of_kind(&[]), Memory::default());
+        assert_eq!(
+            Memory::of_kind(&[("still", vec![1.0; 9])]),
+            Memory::default()
+        );
         assert!((Memory::default().effective(50) - 50.0).abs() < 1e-12);
     }
 
     #[test]
     fn like_variances_become_one_and_unlike_ones_stay() {
         let like = moderated(&[1.0, 1.1, 0.9, 1.05, 0.95, 1.0], 10.0);
-        assert!(like.iter().all(|(v, df)| (v - 1.0).abs() < 0.1 && *df > 60.0), "{like:?}");
+        assert!(
+            like.iter()
+                .all(|(v, df)| (v - 1.0).abs() < 0.1 && *df > 60.0),
+            "{like:?}"
+        );
         let unlike = moderated(&[1e-4, 1.0, 1e4, 1e-2, 1e2, 1e3], 10.0);
         assert!((unlike[2].0 / 1e4 - 1.0).abs() < 0.1, "{unlike:?}");
         assert!((widened(1e6) - 1.0).abs() < 1e-3 && widened(4.0) > 1.3);

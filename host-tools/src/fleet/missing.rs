@@ -68,14 +68,22 @@ pub fn candidates(joints: &[OfRobot<'_>]) -> Vec<Candidate> {
         for &(n, _) in &of.values {
             let own = &of.columns.columns[column(of, n)];
             let others = values.get(own.name.as_str()).into_iter().flatten();
-            let others = others.filter(|(robot, _)| *robot != of.robot).map(|(_, x)| *x);
+            let others = others
+                .filter(|(robot, _)| *robot != of.robot)
+                .map(|(_, x)| *x);
             if let Some(value) = robust::median(others) {
                 let gain = before - residual(Some((n, value)));
-                *gains.entry(own.kind()).or_default().entry(of.robot).or_default() += gain;
+                *gains
+                    .entry(own.kind())
+                    .or_default()
+                    .entry(of.robot)
+                    .or_default() += gain;
             }
         }
     }
-    let all = gains.into_iter().map(|(effect, gains)| candidate(effect, &gains, &left));
+    let all = gains
+        .into_iter()
+        .map(|(effect, gains)| candidate(effect, &gains, &left));
     let mut all: Vec<Candidate> = all.collect();
     all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     all
@@ -83,7 +91,11 @@ pub fn candidates(joints: &[OfRobot<'_>]) -> Vec<Candidate> {
 
 fn candidate(effect: &str, gains: &BTreeMap<&str, f64>, left: &BTreeMap<&str, f64>) -> Candidate {
     let share = |(robot, gain): (&&str, &f64)| {
-        let all = left.get(robot).copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+        let all = left
+            .get(robot)
+            .copied()
+            .unwrap_or(0.0)
+            .max(f64::MIN_POSITIVE);
         ((*robot).to_owned(), gain / all)
     };
     let robots: BTreeMap<String, f64> = gains.iter().map(share).collect();
@@ -95,7 +107,9 @@ fn candidate(effect: &str, gains: &BTreeMap<&str, f64>, left: &BTreeMap<&str, f6
         effect: effect.to_owned(),
         gain,
         std,
-        is_missing: n >= super::population::LEAST_ROBOTS as f64 && gain > SURE * std && gain > LEAST_GAIN,
+        is_missing: n >= super::population::LEAST_ROBOTS as f64
+            && gain > SURE * std
+            && gain > LEAST_GAIN,
         robots,
     }
 }

@@ -70,7 +70,9 @@ fn of_joint(
         (common.robots >= LEAST_ROBOTS && away > common.threshold(tests)).then_some(away)
     };
     let far = |values: &[(usize, RobotValue)]| -> Vec<(f64, usize, RobotValue)> {
-        let far = values.iter().filter_map(|(n, own)| Some((away(own)?, *n, own.clone())));
+        let far = values
+            .iter()
+            .filter_map(|(n, own)| Some((away(own)?, *n, own.clone())));
         let mut far: Vec<_> = far.collect();
         far.sort_by(|a, b| b.0.total_cmp(&a.0));
         far
@@ -91,8 +93,15 @@ fn of_joint(
         model.push(first.1);
         left = far(&beside(tested, &model, &left, memory));
     }
-    found.extend(left.into_iter().filter(|(_, n, _)| tested.model.contains(n)).map(|(away, _, own)| (away, own)));
-    found.into_iter().filter_map(|(away, own)| Some((away, outlier(&own, commons)?))).collect()
+    found.extend(
+        left.into_iter()
+            .filter(|(_, n, _)| tested.model.contains(n))
+            .map(|(away, _, own)| (away, own)),
+    );
+    found
+        .into_iter()
+        .filter_map(|(away, own)| Some((away, outlier(&own, commons)?)))
+        .collect()
 }
 
 /// The values of the model's columns, and of each other one that was far away, with what has joined the model beside them.
@@ -104,9 +113,15 @@ fn beside(
 ) -> Vec<(usize, RobotValue)> {
     let mut series: Vec<Series> = series_of(tested.of, tested.joint, model, None);
     series.retain(|series| tested.model.contains(&series.n));
-    let others = left.iter().map(|(_, n, _)| *n).filter(|n| !model.contains(n));
+    let others = left
+        .iter()
+        .map(|(_, n, _)| *n)
+        .filter(|n| !model.contains(n));
     series.extend(others.flat_map(|n| series_of(tested.of, tested.joint, model, Some(n))));
-    series.iter().map(|series| (series.n, alone(series, memory))).collect()
+    series
+        .iter()
+        .map(|series| (series.n, alone(series, memory)))
+        .collect()
 }
 
 fn outlier(own: &RobotValue, commons: &Commons) -> Option<Outlier> {

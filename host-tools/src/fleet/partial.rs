@@ -85,7 +85,11 @@ pub fn partial(blocks: impl IntoIterator<Item = Block>) -> Vec<Kept> {
 pub fn merge(parts: impl IntoIterator<Item = Vec<Kept>>) -> Vec<Kept> {
     let mut groups: BTreeMap<Group, Kept> = BTreeMap::new();
     for kept in parts.into_iter().flatten() {
-        let group = (kept.robot.clone(), kept.columns.limb.clone(), kept.hash.clone());
+        let group = (
+            kept.robot.clone(),
+            kept.columns.limb.clone(),
+            kept.hash.clone(),
+        );
         match groups.get_mut(&group) {
             Some(known) => known.take(kept),
             None => {
@@ -101,7 +105,9 @@ pub fn merge(parts: impl IntoIterator<Item = Vec<Kept>>) -> Vec<Kept> {
 impl Kept {
     fn take(&mut self, other: Self) {
         for block in other.blocks {
-            let same = |own: &KeptBlock| own.log == block.log && own.time[0].to_bits() == block.time[0].to_bits();
+            let same = |own: &KeptBlock| {
+                own.log == block.log && own.time[0].to_bits() == block.time[0].to_bits()
+            };
             match self.blocks.iter().position(same) {
                 None => self.blocks.push(block),
                 Some(at) => {
@@ -121,8 +127,11 @@ impl Kept {
 
     /// The one order: blocks by time and log, factors by fold, each fold once.
     fn sort(&mut self) {
-        self.blocks
-            .sort_by(|a, b| a.time[0].total_cmp(&b.time[0]).then_with(|| a.log.cmp(&b.log)));
+        self.blocks.sort_by(|a, b| {
+            a.time[0]
+                .total_cmp(&b.time[0])
+                .then_with(|| a.log.cmp(&b.log))
+        });
         for block in &mut self.blocks {
             for joint in &mut block.joints {
                 joint.sort_by_key(|(fold, _)| *fold);

@@ -62,13 +62,20 @@ mod tests {
 
     #[test]
     fn one_of_many_is_away_and_moves_nothing() {
-        let mut values: Vec<(f64, f64)> = (0..41).map(|k| (1.0 + 0.01 * f64::from(k - 20), 0.01)).collect();
+        let mut values: Vec<(f64, f64)> = (0..41)
+            .map(|k| (1.0 + 0.01 * f64::from(k - 20), 0.01))
+            .collect();
         let before = common(&values).unwrap();
         values[0].0 = 100.0;
         let after = common(&values).unwrap();
-        assert!((before.centre - after.centre).abs() < 0.02 && (after.spread / before.spread - 1.0).abs() < 0.2);
+        assert!(
+            (before.centre - after.centre).abs() < 0.02
+                && (after.spread / before.spread - 1.0).abs() < 0.2
+        );
         let far = after.threshold(values.len());
-        let away = values.iter().filter(|value| after.away(**value).abs() > far);
+        let away = values
+            .iter()
+            .filter(|value| after.away(**value).abs() > far);
         assert_eq!(away.count(), 1);
         assert!(common(&[]).is_none());
     }

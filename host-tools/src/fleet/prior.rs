@@ -73,11 +73,21 @@ mod tests {
         };
         let (effect, joint) = (coulomb.effect().unwrap(), 2);
         let prior = read.effect_prior(effect, joint).prior;
-        let own = answers.population.iter().find(|own| own.name == coulomb.name).unwrap();
-        assert!((prior.mean - own.value).abs() < 1e-6 && prior.std < 0.2, "{prior:?}");
+        let own = answers
+            .population
+            .iter()
+            .find(|own| own.name == coulomb.name)
+            .unwrap();
+        assert!(
+            (prior.mean - own.value).abs() < 1e-6 && prior.std < 0.2,
+            "{prior:?}"
+        );
         // The fleet of the study has 0.45 there, and drag; no joint has a spring but one robot's.
         assert!((prior.mean - 0.45).abs() < 0.1, "{prior:?}");
         let names: Vec<&str> = read.effects().iter().map(|e| e.effect.name()).collect();
-        assert!(names.contains(&"quadratic_drag") && !names.contains(&"spring"), "{names:?}");
+        assert!(
+            names.contains(&"quadratic_drag") && !names.contains(&"spring"),
+            "{names:?}"
+        );
     }
 }

@@ -99,7 +99,12 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
             };
             let triangle = reduce(columns, (j, &own[j]), &factor, *noise);
             let places = shared_places(columns, j, &shared);
-            sum.fold(&mut trailing(&triangle, own[j].len(), &places, shared.len()));
+            sum.fold(&mut trailing(
+                &triangle,
+                own[j].len(),
+                &places,
+                shared.len(),
+            ));
             reduced.push(Reduced {
                 block: b,
                 joint: j,
@@ -133,7 +138,10 @@ pub fn solve(kept: &Kept) -> Option<LimbSolution> {
 
 /// A joint's noise: the median block's residual, N m.
 fn noise(kept: &Kept, joint: usize) -> f64 {
-    let blocks = kept.blocks.iter().filter(|block| !block.joints[joint].is_empty());
+    let blocks = kept
+        .blocks
+        .iter()
+        .filter(|block| !block.joints[joint].is_empty());
     robust::median(blocks.map(|block| block.rms[joint]))
         .unwrap_or(0.0)
         .max(LEAST_NOISE)
@@ -155,7 +163,9 @@ fn reduce(
 ) -> HeapFactor {
     let of_joint = columns.of_joint(joint);
     let p = of_joint.len();
-    let bodies = of_joint.iter().filter(|k| columns.columns[**k].is_inertial());
+    let bodies = of_joint
+        .iter()
+        .filter(|k| columns.columns[**k].is_inertial());
     let order: Vec<usize> = own.iter().chain(bodies).copied().collect();
     let to = |k: &usize| order.iter().position(|at| at == k);
     let places: Vec<Option<usize>> = of_joint.iter().map(to).collect();
@@ -277,7 +287,9 @@ impl JointSolution {
     fn std_of_bodies(&self, columns: &[usize]) -> Vec<f64> {
         let [squares, by_bodies] = &self.normal;
         let own = squares.select_rows(columns).select_columns(columns);
-        let moved = own.cholesky().map(|own| own.solve(&by_bodies.select_rows(columns)));
+        let moved = own
+            .cholesky()
+            .map(|own| own.solve(&by_bodies.select_rows(columns)));
         let of = |n: usize| moved.as_ref().map_or(0.0, |moved| moved.row(n).norm());
         (0..columns.len()).map(of).collect()
     }

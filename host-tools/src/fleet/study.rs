@@ -27,6 +27,8 @@ const LONGER: f64 = 20.0;
 /// Share of friction that persists, and by how much joints differ in it.
 const WARMTH: f64 = 0.03;
 const UNLIKE: f64 = 0.3;
+/// How far bodies are off the CAD: as far as it says.
+const BODIES: f64 = 0.1;
 /// What all robots have and a plain drive has not, N m s²/rad².
 const DRAG: f64 = 0.02;
 /// What one robot has at one joint, N m/rad.
@@ -63,7 +65,11 @@ pub(super) fn few_blocks(robots: usize, logs: usize) -> Vec<Block> {
 
 fn simulated() -> Motions {
     let model = Model::default();
-    let joints: Vec<&str> = Leg::ALL.iter().flat_map(|leg| JointId::of(*leg)).map(|joint| joint.name()).collect();
+    let joints: Vec<&str> = Leg::ALL
+        .iter()
+        .flat_map(|leg| JointId::of(*leg))
+        .map(|joint| joint.name())
+        .collect();
     let of = |seed: u64| {
         let simulation = Simulation {
             duration: 30.0,
@@ -106,8 +112,10 @@ impl Fleet {
         let (mut blocks, mut truth) = (Vec::new(), Vec::new());
         for r in 0..self.robots {
             let robot = format!("r{r:03}");
-            let limbs: Vec<Vec<f64>> =
-                motions[0].iter().map(|(columns, ..)| robot_truth(&robot, columns, &mut normal)).collect();
+            let limbs: Vec<Vec<f64>> = motions[0]
+                .iter()
+                .map(|(columns, ..)| robot_truth(&robot, columns, &mut normal))
+                .collect();
             let shares: Vec<f64> = (0..12).map(|_| 1.0 + UNLIKE * normal()).collect();
             let mut warmth = normal();
             for log in 0..self.logs {
@@ -124,7 +132,13 @@ impl Fleet {
                     }
                     for (joint, factor) in factors.iter().enumerate() {
                         let name = (robot.as_str(), log);
-                        blocks.push(block(name, (columns, hash), (joint, factor), &now, &mut normal));
+                        blocks.push(block(
+                            name,
+                            (columns, hash),
+                            (joint, factor),
+                            &now,
+                            &mut normal,
+                        ));
                     }
                 }
             }
@@ -136,7 +150,11 @@ impl Fleet {
 
 /// A robot's true values before anything drifts.
 fn robot_truth(robot: &str, columns: &BlockColumns, normal: &mut impl FnMut() -> f64) -> Vec<f64> {
-    let bodies: Vec<f64> = columns.joints.iter().map(|_| 1.0 + 0.03 * normal()).collect();
+    let bodies: Vec<f64> = columns
+        .joints
+        .iter()
+        .map(|_| 1.0 + BODIES * normal())
+        .collect();
     let of = |column: &KeptColumn| {
         let joint = columns.place(column.joint()).unwrap();
         let size = 1.0 + 0.1 * normal();
@@ -180,14 +198,21 @@ fn block(
     let longer = LONGER.sqrt();
     for k in 0..p {
         let row: Vec<f64> = factor.row(k)[..p - k].iter().map(|x| longer * x).collect();
-        let torque: f64 = row.iter().zip(&of_joint[k..]).map(|(x, &c)| x * theta[c]).sum();
+        let torque: f64 = row
+            .iter()
+            .zip(&of_joint[k..])
+            .map(|(x, &c)| x * theta[c])
+            .sum();
         numbers.extend(row.iter().map(|x| *x as f32));
         numbers.push((torque + NOISE * normal()) as f32);
     }
     let windows = (LONGER * factor.rows()).round();
     let freedom = windows - p as f64;
     // χ² of many degrees of freedom.
-    let left = NOISE * (freedom + (2.0 * freedom).sqrt() * normal()).max(0.0).sqrt();
+    let left = NOISE
+        * (freedom + (2.0 * freedom).sqrt() * normal())
+            .max(0.0)
+            .sqrt();
     numbers.push(left as f32);
     let t0 = 1_790_000_000.0 + 86_400.0 * log as f64;
     Block {
@@ -238,19 +263,27 @@ fn run(fleet: Fleet, motions: &Motions) -> Outcome {
     };
     let start = Instant::now();
     let mut gate = Gate::default();
-    let admitted: Vec<Block> = blocks.into_iter().map(|block| gate.admit(block).unwrap()).collect();
+    let admitted: Vec<Block> = blocks
+        .into_iter()
+        .map(|block| gate.admit(block).unwrap())
+        .collect();
     let answers = final_answers(&partial(admitted));
     outcome.seconds = start.elapsed().as_secs_f64();
     outcome.series = answers.series;
     let is_injected = |robot: &str, name: &str| {
-        DRIFTS.iter().any(|(own, joint, ..)| *own == robot && name.strip_prefix("coulomb:") == Some(joint))
+        DRIFTS
+            .iter()
+            .any(|(own, joint, ..)| *own == robot && name.strip_prefix("coulomb:") == Some(joint))
     };
     for own in &answers.drifts {
         match is_injected(&own.robot, &own.name) {
             true => outcome.found += 1,
             false => {
                 outcome.false_drifts += 1;
-                outcome.worst.push(format!("{} {} {} ± {}", own.robot, own.name, own.size, own.std));
+                outcome.worst.push(format!(
+                    "{} {} {} ± {}",
+                    own.robot, own.name, own.size, own.std
+                ));
             }
         }
     }
@@ -261,7 +294,9 @@ fn run(fleet: Fleet, motions: &Motions) -> Outcome {
         }
         let r: usize = own.robot[1..].parse().unwrap();
         let places = columns.iter().enumerate();
-        let place = |(l, c): (usize, &&BlockColumns)| Some((l, c.columns.iter().position(|k| k.name == own.name)?));
+        let place = |(l, c): (usize, &&BlockColumns)| {
+            Some((l, c.columns.iter().position(|k| k.name == own.name)?))
+        };
         let (l, k) = places.clone().find_map(place).unwrap();
         let kind = columns[l].columns[k].kind().to_owned();
         let count = outcome.covered.entry(kind).or_default();
@@ -276,23 +311,38 @@ fn run(fleet: Fleet, motions: &Motions) -> Outcome {
             false if is_injected(&own.robot, &own.name) => {}
             false => {
                 outcome.false_outliers += 1;
-                outcome.worst.push(format!("{} {} {} ± {}", own.robot, own.name, own.difference, own.std));
+                outcome.worst.push(format!(
+                    "{} {} {} ± {}",
+                    own.robot, own.name, own.difference, own.std
+                ));
             }
         }
     }
     outcome.outlier_tests = answers.values.len();
-    outcome.missing = answers.missing.iter().filter(|own| own.is_missing).map(|own| own.effect.clone() + " ").collect();
+    outcome.missing = answers
+        .missing
+        .iter()
+        .filter(|own| own.is_missing)
+        .map(|own| own.effect.clone() + " ")
+        .collect();
     outcome
 }
 
 impl Outcome {
     fn row(&self, fleet: Fleet, kind: &str) -> String {
         let [inside, all] = self.covered.get(kind).copied().unwrap_or_default();
-        format!("| {} | {kind} | {:.1} % of {all} |\n", fleet.rho, 100.0 * inside as f64 / all.max(1) as f64)
+        format!(
+            "| {} | {kind} | {:.1} % of {all} |\n",
+            fleet.rho,
+            100.0 * inside as f64 / all.max(1) as f64
+        )
     }
 
     fn coverage(&self) -> f64 {
-        let sums = self.covered.values().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+        let sums = self
+            .covered
+            .values()
+            .fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
         sums[0] as f64 / sums[1] as f64
     }
 
@@ -322,12 +372,24 @@ fn check(outcome: &Outcome, fleet: Fleet) {
         print!("{}", outcome.row(fleet, kind));
     }
     assert_eq!(outcome.found, 5, "injected drifts");
-    assert!(outcome.false_drifts * 10_000 <= outcome.series.max(10_000), "{:?}", outcome.worst);
-    assert!(outcome.odd.split_whitespace().next() == Some("spring:FR_thigh"), "{}", outcome.odd);
+    assert!(
+        outcome.false_drifts * 10_000 <= outcome.series.max(10_000),
+        "{:?}",
+        outcome.worst
+    );
+    assert!(
+        outcome.odd.split_whitespace().next() == Some("spring:FR_thigh"),
+        "{}",
+        outcome.odd
+    );
     assert!(!outcome.odd.contains("bias"), "{}", outcome.odd);
     assert_eq!(outcome.missing.trim(), "quadratic_drag");
     assert_eq!(outcome.false_outliers, 0, "{:?}", outcome.worst);
-    assert!((0.93..0.98).contains(&outcome.coverage()), "{}", outcome.coverage());
+    assert!(
+        (0.93..0.98).contains(&outcome.coverage()),
+        "{}",
+        outcome.coverage()
+    );
 }
 
 #[test]
@@ -365,7 +427,10 @@ fn the_table_of_large_fleets() {
         }
     }
     let mut text = String::from(HEAD);
-    let _ = write!(text, "{table}\n| AR | parameter | within 2 std |\n|---|---|---|\n{kinds}");
+    let _ = write!(
+        text,
+        "{table}\n| AR | parameter | within 2 std |\n|---|---|---|\n{kinds}"
+    );
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/fleet/table.md");
     std::fs::write(path, text).unwrap();
 }
@@ -373,7 +438,7 @@ fn the_table_of_large_fleets() {
 const HEAD: &str = "# Synthetic fleets
 
 Regressors of simulated Go2 motions, right-hand sides of a known truth (`host-tools/src/fleet/study.rs`): friction of all joints of a robot varies by 3 % from log to
-log, with correlation AR, on each joint by a share of its own (1 ± 0.3). Every robot has `quadratic_drag`, which a plain drive lacks; one has a spring at FR_thigh; five
+log, with correlation AR, on each joint by a share of its own (1 ± 0.3). Bodies are off the CAD by as much as it says (10 %). Every robot has `quadratic_drag`, which a plain drive lacks; one has a spring at FR_thigh; five
 drift in Coulomb friction of one joint by 15–30 % from the middle on. Made by
 
     cargo test -p proprio-host --lib -- --ignored fleet::study::the_table_of_large_fleets

@@ -112,7 +112,8 @@ pub fn encode(blocks: &[Block]) -> Result<Vec<u8>, ParquetError> {
     }
     let mut metadata = vec![KeyValue::new("schema".to_owned(), SCHEMA.to_owned())];
     metadata.extend(
-        (known.iter()).map(|(hash, columns)| KeyValue::new(format!("{COLUMNS}{hash}"), columns.text())),
+        (known.iter())
+            .map(|(hash, columns)| KeyValue::new(format!("{COLUMNS}{hash}"), columns.text())),
     );
     let numbers = ColumnPath::new(vec!["factor".into(), "list".into(), "element".into()]);
     let properties = WriterProperties::builder()
@@ -139,10 +140,12 @@ fn put_group(
     blocks: &[Block],
 ) -> Result<(), ParquetError> {
     let text = |of: fn(&Block) -> &str| -> Vec<ByteArray> {
-        blocks.iter().map(|block| ByteArray::from(of(block))).collect()
+        blocks
+            .iter()
+            .map(|block| ByteArray::from(of(block)))
+            .collect()
     };
-    let number =
-        |of: fn(&Block) -> f64| -> Vec<f64> { blocks.iter().map(of).collect() };
+    let number = |of: fn(&Block) -> f64| -> Vec<f64> { blocks.iter().map(of).collect() };
     put::<ByteArrayType>(rows, &text(|b| &b.robot), None)?;
     for of in [
         |b: &Block| b.site.as_deref(),
@@ -192,7 +195,10 @@ fn put_factors(
     rows: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
     blocks: &[Block],
 ) -> Result<(), ParquetError> {
-    let numbers: Vec<f32> = blocks.iter().flat_map(|b| b.factor.iter().copied()).collect();
+    let numbers: Vec<f32> = blocks
+        .iter()
+        .flat_map(|b| b.factor.iter().copied())
+        .collect();
     // An empty list has one level and no number.
     let of = |b: &Block| match b.factor.len() {
         0 => vec![(0, 0)],
@@ -298,13 +304,20 @@ impl Reading {
             match catch_unwind(rows) {
                 Ok(Ok((blocks, unknown))) => {
                     table.blocks.extend(blocks);
-                    table.faults.extend(unknown.into_iter().map(|hash| Fault::Columns {
-                        file: name.to_owned(),
-                        hash,
-                    }));
+                    table
+                        .faults
+                        .extend(unknown.into_iter().map(|hash| Fault::Columns {
+                            file: name.to_owned(),
+                            hash,
+                        }));
                 }
-                Ok(Err(error)) => table.faults.push(damaged(name, format!("row group {group}: {error}"))),
-                Err(_) => table.faults.push(damaged(name, format!("row group {group}: its decoder failed"))),
+                Ok(Err(error)) => table
+                    .faults
+                    .push(damaged(name, format!("row group {group}: {error}"))),
+                Err(_) => table.faults.push(damaged(
+                    name,
+                    format!("row group {group}: its decoder failed"),
+                )),
             }
         }
         Ok(table)
@@ -326,7 +339,8 @@ fn check_schema(name: &str, found: &parquet::schema::types::SchemaDescriptor) ->
             return Err(wrong(path, "nothing".to_owned()));
         };
         let type_of = |physical: Physical| format!("{physical}").to_lowercase();
-        let levels = |c: &parquet::schema::types::ColumnDescriptor| (c.max_def_level(), c.max_rep_level());
+        let levels =
+            |c: &parquet::schema::types::ColumnDescriptor| (c.max_def_level(), c.max_rep_level());
         if own.path().string() != path {
             return Err(wrong(path, own.path().string()));
         }
@@ -338,12 +352,20 @@ fn check_schema(name: &str, found: &parquet::schema::types::SchemaDescriptor) ->
 }
 
 /// A column of a row group: its values, and whether each row has one.
-fn column<T: DataType>(rows: &dyn RowGroupReader, k: usize) -> Result<(Vec<T::T>, Vec<i16>, Vec<i16>), ParquetError> {
+fn column<T: DataType>(
+    rows: &dyn RowGroupReader,
+    k: usize,
+) -> Result<(Vec<T::T>, Vec<i16>, Vec<i16>), ParquetError> {
     let descriptor = rows.metadata().column(k).column_descr_ptr();
     let reader = get_column_reader(descriptor, rows.get_column_page_reader(k)?);
     let mut reader = get_typed_column_reader::<T>(reader);
     let (mut values, mut definition, mut repetition) = (Vec::new(), Vec::new(), Vec::new());
-    reader.read_records(MOST_ROWS, Some(&mut definition), Some(&mut repetition), &mut values)?;
+    reader.read_records(
+        MOST_ROWS,
+        Some(&mut definition),
+        Some(&mut repetition),
+        &mut values,
+    )?;
     if values.len() > MOST_NUMBERS {
         return Err(ParquetError::General("too many numbers".to_owned()));
     }
@@ -361,7 +383,9 @@ fn blocks_of(
     let mut place = || next.next().unwrap_or(0);
     let text = |k: usize| -> Result<Vec<Option<String>>, ParquetError> {
         let (values, definition, _) = column::<ByteArrayType>(rows, k)?;
-        let strings = values.iter().map(|bytes| bytes.as_utf8().map(str::to_owned));
+        let strings = values
+            .iter()
+            .map(|bytes| bytes.as_utf8().map(str::to_owned));
         let strings: Vec<String> = strings.collect::<Result<_, _>>()?;
         spread(strings, &definition, count).ok_or_else(short)
     };
@@ -369,7 +393,12 @@ fn blocks_of(
         let (values, definition, _) = column::<DoubleType>(rows, k)?;
         spread(values, &definition, count).ok_or_else(short)
     };
-    let (robot, site, firmware, log) = (text(place())?, text(place())?, text(place())?, text(place())?);
+    let (robot, site, firmware, log) = (
+        text(place())?,
+        text(place())?,
+        text(place())?,
+        text(place())?,
+    );
     let (t0, t1, received) = (number(place())?, number(place())?, number(place())?);
     let (limb, joint) = (text(place())?, text(place())?);
     let folds = column::<Int32Type>(rows, place())?.0;
@@ -429,7 +458,12 @@ fn spread<T>(values: Vec<T>, definition: &[i16], rows: usize) -> Option<Vec<Opti
 }
 
 /// The lists of a column of them.
-fn lists(numbers: Vec<f32>, definition: &[i16], repetition: &[i16], rows: usize) -> Option<Vec<Vec<f32>>> {
+fn lists(
+    numbers: Vec<f32>,
+    definition: &[i16],
+    repetition: &[i16],
+    rows: usize,
+) -> Option<Vec<Vec<f32>>> {
     let mut lists: Vec<Vec<f32>> = Vec::new();
     let mut numbers = numbers.into_iter();
     for (defined, repeated) in definition.iter().zip(repetition) {

@@ -74,9 +74,15 @@ impl<'a> Series<'a> {
 }
 
 /// The own columns of a joint that a model of these kinds has.
-pub(super) fn model_of(of: &Solved, joint: usize, is_in: &dyn Fn(&KeptColumn) -> bool) -> Vec<usize> {
+pub(super) fn model_of(
+    of: &Solved,
+    joint: usize,
+    is_in: &dyn Fn(&KeptColumn) -> bool,
+) -> Vec<usize> {
     let own = &of.solution.joints[joint].columns;
-    (0..own.len()).filter(|&n| is_in(&of.kept.columns.columns[own[n]])).collect()
+    (0..own.len())
+        .filter(|&n| is_in(&of.kept.columns.columns[own[n]]))
+        .collect()
 }
 
 /// The series of a model's columns at a joint; of one that is added to it, that one's alone.
@@ -88,14 +94,24 @@ pub(super) fn series_of<'a>(
 ) -> Vec<Series<'a>> {
     let all: Vec<usize> = model.iter().copied().chain(added).collect();
     let values = of.solution.joints[joint].values(&all);
-    let wanted = all.iter().enumerate().filter(|(_, n)| added.is_none_or(|added| added == **n));
+    let wanted = all
+        .iter()
+        .enumerate()
+        .filter(|(_, n)| added.is_none_or(|added| added == **n));
     let made = wanted.map(|(at, &n)| Series {
         of,
         joint,
         n,
         in_model: added.is_none(),
-        told: values.blocks.iter().map(|(block, values, _)| (*block, values[at])).collect(),
-        within: values.blocks.first().map_or(f64::INFINITY, |(_, _, std)| std[at]),
+        told: values
+            .blocks
+            .iter()
+            .map(|(block, values, _)| (*block, values[at]))
+            .collect(),
+        within: values
+            .blocks
+            .first()
+            .map_or(f64::INFINITY, |(_, _, std)| std[at]),
         of_bodies: values.std_of_bodies[at],
     });
     made.filter(|series| !series.told.is_empty()).collect()
@@ -103,12 +119,16 @@ pub(super) fn series_of<'a>(
 
 /// How values of each kind remember.
 pub(super) fn memories(all: &[Series]) -> BTreeMap<String, Memory> {
-    let mut kinds: BTreeMap<String, Vec<Vec<f64>>> = BTreeMap::new();
+    let mut kinds: BTreeMap<String, Vec<(&str, Vec<f64>)>> = BTreeMap::new();
     for series in all {
-        let kind = series.column().kind().to_owned();
-        kinds.entry(kind).or_default().push(series.values());
+        let column = series.column();
+        let own = (column.name.as_str(), series.values());
+        kinds.entry(column.kind().to_owned()).or_default().push(own);
     }
-    kinds.into_par_iter().map(|(kind, series)| (kind, Memory::of(&series))).collect()
+    kinds
+        .into_par_iter()
+        .map(|(kind, series)| (kind, Memory::of_kind(&series)))
+        .collect()
 }
 
 /// Each robot's value: the mean of its blocks, with the ± that blocks which remember give it.
@@ -120,8 +140,14 @@ pub(super) fn robot_values(all: &[Series], memory: &BTreeMap<String, Memory>) ->
     }
     let mut found: Vec<Option<RobotValue>> = vec![None; all.len()];
     for places in like.values() {
-        let own: Vec<(f64, f64)> = places.iter().map(|&k| mean_and_variance(&all[k].values())).collect();
-        let memory = memory.get(all[places[0]].column().kind()).copied().unwrap_or_default();
+        let own: Vec<(f64, f64)> = places
+            .iter()
+            .map(|&k| mean_and_variance(&all[k].values()))
+            .collect();
+        let memory = memory
+            .get(all[places[0]].column().kind())
+            .copied()
+            .unwrap_or_default();
         let lengths = places.iter().map(|&k| all[k].told.len() as f64);
         let usual = robust::median(lengths).unwrap_or(1.0) as usize;
         let freedom = memory.freedom(usual.max(2));
@@ -136,7 +162,10 @@ pub(super) fn robot_values(all: &[Series], memory: &BTreeMap<String, Memory>) ->
 
 /// A series' value on its own.
 pub(super) fn alone(series: &Series, memory: &BTreeMap<String, Memory>) -> RobotValue {
-    let memory = memory.get(series.column().kind()).copied().unwrap_or_default();
+    let memory = memory
+        .get(series.column().kind())
+        .copied()
+        .unwrap_or_default();
     let (value, variance) = mean_and_variance(&series.values());
     let freedom = memory.freedom(series.told.len().max(2));
     robot_value(series, value, (variance, freedom), memory)

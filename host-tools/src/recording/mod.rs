@@ -27,9 +27,9 @@ pub use error::RecordingError;
 pub use limb::LimbRecording;
 pub use only::ConditionProblem;
 use pieces::Pieces;
-pub(crate) use slabs::{SHORTEST as SHORTEST_SLAB, Slab};
-use slabs::Cutter;
 use proprio_simulator::SimulatedSample;
+use slabs::Cutter;
+pub(crate) use slabs::{SHORTEST as SHORTEST_SLAB, Slab};
 
 /// Most joints of a limb that can be judged.
 pub(crate) const MAX_JOINTS: usize = 16;

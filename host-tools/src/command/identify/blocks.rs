@@ -54,7 +54,18 @@ pub(super) fn run(files: &[PathBuf], as_json: bool) -> Result<String, Error> {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut table = Table::default();
-        table.row(["", "unit", "value", "±", "between blocks", "blocks", "worth"].map(str::to_owned));
+        table.row(
+            [
+                "",
+                "unit",
+                "value",
+                "±",
+                "between blocks",
+                "blocks",
+                "worth",
+            ]
+            .map(str::to_owned),
+        );
         for own in &self.values {
             let mark = if own.in_model { "" } else { "+ " };
             table.row([

@@ -44,24 +44,38 @@ pub fn fleet(answers: &Answers, refused: &[[String; 3]]) -> Page {
         findings.push(format!("{} files or blocks were refused.", refused.len()));
     }
     if findings.is_empty() {
-        findings.push("No robot differs, nothing drifts, and no kept effect is missing.".to_owned());
+        findings
+            .push("No robot differs, nothing drifts, and no kept effect is missing.".to_owned());
     }
     Page {
         header: Header {
             title: "A fleet".to_owned(),
-            headline: format!("{} robots, {} blocks of time", answers.robots, answers.blocks),
+            headline: format!(
+                "{} robots, {} blocks of time",
+                answers.robots, answers.blocks
+            ),
             findings,
-            command: Provenance::of(&no_logs).map(|p| p.command).unwrap_or_default(),
+            command: Provenance::of(&no_logs)
+                .map(|p| p.command)
+                .unwrap_or_default(),
             ..Header::default()
         },
-        sections: vec![deviations(answers), drifts(answers), missing(answers), refusals(refused)],
+        sections: vec![
+            deviations(answers),
+            drifts(answers),
+            missing(answers),
+            refusals(refused),
+        ],
     }
 }
 
 /// Robots × parameters, each kind its own table.
 fn deviations(answers: &Answers) -> Section {
-    let common: BTreeMap<&str, &Population> =
-        answers.population.iter().map(|own| (own.name.as_str(), own)).collect();
+    let common: BTreeMap<&str, &Population> = answers
+        .population
+        .iter()
+        .map(|own| (own.name.as_str(), own))
+        .collect();
     let mut kinds: BTreeMap<&str, BTreeMap<&str, BTreeMap<&str, f64>>> = BTreeMap::new();
     for own in &answers.values {
         let Some(common) = common.get(own.name.as_str()) else {
@@ -71,13 +85,23 @@ fn deviations(answers: &Answers) -> Section {
         if let (Some((kind, joint)), true) = (own.name.split_once(':'), std > 0.0) {
             let robots = kinds.entry(kind).or_default();
             let away = (own.value - common.value) / std;
-            robots.entry(own.robot.as_str()).or_default().insert(joint, away);
+            robots
+                .entry(own.robot.as_str())
+                .or_default()
+                .insert(joint, away);
         }
     }
     let mut html = String::new();
     for (kind, robots) in kinds {
-        let joints: BTreeSet<&str> = robots.values().flat_map(|own| own.keys().copied()).collect();
-        let _ = write!(html, "<h3>{}</h3><div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th></th>", escape::html(kind));
+        let joints: BTreeSet<&str> = robots
+            .values()
+            .flat_map(|own| own.keys().copied())
+            .collect();
+        let _ = write!(
+            html,
+            "<h3>{}</h3><div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th></th>",
+            escape::html(kind)
+        );
         for joint in &joints {
             let _ = write!(html, "<th>{}</th>", escape::html(joint));
         }
@@ -85,7 +109,10 @@ fn deviations(answers: &Answers) -> Section {
         for (robot, own) in robots {
             let _ = write!(html, "<tr><th>{}</th>", escape::html(robot));
             for joint in &joints {
-                html.push_str(&own.get(joint).map_or_else(|| "<td></td>".to_owned(), |away| cell(*away)));
+                html.push_str(
+                    &own.get(joint)
+                        .map_or_else(|| "<td></td>".to_owned(), |away| cell(*away)),
+                );
             }
             html.push_str("</tr>\n");
         }
@@ -112,7 +139,9 @@ fn cell(away: f64) -> String {
 }
 
 fn table(columns: &[(&'static str, bool)], rows: Vec<Vec<Cell>>) -> Option<DataTable> {
-    let columns = columns.iter().map(|&(title, numeric)| Column { title, numeric });
+    let columns = columns
+        .iter()
+        .map(|&(title, numeric)| Column { title, numeric });
     (!rows.is_empty()).then(|| DataTable {
         columns: columns.collect(),
         rows,
@@ -127,7 +156,11 @@ fn drifts(answers: &Answers) -> Section {
             Cell::number(format!("{:+.4} ± {:.4}", own.size, own.std), own.size),
             Cell::text(&own.unit),
             Cell::number(date(own.between[1]), own.between[1]),
-            Cell::text(if own.temperature { "taken out" } else { "not recorded" }),
+            Cell::text(if own.temperature {
+                "taken out"
+            } else {
+                "not recorded"
+            }),
         ]
     };
     let columns = [
@@ -153,10 +186,23 @@ fn drifts(answers: &Answers) -> Section {
 fn missing(answers: &Answers) -> Section {
     let percent = |x: f64| format!("{:.2}", 100.0 * x);
     let rows = answers.missing.iter().flat_map(|own| {
-        let all = ("all robots", own.gain, format!("{} ± {}", percent(own.gain), percent(own.std)));
-        let robots = own.robots.iter().map(|(robot, gain)| (robot.as_str(), *gain, percent(*gain)));
+        let all = (
+            "all robots",
+            own.gain,
+            format!("{} ± {}", percent(own.gain), percent(own.std)),
+        );
+        let robots = own
+            .robots
+            .iter()
+            .map(|(robot, gain)| (robot.as_str(), *gain, percent(*gain)));
         let rows = std::iter::once(all).chain(robots);
-        rows.map(|(robot, gain, text)| vec![Cell::text(&own.effect), Cell::text(robot), Cell::number(text, gain)])
+        rows.map(|(robot, gain, text)| {
+            vec![
+                Cell::text(&own.effect),
+                Cell::text(robot),
+                Cell::number(text, gain),
+            ]
+        })
     });
     let columns = [("effect", false), ("robot", false), ("explains, %", true)];
     Section {
@@ -171,7 +217,9 @@ fn missing(answers: &Answers) -> Section {
 }
 
 fn refusals(refused: &[[String; 3]]) -> Section {
-    let rows = refused.iter().map(|cells| cells.iter().map(Cell::text).collect());
+    let rows = refused
+        .iter()
+        .map(|cells| cells.iter().map(Cell::text).collect());
     let columns = [("file or block", false), ("kind", false), ("reason", false)];
     Section {
         id: "refused",
@@ -190,7 +238,8 @@ fn date(t: f64) -> String {
     let days = (t / 86_400.0).floor() as i64 + 719_468;
     let era = days.div_euclid(146_097);
     let day_of_era = days.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * month + 2) / 5 + 1;
@@ -206,7 +255,11 @@ mod tests {
     #[test]
     fn dates_are_those_of_the_calendar() {
         // date -u -d @N +%F
-        for (t, day) in [(1e9, "2001-09-09"), (1_709_164_800.0, "2024-02-29"), (1_790_000_000.0, "2026-09-21")] {
+        for (t, day) in [
+            (1e9, "2001-09-09"),
+            (1_709_164_800.0, "2024-02-29"),
+            (1_790_000_000.0, "2026-09-21"),
+        ] {
             assert_eq!(date(t), day);
         }
         assert_eq!(date(12.0), "12 s");
