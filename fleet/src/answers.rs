@@ -22,10 +22,17 @@ pub(crate) fn of(table: &Table) -> Result<Answers, FolderError> {
             eprintln!("warning: {fault}; {}", fault.fix());
         }
         let admit = |block| {
-            let told = |fault: proprio_host::fleet::Fault| eprintln!("warning: {}: {fault}; {}", file.display(), fault.fix());
+            let told = |fault: proprio_host::fleet::Fault| {
+                eprintln!("warning: {}: {fault}; {}", file.display(), fault.fix())
+            };
             gate.admit(block).map_err(told).ok()
         };
-        partial(read.blocks.into_iter().filter_map(admit).collect::<Vec<_>>())
+        partial(
+            read.blocks
+                .into_iter()
+                .filter_map(admit)
+                .collect::<Vec<_>>(),
+        )
     });
     Ok(final_answers(&merge(parts.collect::<Vec<_>>())))
 }
@@ -48,7 +55,10 @@ pub(crate) fn models(robot: &Model, answers: &Answers) -> BTreeMap<String, Model
         };
         let parameters = effect.description().parameters.iter();
         let named = |symbol: &str| column.kind().ends_with(&format!(".{symbol}"));
-        let place = parameters.clone().position(|p| named(p.symbol)).unwrap_or(0);
+        let place = parameters
+            .clone()
+            .position(|p| named(p.symbol))
+            .unwrap_or(0);
         let bounds = &effect.description().parameters[place];
         let value = own.value.clamp(bounds.lower, bounds.upper);
         let model = models

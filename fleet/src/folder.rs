@@ -105,7 +105,10 @@ impl Table {
     /// [`FolderError`]; what was added before stays, whole.
     pub(crate) fn add(&self, from: &Path) -> Result<Added, FolderError> {
         for folder in [self.blocks(), self.quarantine()] {
-            fs::create_dir_all(&folder).map_err(|source| FolderError::Read { path: folder, source })?;
+            fs::create_dir_all(&folder).map_err(|source| FolderError::Read {
+                path: folder,
+                source,
+            })?;
         }
         let mut gate = Gate::default();
         for file in self.files()? {
@@ -125,9 +128,15 @@ impl Table {
     }
 
     fn add_file(&self, file: &Path, gate: &mut Gate, added: &mut Added) -> Result<(), FolderError> {
-        let unreadable = |source| FolderError::Read { path: file.to_owned(), source };
+        let unreadable = |source| FolderError::Read {
+            path: file.to_owned(),
+            source,
+        };
         let bytes = fs::read(file).map_err(unreadable)?;
-        let hash: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let hash: String = Sha256::digest(&bytes)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect();
         let blocks = self.blocks().join(format!("{hash}.parquet"));
         let reasons = self.quarantine().join(format!("{hash}.json"));
         if blocks.exists() {
@@ -136,7 +145,11 @@ impl Table {
         }
         let table = read(file);
         let name = file.display().to_string();
-        let mut refusals: Vec<Refusal> = table.faults.iter().map(|fault| refusal(&name, fault)).collect();
+        let mut refusals: Vec<Refusal> = table
+            .faults
+            .iter()
+            .map(|fault| refusal(&name, fault))
+            .collect();
         let mut admitted: Vec<Block> = Vec::new();
         for block in table.blocks {
             match gate.admit(block) {
@@ -168,9 +181,14 @@ impl Table {
     pub(crate) fn refused(&self) -> Result<Vec<[String; 3]>, FolderError> {
         let mut all = Vec::new();
         for path in files_in(&self.quarantine(), "json", 1)? {
-            let text = fs::read_to_string(&path).map_err(|source| FolderError::Read { path, source })?;
+            let text =
+                fs::read_to_string(&path).map_err(|source| FolderError::Read { path, source })?;
             let refusals: Vec<Refusal> = serde_json::from_str(&text).unwrap_or_default();
-            all.extend(refusals.into_iter().map(|one| [one.file, one.kind, format!("{}; {}", one.reason, one.fix)]));
+            all.extend(
+                refusals
+                    .into_iter()
+                    .map(|one| [one.file, one.kind, format!("{}; {}", one.reason, one.fix)]),
+            );
         }
         Ok(all)
     }
@@ -235,14 +253,30 @@ fn files_in(folder: &Path, ending: &str, depth: usize) -> Result<Vec<PathBuf>, F
 
 /// A robot's name as a file's.
 pub(crate) fn file_name(robot: &str) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    let plain = |c: char| {
+        if c.is_alphanumeric() || "-_".contains(c) {
+            c
+        } else {
+            '_'
+        }
+    };
     robot.chars().map(plain).collect()
 }
 
 impl fmt::Display for Added {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { files, known, rows, late, refused, kinds } = self;
-        writeln!(f, "{files} files, {known} of them there already; {rows} rows added, {late} of them late; {refused} refused")?;
+        let Self {
+            files,
+            known,
+            rows,
+            late,
+            refused,
+            kinds,
+        } = self;
+        writeln!(
+            f,
+            "{files} files, {known} of them there already; {rows} rows added, {late} of them late; {refused} refused"
+        )?;
         for (kind, count) in kinds {
             writeln!(f, "  {count} {kind}")?;
         }
@@ -252,8 +286,21 @@ impl fmt::Display for Added {
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { robots, blocks, rows, files, bytes, first, last, refused } = self;
-        writeln!(f, "{robots} robots, {blocks} blocks, {rows} rows in {files} files, {:.1} MB", 1e-6 * *bytes as f64)?;
+        let Self {
+            robots,
+            blocks,
+            rows,
+            files,
+            bytes,
+            first,
+            last,
+            refused,
+        } = self;
+        writeln!(
+            f,
+            "{robots} robots, {blocks} blocks, {rows} rows in {files} files, {:.1} MB",
+            1e-6 * *bytes as f64
+        )?;
         if *rows > 0 {
             writeln!(f, "from {first:.0} s to {last:.0} s")?;
         }

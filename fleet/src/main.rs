@@ -120,11 +120,19 @@ fn run(command: Command) -> Result<String, Error> {
     match command {
         Command::Add { from, to, json } => {
             let added = Table::at(&to).add(&from)?;
-            Ok(if json { as_json("add", &added) } else { added.to_string() })
+            Ok(if json {
+                as_json("add", &added)
+            } else {
+                added.to_string()
+            })
         }
         Command::Status { table, json } => {
             let status = Table::at(&table).status()?;
-            Ok(if json { as_json("status", &status) } else { status.to_string() })
+            Ok(if json {
+                as_json("status", &status)
+            } else {
+                status.to_string()
+            })
         }
         Command::Report { table, html, json } => {
             let table = Table::at(&table);
@@ -132,7 +140,11 @@ fn run(command: Command) -> Result<String, Error> {
             if let Some(path) = html {
                 pages::fleet(&answers, &table.refused()?).write(&path)?;
             }
-            Ok(if json { as_json("report", &answers) } else { answers.to_string() })
+            Ok(if json {
+                as_json("report", &answers)
+            } else {
+                answers.to_string()
+            })
         }
         Command::Models { table, to, model } => {
             let answers = answers::of(&Table::at(&table))?;
@@ -146,12 +158,20 @@ fn run(command: Command) -> Result<String, Error> {
             }
             Ok(written)
         }
-        Command::Prior { table, output, model } => {
+        Command::Prior {
+            table,
+            output,
+            model,
+        } => {
             let answers = answers::of(&Table::at(&table))?;
             let prior = prior_model(&read_model(model)?, &answers);
             prior.save(&output)?;
             let effects = prior.effects().len();
-            Ok(format!("{}: {effects} effects of {} robots\n", output.display(), answers.robots))
+            Ok(format!(
+                "{}: {effects} effects of {} robots\n",
+                output.display(),
+                answers.robots
+            ))
         }
     }
 }

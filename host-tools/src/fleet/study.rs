@@ -27,8 +27,6 @@ const LONGER: f64 = 20.0;
 /// Share of friction that persists, and by how much joints differ in it.
 const WARMTH: f64 = 0.03;
 const UNLIKE: f64 = 0.3;
-/// How far bodies are off the CAD: as far as it says.
-const BODIES: f64 = 0.1;
 /// What all robots have and a plain drive has not, N m s²/rad².
 const DRAG: f64 = 0.02;
 /// What one robot has at one joint, N m/rad.
@@ -150,11 +148,6 @@ impl Fleet {
 
 /// A robot's true values before anything drifts.
 fn robot_truth(robot: &str, columns: &BlockColumns, normal: &mut impl FnMut() -> f64) -> Vec<f64> {
-    let bodies: Vec<f64> = columns
-        .joints
-        .iter()
-        .map(|_| 1.0 + BODIES * normal())
-        .collect();
     let of = |column: &KeptColumn| {
         let joint = columns.place(column.joint()).unwrap();
         let size = 1.0 + 0.1 * normal();
@@ -165,7 +158,7 @@ fn robot_truth(robot: &str, columns: &BlockColumns, normal: &mut impl FnMut() ->
             "bias" => 0.05 * normal(),
             "quadratic_drag" => DRAG * size,
             "spring" if (robot, column.joint()) == ODD => SPRING,
-            _ if column.is_inertial() => column.mean * bodies[joint],
+            _ if column.is_inertial() => column.mean + column.std * normal(),
             _ => 0.0,
         }
     };
@@ -438,7 +431,7 @@ fn the_table_of_large_fleets() {
 const HEAD: &str = "# Synthetic fleets
 
 Regressors of simulated Go2 motions, right-hand sides of a known truth (`host-tools/src/fleet/study.rs`): friction of all joints of a robot varies by 3 % from log to
-log, with correlation AR, on each joint by a share of its own (1 ± 0.3). Bodies are off the CAD by as much as it says (10 %). Every robot has `quadratic_drag`, which a plain drive lacks; one has a spring at FR_thigh; five
+log, with correlation AR, on each joint by a share of its own (1 ± 0.3). Each parameter of a body is off the CAD by its column's stated standard deviation. Every robot has `quadratic_drag`, which a plain drive lacks; one has a spring at FR_thigh; five
 drift in Coulomb friction of one joint by 15–30 % from the middle on. Made by
 
     cargo test -p proprio-host --lib -- --ignored fleet::study::the_table_of_large_fleets
