@@ -57,7 +57,7 @@ pub struct Answers {
     pub missing: Vec<Candidate>,
     /// Kinds of parameters that the fleet's model has: a plain drive's, and what was missing.
     pub model: Vec<String>,
-    /// How values of each kind remember from block to block.
+    /// How values of each parameter remember from block to block.
     pub memory: BTreeMap<String, Memory>,
     /// How many series were judged for drift.
     pub series: usize,

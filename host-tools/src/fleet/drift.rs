@@ -28,14 +28,19 @@ pub struct Drift {
     pub chance: f64,
 }
 
-/// x without its part in proportion to y, both about their means.
+/// x without its part in proportion to y, both about their means. The proportion is that of their differences from block to block: over levels, a drift would look
+/// like a part of whatever persists (spurious regression: Granger & Newbold, J. Econometrics 2, 1974).
 fn without(x: &[f64], y: &[f64]) -> Vec<f64> {
     let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
     let (mx, my) = (mean(x), mean(y));
-    let products = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my));
-    let squares: f64 = y.iter().map(|y| (y - my).powi(2)).sum();
+    let differences = || {
+        let pairs = x.windows(2).zip(y.windows(2));
+        pairs.map(|(x, y)| [x[1] - x[0], y[1] - y[0]])
+    };
+    let products: f64 = differences().map(|[x, y]| x * y).sum();
+    let squares: f64 = differences().map(|[_, y]| y * y).sum();
     let slope = match squares > 0.0 {
-        true => products.sum::<f64>() / squares,
+        true => products / squares,
         false => 0.0,
     };
     let pairs = x.iter().zip(y);

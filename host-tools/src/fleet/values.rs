@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::columns::KeptColumn;
@@ -117,18 +116,12 @@ pub(super) fn series_of<'a>(
     made.filter(|series| !series.told.is_empty()).collect()
 }
 
-/// How values of each kind remember.
+/// How values of each parameter remember.
 pub(super) fn memories(all: &[Series]) -> BTreeMap<String, Memory> {
-    let mut kinds: BTreeMap<String, Vec<(&str, Vec<f64>)>> = BTreeMap::new();
-    for series in all {
-        let column = series.column();
-        let own = (column.name.as_str(), series.values());
-        kinds.entry(column.kind().to_owned()).or_default().push(own);
-    }
-    kinds
-        .into_par_iter()
-        .map(|(kind, series)| (kind, Memory::of_kind(&series)))
-        .collect()
+    let named = all
+        .iter()
+        .map(|series| (series.column().name.as_str(), series.values()));
+    Memory::by_name(&named.collect::<Vec<_>>())
 }
 
 /// Each robot's value: the mean of its blocks, with the ± that blocks which remember give it.
@@ -145,7 +138,7 @@ pub(super) fn robot_values(all: &[Series], memory: &BTreeMap<String, Memory>) ->
             .map(|&k| mean_and_variance(&all[k].values()))
             .collect();
         let memory = memory
-            .get(all[places[0]].column().kind())
+            .get(&all[places[0]].column().name)
             .copied()
             .unwrap_or_default();
         let lengths = places.iter().map(|&k| all[k].told.len() as f64);
@@ -163,7 +156,7 @@ pub(super) fn robot_values(all: &[Series], memory: &BTreeMap<String, Memory>) ->
 /// A series' value on its own.
 pub(super) fn alone(series: &Series, memory: &BTreeMap<String, Memory>) -> RobotValue {
     let memory = memory
-        .get(series.column().kind())
+        .get(&series.column().name)
         .copied()
         .unwrap_or_default();
     let (value, variance) = mean_and_variance(&series.values());
