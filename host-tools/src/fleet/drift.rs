@@ -88,7 +88,7 @@ pub fn by_differences(x: &[f64]) -> f64 {
 /// Judges a series whose neighbours' differences have this `variance` ([`by_differences`]), and that remembers so.
 pub fn judge(x: &[f64], variance: f64, memory: Memory) -> Option<Drift> {
     let n = x.len();
-    if n < LEAST_BLOCKS || !(variance > 0.0) {
+    if n < LEAST_BLOCKS || variance.is_nan() || variance <= 0.0 {
         return None;
     }
     let long_run = variance / (1.0 - memory.correlation(1)).max(0.05) * memory.long_run();

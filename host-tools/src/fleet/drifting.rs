@@ -46,19 +46,28 @@ pub(super) fn drifts(all: &[Series]) -> (Vec<Drifting>, usize) {
         groups.entry(group).or_default().push(series);
     }
     let groups: Vec<Aligned> = groups.into_values().filter_map(aligned).collect();
-    let mut named: Vec<(&str, Vec<f64>)> = Vec::new();
+    let mut kinds: BTreeMap<&str, Vec<(String, Vec<f64>)>> = BTreeMap::new();
     let mut like: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
     for (series, own) in groups
         .iter()
         .flat_map(|group| group.series.iter().zip(&group.own))
     {
         let column = series.column();
-        named.push((&column.name, own.clone()));
+        // Each by its own scale: one that drifts far must not be what all remember by.
+        let name = format!("{} {}", series.of.kept.robot, column.name);
+        kinds
+            .entry(column.kind())
+            .or_default()
+            .push((name, own.clone()));
         like.entry(&column.name)
             .or_default()
             .push(by_differences(own));
     }
-    let memory = Memory::by_name(&named);
+    let of = |(kind, own): (&'_ str, Vec<(String, Vec<f64>)>)| {
+        let named = own.iter().map(|(name, x)| (name.as_str(), x.clone()));
+        (kind.to_owned(), Memory::of_kind(&named.collect::<Vec<_>>()))
+    };
+    let memory: BTreeMap<String, Memory> = kinds.into_iter().map(of).collect();
     let usual: BTreeMap<&str, f64> = like
         .into_iter()
         .filter_map(|(name, x)| Some((name, robust::median(x)?)))
@@ -73,7 +82,7 @@ pub(super) fn drifts(all: &[Series]) -> (Vec<Drifting>, usize) {
             // No series is quieter than the same parameter of other robots is.
             let variance =
                 by_differences(own).max(usual.get(column.name.as_str()).copied().unwrap_or(0.0));
-            let memory = memory.get(&column.name).copied().unwrap_or_default();
+            let memory = memory.get(column.kind()).copied().unwrap_or_default();
             if let Some(drift) = judge(own, variance, memory) {
                 found.push(Drifting {
                     robot: series.of.kept.robot.clone(),

@@ -351,11 +351,11 @@ fn check_schema(name: &str, found: &parquet::schema::types::SchemaDescriptor) ->
     Ok(())
 }
 
-/// A column of a row group: its values, and whether each row has one.
-fn column<T: DataType>(
-    rows: &dyn RowGroupReader,
-    k: usize,
-) -> Result<(Vec<T::T>, Vec<i16>, Vec<i16>), ParquetError> {
+/// Values of a column, with its definition and repetition levels.
+type Levelled<T> = (Vec<<T as DataType>::T>, Vec<i16>, Vec<i16>);
+
+/// A column of a row group.
+fn column<T: DataType>(rows: &dyn RowGroupReader, k: usize) -> Result<Levelled<T>, ParquetError> {
     let descriptor = rows.metadata().column(k).column_descr_ptr();
     let reader = get_column_reader(descriptor, rows.get_column_page_reader(k)?);
     let mut reader = get_typed_column_reader::<T>(reader);
