@@ -19,6 +19,7 @@ use proprio_core::bus::{Command, Listener, Queue, Reply};
 use proprio_core::wire::{DeviceMessage, HostMessage, MAX_FRAME, Message, Receiver, Sender};
 use proprio_host::capture::{CaptureReader, explain};
 use proprio_host::factors::Factors;
+use proprio_host::fleet::{self, Gate};
 use proprio_host::log::{LogReader, Selection};
 use proprio_host::model::{Model, Robot};
 use proprio_host::monitor::{Entry, JournalReader, View};
@@ -180,7 +181,7 @@ pub fn model(bytes: &[u8]) {
     assert_eq!(text(&first), text(&second));
 }
 
-/// What proprio records: messages, a motor bus's bytes, factors.
+/// What proprio records: messages, a motor bus's bytes, factors, blocks.
 pub fn recording(bytes: &[u8]) {
     let path = file("recording", bytes);
     if let Ok(mut reader) = JournalReader::open(&path) {
@@ -203,6 +204,10 @@ pub fn recording(bytes: &[u8]) {
         }
         let _ = factors.clone().merge(&factors);
     }
+    let mut gate = Gate::default();
+    let blocks = fleet::read(&path).blocks.into_iter();
+    let admitted: Vec<_> = blocks.filter_map(|block| gate.admit(block).ok()).collect();
+    std::hint::black_box(fleet::final_answers(&fleet::partial(admitted)));
 }
 
 thread_local! {

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
@@ -14,6 +15,7 @@ use proprio_host::capture::CaptureWriter;
 use proprio_host::device::pull::Pull;
 use proprio_host::device::{BusStep, Desktop, Device};
 use proprio_host::factors::Factors;
+use proprio_host::fleet::{self, Block, BlockColumns, KeptColumn};
 use proprio_host::model::Model;
 use proprio_host::monitor::{Entry, JournalWriter};
 
@@ -49,7 +51,7 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             Model::default().save(path).expect("it can be written");
         })),
         "dynamics" => seeds.extend(crate::dynamics::seeds()),
-        "recording" => seeds.extend([messages(), capture(), factors()]),
+        "recording" => seeds.extend([messages(), capture(), factors(), blocks()]),
         _ => {}
     }
     seeds
@@ -222,6 +224,49 @@ fn factors() -> Vec<u8> {
             return written(|path| factors.write(path).expect("it can be written"));
         }
     }
+}
+
+/// Blocks of one joint with one column.
+fn blocks() -> Vec<u8> {
+    let columns = BlockColumns {
+        limb: "FR".to_owned(),
+        joints: vec!["FR_hip".to_owned()],
+        window_us: 20_000,
+        cad: "0".to_owned(),
+        columns: vec![KeptColumn {
+            name: "bias:FR_hip".to_owned(),
+            unit: "N m".to_owned(),
+            mean: 0.0,
+            std: 1.0,
+            joints: vec![0],
+        }],
+    };
+    let (hash, columns) = (Arc::from(columns.hash()), Arc::new(columns));
+    let block = |n: u32| {
+        Block {
+            robot: "one".to_owned(),
+            site: None,
+            firmware: Some("1".to_owned()),
+            log: format!("log {n}"),
+            t0: f64::from(n),
+            t1: f64::from(n) + 0.5,
+            received: 9.0,
+            limb: "FR".to_owned(),
+            joint: "FR_hip".to_owned(),
+            fold: 0,
+            columns: Arc::clone(&columns),
+            hash: Arc::clone(&hash),
+            windows: 100.0,
+            rms: 0.1,
+            temperature: Some(40.0),
+            factor: vec![10.0, 2.0 + 0.1 * n as f32, 1.0],
+            crc32c: 0,
+            program: "seed".to_owned(),
+        }
+        .sealed()
+    };
+    let blocks: Vec<Block> = (0..9).map(block).collect();
+    written(|path| fleet::write(path, &blocks).expect("it can be written"))
 }
 
 /// What `write` writes into a file.

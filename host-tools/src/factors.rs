@@ -1,7 +1,7 @@
 //! What devices keep of their data, in files: triangles that stack in any order, from logs and from boards alike.
 //!
-//! A file is a line of text, `proprio factors 1`, and [`Factors`] in postcard with a CRC-32 behind it. It holds all that the data
-//! say of any model whose effects the device keeps columns for, and no data.
+//! A file is a line of text, `proprio factors 2`, and [`Factors`] in postcard with a CRC-32 behind it. It holds all that the data
+//! say of any model whose effects the device keeps columns for, and no data. Files that begin with `proprio factors 1` name no robot.
 
 use std::fs;
 use std::io::{self, Write};
@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 use crate::estimate::{self, Constraint, ParameterEstimate};
 use crate::output::{AtomicFile, WriteError};
 
-const FIRST_LINE: &[u8] = b"proprio factors 1\n";
+const FIRST_LINE: &[u8] = b"proprio factors 2\n";
+const NAMELESS: &[u8] = b"proprio factors 1\n";
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI);
 
 /// A joint's factor in one fold, packed by rows.
@@ -38,6 +39,16 @@ pub struct Factors {
     /// Length of a window, µs.
     window_us: u32,
     /// Each leg's triangles, joint by joint of each fold; empty where a leg has none.
+    legs: [Vec<Triangle>; LEGS],
+    /// Whose data they are, where that is known.
+    robot: Option<String>,
+}
+
+/// What files hold that name no robot.
+#[derive(Deserialize)]
+struct Nameless {
+    effects: Vec<String>,
+    window_us: u32,
     legs: [Vec<Triangle>; LEGS],
 }
 
@@ -61,6 +72,28 @@ pub enum FactorsError {
     /// Factors of other columns, or of windows of another length.
     #[error("{0}: factors of other effects or of another window than this program's")]
     Other(String),
+    /// Data that another of the files holds too.
+    #[error("{path}: the data of leg {} are in {known} already: they would count twice", .leg.name())]
+    Twice {
+        /// The file.
+        path: String,
+        /// The other file.
+        known: String,
+        /// Which leg.
+        leg: Leg,
+    },
+    /// Data of another robot.
+    #[error("{path}: factors of robot {robot}; {other} is of {known}")]
+    AnotherRobot {
+        /// The file.
+        path: String,
+        /// Its robot.
+        robot: String,
+        /// The other file.
+        other: String,
+        /// The other file's robot.
+        known: String,
+    },
     /// The numbers allow no solution.
     #[error("leg {}: {source}", .leg.name())]
     Solve {
@@ -78,6 +111,45 @@ impl Factors {
             effects: hello.effects.iter().map(|name| name.to_string()).collect(),
             window_us: hello.capacities.window_us,
             legs: Default::default(),
+            robot: None,
+        }
+    }
+
+    /// The same as data of a robot by its name.
+    pub fn of_robot(self, robot: Option<String>) -> Self {
+        Self { robot, ..self }
+    }
+
+    /// Whether it may be merged with `other`, each with its file's name: data of the same robot as far as that is known, and none twice.
+    ///
+    /// # Errors
+    /// [`FactorsError::Twice`], [`FactorsError::AnotherRobot`].
+    pub fn belongs_to(
+        &self,
+        path: &Path,
+        (other, known): (&Path, &Self),
+    ) -> Result<(), FactorsError> {
+        let [path, other] = [path, other].map(|path| path.display().to_string());
+        if let (Some(robot), Some(known)) = (&self.robot, &known.robot)
+            && robot != known
+        {
+            return Err(FactorsError::AnotherRobot {
+                path,
+                other,
+                robot: robot.clone(),
+                known: known.clone(),
+            });
+        }
+        // No two motions give the same numbers.
+        let has_data = |leg: &Leg| self.legs[leg.index()].iter().any(|own| own.windows > 0.0);
+        let same = |leg: &Leg| self.legs[leg.index()] == known.legs[leg.index()];
+        match self.legs().find(|leg| has_data(leg) && same(leg)) {
+            Some(leg) => Err(FactorsError::Twice {
+                path,
+                known: other,
+                leg,
+            }),
+            None => Ok(()),
         }
     }
 
@@ -113,11 +185,27 @@ impl Factors {
             path: name.clone(),
             source,
         })?;
-        let Some(content) = bytes.strip_prefix(FIRST_LINE) else {
-            return Err(FactorsError::NotFactors(name));
+        let damaged = |_| FactorsError::Damaged(name.clone());
+        let factors = match (bytes.strip_prefix(FIRST_LINE), bytes.strip_prefix(NAMELESS)) {
+            (Some(content), _) => {
+                postcard::from_bytes_crc32(content, CRC.digest()).map_err(damaged)?
+            }
+            (_, Some(content)) => {
+                let read = postcard::from_bytes_crc32(content, CRC.digest());
+                let Nameless {
+                    effects,
+                    window_us,
+                    legs,
+                } = read.map_err(damaged)?;
+                Self {
+                    effects,
+                    window_us,
+                    legs,
+                    robot: None,
+                }
+            }
+            _ => return Err(FactorsError::NotFactors(name)),
         };
-        let read: Result<Self, _> = postcard::from_bytes_crc32(content, CRC.digest());
-        let factors = read.map_err(|_| FactorsError::Damaged(name.clone()))?;
         match factors.fits() {
             true => Ok(factors),
             false => Err(FactorsError::Other(name)),

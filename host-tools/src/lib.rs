@@ -1,7 +1,7 @@
 //! Logs, model files, commands: the desktop side of proprio.
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`formula`], [`model`], [`gate`], `trajectory`, [`recording`],
-//! `equation`, `predict`, [`estimate`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
+//! `equation`, `predict`, [`estimate`], [`fleet`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
 //! [`compare`], [`identify`] and [`kinematics`], [`dynamics`], [`spectrum`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
 //! demos, independent of them, is a crate of its own: [`proprio_simulator`].
 
@@ -18,6 +18,7 @@ mod equation;
 pub mod estimate;
 pub mod excite;
 pub mod factors;
+pub mod fleet;
 pub mod formula;
 pub mod free_base;
 pub mod gate;

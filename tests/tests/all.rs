@@ -28,6 +28,7 @@ mod diagnose;
 mod elastic_arm;
 mod excite;
 mod export;
+mod factors;
 mod faults;
 mod formulas;
 mod free_base;

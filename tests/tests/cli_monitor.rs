@@ -7,7 +7,9 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use portable_pty::{Child, CommandBuilder, PtySize, native_pty_system};
-use proprio_tests::command::{binary, done, folder, json, parameter, proprio, simulated, stderr};
+use proprio_tests::command::{
+    binary, done, folder, json, parameter, proprio, refusal, simulated, stderr,
+};
 
 const ROWS: u16 = 30;
 const COLUMNS: u16 = 120;
@@ -302,6 +304,39 @@ fn factors_of_two_halves_merge_to_what_one_device_says_of_the_whole() {
             "{parameter} {here}"
         );
     }
+
+    // The same data twice, and those of two robots, are refused.
+    let twice = refusal(
+        folder.path(),
+        &["identify", "--factor", "a.bin", "b.bin", "a.bin"],
+    );
+    let both = "a.bin: the data of leg FR are in a.bin already";
+    assert!(
+        twice.contains(both) && twice.contains("hint: leave one"),
+        "{twice}"
+    );
+    for (log, robot) in [("a.csv", "one"), ("b.csv", "two")] {
+        let words = [
+            "replay",
+            log,
+            "--to",
+            "desktop",
+            "--robot",
+            robot,
+            "--factors",
+            robot,
+        ];
+        done(folder.path(), &words);
+    }
+    let two = refusal(
+        folder.path(),
+        &["identify", "--factor", "one", "two", "--json"],
+    );
+    assert!(
+        two.contains("two: factors of robot two; one is of one"),
+        "{two}"
+    );
+    assert!(two.contains("hint: identify one robot at a time"), "{two}");
 
     let mut bytes = fs::read(folder.path().join("a.bin")).unwrap();
     let middle = bytes.len() / 2;

@@ -288,6 +288,25 @@ fn the_frequency_responses_commands_run() {
 }
 
 #[test]
+fn the_fleets_commands_run() {
+    let folder = tempfile::tempdir().unwrap();
+    for (log, seed) in [("chirp.csv", "1"), ("other.csv", "2")] {
+        let words = [
+            "simulate",
+            "--typical",
+            "--duration",
+            "24",
+            "--seed",
+            seed,
+            "-o",
+            log,
+        ];
+        done(folder.path(), &words);
+    }
+    all_run("docs/fleet.md", folder.path());
+}
+
+#[test]
 fn the_walks_commands_run() {
     let folder = tempfile::tempdir().unwrap();
     for (log, name) in [("trot", "walk.csv"), ("load", "next.csv")] {

@@ -14,6 +14,7 @@ use crate::device::replay::ReplayError;
 use crate::excite::ExciteError;
 use crate::excite::earlier::EarlierError;
 use crate::factors::FactorsError;
+use crate::fleet::TableError;
 use crate::free_base::FreeBaseError;
 use crate::kinematics::CalibrateError;
 use crate::live::LiveError;
@@ -61,6 +62,12 @@ pub(super) fn of(error: &Error) -> Option<String> {
         Error::Replay(ReplayError::Device(error)) | Error::Device(error) => of_device(error),
         Error::Capture(error) => of_capture(error),
         Error::Factors(error) => of_factors(error),
+        Error::Blocks { fault, .. } | Error::BlockTable(fault) => Some(fault.fix().to_owned()),
+        Error::Table(TableError::Write(error)) => of_writing(&error.source).map(str::to_owned),
+        Error::Table(TableError::Format { .. }) => None,
+        Error::AnotherRobot { robot, .. } => Some(format!(
+            "identify one robot at a time; if it is the same one, make its blocks again: proprio factors LOG --robot {robot} -o FILE"
+        )),
         Error::Feed(FeedError::Device(error) | FeedError::Replay(ReplayError::Device(error))) => of_device(error),
         Error::Feed(FeedError::Journal(error)) => Some(of_journal(error).to_owned()),
         Error::Feed(FeedError::Replay(_)) => None,
@@ -293,6 +300,8 @@ fn of_factors(error: &FactorsError) -> Option<String> {
         }
         FactorsError::Damaged(_) => "read the device's factors again",
         FactorsError::Other(_) => "read it with the proprio that made it, or make it anew",
+        FactorsError::Twice { .. } => "leave one of the two files out",
+        FactorsError::AnotherRobot { .. } => "identify one robot at a time",
         FactorsError::Solve { .. } => return None,
     };
     Some(hint.to_owned())

@@ -1,5 +1,6 @@
 //! `proprio identify`: from logs to parameters.
 
+mod blocks;
 mod factors;
 
 use std::path::{Path, PathBuf};
@@ -30,15 +31,19 @@ use crate::progress::Progress;
   proprio identify chirp.csv -o go2.toml && proprio export -m go2.toml --mjcf -o go2.xml
   proprio identify --free-base walk.csv -o go2.toml
   proprio identify --factor board.bin chirp.bin
+  proprio identify --blocks monday.parquet tuesday.parquet
   proprio identify morning.csv.gz evening.csv.gz --json -o robot.json
   proprio add coulomb -m arm.toml --urdf arm.urdf && proprio identify arm.csv -m arm.toml")]
 pub(crate) struct Identify {
     /// Logs in any format: CSV, bags, npz, Parquet, captures (docs/logs.md)
-    #[arg(value_name = "LOG", required_unless_present = "factor")]
+    #[arg(value_name = "LOG", required_unless_present_any = ["factor", "blocks"])]
     logs: Vec<PathBuf>,
     /// Instead of logs: factors that `replay --factors` or `monitor` read from devices, merged
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["logs", "output", "bus", "verbose", "physical", "free", "free_base", "html", "model", "base", "stages", "method"])]
     factor: Vec<PathBuf>,
+    /// Instead of logs: blocks of one robot that `factors` made, each value ± from between blocks
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["factor", "logs", "output", "bus", "physical", "free", "free_base", "html", "model", "base", "stages", "method"])]
+    blocks: Vec<PathBuf>,
     /// Also write a model file with the values; or, if the name ends in .json, what --json prints
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -115,6 +120,9 @@ impl Identify {
     pub(crate) fn run(self) -> Result<String, Error> {
         if !self.factor.is_empty() {
             return factors::run(&self.factor, self.json);
+        }
+        if !self.blocks.is_empty() {
+            return blocks::run(&self.blocks, self.json);
         }
         if self.free_base {
             return self.run_free_base();

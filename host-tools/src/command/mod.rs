@@ -1,4 +1,4 @@
-//! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `flash`, `frf`,
+//! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `factors`, `flash`, `frf`,
 //! `identify`, `import`, `man`, `monitor`, `ports`, `record`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an
 //! error;
 //! `overwrite`: what a command would replace; `result`: what --json prints.
@@ -14,6 +14,7 @@ mod diagnose;
 mod effects;
 mod excite;
 mod export;
+mod factors;
 mod flash;
 mod frf;
 pub mod hint;
@@ -45,6 +46,7 @@ use crate::excite::ExciteError;
 use crate::excite::earlier::EarlierError;
 use crate::excite::shapes::ShapesError;
 use crate::factors::FactorsError;
+use crate::fleet::{Fault, TableError};
 use crate::free_base::FreeBaseError;
 use crate::identify::{NotAModel, NotReproduced};
 use crate::kinematics::CalibrateError;
@@ -123,6 +125,7 @@ enum Command {
     Effects(effects::Effects),
     Excite(Box<excite::Excite>),
     Export(export::Export),
+    Factors(factors::MakeBlocks),
     Flash(flash::Flash),
     Frf(frf::Frf),
     Identify(identify::Identify),
@@ -225,6 +228,7 @@ impl Command {
             Self::Effects(command) => command.run(),
             Self::Excite(command) => command.run(),
             Self::Export(command) => command.run(),
+            Self::Factors(command) => command.run(),
             Self::Flash(command) => command.run(),
             Self::Frf(command) => command.run(),
             Self::Identify(command) => command.run(),
@@ -272,6 +276,21 @@ pub(crate) enum Error {
     Capture(#[from] CaptureError),
     #[error(transparent)]
     Factors(#[from] FactorsError),
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Blocks that cannot be used.
+    #[error("{}: {fault}", .file.display())]
+    Blocks { file: PathBuf, fault: Box<Fault> },
+    /// What cannot be read of a table of blocks, which names its file.
+    #[error("{0}")]
+    BlockTable(Box<Fault>),
+    /// Files of two robots, of which one is to be identified.
+    #[error("{}: blocks of robot {robot}; those of the files before are {known}'s", .file.display())]
+    AnotherRobot {
+        file: PathBuf,
+        robot: String,
+        known: String,
+    },
     #[error(transparent)]
     Journal(#[from] JournalError),
     #[error(transparent)]

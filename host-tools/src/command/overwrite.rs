@@ -29,8 +29,9 @@ const WRITTEN: [&str; 7] = [
 /// Arguments that name a file which may be written again on purpose.
 const UPDATED: [&str; 3] = ["model", "urdf", "mjcf"];
 /// Arguments that name logs, motions and models that are read.
-const LOGS: [&str; 10] = [
-    "logs", "log", "from", "motion", "follow", "models", "explain", "factor", "image", "shapes",
+const LOGS: [&str; 11] = [
+    "logs", "log", "blocks", "from", "motion", "follow", "models", "explain", "factor", "image",
+    "shapes",
 ];
 
 /// What stands where a file is to go.
@@ -107,6 +108,9 @@ fn standing(path: &Path) -> Standing {
     }
     if start.starts_with('{') && is_result(path) {
         return Standing::Own("a result of proprio");
+    }
+    if start.starts_with("PAR1") && crate::fleet::table::is_ours(path) {
+        return Standing::Own("a table of blocks");
     }
     // The columns of `excite` alone.
     let header = start.lines().next().unwrap_or_default();

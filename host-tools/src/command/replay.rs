@@ -58,6 +58,9 @@ pub(crate) struct Replay {
     /// Also write the device's factors: what `identify --factor` merges with those of other logs and devices
     #[arg(long, value_name = "FILE")]
     factors: Option<PathBuf>,
+    /// Whose log it is: a name in the factors, so that those of two robots are not merged
+    #[arg(long, value_name = "ID", requires = "factors")]
+    robot: Option<String>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -102,7 +105,8 @@ impl Replay {
         if let Some(path) = &self.factors {
             let mut hear = |message| told.hear(message);
             let factors = pull(&mut *device, &legs, last_us, &mut hear);
-            factors.map_err(ReplayError::from)?.write(path)?;
+            let factors = factors.map_err(ReplayError::from)?;
+            factors.of_robot(self.robot.clone()).write(path)?;
         }
         let answered = |answer: &wire::Answer| Some((requests.answered(answer)?, answer.outcome));
         let answers: Vec<_> = told.answers.iter().filter_map(answered).collect();

@@ -14,7 +14,7 @@ use crate::recording::LimbRecording;
 use crate::trajectory::{Stretch, Trajectory};
 
 /// Shortest window, s.
-const WINDOW: f64 = 0.02;
+pub(crate) const WINDOW: f64 = 0.02;
 /// Fewest sample periods of a window: its torque is a mean of at least as many samples.
 const LEAST_PERIODS: f64 = 4.0;
 /// Share of a window in which a joint may be so slow that friction may hold it, and the window still say something of its

@@ -142,6 +142,11 @@ impl Checks {
         self.previous - self.first
     }
 
+    /// Stamp of the first row, s.
+    pub(super) fn first(&self) -> f64 {
+        self.first
+    }
+
     /// Sampling rate, Hz: one over the median period.
     pub fn rate(&self) -> f64 {
         1.0 / self.periods.median()

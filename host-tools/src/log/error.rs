@@ -61,6 +61,11 @@ pub struct Column {
 }
 
 impl LogError {
+    /// Of a file that cannot be read to its end.
+    pub(crate) fn reading(path: &Path, source: std::io::Error) -> Self {
+        Self::new(path, Problem::Read(source))
+    }
+
     pub(super) fn new(path: &Path, problem: Problem) -> Self {
         Self {
             path: path.to_owned(),

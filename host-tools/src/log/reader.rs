@@ -102,6 +102,11 @@ impl LogReader {
         &self.columns
     }
 
+    /// Stamp of the first row let in, s, by the log's own clock; zero before one is.
+    pub(crate) fn first(&self) -> f64 {
+        self.checks.first()
+    }
+
     /// How much of the file has been read, and of how much: bytes, of a compressed file compressed ones; messages; rows.
     pub fn progress(&self) -> (u64, u64) {
         self.source.progress()

@@ -5,6 +5,7 @@
 //! - `error`: what can be wrong with a recording
 //! - `only`: a part that is judged, where conditions on the motion hold
 //! - `pieces`: long recordings, thinned to pieces that are spread evenly over time, so that memory does not grow with their length
+//! - `slabs`: a log of any length, cut into recordings that follow one another
 //! - `second_encoder`: what a user should know of second encoders: where they are not used, and where they do not count as the motors' do
 
 mod error;
@@ -12,6 +13,7 @@ mod limb;
 mod only;
 mod pieces;
 mod second_encoder;
+mod slabs;
 
 use std::path::{Path, PathBuf};
 
@@ -25,6 +27,8 @@ pub use limb::LimbRecording;
 pub use only::ConditionProblem;
 use pieces::Pieces;
 use proprio_simulator::SimulatedSample;
+use slabs::Cutter;
+pub(crate) use slabs::{SHORTEST as SHORTEST_SLAB, Slab};
 
 /// Most joints of a limb that can be judged.
 pub(crate) const MAX_JOINTS: usize = 16;
@@ -85,6 +89,7 @@ impl Recording {
             pieces: Pieces::all(),
             offset_us: 0,
             too_large: Vec::new(),
+            cutter: None,
         };
         for log in logs {
             pass.read(log, &mut progress)?;
@@ -251,6 +256,8 @@ struct Pass<'a> {
     offset_us: u64,
     /// Limbs recorded that have too many joints.
     too_large: Vec<Limb>,
+    /// Takes each slab as soon as it is whole, where nothing is to be kept.
+    cutter: Option<Cutter<'a>>,
 }
 
 /// A limb in a log.
@@ -291,6 +298,11 @@ impl Pass<'_> {
             let start_us = *first.get_or_insert(row.time_us);
             last_us = row.time_us.saturating_sub(start_us);
             gates.push(last_us, [row.q(), row.dq(), row.tau(), row.temp()]);
+            if let Some(cutter) = &mut self.cutter
+                && cutter.cut(last_us, &mut self.recording.limbs)
+            {
+                limbs.iter_mut().for_each(|limb| limb.is_new = true);
+            }
             if self.pieces.keep(self.offset_us + last_us) {
                 for limb in &mut limbs {
                     self.take(row, self.offset_us + last_us, limb, &mut buffer);
@@ -312,6 +324,10 @@ impl Pass<'_> {
                     effort: efforts[n],
                 });
             }
+        }
+        if let Some(cutter) = &mut self.cutter {
+            cutter.first = reader.first();
+            cutter.end(&mut self.recording.limbs);
         }
         let told: Vec<Warning> = reader.finish()?;
         let told = told.iter().map(|w| format!("{}: {w}", log.display()));

@@ -5,28 +5,31 @@ use super::criteria::feasible::is_resolved_shift;
 use super::criteria::step::is_held;
 use super::fitted::{Fitted, Step};
 
-/// What steps have added and has become nothing beside the others, or a shift that samples of this `period` (s) do not show, the smallest first.
-/// What makes a `drive` stays where it was missing.
-pub(super) fn nothing<M: Fitted>(
-    model: &M,
-    steps: &[Step<M>],
-    drive: bool,
-    period: f64,
-) -> Vec<Member> {
-    let is_resolved = |member: &Member| {
-        let first = model.parameters(member).first().copied();
-        first.is_none_or(|(time, _)| is_resolved_shift(member.1.0, time, period))
-    };
+/// What steps have added and has become nothing beside the others, the smallest first. What makes a `drive` stays where it was missing.
+pub(super) fn nothing<M: Fitted>(model: &M, steps: &[Step<M>], drive: bool) -> Vec<Member> {
     let added = steps.iter().flat_map(|step| step.members.clone());
     let mut small: Vec<(f64, Member)> = added
         .filter(|(_, place)| !(drive && place.0.description().is_plain()))
         // What is asked for beyond a limit is anything: how much of it on average may be nothing.
         .filter(|(_, place)| !place.0.description().is_limit())
         .map(|member| (model.size(&member), member))
-        .filter(|(size, member)| !is_held(*size) || !is_resolved(member))
+        .filter(|(size, _)| !is_held(*size))
         .collect();
     small.sort_by(|a, b| a.0.total_cmp(&b.0));
     small.into_iter().map(|(_, member)| member).collect()
+}
+
+/// What steps have added and has become a shift in time that samples of this `period` (s) do not show. The model with it runs torques between
+/// its samples otherwise than the one without, which changes errors by some thousandths: that is no reason to keep it.
+pub(super) fn unresolved<M: Fitted>(model: &M, steps: &[Step<M>], period: f64) -> Vec<Member> {
+    let is_resolved = |member: &Member| {
+        let first = model.parameters(member).first().copied();
+        first.is_none_or(|(time, _)| is_resolved_shift(member.1.0, time, period))
+    };
+    let added = steps.iter().flat_map(|step| step.members.clone());
+    added
+        .filter(|member| model.has(member) && !is_resolved(member))
+        .collect()
 }
 
 /// What was taken at a joint before another effect there, or before a link of its limb was let go: it may only have resembled that. A link that

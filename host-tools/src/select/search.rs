@@ -317,8 +317,11 @@ impl<S: Source> Search<S> {
     /// Takes out again what has become nothing, or what the others do without.
     fn take_out(&mut self) -> bool {
         let drive = restart::lacks_a_drive(&self.steps);
-        for member in backward::nothing(&self.model, &self.steps, drive, self.source.period()) {
+        for member in backward::nothing(&self.model, &self.steps, drive) {
             self.do_without(member, true);
+        }
+        for member in backward::unresolved(&self.model, &self.steps, self.source.period()) {
+            self.do_without(member, false);
         }
         for member in backward::superseded(&self.steps) {
             self.do_without(member, false);

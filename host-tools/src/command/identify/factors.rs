@@ -36,8 +36,15 @@ fn name<S: serde::Serializer>(leg: &Leg, serializer: S) -> Result<S::Ok, S::Erro
 /// Merges the files and solves each leg.
 pub(super) fn run(files: &[PathBuf], as_json: bool) -> Result<String, Error> {
     let mut merged: Option<Factors> = None;
+    let mut read: Vec<(&PathBuf, Factors)> = Vec::new();
     for file in files {
         let factors = Factors::read(file)?;
+        for (other, known) in &read {
+            factors.belongs_to(file, (other, known))?;
+        }
+        read.push((file, factors));
+    }
+    for (_, factors) in read {
         match &mut merged {
             Some(merged) => merged.merge(&factors)?,
             None => merged = Some(factors),

@@ -6,6 +6,7 @@
 //! - `compare`: the page of `compare`
 //! - `diagnose`: the page of `diagnose`
 //! - `excite`: the page of `excite`
+//! - `fleet`: the page of a fleet
 //! - `frf`: the page of `frf`
 //! - `identify`: the page of `identify`
 //! - `models`: the page of `compare` with several models
@@ -16,6 +17,7 @@ mod calibrate;
 mod compare;
 mod diagnose;
 pub mod excite;
+mod fleet;
 mod frf;
 mod identify;
 mod models;
@@ -38,6 +40,7 @@ use crate::recording::LogGates;
 pub use calibrate::calibration;
 pub use compare::comparison;
 pub use diagnose::DiagnosisPage;
+pub use fleet::fleet;
 pub use frf::responses;
 pub use identify::fit;
 pub use models::models;
