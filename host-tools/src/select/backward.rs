@@ -19,8 +19,7 @@ pub(super) fn nothing<M: Fitted>(model: &M, steps: &[Step<M>], drive: bool) -> V
     small.into_iter().map(|(_, member)| member).collect()
 }
 
-/// What steps have added and has become a shift in time that samples of this `period` (s) do not show. The model with it runs torques between
-/// its samples otherwise than the one without, which changes errors by some thousandths: that is no reason to keep it.
+/// What steps have added and has become a shift in time that samples of this `period` (s) do not show: as a candidate it would not be taken.
 pub(super) fn unresolved<M: Fitted>(model: &M, steps: &[Step<M>], period: f64) -> Vec<Member> {
     let is_resolved = |member: &Member| {
         let first = model.parameters(member).first().copied();

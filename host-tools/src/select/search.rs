@@ -12,7 +12,8 @@ use super::criteria::choice::Look;
 use super::criteria::feasible::is_feasible;
 use super::criteria::presence::is_structure;
 use super::criteria::step::{
-    LEAST_SHARE, bears_a_drive, begins_below, does_as_well, does_without, goes_on, may_take_away,
+    LEAST_SHARE, Leaves, bears_a_drive, begins_below, does_as_well, does_without, goes_on,
+    may_take_away,
 };
 use super::fitted::{Fitted, Step};
 use super::ranking::{Judged, judge, judged};
@@ -318,18 +319,18 @@ impl<S: Source> Search<S> {
     fn take_out(&mut self) -> bool {
         let drive = restart::lacks_a_drive(&self.steps);
         for member in backward::nothing(&self.model, &self.steps, drive) {
-            self.do_without(member, true);
+            self.do_without(member, Leaves::Nothing);
         }
         for member in backward::unresolved(&self.model, &self.steps, self.source.period()) {
-            self.do_without(member, false);
+            self.do_without(member, Leaves::Infeasible);
         }
         for member in backward::superseded(&self.steps) {
-            self.do_without(member, false);
+            self.do_without(member, Leaves::Resembles);
         }
         true
     }
 
-    fn do_without(&mut self, member: Member, nothing: bool) {
+    fn do_without(&mut self, member: Member, why: Leaves) {
         // What is nothing may be superseded too.
         if !self.model.has(&member) {
             return;
@@ -345,8 +346,7 @@ impl<S: Source> Search<S> {
             return;
         };
         let before = self.model.held_out(&self.model);
-        // Of what is nothing more is asked than of what another one stands for.
-        if does_without(&after.held_out(&self.model), &before, nothing) {
+        if does_without(&after.held_out(&self.model), &before, why) {
             self.apply(Edit {
                 members,
                 removed: true,

@@ -70,10 +70,25 @@ pub(crate) fn is_held(size: f64) -> bool {
     size >= LEAST_VALUE
 }
 
-/// Whether a model does without what was taken out of it, which is `nothing` by its value, or else resembles what came after.
-pub(crate) fn does_without(without: &HeldOut, before: &HeldOut, nothing: bool) -> bool {
-    // What only resembles another effect took its share of the error, which that one may not give back to the last digit.
-    let most = if nothing { SAME } else { 1.0 + LEAST_SHARE };
+/// Why an effect may leave a model again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Leaves {
+    /// Its value has become nothing.
+    Nothing,
+    /// It resembles what came after it.
+    Resembles,
+    /// A candidate with this value would not be taken, whatever it promised.
+    Infeasible,
+}
+
+/// Whether a model does without what was taken out of it for this reason.
+pub(crate) fn does_without(without: &HeldOut, before: &HeldOut, why: Leaves) -> bool {
+    let most = match why {
+        Leaves::Nothing => SAME,
+        // It took its share of the error, which the other may not give back to the last digit.
+        Leaves::Resembles => 1.0 + LEAST_SHARE,
+        Leaves::Infeasible => return true,
+    };
     no_log_rises(without, before, most) && without.weighted <= most * before.weighted
 }
 
