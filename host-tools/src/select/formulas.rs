@@ -1,7 +1,7 @@
 //! A formula found as a step of a search: fitted with the whole model, and kept by the rule of every step.
 
 use super::candidate::Member;
-use super::criteria::step::{does_as_well, does_without, is_held, is_worth_a_step};
+use super::criteria::step::{Leaves, does_as_well, does_without, is_held, is_worth_a_step};
 use super::fitted::{Fitted, Step};
 use super::limbs::Limbs;
 use super::search::Found;
@@ -78,7 +78,7 @@ impl<'a> Found<Limbs<'a>> {
                 continue;
             };
             let [now, before] = [&after, &self.end].map(|of| of.held_out(&self.end));
-            if does_without(&now, &before, false) {
+            if does_without(&now, &before, Leaves::Resembles) {
                 self.put(member, after, true);
             }
         }

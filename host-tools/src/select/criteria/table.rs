@@ -62,12 +62,12 @@ fn answer(question: &str, asked: &str) -> String {
         "without nothing" => yes(step::does_without(
             &errors(asked)[1],
             &errors(asked)[0],
-            true,
+            step::Leaves::Nothing,
         )),
         "without superseded" => yes(step::does_without(
             &errors(asked)[1],
             &errors(asked)[0],
-            false,
+            step::Leaves::Resembles,
         )),
         "drive" => yes(step::bears_a_drive(&errors(asked)[1], &errors(asked)[0])),
         "one cause" => yes(step::does_as_well(numbers()[1], numbers()[0])),
