@@ -99,7 +99,7 @@ enum Error {
     Model(#[from] ModelError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error("{}: {1}", .0.display())]
+    #[error("{path}: {reason}", path = .0.display(), reason = .1)]
     Made(PathBuf, std::io::Error),
 }
 

@@ -334,7 +334,7 @@ mod tests {
             };
             advice(&told).to_string()
         };
-        let open = "hz:FR_hip              open                     ±0.0013 kg m now, ±0.0013 before these logs; ";
+        let open = "hz:FR_hip              prior-dominated          ±0.0013 kg m now, ±0.0013 before these logs; ";
         assert_eq!(
             of(2e-14),
             format!("{open}a long, rich motion can tell all of it")

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::catalogue;
 use crate::model::{Model, Robot};
+use crate::summary::wrapped;
 use clap::Args;
 use proprio_core::effect::EffectKind;
 use serde::Serialize;
@@ -137,11 +138,13 @@ impl std::fmt::Display for Report {
             writeln!(f, "Note: {note}.")?;
         }
         if !self.added.is_empty() {
-            writeln!(f, "Added to {path}: {}", self.added.join(", "))?;
+            let added = format!("Added to {path}: {}", self.added.join(", "));
+            write!(f, "{}", wrapped(&added, "", "  "))?;
         }
         if !self.present.is_empty() {
             let rest = self.present.join(", ");
-            writeln!(f, "Already in {path}, unchanged: {rest}")?;
+            let present = format!("Already in {path}, unchanged: {rest}");
+            write!(f, "{}", wrapped(&present, "", "  "))?;
         }
         Ok(())
     }

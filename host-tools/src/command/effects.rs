@@ -103,9 +103,12 @@ impl Effects {
     }
 }
 
+/// Whether an effect is of a group.
+type IsOf = fn(&Description) -> bool;
+
 /// The names, by what they act on.
 fn by_form(effects: &[EffectKind]) -> String {
-    let groups: [(&str, fn(&Description) -> bool); 5] = [
+    let groups: [(&str, IsOf); 5] = [
         ("Every drive", Description::is_plain),
         ("At a joint", |d| {
             matches!(d.form, Form::Columns) && !d.is_plain()

@@ -100,6 +100,9 @@ impl Export {
     }
 }
 
+/// An effect and its joints.
+type Joints<'a> = (&'a str, Vec<String>);
+
 /// Notes of effects that are left out for the same reason, as one: `bias (all joints), velocity_gain (FR_hip) are left out: …`.
 fn together(notes: &[String], robot: &Robot) -> Vec<String> {
     const LEFT_OUT: &str = " is left out: ";
@@ -109,7 +112,7 @@ fn together(notes: &[String], robot: &Robot) -> Vec<String> {
         .map(|body| body.name.clone())
         .collect();
     let mut told: Vec<String> = Vec::new();
-    let mut reasons: Vec<(&str, Vec<(&str, Vec<String>)>)> = Vec::new();
+    let mut reasons: Vec<(&str, Vec<Joints>)> = Vec::new();
     for note in notes {
         let place = note.split_once(LEFT_OUT).and_then(|(place, reason)| {
             let (effect, joint) = place.split_once(':')?;
@@ -131,9 +134,8 @@ fn together(notes: &[String], robot: &Robot) -> Vec<String> {
         }
     }
     told.extend(reasons.into_iter().map(|(reason, effects)| {
-        let one = |(effect, joints): (&str, Vec<String>)| {
-            format!("{effect} ({})", joints_in_words(&joints, &all))
-        };
+        let one =
+            |(effect, joints): Joints| format!("{effect} ({})", joints_in_words(&joints, &all));
         let list: Vec<String> = effects.into_iter().map(one).collect();
         format!("left out: {}: {reason}", list.join(", "))
     }));

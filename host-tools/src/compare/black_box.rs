@@ -91,7 +91,7 @@ mod tests {
         let said = sentence(&boxes([0.289, 0.22, 0.21, 0.161]));
         assert_eq!(
             said,
-            "A black box could reach 0.1610 ±0.0020 N m instead of 0.289; of the square error that it takes away 61 % is the joint's own, \
+            "A non-parametric bound reaches 0.1610 ±0.0020 N m instead of 0.289; of the squared error that it explains 61 % is the joint's own, \
              now, 32 % has memory"
         );
     }

@@ -311,10 +311,10 @@ mod tests {
     fn a_null_direction_is_told_in_words() {
         let names = |n: usize| -> Vec<String> { (0..n).map(|k| format!("p{k}")).collect() };
         assert_eq!(words(&names(1)), "p0 does not show");
-        assert_eq!(words(&names(2)), "p0 and p1 cannot be told apart");
+        assert_eq!(words(&names(2)), "p0 and p1 cannot be separated");
         assert_eq!(
             words(&names(3)),
-            "p0 cannot be told apart from p1, p2 together"
+            "p0 cannot be separated from p1, p2 together"
         );
         assert_eq!(spoken("armature:FR_hip"), "FR_hip armature");
     }

@@ -6,7 +6,7 @@ use crate::catalogue;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::parameter;
 use crate::summary::{by_kind, joints_in_words};
-use crate::table::{Table, with_std};
+use crate::table::Table;
 
 /// A table of what every drive has: a row for each kind of joints with the range of their values, or for each joint where a robot has few.
 /// A value at its bound has a `*`.
@@ -38,7 +38,7 @@ pub(super) fn drive_rows<'a>(
     text.lines().map(|line| format!("  {line}")).collect()
 }
 
-/// `0.08–0.21`; of a single value `0.142 ±0.017`; with a `*` at its bound.
+/// `0.08–0.21`, of a single value `0.142`, to the second digit of the smallest standard deviation; with a `*` at its bound.
 fn range(estimates: &[&ParameterEstimate]) -> String {
     let decimals = estimates
         .iter()
@@ -53,8 +53,7 @@ fn range(estimates: &[&ParameterEstimate]) -> String {
     let by_value = |a: &&&ParameterEstimate, b: &&&ParameterEstimate| a.value.total_cmp(&b.value);
     match estimates {
         [] => "–".to_owned(),
-        [e] if e.at_bound => one(e),
-        [e] => with_std(e.value, e.std),
+        [e] => one(e),
         _ => {
             let ends = [
                 estimates.iter().min_by(by_value),
@@ -190,6 +189,6 @@ mod tests {
         ];
         let rows = drive_rows(&joints, |name| all.iter().find(|e| e.name == name));
         assert_eq!(rows.len(), 3);
-        assert!(rows[1].contains("0.500 ±0.020"), "{rows:#?}");
+        assert!(rows[1].ends_with("0.500"), "{rows:#?}");
     }
 }
