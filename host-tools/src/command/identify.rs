@@ -94,6 +94,9 @@ pub(crate) struct Identify {
 /// What the first screen leaves to --verbose and the page.
 const MORE: &str = "--verbose (each value ± 1σ, priors), --base, --html report.html (plots)";
 
+/// The same of a robot that moves.
+const MORE_OF_A_WALK: &str = "--verbose (each value ± 1σ, stance), --html report.html (plots)";
+
 /// Names of the equations on the command line.
 #[derive(Debug, Clone, Copy, Default, clap::ValueEnum)]
 enum Equation {
@@ -223,7 +226,7 @@ impl Identify {
             (false, true) => found.to_string(),
             (false, false) => found
                 .summary(self.model.as_deref(), self.model_file())
-                .screen(&self.wrote(), MORE),
+                .screen(&self.wrote(), MORE_OF_A_WALK),
         })
     }
 

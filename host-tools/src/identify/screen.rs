@@ -62,6 +62,8 @@ fn range(estimates: &[&ParameterEstimate]) -> String {
             let [low, high] = ends.map(|end| end.map_or_else(String::new, |e| one(e)));
             match low == high {
                 true => low,
+                // A dash before a minus is hard to read.
+                false if high.starts_with('-') => format!("{low} to {high}"),
                 false => format!("{low}–{high}"),
             }
         }

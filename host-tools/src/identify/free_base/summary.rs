@@ -60,19 +60,19 @@ impl FreeBaseIdentification {
         format!("{mass}{error}CAD {})", torque(self.cad_rms))
     }
 
-    /// The trunk's mass and centre of mass, and the robot's, with the CAD's.
+    /// The trunk's mass and centre of mass (x, y, z), and the robot's, with the CAD's.
     fn quantity_rows(&self) -> Vec<String> {
         let mut table = Table::default();
         for (label, names, scale, unit) in [
             ("trunk mass", &["trunk_mass"][..], 1.0, "kg"),
             (
-                "trunk CoM (x, y, z)",
+                "trunk CoM",
                 &["trunk_com_x", "trunk_com_y", "trunk_com_z"],
                 1e3,
                 "mm",
             ),
             (
-                "robot CoM (x, y, z)",
+                "robot CoM",
                 &["robot_com_x", "robot_com_y", "robot_com_z"],
                 1e3,
                 "mm",
