@@ -24,7 +24,7 @@ const LINES: usize = 15;
 const ABOVE: usize = 2;
 
 impl Summary {
-    /// The screen, of at most [`LINES`] lines: what stands `above` (what is wrong with the samples, which file was written), headline, rows,
+    /// The screen, of at most fifteen lines: what stands `above` (what is wrong with the samples, which file was written), headline, rows,
     /// points, the next command; `more` says how the rest is printed. Where there is not room for all of it the longest points are cut:
     /// --verbose and the page have them whole.
     pub fn screen(&self, above: &[String], more: &str) -> String {

@@ -55,7 +55,7 @@ impl Memory {
         Self::of(&all)
     }
 
-    /// Of each parameter by its name: its own where so many robots tell it ([`LEAST_SERIES`]), else that of its kind (the name up to the colon).
+    /// Of each parameter by its name: its own where so many robots tell it (20), else that of its kind (the name up to the colon).
     pub fn by_name(series: &[(&str, Vec<f64>)]) -> BTreeMap<String, Self> {
         let kind = |name: &str| {
             name.split_once(':')
