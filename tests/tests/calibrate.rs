@@ -344,7 +344,7 @@ fn the_first_screen_is_short_and_its_command_runs() {
         );
         let command = screen
             .lines()
-            .find_map(|line| line.trim().strip_prefix("$ proprio "))
+            .find_map(|line| line.strip_prefix("Next: proprio "))
             .unwrap();
         let words: Vec<&str> = command.split(' ').collect();
         done(folder, &words);

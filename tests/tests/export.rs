@@ -217,9 +217,8 @@ fn what_a_format_cannot_say_is_said() {
     );
     assert_eq!(
         stderr(&output),
-        "note: armature:FR_hip is left out: URDF has no word for it\n\
-         note: bias:FR_hip is left out: URDF has no word for it\n\
-         note: coulomb:FR_calf has no value yet: identify the model first\n"
+        "note: coulomb:FR_calf has no value yet: identify the model first\n\
+         note: left out: armature (FR_hip), bias (FR_hip): URDF has no word for it\n"
     );
     let report = exported(folder.path(), &["--mjcf", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
@@ -254,7 +253,7 @@ fn a_zero_that_is_no_finding_is_not_written() {
     );
     assert_eq!(
         stderr(&output),
-        "note: left as the file has it, for the fit found none: armature:FL_hip, armature:FL_thigh\n"
+        "note: left as the file has it, for the fit found none: armature:FL_hip,\n  armature:FL_thigh\n"
     );
     let whole = exported(folder.path(), &["--mjcf", "--json"]);
     let whole: serde_json::Value = serde_json::from_str(&whole).unwrap();

@@ -31,7 +31,7 @@ fn the_gallery_runs_as_printed() {
         count += 1;
     }
     assert_eq!(count, 10);
-    let shown = done(folder.path(), &["show", "go2.toml"]);
+    let shown = done(folder.path(), &["show", "go2.toml", "--verbose"]);
     assert!(shown.contains("formula_10"), "{shown}");
 }
 
