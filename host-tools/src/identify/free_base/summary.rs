@@ -81,7 +81,16 @@ impl FreeBaseIdentification {
             let of = |name: &&str| self.quantities.iter().find(|q| q.name == *name);
             let found: Vec<&Quantity> = names.iter().filter_map(of).collect();
             let value = |q: &&Quantity| with_std(scale * q.value, scale * q.std);
-            let cad = |q: &&Quantity| format!("{:.1}", scale * q.prior);
+            // A body's CAD is known to a gram and a millimetre, no better; adding 0 makes no number of -0.
+            let decimals = if unit == "kg" { 3 } else { 0 };
+            let cad = |q: &&Quantity| {
+                let rounded = if unit == "kg" {
+                    q.prior
+                } else {
+                    (scale * q.prior).round() + 0.0
+                };
+                format!("{rounded:.decimals$}")
+            };
             let values: Vec<String> = found.iter().map(value).collect();
             let cads: Vec<String> = found.iter().map(cad).collect();
             table.row([
