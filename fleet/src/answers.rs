@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use proprio_host::fleet::answers::Answers;
-use proprio_host::fleet::{Gate, KeptColumn, final_answers, merge, partial};
+use proprio_host::fleet::{Gate, final_answers, merge, partial, place_in_model};
 use proprio_host::model::Model;
 use rayon::prelude::*;
 
@@ -39,26 +39,11 @@ pub(crate) fn of(table: &Table) -> Result<Answers, FolderError> {
 
 /// A model file of each robot, by its name: the values of the fleet's model.
 pub(crate) fn models(robot: &Model, answers: &Answers) -> BTreeMap<String, Model> {
-    let bodies = robot.robot().bodies();
     let mut models: BTreeMap<String, Model> = BTreeMap::new();
     for own in answers.values.iter().filter(|own| own.in_model) {
-        let column = KeptColumn {
-            name: own.name.clone(),
-            unit: own.unit.clone(),
-            mean: 0.0,
-            std: 0.0,
-            joints: Vec::new(),
-        };
-        let joint = bodies.iter().position(|body| body.name == column.joint());
-        let (Some(joint), Some(effect)) = (joint, column.effect()) else {
+        let Some((effect, joint, place)) = place_in_model(&own.name, robot.robot()) else {
             continue;
         };
-        let parameters = effect.description().parameters.iter();
-        let named = |symbol: &str| column.kind().ends_with(&format!(".{symbol}"));
-        let place = parameters
-            .clone()
-            .position(|p| named(p.symbol))
-            .unwrap_or(0);
         let bounds = &effect.description().parameters[place];
         let value = own.value.clamp(bounds.lower, bounds.upper);
         let model = models

@@ -5,7 +5,7 @@ use proprio_solve::factor::numbers_of;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::model::{Limb, Model};
+use crate::model::{Limb, Model, Robot};
 use crate::parameter::{INERTIAL_NAMES, of_effect};
 
 /// A column of a limb's factors: one parameter. As JSON a list in the order of the fields: a table has hundreds of them.
@@ -54,24 +54,17 @@ impl From<KeptColumn> for Packed {
 impl KeptColumn {
     /// What it is, without the joint: `m`, `coulomb`, `spring`.
     pub fn kind(&self) -> &str {
-        self.name
-            .split_once(':')
-            .map_or(&self.name, |(kind, _)| kind)
+        split(&self.name).0
     }
 
     /// The joint or body that it belongs to.
     pub fn joint(&self) -> &str {
-        self.name.split_once(':').map_or("", |(_, joint)| joint)
+        split(&self.name).1
     }
 
     /// The effect whose parameter it is; `None` for one of a body's, and for a name that this program does not know.
     pub fn effect(&self) -> Option<EffectKind> {
-        let kind = self.kind();
-        let name = kind.split_once('.').map_or(kind, |(effect, _)| effect);
-        EffectKind::ALL
-            .iter()
-            .copied()
-            .find(|effect| effect.name() == name)
+        effect_of(self.kind()).map(|(effect, _)| effect)
     }
 
     /// Whether this program knows what it is.
@@ -84,6 +77,33 @@ impl KeptColumn {
         let kind = self.kind();
         INERTIAL_NAMES.iter().any(|(name, _)| *name == kind)
     }
+}
+
+/// A parameter's name as what it is and where: `spring.q0:FR_calf` → (`spring.q0`, `FR_calf`).
+fn split(name: &str) -> (&str, &str) {
+    name.split_once(':').unwrap_or((name, ""))
+}
+
+/// The effect and the symbol of one of its parameters, "" for the first: `spring.q0` → (spring, `q0`).
+fn effect_of(kind: &str) -> Option<(EffectKind, &str)> {
+    let (name, symbol) = kind.split_once('.').unwrap_or((kind, ""));
+    let mut all = EffectKind::ALL.iter();
+    Some((*all.find(|effect| effect.name() == name)?, symbol))
+}
+
+/// Where in a model of `robot` the parameter of an effect is that has this name: the effect, its joint, which of the effect's parameters, each
+/// counted from the first. `None` for a body's parameter, and for what this robot or this program does not have.
+pub fn place_in_model(name: &str, robot: &Robot) -> Option<(EffectKind, usize, usize)> {
+    let (kind, joint) = split(name);
+    let (effect, symbol) = effect_of(kind)?;
+    let mut bodies = robot.bodies().iter();
+    let joint = bodies.position(|body| body.name == joint)?;
+    let mut parameters = effect.description().parameters.iter();
+    let parameter = match symbol {
+        "" => 0,
+        symbol => parameters.position(|parameter| parameter.symbol == symbol)?,
+    };
+    Some((effect, joint, parameter))
 }
 
 /// Columns of a limb.

@@ -33,7 +33,7 @@ mod values;
 
 pub use answers::{Answers, final_answers};
 pub use block::Block;
-pub use columns::{BlockColumns, KeptColumn};
+pub use columns::{BlockColumns, KeptColumn, place_in_model};
 pub use gate::{Fault, Gate};
 pub use make::{Origin, blocks_of_log};
 pub use partial::{Kept, merge, partial};

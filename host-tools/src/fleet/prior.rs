@@ -4,7 +4,7 @@
 use proprio_core::effect::Prior;
 
 use super::answers::{Answers, Population};
-use super::columns::KeptColumn;
+use super::columns::place_in_model;
 use crate::model::Model;
 
 /// Least standard deviation, relative to the value: a fleet of one make says no more of the next robot.
@@ -15,19 +15,9 @@ const PRESENT: f64 = 4.0;
 /// `robot` with the effects that the fleet has, and their priors. Its own effects, values and priors go.
 pub fn prior_model(robot: &Model, answers: &Answers) -> Model {
     let mut model = Model::new(robot.robot().clone());
-    let bodies = robot.robot().bodies();
     for own in &answers.population {
-        let column = KeptColumn {
-            name: own.name.clone(),
-            unit: own.unit.clone(),
-            mean: 0.0,
-            std: 0.0,
-            joints: Vec::new(),
-        };
-        let joint = bodies.iter().position(|body| body.name == column.joint());
         // A prior in a file is of an effect's first parameter.
-        let is_first = !column.kind().contains('.');
-        if let (Some(joint), Some(effect), true) = (joint, column.effect(), is_first) {
+        if let Some((effect, joint, 0)) = place_in_model(&own.name, robot.robot()) {
             let parameter = &effect.description().parameters[0];
             let is_there = effect.description().is_plain() || own.value.abs() > PRESENT * own.std;
             let mean = own.value.clamp(parameter.lower, parameter.upper);
@@ -64,19 +54,13 @@ mod tests {
         let path = folder.path().join("prior.toml");
         model.save(&path).unwrap();
         let read = Model::load(&path).unwrap();
-        let coulomb = KeptColumn {
-            name: "coulomb:FR_calf".to_owned(),
-            unit: String::new(),
-            mean: 0.0,
-            std: 0.0,
-            joints: Vec::new(),
-        };
-        let (effect, joint) = (coulomb.effect().unwrap(), 2);
+        let name = "coulomb:FR_calf";
+        let (effect, joint, _) = place_in_model(name, read.robot()).unwrap();
         let prior = read.effect_prior(effect, joint).prior;
         let own = answers
             .population
             .iter()
-            .find(|own| own.name == coulomb.name)
+            .find(|own| own.name == name)
             .unwrap();
         assert!(
             (prior.mean - own.value).abs() < 1e-6 && prior.std < 0.2,

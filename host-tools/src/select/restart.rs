@@ -43,15 +43,17 @@ pub(super) fn one_cause<M: Fitted>(steps: &[Step<M>]) -> Vec<Vec<Member>> {
 }
 
 /// Where an effect was `added` as a cause that all joints share and, as if to undo it there, at some joints too: that effect at the other
-/// joint where it takes away most of what the `first` look saw.
+/// joint where it takes away most of what the `first` look saw. What moves a torque in time undoes whatever else does.
 pub(super) fn one_joint<'c>(
     added: &[(EffectKind, &[Member])],
     first: impl Iterator<Item = &'c Candidate>,
 ) -> Option<Member> {
     let all_share = |members: &[Member]| members.iter().all(|member| is_shared(member.1.1));
     let (effect, _) = *added.iter().find(|(_, members)| all_share(members))?;
+    let moves = |effect: EffectKind| effect.description().shifts().is_some();
+    let undoes = |own: EffectKind| own == effect || (moves(own) && moves(effect));
     let undone: Vec<Member> = (added.iter())
-        .filter(|(own, members)| *own == effect && !all_share(members))
+        .filter(|(own, members)| undoes(*own) && !all_share(members))
         .flat_map(|(_, members)| members.iter().copied())
         .collect();
     let own = |candidate: &Candidate| match candidate.members[..] {
@@ -60,7 +62,10 @@ pub(super) fn one_joint<'c>(
     };
     first
         .filter_map(|candidate| Some((candidate.torque_error_taken(), own(candidate)?)))
-        .filter(|(_, member)| !undone.is_empty() && !undone.contains(member))
+        .filter(|(_, (limb, place))| {
+            let is_undone = |(own, at): &Member| (own, at.1) == (limb, place.1);
+            !undone.is_empty() && !undone.iter().any(is_undone)
+        })
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, member)| member)
 }
