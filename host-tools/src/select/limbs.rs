@@ -1,6 +1,5 @@
 //! The limbs of a base that is held, as a search asks them.
 
-use proprio_core::effect::EffectKind;
 
 use super::accept::Context;
 use super::candidate::{Candidate, Member};
@@ -63,6 +62,10 @@ impl<'a> Source for Limbs<'a> {
 
     fn limbs(&self) -> usize {
         self.data.len()
+    }
+
+    fn joints(&self, limb: usize) -> usize {
+        self.data[limb].joints()
     }
 
     fn period(&self) -> f64 {
@@ -149,10 +152,6 @@ impl<'a> Source for Limbs<'a> {
         with_limit(self.data, model, *member, limit)
     }
 
-    fn lacking_of_drive(&self, model: &State<'a>) -> Vec<Vec<Member>> {
-        lacking_of_drive(self.data, model)
-    }
-
     fn with_drive(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
         let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
         let places = model.places_with(members);
@@ -165,17 +164,4 @@ impl<'a> Source for Limbs<'a> {
             .map(|data| data.squares(&vec![0.0; data.torque.len()]).total())
             .sum()
     }
-}
-
-/// Of each effect that every drive has the joints where a model lacks it.
-fn lacking_of_drive(data: &[LimbData], model: &State) -> Vec<Vec<Member>> {
-    let there = model.places();
-    let all = |effect: EffectKind| -> Vec<Member> {
-        (data.iter().enumerate())
-            .flat_map(|(limb, data)| (0..data.joints()).map(move |j| (limb, (effect, j))))
-            .filter(|(limb, place)| !there[*limb].contains(place))
-            .collect()
-    };
-    let lacking = EffectKind::PLAIN.map(all).into_iter();
-    lacking.filter(|members| !members.is_empty()).collect()
 }

@@ -1,5 +1,7 @@
 //! What a search asks of a source of rows: limbs of a base that is held ([`super::limbs`]), or a base that moves ([`crate::diagnose`]'s walks).
 
+use proprio_core::effect::EffectKind;
+
 use super::candidate::{Candidate, Member};
 use super::criteria::choice::Look;
 use super::fitted::Fitted;
@@ -21,6 +23,9 @@ pub(crate) trait Source: Sized {
 
     /// How many limbs are fitted each by itself.
     fn limbs(&self) -> usize;
+
+    /// Joints of a limb.
+    fn joints(&self, limb: usize) -> usize;
 
     /// The largest sampling period of the logs, s.
     fn period(&self) -> f64;
@@ -97,15 +102,20 @@ pub(crate) trait Source: Sized {
         None
     }
 
-    /// Of each effect that every drive has the joints where a model lacks it, of a source that may be blind to it.
-    fn lacking_of_drive(&self, _model: &Self::Model) -> Vec<Vec<Member>> {
-        Vec::new()
+    /// Of each effect that every drive has the joints where a model lacks it.
+    fn lacking_of_drive(&self, model: &Self::Model) -> Vec<Vec<Member>> {
+        let all = |effect: EffectKind| -> Vec<Member> {
+            (0..self.limbs())
+                .flat_map(|limb| (0..self.joints(limb)).map(move |j| (limb, (effect, j))))
+                .filter(|member| !model.has(member))
+                .collect()
+        };
+        let lacking = EffectKind::PLAIN.map(all).into_iter();
+        lacking.filter(|members| !members.is_empty()).collect()
     }
 
-    /// The model with what every drive has, from the model as it is.
-    fn with_drive(&self, _model: &Self::Model, _members: &[Member]) -> Option<Self::Model> {
-        None
-    }
+    /// The model with what every drive has, fitted from the model as it is.
+    fn with_drive(&self, model: &Self::Model, members: &[Member]) -> Option<Self::Model>;
 
     /// Sum of squares of all torques that were measured, (N m)².
     fn torque(&self) -> f64;

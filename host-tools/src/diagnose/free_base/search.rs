@@ -110,6 +110,11 @@ impl Source for WalkSource<'_> {
         1
     }
 
+    /// Trunk and legs are one limb.
+    fn joints(&self, _limb: usize) -> usize {
+        self.given.robot.joints()
+    }
+
     fn period(&self) -> f64 {
         self.walks.period()
     }
@@ -175,7 +180,11 @@ impl Source for WalkSource<'_> {
     }
 
     fn with(&self, model: &WalkModel, candidate: &Candidate) -> Option<WalkModel> {
-        let structure = model.structure_with(self.model, &candidate.members);
+        self.with_drive(model, &candidate.members)
+    }
+
+    fn with_drive(&self, model: &WalkModel, members: &[Member]) -> Option<WalkModel> {
+        let structure = model.structure_with(self.model, members);
         model.refitted(model.data.clone(), structure)
     }
 
