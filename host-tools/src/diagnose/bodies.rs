@@ -60,7 +60,10 @@ pub(super) fn of(data: &[LimbData], found: &Found<Limbs>, model: &Model) -> (Vec
         .iter()
         .flat_map(|fit| parameters(fit))
         .collect();
-    (other_bodies(&all, model), false)
+    (
+        other_bodies(all.iter().map(|own| &own.estimate), model),
+        false,
+    )
 }
 
 /// The effects of the model as given and those of every drive.
@@ -94,7 +97,7 @@ fn far_with_free_bodies(
         return Vec::new();
     }
     let all: Vec<_> = fits.iter().flat_map(|fit| parameters(fit)).collect();
-    let mut bodies = other_bodies(&all, model);
+    let mut bodies = other_bodies(all.iter().map(|own| &own.estimate), model);
     bodies.retain(|body| body.z > FAR);
     bodies
 }

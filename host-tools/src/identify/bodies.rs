@@ -1,12 +1,15 @@
 //! Bodies that are not the CAD's: masses, centres of mass and moments of inertia that the logs put beyond what was known of them.
 
+use std::collections::HashMap;
 use std::fmt;
 
 use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
-use super::{Fitted, FittedParameter, Where};
+use super::Fitted;
+use crate::estimate::ParameterEstimate;
 use crate::model::{Model, significant};
+use crate::parameter::{INERTIAL_NAMES, name_at};
 
 /// A body is another one if it is so many standard deviations, of prior and fit together, from what the CAD says: of 30 numbers of three
 /// bodies one in ten of complete robots would show two, one in a hundred three.
@@ -66,36 +69,39 @@ impl fmt::Display for OtherBody {
 impl Fitted {
     /// The bodies that these logs put beyond what was known of them, each with what differs most; the farthest first.
     pub fn other_bodies(&self, model: &Model) -> Vec<OtherBody> {
-        other_bodies(&self.parameters, model)
+        other_bodies(self.parameters.iter().map(|own| &own.estimate), model)
     }
 }
 
-/// The bodies that a fit's parameters put beyond what was known of them, the farthest first.
-pub(crate) fn other_bodies(parameters: &[FittedParameter], model: &Model) -> Vec<OtherBody> {
-    let bodies = model.robot().bodies().iter().enumerate();
-    let mut found: Vec<OtherBody> = bodies
-        .filter_map(|(b, body)| other_body(parameters, b, &body.link_name))
+/// The bodies that a fit's parameters put beyond what was known of them, the farthest first; the trunk is `base`.
+pub(crate) fn other_bodies<'a>(
+    parameters: impl Iterator<Item = &'a ParameterEstimate>,
+    model: &Model,
+) -> Vec<OtherBody> {
+    let known: HashMap<&str, &ParameterEstimate> =
+        parameters.map(|own| (own.name.as_str(), own)).collect();
+    let bodies = model.robot().bodies().iter();
+    let bodies = bodies.map(|body| (body.name.as_str(), body.link_name.as_str()));
+    let mut found: Vec<OtherBody> = std::iter::once(("base", "base"))
+        .chain(bodies)
+        .filter_map(|(name, link)| other_body(&known, name, link))
         .collect();
     found.sort_by(|a, b| b.z.total_cmp(&a.z));
     found
 }
 
-fn other_body(parameters: &[FittedParameter], body: usize, link: &str) -> Option<OtherBody> {
+/// What of a body is not the CAD's, if anything is; none of a body of which not all is known.
+fn other_body(
+    known: &HashMap<&str, &ParameterEstimate>,
+    name: &str,
+    link: &str,
+) -> Option<OtherBody> {
     let mut fitted = [[0.0; 2]; INERTIAL];
     let mut stated = [[0.0; 2]; INERTIAL];
-    let mut known = 0;
-    for parameter in parameters {
-        if let Where::Body(at, n) = parameter.place
-            && at == body
-        {
-            let own = &parameter.estimate;
-            fitted[n] = [own.value, own.std];
-            stated[n] = [own.prior, own.prior_std];
-            known += 1;
-        }
-    }
-    if known < INERTIAL {
-        return None;
+    for (n, (what, _)) in INERTIAL_NAMES.iter().enumerate() {
+        let own = known.get(name_at(what, name).as_str())?;
+        fitted[n] = [own.value, own.std];
+        stated[n] = [own.prior, own.prior_std];
     }
     let other = |quantity: BodyQuantity| {
         let (value, stated) = (quantity.of(&fitted)?, quantity.of(&stated)?);

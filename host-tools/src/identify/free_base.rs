@@ -10,6 +10,7 @@ use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
 use super::NotAModel;
+use super::bodies::other_bodies;
 use super::to_model::set_joint;
 use crate::detect::ladder::WALK;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
@@ -40,7 +41,8 @@ pub fn identify_free_base(
     let structure = ModelStructure::whole(model, constraint)?;
     let walks = Walks::read(logs, (model, &structure.robot), progress)?;
     let (data, structure) = Data::believed(&walks, structure, &[])?;
-    FreeBaseIdentification::of(logs, walks, &data, &structure).ok_or(FreeBaseError::Unsolvable)
+    FreeBaseIdentification::of(logs, (walks, model), &data, &structure)
+        .ok_or(FreeBaseError::Unsolvable)
 }
 
 /// What follows from several parameters.
@@ -96,12 +98,19 @@ pub struct FreeBaseIdentification {
 }
 
 impl FreeBaseIdentification {
-    fn of(logs: &[PathBuf], walks: Walks, data: &Data, structure: &ModelStructure) -> Option<Self> {
+    fn of(
+        logs: &[PathBuf],
+        (walks, model): (Walks, &Model),
+        data: &Data,
+        structure: &ModelStructure,
+    ) -> Option<Self> {
         let fit = data.fit(structure)?;
         let deviations = data.deviations(&fit);
+        let parameters = walk_parameters(data, &fit, &deviations);
+        let other = other_bodies(without_loaded(structure, &parameters).iter(), model);
         Some(Self {
             quantities: quantities(&fit, &deviations, &structure.robot),
-            parameters: walk_parameters(data, &fit, &deviations),
+            parameters,
             rms: data.rms(fit.theta()),
             held_out_rms: data.held_out(structure).map(|parts| rms(&parts)),
             cad_rms: data.rms(&bare(data, structure)),
@@ -116,6 +125,7 @@ impl FreeBaseIdentification {
                 data.warnings(),
                 doubtful::sensors(data.columns(), fit.theta()),
                 doubtful::robot(structure, fit.theta()),
+                other.iter().map(ToString::to_string).collect(),
             ]
             .concat(),
             feet: structure
@@ -229,6 +239,25 @@ fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantit
 /// Whether a parameter is of what sensors get wrong.
 fn is_sensors(parameter: &ParameterEstimate) -> bool {
     NAMES.iter().any(|(name, _)| *name == parameter.name)
+}
+
+/// The values but for those of bodies that carry a load: that is told by itself.
+pub(crate) fn without_loaded(
+    structure: &ModelStructure,
+    values: &[ParameterEstimate],
+) -> Vec<ParameterEstimate> {
+    let names = structure.robot.names.iter().map(String::as_str);
+    let names = std::iter::once("base").chain(names);
+    let loaded = names.zip(&structure.bodies).filter(|(_, body)| body.loaded);
+    let of_loaded = |of: &str| {
+        let names = INERTIAL_NAMES.iter();
+        names
+            .map(|(what, _)| parameter::name_at(what, of))
+            .collect::<Vec<_>>()
+    };
+    let told: Vec<String> = loaded.flat_map(|(of, _)| of_loaded(of)).collect();
+    let others = values.iter().filter(|value| !told.contains(&value.name));
+    others.cloned().collect()
 }
 
 /// What is told of all parameters of a walk's fit: bodies, effects, what sensors get wrong.

@@ -28,8 +28,8 @@ use crate::recording::{Recording, RecordingError};
 pub(crate) use bodies::other_bodies;
 pub use bodies::{BodyQuantity, OtherBody};
 pub use bus::received;
-pub(crate) use free_base::walk_parameters;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
+pub(crate) use free_base::{walk_parameters, without_loaded};
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
     fit_model,

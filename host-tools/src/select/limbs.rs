@@ -1,6 +1,5 @@
 //! The limbs of a base that is held, as a search asks them.
 
-
 use super::accept::Context;
 use super::candidate::{Candidate, Member};
 use super::compliance_scan;

@@ -28,10 +28,10 @@ use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::identify::{NotAModel, set_joint, walk_parameters};
+use crate::identify::{NotAModel, other_bodies, set_joint, walk_parameters, without_loaded};
 use crate::log::Samples;
 use crate::model::{BASE, Model};
-use crate::parameter::{self, INERTIAL_NAMES};
+use crate::parameter;
 use crate::select::search::search;
 use model::WalkModel;
 use search::WalkSource;
@@ -90,8 +90,10 @@ pub fn diagnose_free_base(
     } = &found.end;
     let values = walk_parameters(data, fit, &data.deviations(fit));
     diagnosis.has_values = model.has_values();
+    let own = without_loaded(structure, &values);
+    diagnosis.bodies = super::words::bodies(&(other_bodies(own.iter(), model), false));
     if !model.is_of(logs) {
-        diagnosis.changed = changed(model, &without_loaded(structure, &values));
+        diagnosis.changed = changed(model, &own);
     }
     Ok(FreeBaseDiagnosis {
         diagnosis,
@@ -102,25 +104,6 @@ pub fn diagnose_free_base(
         found: values,
         effects: structure.effects.clone(),
     })
-}
-
-/// The values but for those of bodies that carry a load: that is told by itself.
-fn without_loaded(
-    structure: &ModelStructure,
-    values: &[ParameterEstimate],
-) -> Vec<ParameterEstimate> {
-    let names = structure.robot.names.iter().map(String::as_str);
-    let names = std::iter::once("base").chain(names);
-    let loaded = names.zip(&structure.bodies).filter(|(_, body)| body.loaded);
-    let of_loaded = |of: &str| {
-        let names = INERTIAL_NAMES.iter();
-        names
-            .map(|(what, _)| parameter::name_at(what, of))
-            .collect::<Vec<_>>()
-    };
-    let told: Vec<String> = loaded.flat_map(|(of, _)| of_loaded(of)).collect();
-    let others = values.iter().filter(|value| !told.contains(&value.name));
-    others.cloned().collect()
 }
 
 impl FreeBaseDiagnosis {
