@@ -63,7 +63,7 @@ struct Arguments {
 /// What was named of one robot.
 #[derive(Default)]
 struct Named {
-    /// The hidden effect at its joint before all others beyond the drive's, and at the end.
+    /// The hidden effect at its joint before all others beyond the drive's, and at the end; a payload there also as a body heavier than the CAD's.
     first: bool,
     at_end: bool,
     /// Effects at the end that are not hidden, and payloads among them.
@@ -89,7 +89,7 @@ fn table(arguments: &Arguments) -> Result<(), String> {
     std::fs::create_dir_all(&arguments.folder).map_err(|e| e.to_string())?;
     let mut text = format!(
         "# Robots that walk\n\nSimulated Go2s whose bodies are 3 % off the CAD and whose drives have usual friction, rotors and offsets; 20 s of \
-         trots, flying trots and hops; one effect hidden. Made by `cargo run --release -p proprio-studies --bin walk_battery -- --robots {} \
+         trots, flying trots and hops; one effect hidden. A payload counts at the end as a body heavier than the CAD's too. Made by `cargo run --release -p proprio-studies --bin walk_battery -- --robots {} \
          --accept`.\n\n| hidden | size | robots | named first | at the end | false effects | false payloads |\n|---|---|---|---|---|---|---|\n",
         arguments.robots
     );
@@ -170,9 +170,13 @@ fn of_robot(program: &Path, folder: &Path, kind: Kind, seed: u64) -> Result<Name
         }
     }
     let is_it = |(e, at): &(String, String)| e == effect && at == joint;
+    // A load may be said of the body that it makes heavier.
+    let bodies = found["bodies"].as_array().into_iter().flatten();
+    let mut heavier = bodies.filter_map(|body| body.as_str()?.split_once(": mass "));
+    let is_heavier = effect == "payload" && heavier.any(|(link, _)| link == joint);
     Ok(Named {
         first: first.as_ref().is_some_and(is_it),
-        at_end: at_end.iter().any(is_it),
+        at_end: is_heavier || at_end.iter().any(is_it),
         false_names: at_end.iter().filter(|own| !is_it(own)).count(),
         false_loads: at_end
             .iter()

@@ -214,6 +214,44 @@ fn effects_of_the_whole_catalogue_are_named() {
     }
 }
 
+/// From the CAD alone: what every drive has is completed before one joint's effect is sought, so that offsets of all joints are no springs of all
+/// joints; and a load that the CAD's uncertainty half covers is a body that is not the CAD's.
+#[test]
+fn what_one_joint_hides_is_found_from_the_cad_alone() {
+    let folder = empty_folder();
+    let found = |hidden: &str| {
+        let walk = "simulate --walk trot --typical --inertia-error 0.03 --duration 20 --seed 41 -o walk.csv --hide";
+        let words: Vec<&str> = walk.split(' ').chain([hidden]).collect();
+        done(folder.path(), &words);
+        let said = json(&done(
+            folder.path(),
+            &["diagnose", "--free-base", "walk.csv", "--json"],
+        ));
+        let drive = ["viscous", "coulomb", "armature", "bias"];
+        let named = steps(&said).into_iter().filter(|step| {
+            let effect = step["effect"].as_str().unwrap();
+            !drive.contains(&effect)
+        });
+        let named: Vec<String> = named
+            .map(|step| format!("{} {}", step["effect"], step["joints"]))
+            .collect();
+        let bodies = said["bodies"].as_array().into_iter().flatten();
+        let bodies: Vec<String> = bodies
+            .map(|body| body.as_str().unwrap().to_owned())
+            .collect();
+        (named, bodies)
+    };
+    let (named, bodies) = found("spring:FR_calf=4");
+    assert_eq!(named, [r#""spring" ["FR_calf"]"#], "{bodies:?}");
+    assert!(bodies.is_empty(), "{bodies:?}");
+    let (named, bodies) = found("payload:FL_thigh=0.4");
+    assert!(named.is_empty(), "{named:?}");
+    assert!(
+        matches!(&bodies[..], [one] if one.starts_with("FL_thigh: mass 1.")),
+        "{bodies:?}"
+    );
+}
+
 /// The page shows when each foot was taken to carry a force and why, in as many seconds as the shares say, and each joint's torque.
 #[test]
 fn a_page_shows_the_feet_and_the_torques() {
