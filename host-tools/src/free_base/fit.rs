@@ -208,6 +208,17 @@ impl Data {
         Fit::of(self, &self.all, structure, Some(near))
     }
 
+    /// The same with bodies that the CAD's uncertainty alone holds, as `identify` has them.
+    pub(crate) fn fit_with_free_bodies(
+        &self,
+        structure: &ModelStructure,
+        near: &Fit,
+    ) -> Option<Fit> {
+        let mut free = structure.clone();
+        free.hold_bodies = false;
+        self.fit_from(&free, near)
+    }
+
     /// With all torques at joints that the data have columns of and a load on every body, to first order and without bounds: the parameters by all
     /// data, and by those of all parts of the time but each. What these leave no candidate explains.
     pub(crate) fn with_all(

@@ -63,6 +63,11 @@ impl Walks {
         samples.fold(Samples::default(), |sum, one| sum.plus(one))
     }
 
+    /// Whether an IMU says in all logs how the trunk moves.
+    pub(crate) fn know_the_trunk(&self) -> bool {
+        self.walks.iter().all(|(walk, _)| walk.imu)
+    }
+
     /// Root mean square of each joint's torque, N m.
     pub(crate) fn torque_rms(&self) -> Vec<f64> {
         let samples = || self.walks.iter().flat_map(|(walk, _)| walk.tau.iter());

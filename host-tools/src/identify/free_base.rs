@@ -10,7 +10,7 @@ use proprio_core::inertia::INERTIAL;
 use serde::Serialize;
 
 use super::NotAModel;
-use super::bodies::other_bodies;
+use super::bodies::{OtherBody, other_bodies};
 use super::to_model::set_joint;
 use crate::detect::ladder::WALK;
 use crate::estimate::{self, Constraint, LEGEND, ParameterEstimate, Status};
@@ -107,7 +107,7 @@ impl FreeBaseIdentification {
         let fit = data.fit(structure)?;
         let deviations = data.deviations(&fit);
         let parameters = walk_parameters(data, &fit, &deviations);
-        let other = other_bodies(without_loaded(structure, &parameters).iter(), model);
+        let other = walk_bodies(&walks, structure, &parameters, model);
         Some(Self {
             quantities: quantities(&fit, &deviations, &structure.robot),
             parameters,
@@ -239,6 +239,20 @@ fn quantities(fit: &Fit, deviations: &Deviations, robot: &Legged) -> Vec<Quantit
 /// Whether a parameter is of what sensors get wrong.
 fn is_sensors(parameter: &ParameterEstimate) -> bool {
     NAMES.iter().any(|(name, _)| *name == parameter.name)
+}
+
+/// The bodies that `values` put beyond what is known of them, which are of a fit that the CAD's uncertainty alone holds. None where a trunk's motion
+/// is unknown: the bodies take what it does to the legs.
+pub(crate) fn walk_bodies(
+    walks: &Walks,
+    structure: &ModelStructure,
+    values: &[ParameterEstimate],
+    model: &Model,
+) -> Vec<OtherBody> {
+    if !walks.know_the_trunk() {
+        return Vec::new();
+    }
+    other_bodies(without_loaded(structure, values).iter(), model)
 }
 
 /// The values but for those of bodies that carry a load: that is told by itself.

@@ -29,7 +29,7 @@ pub(crate) use bodies::other_bodies;
 pub use bodies::{BodyQuantity, OtherBody};
 pub use bus::received;
 pub use free_base::{FreeBaseIdentification, Quantity, identify_free_base};
-pub(crate) use free_base::{walk_parameters, without_loaded};
+pub(crate) use free_base::{walk_bodies, walk_parameters, without_loaded};
 pub use model_fit::{
     FitOptions, Fitted, FittedJoint, FittedParameter, NotReproduced, Where, check_reproduced,
     fit_model,

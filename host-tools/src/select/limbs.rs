@@ -151,7 +151,7 @@ impl<'a> Source for Limbs<'a> {
         with_limit(self.data, model, *member, limit)
     }
 
-    fn with_drive(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
+    fn with_members(&self, model: &State<'a>, members: &[Member]) -> Option<State<'a>> {
         let new: Vec<Place> = members.iter().map(|(_, place)| *place).collect();
         let places = model.places_with(members);
         model.with(self.data, &places, &model.values(), &new)

@@ -305,7 +305,7 @@ impl<S: Source> Search<S> {
     /// fast enough to tell: a model without them fails on one that does.
     fn complete_drive(&mut self) {
         for members in self.source.lacking_of_drive(&self.model) {
-            let Some(after) = self.source.with_drive(&self.model, &members) else {
+            let Some(after) = self.source.with_members(&self.model, &members) else {
                 continue;
             };
             let before = self.model.held_out(&self.model);

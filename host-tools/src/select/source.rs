@@ -114,8 +114,8 @@ pub(crate) trait Source: Sized {
         lacking.filter(|members| !members.is_empty()).collect()
     }
 
-    /// The model with what every drive has, fitted from the model as it is.
-    fn with_drive(&self, model: &Self::Model, members: &[Member]) -> Option<Self::Model>;
+    /// The model with effects in it of which nothing is known yet, fitted from the model as it is.
+    fn with_members(&self, model: &Self::Model, members: &[Member]) -> Option<Self::Model>;
 
     /// Sum of squares of all torques that were measured, (N m)².
     fn torque(&self) -> f64;

@@ -28,7 +28,7 @@ use crate::free_base::data::Data;
 use crate::free_base::legged::Legged;
 use crate::free_base::structure::ModelStructure;
 use crate::free_base::{FreeBaseError, StanceShares, UnseenFoot, Walks, Windows};
-use crate::identify::{NotAModel, other_bodies, set_joint, walk_parameters, without_loaded};
+use crate::identify::{NotAModel, set_joint, walk_bodies, walk_parameters, without_loaded};
 use crate::log::Samples;
 use crate::model::{BASE, Model};
 use crate::parameter;
@@ -90,10 +90,16 @@ pub fn diagnose_free_base(
     } = &found.end;
     let values = walk_parameters(data, fit, &data.deviations(fit));
     diagnosis.has_values = model.has_values();
-    let own = without_loaded(structure, &values);
-    diagnosis.bodies = super::words::bodies(&(other_bodies(own.iter(), model), false));
+    // What no effect explains is in the bodies too.
+    if diagnosis.outside_catalogue.is_empty()
+        && let Some(free) = data.fit_with_free_bodies(structure, fit)
+    {
+        let values = walk_parameters(data, &free, &data.deviations(&free));
+        let other = walk_bodies(&walks, structure, &values, model);
+        diagnosis.bodies = super::words::bodies(&(other, false));
+    }
     if !model.is_of(logs) {
-        diagnosis.changed = changed(model, &own);
+        diagnosis.changed = changed(model, &without_loaded(structure, &values));
     }
     Ok(FreeBaseDiagnosis {
         diagnosis,

@@ -78,9 +78,8 @@ impl<'a> WalkSource<'a> {
         candidate: &Candidate,
     ) -> Option<bool> {
         let free = |model: &WalkModel| {
-            let mut structure = model.structure.clone();
-            structure.hold_bodies = false;
-            model.data.fit_from(&structure, &after.fit)
+            let data = &model.data;
+            data.fit_with_free_bodies(&model.structure, &after.fit)
         };
         let (without, with) = (free(before)?, free(after)?);
         let cost = |fit: &Fit| fit.cost(&after.data, without.noise);
@@ -180,10 +179,10 @@ impl Source for WalkSource<'_> {
     }
 
     fn with(&self, model: &WalkModel, candidate: &Candidate) -> Option<WalkModel> {
-        self.with_drive(model, &candidate.members)
+        self.with_members(model, &candidate.members)
     }
 
-    fn with_drive(&self, model: &WalkModel, members: &[Member]) -> Option<WalkModel> {
+    fn with_members(&self, model: &WalkModel, members: &[Member]) -> Option<WalkModel> {
         let structure = model.structure_with(self.model, members);
         model.refitted(model.data.clone(), structure)
     }
