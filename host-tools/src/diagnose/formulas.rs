@@ -22,8 +22,6 @@ use crate::table::with_std;
 
 /// Terms of one joint: what three do not tell is no formula but a shape.
 const MOST_TERMS: usize = 3;
-/// Draws for each chance of a false alarm: half of it can be told apart from none.
-const DRAWS: f64 = 2.0;
 
 /// A formula that a log's residual has asked for, and that stands.
 #[derive(Debug, Clone, Serialize)]
@@ -78,13 +76,12 @@ pub(super) fn find<'a>(
     joints: &[(usize, usize)],
 ) -> Vec<FoundFormula> {
     let alarm = FALSE_ALARM / joints.len().max(1) as f64;
-    let draws = (DRAWS / alarm).ceil() as usize;
     let mut found: Vec<(Member, Pick)> = Vec::new();
     for &(limb, joint) in joints {
         let own = &data[limb];
         let screen = |fit: &LimbFit| -> Option<(Asked, Pick)> {
-            let pick = pick(fit, joint, (draws, STRUCTURE))?;
-            let stands = pick.chance <= alarm && pick.share >= STRUCTURE;
+            let pick = pick(fit, joint, (alarm, STRUCTURE))?;
+            let stands = pick.share >= STRUCTURE;
             let asked = stands.then(|| asked(own, (limb, joint), &pick)).flatten();
             asked.map(|asked| (asked, pick))
         };

@@ -97,7 +97,16 @@ impl Columns {
                 column: Column::Inertial(b, n),
             })
         });
-        let entries: Vec<Entry> = inertial.chain(effects).collect();
+        Self::of_entries(subtree_end, inertial.chain(effects).collect())
+    }
+
+    /// Those of effects alone, without bodies.
+    pub(crate) fn of_effects(subtree_end: Vec<usize>, effects: Vec<Entry>) -> Self {
+        Self::of_entries(subtree_end, effects)
+    }
+
+    fn of_entries(subtree_end: Vec<usize>, entries: Vec<Entry>) -> Self {
+        let joints = subtree_end.len();
         let felt = |joint: usize, column: &Column| match *column {
             Column::Own { joint: own, .. } | Column::Scale(own) => own == joint,
             Column::Inertial(b, _) | Column::Load { body: b, .. } => {

@@ -75,33 +75,54 @@ impl<'a> Line<'a> {
         [here + (sum - slope * self.sum) / n, slope]
     }
 
-    /// The value at sample k of the parabola through the same samples of x: it keeps what a line flattens where a signal turns.
-    pub(super) fn turned(&self, list: &[f64], (first, step): (usize, usize)) -> f64 {
+    /// The parabola through the same samples: it keeps what a line flattens where a signal turns.
+    pub(super) fn parabola(&self) -> Parabola {
         let (t, k) = (self.t, self.k);
-        let here = list[k * step + first];
+        let samples = k - self.half..k + self.half + 1;
         // In units of the reach, so that the powers are of one size.
-        let reach = (t[k + self.half] - t[k - self.half]).max(f64::MIN_POSITIVE);
-        let (mut powers, mut products) = ([0.0; 5], [0.0; 3]);
-        for i in k - self.half..=k + self.half {
-            let (dt, dx) = ((t[i] - t[k]) / reach, list[i * step + first] - here);
+        let reach = (t[samples.end - 1] - t[samples.start]).max(f64::MIN_POSITIVE);
+        let times = || t[samples.clone()].iter().map(|t_i| (t_i - t[k]) / reach);
+        let mut powers = [0.0; 5];
+        for dt in times() {
             let mut power = 1.0;
-            for (n, sum) in powers.iter_mut().enumerate() {
+            for sum in &mut powers {
                 *sum += power;
-                if let Some(product) = products.get_mut(n) {
-                    *product += power * dx;
-                }
                 power *= dt;
             }
         }
         let [s0, s1, s2, s3, s4] = powers;
-        let [p0, p1, p2] = products;
         // The first unknown of the normal equations, by Cramer's rule.
         let minors = [s2 * s4 - s3 * s3, s1 * s4 - s2 * s3, s1 * s3 - s2 * s2];
         let whole = s0 * minors[0] - s1 * minors[1] + s2 * minors[2];
-        if self.half == 0 || whole.abs() < f64::MIN_POSITIVE {
-            return here;
+        let is_told = self.half > 0 && whole.abs() >= f64::MIN_POSITIVE;
+        let weight = |dt: f64| match is_told {
+            true => (minors[0] - dt * (minors[1] - dt * minors[2])) / whole,
+            false => 0.0,
+        };
+        Parabola {
+            k,
+            first: samples.start,
+            weights: times().map(weight).collect(),
         }
-        here + (p0 * minors[0] - p1 * minors[1] + p2 * minors[2]) / whole
+    }
+}
+
+/// A parabola through neighbouring samples: how much each of them counts in its value at the one in the middle.
+pub(super) struct Parabola {
+    k: usize,
+    first: usize,
+    weights: Vec<f64>,
+}
+
+impl Parabola {
+    /// Its value at sample k, where x lies from `first` on at every `step` of a list.
+    pub(super) fn value(&self, list: &[f64], (first, step): (usize, usize)) -> f64 {
+        let here = list[self.k * step + first];
+        let near = list[self.first * step + first..].iter().step_by(step);
+        let sum: f64 = (self.weights.iter().zip(near))
+            .map(|(weight, x)| weight * (x - here))
+            .sum();
+        here + sum
     }
 }
 
@@ -123,7 +144,7 @@ mod tests {
         let t: Vec<f64> = (0..20).map(uneven).collect();
         let x: Vec<f64> = t.iter().map(|t| 1.0 + 3.0 * t + 50.0 * t * t).collect();
         for half in 0..5 {
-            let value = Line::about(&t, 10, half).turned(&x, (0, 1));
+            let value = Line::about(&t, 10, half).parabola().value(&x, (0, 1));
             assert!((value - x[10]).abs() < 1e-12, "{half}: {value}");
         }
     }

@@ -156,7 +156,7 @@ impl Motion {
         let needs = Needs::of(values, made);
         // A drive's torque is made of all effects that the model has.
         let all: Vec<&Column> = columns.of_joint.iter().flatten().collect();
-        let seen = if needs.torque { &all } else { made };
+        let seen = if needs.torque.is_empty() { made } else { &all };
         let motors = self.late(delay);
         let range = asked
             .as_ref()
@@ -193,8 +193,8 @@ impl Motion {
                 }
             };
             self.fill_load(&load, values, &needs, &mut states);
-            if needs.torque {
-                self.fill_torque(&load.torque, (values, columns), &mut states);
+            if !needs.torque.is_empty() {
+                self.fill_torque(&load.torque, (values, columns), &needs, &mut states);
             }
         }
         self.measure_links((&motors, delay), &mut states);
@@ -209,6 +209,7 @@ impl Motion {
         &self,
         load: &[f64],
         (values, columns): (&Values, &Columns),
+        needs: &Needs,
         states: &mut States,
     ) {
         let (n, first) = (self.joints, states.first);
@@ -223,7 +224,8 @@ impl Motion {
             let mut terms = vec![[0.0; 2]; n * stretch.len()];
             for (k, terms) in stretch.clone().zip(terms.chunks_exact_mut(n)) {
                 states.all(k, &mut joints);
-                for (j, [boundary, rate]) in terms.iter_mut().enumerate() {
+                for &j in &needs.torque {
+                    let [boundary, rate] = &mut terms[j];
                     for share in &shares[j] {
                         share.add(j, &joints, [&mut *boundary, &mut *rate]);
                     }
@@ -232,12 +234,13 @@ impl Motion {
             for (i, k) in stretch.clone().enumerate() {
                 let (before, after) = (i.saturating_sub(1), (i + 1).min(stretch.len() - 1));
                 let span = self.time[stretch.start + after] - self.time[stretch.start + before];
-                let through = Line::about(&self.time, k, around(&self.time[stretch.clone()], i));
-                for j in 0..n {
+                let half = around(&self.time[stretch.clone()], i);
+                let through = Line::about(&self.time, k, half).parabola();
+                for &j in &needs.torque {
                     let change = terms[after * n + j][0] - terms[before * n + j][0];
                     let slope = change / span.max(f64::MIN_POSITIVE);
                     let at = (k - first) * n + j;
-                    tau[at] = through.turned(load, (j, n)) + slope + terms[i * n + j][1];
+                    tau[at] = through.value(load, (j, n)) + slope + terms[i * n + j][1];
                 }
             }
         }
@@ -248,7 +251,8 @@ impl Motion {
 /// Which of what effects see costs a pass of its own.
 pub(super) struct Needs {
     load: bool,
-    torque: bool,
+    /// Joints whose motors' torque is asked for.
+    torque: Vec<usize>,
     /// Joints whose links move in a play or may.
     pub(super) play: Vec<usize>,
     /// Joints whose links hang on a spring or may.
@@ -260,13 +264,10 @@ pub(super) struct Needs {
 impl Needs {
     /// What the columns `made` and the links' motion ask for.
     fn of(values: &Values, made: &[&Column]) -> Self {
-        let sees = |input: Input| {
-            (made.iter()).any(|column| match column {
-                Column::Own { effect, .. } => effect.description().input == input,
-                Column::Delay => input == Input::MotorTorque,
-                _ => false,
-            })
-        };
+        let sees_load = (made.iter()).any(|column| match column {
+            Column::Own { effect, .. } => effect.description().input == Input::TransmittedTorque,
+            _ => false,
+        });
         let asks = |of: Transmission, at: usize| {
             (made.iter()).any(|column| match column {
                 Column::Motion { joint, effect, .. } => {
@@ -285,10 +286,19 @@ impl Needs {
         };
         let moves = |of: Transmission| joints(&|j| has(of, j) || asks(of, j));
         let (play, spring) = (moves(Transmission::Backlash), moves(Transmission::Spring));
-        let torque = sees(Input::MotorTorque);
+        let torque = joints(&|at| {
+            (made.iter()).any(|column| match column {
+                Column::Own { joint, effect, .. } => {
+                    *joint == at && effect.description().input == Input::MotorTorque
+                }
+                // A delay that all joints share has a column at each.
+                Column::Delay => true,
+                _ => false,
+            })
+        });
         let links = !play.is_empty() || !spring.is_empty();
         Self {
-            load: torque || links || sees(Input::TransmittedTorque),
+            load: !torque.is_empty() || links || sees_load,
             torque,
             play,
             spring,

@@ -321,6 +321,12 @@ impl<'a> LimbData<'a> {
         Columns::new(self.subtree_end.clone(), own.chain(more).collect())
     }
 
+    /// The columns of one effect, without the bodies.
+    pub(super) fn columns_of_effect(&self, place: Place, values: &Values) -> Columns {
+        let own = self.entries(place, values, false);
+        Columns::of_effects(self.subtree_end.clone(), own)
+    }
+
     /// Mean and standard deviation of an effect's parameter before any data.
     pub(crate) fn prior(&self, (effect, joint): Place, parameter: usize) -> (f64, f64) {
         let body = match joint {

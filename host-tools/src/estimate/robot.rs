@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
 
-use super::fit::{How, LimbFit};
+use super::fit::{How, LimbFit, STEADY};
 use super::limb_data::LimbData;
 use crate::equation::values::{Place, Values, is_shared};
 use crate::model::{BASE, Model};
@@ -18,6 +18,16 @@ pub(crate) struct Shared {
     pub(crate) value: f64,
     pub(crate) std: f64,
 }
+
+impl Shared {
+    /// Whether both are of the same parameter.
+    fn is_of(&self, other: &Self) -> bool {
+        (self.effect, self.parameter) == (other.effect, other.parameter)
+    }
+}
+
+/// Most times that what limbs share is moved: a step is as good as a fit where a torque is nearly linear in it, as it is in a delay.
+const MOST_STEPS: usize = 2;
 
 /// The data of all limbs that were recorded.
 pub(crate) fn data<'a>(recording: &'a Recording, model: &'a Model) -> Vec<LimbData<'a>> {
@@ -143,6 +153,59 @@ pub(crate) fn refit<'a>(
         LimbFit::of(&data[n], &places[n], &how).map(Arc::new)
     });
     Some((fits.into_iter().collect::<Option<_>>()?, known.to_vec()))
+}
+
+/// The fits with what limbs share at the value that suits the whole: where one step from the fits' values, all else free, leaves it, they are as
+/// they were.
+pub(crate) fn settle<'a>(
+    data: &'a [LimbData<'a>],
+    how: &How,
+    mut fits: Vec<Arc<LimbFit<'a>>>,
+    known: &[Shared],
+) -> Option<(Vec<Arc<LimbFit<'a>>>, Vec<Shared>)> {
+    let mut known = known.to_vec();
+    let places: Vec<Vec<Place>> = (fits.iter())
+        .map(|fit| fit.values.places().collect())
+        .collect();
+    let shared = common(&places);
+    let limbs: Vec<usize> = (0..fits.len()).collect();
+    for _ in 0..MOST_STEPS {
+        let step = side_by_side(&limbs, |&n| {
+            let how = How {
+                start: Some(fits[n].values.clone()),
+                weights: Some(fits[n].weights.clone()),
+                passes: Some(1),
+                ..how.clone()
+            };
+            LimbFit::of(&data[n], &places[n], &how)
+        });
+        let step: Vec<LimbFit> = step.into_iter().collect::<Option<_>>()?;
+        let now: Vec<Shared> = (shared.iter())
+            .flat_map(|&place| combined(&step, place))
+            .collect();
+        let stays = |now: &Shared| {
+            let same = known.iter().find(|known| known.is_of(now));
+            same.is_some_and(|known| (now.value - known.value).abs() <= STEADY * now.std)
+        };
+        if now.iter().all(stays) {
+            break;
+        }
+        let moved = side_by_side(&limbs, |&n| {
+            let mut start = step[n].values.clone();
+            for one in &now {
+                start.set((one.effect, BASE), one.parameter, one.value);
+            }
+            let how = How {
+                start: Some(start),
+                held: shared.iter().chain(&how.held).copied().collect(),
+                ..how.clone()
+            };
+            LimbFit::of(&data[n], &places[n], &how).map(Arc::new)
+        });
+        fits = moved.into_iter().collect::<Option<_>>()?;
+        known = now;
+    }
+    Some((fits, known))
 }
 
 /// The effects of limbs that all joints share.

@@ -157,13 +157,9 @@ impl LimbFit<'_> {
         let (data, joint) = (self.data, place.1);
         let mut values = self.values.clone();
         values.set(place, shape_parameter(place.0), shape);
-        let columns = data.columns(&values, &[place], &[]);
+        let columns = data.columns_of_effect(place, &values);
         let rows = data.rows(&values, &columns);
-        let mut theta = columns.theta(&values);
-        for (value, entry) in theta.iter_mut().zip(&columns.entries) {
-            *value = if entry.effect.is_some() { *value } else { 0.0 };
-        }
-        let numbers = &columns.combined(&theta)[joint];
+        let numbers = &columns.numbers(&values)[joint];
         let of = |&w: &usize| dot(numbers, rows.row(w, joint));
         windows.iter().map(of).collect()
     }

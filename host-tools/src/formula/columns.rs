@@ -6,7 +6,9 @@
 use proprio_core::effect::{JointState, MAX_COLUMNS, Term};
 
 use super::error::FormulaProblem;
-use super::expression::{Dual, Expression, Node, Operator, Scope, Signal, Variable};
+use super::expression::{
+    Dual, Expression, LANES, Lanes, Node, Operator, Scalar, Scope, Signal, Variable,
+};
 
 /// Of a formula that is a sum of so many multiples of its linear parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -173,7 +175,7 @@ impl Integrated {
                         slope: 0.0,
                     },
                 },
-                direction: &|_| 0.0,
+                direction: &|_| Dual::constant(0.0),
                 parameters,
             });
             let dq = state(*joint)?.dq;
@@ -194,21 +196,59 @@ pub(super) fn value(
     at: usize,
     parameters: &[f64],
 ) -> f64 {
-    let place = |joint: isize| at.checked_add_signed(joint).and_then(|n| joints.get(n));
+    let of = |joint: isize, of: &dyn Fn(&JointState<f64>) -> f64| seen(joints, at, joint, of);
     e.value(&Scope {
-        variable: &|v: Variable| {
-            place(v.joint).map_or(f64::NAN, |state| match v.signal {
-                Signal::Position => state.q,
-                Signal::Velocity => state.speed,
-                Signal::Acceleration => f64::NAN,
-                Signal::TransmittedTorque => state.load,
-                Signal::Temperature => state.temperature,
-                Signal::Time => state.time,
-            })
-        },
-        direction: &|joint| place(joint).map_or(f64::NAN, JointState::sign),
+        variable: &|v: Variable| of(v.joint, &|state| signal(v.signal, state)),
+        direction: &|joint| of(joint, &JointState::sign),
         parameters,
     })
+}
+
+/// The same at many instants, each that of all joints.
+pub(super) fn values(
+    e: &Expression,
+    instants: &[Vec<JointState<f64>>],
+    at: usize,
+    parameters: &[f64],
+) -> Vec<f64> {
+    let together = |instants: &[Vec<JointState<f64>>]| {
+        let of = |joint: isize, of: &dyn Fn(&JointState<f64>) -> f64| {
+            Lanes(std::array::from_fn(|n| {
+                let joints = &instants[n.min(instants.len() - 1)];
+                seen(joints, at, joint, of)
+            }))
+        };
+        let all = e.value(&Scope {
+            variable: &|v: Variable| of(v.joint, &|state| signal(v.signal, state)),
+            direction: &|joint| of(joint, &JointState::sign),
+            parameters,
+        });
+        all.0.into_iter().take(instants.len())
+    };
+    instants.chunks(LANES).flat_map(together).collect()
+}
+
+/// What there is to see of the joint so many places after the formula's own; not a number where the limb has none.
+fn seen(
+    joints: &[JointState<f64>],
+    at: usize,
+    joint: isize,
+    of: &dyn Fn(&JointState<f64>) -> f64,
+) -> f64 {
+    let place = at.checked_add_signed(joint).and_then(|n| joints.get(n));
+    place.map_or(f64::NAN, of)
+}
+
+/// A signal of a joint. What a joint's acceleration does is no value of an instant.
+fn signal(signal: Signal, state: &JointState<f64>) -> f64 {
+    match signal {
+        Signal::Position => state.q,
+        Signal::Velocity => state.speed,
+        Signal::Acceleration => f64::NAN,
+        Signal::TransmittedTorque => state.load,
+        Signal::Temperature => state.temperature,
+        Signal::Time => state.time,
+    }
 }
 
 /// The window terms of a formula's columns; nothing where they are not finite or the limb has no such joint.

@@ -110,9 +110,12 @@ pub(crate) trait Scalar:
     + Neg<Output = Self>
 {
     fn constant(value: f64) -> Self;
-    fn value(self) -> f64;
-    /// A function of it by that function's value and slope there.
-    fn with(self, value: f64, slope: f64) -> Self;
+    /// A function of it, by that function's value and slope at a number.
+    fn map(self, of: impl Fn(f64) -> [f64; 2]) -> Self;
+    /// This where `is_first` says so of the two, else the other.
+    fn choose(self, other: Self, is_first: impl Fn(f64, f64) -> bool) -> Self;
+    /// It to the power of another. Of a negative number only whole powers are real.
+    fn power(self, exponent: Self) -> Self;
 }
 
 impl Scalar for f64 {
@@ -120,12 +123,90 @@ impl Scalar for f64 {
         value
     }
 
-    fn value(self) -> f64 {
-        self
+    fn map(self, of: impl Fn(f64) -> [f64; 2]) -> Self {
+        of(self)[0]
     }
 
-    fn with(self, value: f64, _: f64) -> Self {
-        value
+    fn choose(self, other: Self, is_first: impl Fn(f64, f64) -> bool) -> Self {
+        if is_first(self, other) { self } else { other }
+    }
+
+    fn power(self, exponent: Self) -> Self {
+        if exponent.fract() == 0.0 && exponent.abs() <= 64.0 {
+            self.powi(exponent as i32)
+        } else {
+            self.powf(exponent)
+        }
+    }
+}
+
+/// How many instants are worked out together: enough that walking the tree costs little beside what its nodes do.
+pub(crate) const LANES: usize = 16;
+
+/// Numbers of [`LANES`] instants.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Lanes(pub(crate) [f64; LANES]);
+
+impl Lanes {
+    fn each(self, of: impl Fn(f64) -> f64) -> Self {
+        Self(self.0.map(of))
+    }
+
+    fn both(self, other: Self, of: impl Fn(f64, f64) -> f64) -> Self {
+        Self(std::array::from_fn(|n| of(self.0[n], other.0[n])))
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.both(other, f64::add)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.both(other, f64::sub)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.both(other, f64::mul)
+    }
+}
+
+impl Div for Lanes {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.both(other, f64::div)
+    }
+}
+
+impl Neg for Lanes {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.each(f64::neg)
+    }
+}
+
+impl Scalar for Lanes {
+    fn constant(value: f64) -> Self {
+        Self([value; LANES])
+    }
+
+    fn map(self, of: impl Fn(f64) -> [f64; 2]) -> Self {
+        self.each(|x| x.map(&of))
+    }
+
+    fn choose(self, other: Self, is_first: impl Fn(f64, f64) -> bool) -> Self {
+        self.both(other, |a, b| a.choose(b, &is_first))
+    }
+
+    fn power(self, exponent: Self) -> Self {
+        self.both(exponent, f64::power)
     }
 }
 
@@ -193,20 +274,26 @@ impl Scalar for Dual {
         Self { value, slope: 0.0 }
     }
 
-    fn value(self) -> f64 {
-        self.value
+    fn map(self, of: impl Fn(f64) -> [f64; 2]) -> Self {
+        let [value, slope] = of(self.value);
+        // What does not move has no slope, however steep the function is.
+        let is_still = self.slope == 0.0;
+        let slope = if is_still { 0.0 } else { slope * self.slope };
+        Self { value, slope }
     }
 
-    fn with(self, value: f64, slope: f64) -> Self {
-        Self {
-            value,
-            // What does not move has no slope, however steep the function is.
-            slope: if self.slope == 0.0 {
-                0.0
-            } else {
-                slope * self.slope
-            },
-        }
+    fn choose(self, other: Self, is_first: impl Fn(f64, f64) -> bool) -> Self {
+        let is_first = is_first(self.value, other.value);
+        if is_first { self } else { other }
+    }
+
+    fn power(self, exponent: Self) -> Self {
+        let (x, n) = (self.value, exponent.value);
+        let value = x.power(n);
+        let by_base = self.map(|_| [value, n * x.powf(n - 1.0)]);
+        // An exponent that moves adds its own slope.
+        let by_exponent = exponent.map(|_| [0.0, value * x.ln()]);
+        by_base + by_exponent
     }
 }
 
@@ -214,7 +301,7 @@ impl Scalar for Dual {
 pub(crate) struct Scope<'a, T> {
     pub(crate) variable: &'a dyn Fn(Variable) -> T,
     /// The direction in which a joint moves, by its own rule of rest.
-    pub(crate) direction: &'a dyn Fn(isize) -> f64,
+    pub(crate) direction: &'a dyn Fn(isize) -> T,
     pub(crate) parameters: &'a [f64],
 }
 
@@ -247,7 +334,7 @@ impl Expression {
                     Operator::Minus => a - right.value(scope),
                     Operator::Times => a * right.value(scope),
                     Operator::Over => a / right.value(scope),
-                    Operator::Power => power(a, right.value(scope)),
+                    Operator::Power => a.power(right.value(scope)),
                 }
             }
             Node::Call(function, arguments) => self.call(*function, arguments, scope),
@@ -262,35 +349,31 @@ impl Expression {
         if let (Function::Sign | Function::Step, Some((joint, sign))) =
             (function, first.is_velocity())
         {
-            let direction = sign * (scope.direction)(joint);
-            return T::constant(match function {
-                Function::Step => 0.5 * (1.0 + direction),
-                _ => direction,
+            let direction = (scope.direction)(joint);
+            return direction.map(|towards| match function {
+                Function::Step => [0.5 * (1.0 + sign * towards), 0.0],
+                _ => [sign * towards, 0.0],
             });
         }
         let a = first.value(scope);
-        let x = a.value();
+        let of_two = |is_first: fn(f64, f64) -> bool| {
+            let second = arguments.get(1);
+            second.map_or(T::constant(f64::NAN), |b| {
+                a.choose(b.value(scope), is_first)
+            })
+        };
         match function {
-            Function::Abs => a.with(x.abs(), sign(x)),
-            Function::Sign => T::constant(sign(x)),
-            Function::Step => T::constant(if x < 0.0 { 0.0 } else { 1.0 }),
-            Function::Exp => a.with(x.exp(), x.exp()),
-            Function::Log => a.with(x.ln(), x.recip()),
-            Function::Sqrt => a.with(x.sqrt(), 0.5 / x.sqrt()),
-            Function::Sin => a.with(x.sin(), x.cos()),
-            Function::Cos => a.with(x.cos(), -x.sin()),
-            Function::Tanh => a.with(x.tanh(), 1.0 - x.tanh().powi(2)),
-            Function::Min | Function::Max => {
-                let Some(second) = arguments.get(1) else {
-                    return T::constant(f64::NAN);
-                };
-                let b = second.value(scope);
-                let is_first = match function {
-                    Function::Min => x <= b.value(),
-                    _ => x >= b.value(),
-                };
-                if is_first { a } else { b }
-            }
+            Function::Abs => a.map(|x| [x.abs(), sign(x)]),
+            Function::Sign => a.map(|x| [sign(x), 0.0]),
+            Function::Step => a.map(|x| [if x < 0.0 { 0.0 } else { 1.0 }, 0.0]),
+            Function::Exp => a.map(|x| [x.exp(), x.exp()]),
+            Function::Log => a.map(|x| [x.ln(), x.recip()]),
+            Function::Sqrt => a.map(|x| [x.sqrt(), 0.5 / x.sqrt()]),
+            Function::Sin => a.map(|x| [x.sin(), x.cos()]),
+            Function::Cos => a.map(|x| [x.cos(), -x.sin()]),
+            Function::Tanh => a.map(|x| [x.tanh(), 1.0 - x.tanh().powi(2)]),
+            Function::Min => of_two(|a, b| a <= b),
+            Function::Max => of_two(|a, b| a >= b),
         }
     }
 
@@ -343,18 +426,4 @@ impl Expression {
 
 fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
-}
-
-/// a to the power of b. Of a negative number only whole powers are real.
-fn power<T: Scalar>(a: T, b: T) -> T {
-    let (x, n) = (a.value(), b.value());
-    let value = if n.fract() == 0.0 && n.abs() <= 64.0 {
-        x.powi(n as i32)
-    } else {
-        x.powf(n)
-    };
-    let by_base = a.with(value, n * x.powf(n - 1.0));
-    // An exponent that moves adds its own slope.
-    let by_exponent = b.with(0.0, value * x.ln());
-    by_base + by_exponent
 }

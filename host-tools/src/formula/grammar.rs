@@ -7,7 +7,7 @@
 
 use proprio_core::effect::{Grid, JointState};
 
-use super::columns::value;
+use super::columns::{value, values};
 use super::expression::Expression;
 use super::parse::{Names, parse};
 use super::{FormulaError, NUMBERED_TIMES};
@@ -58,6 +58,11 @@ impl Factor {
     /// Its value where the limb's joints are in these states.
     pub(crate) fn at(&self, joints: &[JointState<f64>], own: usize, p: f64) -> f64 {
         value(&self.0, joints, own, &[p])
+    }
+
+    /// The same at many instants.
+    pub(crate) fn at_all(&self, instants: &[Vec<JointState<f64>>], own: usize, p: f64) -> Vec<f64> {
+        values(&self.0, instants, own, &[p])
     }
 }
 

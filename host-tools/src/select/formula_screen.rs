@@ -33,6 +33,10 @@ const MOST_WINDOWS: usize = 1000;
 const SEGMENTS: usize = 40;
 /// Fewer windows in each are no segment.
 const LEAST_IN_SEGMENT: usize = 5;
+/// Draws for each chance of a false alarm: half of it can be told apart from none.
+const DRAWS: f64 = 2.0;
+/// Draws that are made before it is asked whether more are of use.
+const TOGETHER: usize = 64;
 /// Rounds of a shape's refinement, each so much narrower: to a hundredth of the grid's spacing.
 const ROUNDS: usize = 8;
 const NARROWER: f64 = 0.6;
@@ -84,9 +88,9 @@ impl Tried {
     }
 }
 
-/// The term that a joint's residual asks for most; `draws` of signs tell how often noise asks as much. `None` where nothing can be told, or no
-/// term explains this `least` share of the residual's square.
-pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) -> Option<Pick> {
+/// The term that a joint's residual asks for most. `None` where nothing can be told, no term explains this `least` share of the residual's
+/// square, or noise asks as much more often than a false `alarm` may be.
+pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> Option<Pick> {
     let residual = Residual::of(fit, joint)?;
     let limb = fit.data.joint_names();
     let joints: Vec<&str> = limb.iter().map(String::as_str).collect();
@@ -142,6 +146,7 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) ->
         by_size(a).cmp(&by_size(b)).then(b.fall.total_cmp(&a.fall))
     });
     let chosen = rivals.first()?;
+    let chance = chance(&tried, chosen.fall, alarm)?;
     let term = &all[chosen.term];
     let shape = residual.refined(term, chosen, &factors, &reach);
     let rest = rivals.iter().skip(1).take(MOST_RIVALS);
@@ -151,25 +156,39 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (draws, least): (usize, f64)) ->
         shape,
         values: residual.coefficients(term, shape, &factors)?,
         share: chosen.fall / residual.square,
-        chance: chance(&tried, chosen.fall, draws),
+        chance,
         rivals: rest.map(|own| all[own.term].text()).collect(),
     })
 }
 
-/// How often the best of all terms explains as much where the segments' signs are drawn.
-fn chance(tried: &[Tried], fall: f64, draws: usize) -> f64 {
+/// How often the best of all terms explains as much where the segments' signs are drawn; `None` as soon as that is more often than `alarm`.
+fn chance(tried: &[Tried], fall: f64, alarm: f64) -> Option<f64> {
+    let draws = (DRAWS / alarm).ceil() as usize;
+    // What all segments together would not explain, no signs of theirs do.
+    let most = |along: &Vec<f64>| along.iter().map(|x| x.abs()).sum::<f64>().powi(2);
+    let may = |tried: &&Tried| tried.along.iter().map(most).sum::<f64>() >= fall;
+    let mut tried: Vec<&Tried> = tried.iter().filter(may).collect();
+    // Those that explain much do so under many signs: the first that does is enough.
+    tried.sort_by(|a, b| b.fall.total_cmp(&a.fall));
     let as_much = |draw: &usize| {
         let mut random = ChaCha8Rng::seed_from_u64(*draw as u64);
         let signs: [f64; SEGMENTS] =
             std::array::from_fn(|_| if random.random::<bool>() { 1.0 } else { -1.0 });
-        let of = |tried: &Tried| -> f64 {
+        let of = |tried: &&Tried| -> f64 {
             let sums = tried.along.iter().map(|along| dot(along, &signs).powi(2));
             sums.sum()
         };
         tried.iter().any(|tried| of(tried) >= fall)
     };
-    let count = (0..draws).into_par_iter().filter(as_much).count();
-    (count + 1) as f64 / (draws + 1) as f64
+    let mut count = 0;
+    for begin in (0..draws).step_by(TOGETHER) {
+        let end = (begin + TOGETHER).min(draws);
+        count += (begin..end).into_par_iter().filter(as_much).count();
+        if (count + 1) as f64 > alarm * (draws + 1) as f64 {
+            return None;
+        }
+    }
+    Some((count + 1) as f64 / (draws + 1) as f64)
 }
 
 /// What a model leaves of a joint, beside all that its own columns can take.
@@ -292,8 +311,7 @@ impl Residual {
     /// A factor at the parts' middles.
     fn factor(&self, text: &str, names: Names, p: f64) -> Option<Vec<f64>> {
         let factor = Factor::read(text, names).ok()?;
-        let at = |joints: &Vec<JointState<f64>>| factor.at(joints, self.joint, p);
-        let values: Vec<f64> = self.states.iter().map(at).collect();
+        let values = factor.at_all(&self.states, self.joint, p);
         values.iter().all(|x| x.is_finite()).then_some(values)
     }
 

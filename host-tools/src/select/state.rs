@@ -75,16 +75,7 @@ impl<'a> State<'a> {
         if !is_worth(&after) {
             return None;
         }
-        let limbs: Vec<usize> = (0..after.fits.len()).collect();
-        let squares = side_by_side(&limbs, |&n| {
-            let same = Arc::ptr_eq(&after.fits[n], &self.fits[n]);
-            if same {
-                Some(self.squares[n].clone())
-            } else {
-                held_out_squares(&after.fits[n])
-            }
-        });
-        after.squares = squares.into_iter().collect::<Option<_>>()?;
+        after.squares = self.squares_of(&after.fits)?;
         Some(after)
     }
 
@@ -94,21 +85,30 @@ impl<'a> State<'a> {
         if self.shared.is_empty() {
             return self;
         }
-        let starts: Vec<Option<Values>> = self.values().into_iter().map(Some).collect();
-        let (fits, shared) = robot::fit_from(data, &self.places(), &how_kept(), &starts);
-        if fits.len() < data.len() {
+        let Some((fits, shared)) =
+            robot::settle(data, &how_kept(), self.fits.clone(), &self.shared)
+        else {
             return self;
-        }
-        let squares: Option<Vec<Squares>> =
-            side_by_side(&fits, held_out_squares).into_iter().collect();
+        };
+        let squares = self.squares_of(&fits);
         match squares {
             Some(squares) => Self {
-                fits: fits.into_iter().map(Arc::new).collect(),
+                fits,
                 shared,
                 squares,
             },
             None => self,
         }
+    }
+
+    /// Held-out sums of squares of other fits of the limbs, each where it is another.
+    fn squares_of(&self, fits: &[Arc<LimbFit<'a>>]) -> Option<Vec<Squares>> {
+        let limbs: Vec<usize> = (0..fits.len()).collect();
+        let squares = side_by_side(&limbs, |&n| match Arc::ptr_eq(&fits[n], &self.fits[n]) {
+            true => Some(self.squares[n].clone()),
+            false => held_out_squares(&fits[n]),
+        });
+        squares.into_iter().collect()
     }
 
     pub(super) fn values(&self) -> Vec<Values> {
