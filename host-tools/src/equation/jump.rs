@@ -36,7 +36,7 @@ impl DryFriction<'_> {
     fn own_jump(&self, window: &Window, joint: usize) -> f64 {
         let trajectory = &self.motion.joint[joint];
         let speed = |k: usize| trajectory.speed[k];
-        let [first, last] = window.samples;
+        let [first, last] = self.motion.about(window);
         let slow = (first..=last).find(|&k| speed(k).abs() < trajectory.rest);
         let turn = || (first..last).find(|&k| speed(k) * speed(k + 1) <= 0.0);
         let Some(at) = slow.or_else(turn) else {

@@ -148,6 +148,17 @@ impl Motion {
         windows
     }
 
+    /// First and last sample of a window and of what lies a sample before and after it: a turn there may be in the window, for a log knows its
+    /// moment to a sample.
+    pub(super) fn about(&self, window: &Window) -> [usize; 2] {
+        let [first, last] = window.samples;
+        let stretch = &self.stretches[self.stretches.partition_point(|s| s.end <= first)];
+        [
+            first.saturating_sub(1).max(stretch.start),
+            (last + 1).min(stretch.end - 1),
+        ]
+    }
+
     /// The least and the greatest position of a joint, rad.
     pub(crate) fn positions(&self, joint: usize) -> [f64; 2] {
         let q = || self.joint[joint].state.iter().map(|state| state[0]);

@@ -6,7 +6,7 @@ use proprio_core::effect::{Enters, Transmission};
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Member};
-use super::criteria::feasible::is_likely;
+use super::criteria::feasible::{is_likely, is_resolved_spring};
 use super::criteria::step::{HeldOut, LEAST_VALUE};
 use super::fitted::Fitted;
 use crate::equation::values::{Place, Values};
@@ -154,7 +154,15 @@ impl<'a> State<'a> {
         }
         let values = self.parameters(member).into_iter().enumerate();
         let mut values = values.map(|(n, value)| (value, self.fits[limb].data.prior(place, n)));
-        values.all(|(value, prior)| is_likely(value, prior))
+        values.all(|(value, prior)| is_likely(value, prior)) && self.is_resolved(*member)
+    }
+
+    /// Whether a spring between motor and link is more than how a torque runs between two samples; what a second encoder sees is.
+    fn is_resolved(&self, (limb, place): Member) -> bool {
+        let (data, values) = (self.fits[limb].data, &self.fits[limb].values);
+        let inertia = || (data.motion).mean_inertia(&data.body, values, place.1);
+        let (compliance, period) = (values.get(place, 0), data.recording.period());
+        !data.recording.q_link.is_empty() || is_resolved_spring(compliance, inertia(), period)
     }
 
     /// Whether an effect's nonlinear parameter is more than nothing, where with none the effect is another.
