@@ -283,7 +283,9 @@ impl FromStr for Hide {
         let names = || HiddenKind::ALL.iter().map(|kind| kind.name());
         let kind = HiddenKind::from_name(effect).ok_or_else(|| unknown(effect, names()))?;
         let on_base = joint == Some(BASE) && kind == HiddenKind::Payload;
-        let joint = joint.filter(|_| !on_base);
+        // What is of the base anyway may say so.
+        let is_of_base = on_base || kind.description().scope == Scope::Base;
+        let joint = joint.filter(|&name| !(is_of_base && name == BASE));
         let joint = joint
             .map(|name| JointId::from_name(name).ok_or_else(|| unknown(name, JOINT_NAMES)))
             .transpose()?;
