@@ -101,8 +101,9 @@ pub fn write(page: &Path, legs: &[Leg]) {
             format!(
                 "With the URDF alone the torque error is {:.2} N m rms; with what was identified it is {:.3} N m.",
                 result.yardsticks.cad_rms, result.rms
-            ),
-            format!("The most useful single effect is {}.", gains[0].name),
+            )
+            .into(),
+            format!("The most useful single effect is {}.", gains[0].name).into(),
         ],
         command: format!("proprio demo --html report.html '{}'", log.display()),
         logs: vec![LogFile {

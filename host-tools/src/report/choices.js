@@ -244,6 +244,7 @@ async function startChoices(specs, draw) {
       const what = ['velocity', 'position', 'torque of the bodies'][kind];
       plot.setAttribute('aria-label', `Residual of ${name} against ${what}; its mean runs from ${spans[0]} before, from ${spans[1]} now`);
       plot.closest('figure').querySelector('figcaption').textContent = `${name}, against ${what}`;
+      plot.dataset.shows = name;
       return draw(plot);
     }));
   }

@@ -6,7 +6,7 @@ use proprio_host::report::parameters::ParameterRow;
 use proprio_host::report::residual::ResidualSeries;
 use proprio_host::report::torque::TorqueSeries;
 use proprio_host::report::waterfall::Step;
-use proprio_host::report::{Header, LogFile, Page};
+use proprio_host::report::{Finding, Header, LogFile, Moment, Page};
 use proprio_host::report::{candidates, correlation, parameters, residual, torque, waterfall};
 use proprio_tests::browser::Browser;
 use serde_json::from_value;
@@ -27,7 +27,13 @@ fn hostile_names_and_broken_numbers_are_only_shown() {
     let page = Page {
         header: Header {
             title: name(),
-            findings: vec![name()],
+            findings: vec![Finding {
+                text: name(),
+                moment: Some(Moment {
+                    joint: name(),
+                    time: 4.0,
+                }),
+            }],
             command: name(),
             logs: vec![LogFile {
                 path: name(),

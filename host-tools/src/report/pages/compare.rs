@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Unreadable, correlations, drawing, header, of_data, residuals, torques};
+use super::{Unreadable, add_moments, correlations, drawing, header, of_data, residuals, torques};
 use crate::compare::{Comparison, EffectValue, choices};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -37,6 +37,7 @@ pub fn comparison(
         ..told(comparison)
     };
     let mut header = header("Model against measurement", findings, &comparison.logs)?;
+    add_moments(&mut header.findings, comparison);
     header.headline = summary.headline;
     header.next = summary.next;
     header.drawing = drawing(model, &comparison.series);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::compare::{sections, told, try_out};
-use super::{Unreadable, drawing, header, of_data};
+use super::{Unreadable, add_moments, drawing, header, of_data};
 use crate::compare::Comparison;
 use crate::diagnose::{Diagnosis, NEW_MODEL};
 use crate::model::Model;
@@ -49,6 +49,7 @@ impl DiagnosisPage<'_> {
         let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
         all.splice(0..0, tick_boxes);
         let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
+        add_moments(&mut header.findings, self.after);
         header.headline = summary.headline;
         header.next = summary.next;
         header.drawing = drawing(self.complete, &self.after.series);

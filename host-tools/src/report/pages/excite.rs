@@ -4,7 +4,7 @@ use crate::excite::LimbDesign;
 use crate::model::{Model, Provenance};
 use crate::report::motion::{self, JointCurve, Quantity};
 use crate::report::stick::{self, FRAMES, Skeleton};
-use crate::report::{Header, Page};
+use crate::report::{Finding, Header, Page};
 
 /// Points of a curve per second.
 const RATE: f64 = 100.0;
@@ -38,7 +38,7 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
     Page {
         header: Header {
             title: "An informative motion".to_owned(),
-            findings,
+            findings: findings.into_iter().map(Finding::from).collect(),
             command,
             ..Header::default()
         },

@@ -31,8 +31,8 @@ use super::correlation::Correlation;
 use super::residual::ResidualSeries;
 use super::robot::{self, DrawnJoint};
 use super::torque::TorqueSeries;
-use super::{Drawing, Header, LogFile, Section, correlation, residual, torque};
-use crate::compare::JointSeries;
+use super::{Drawing, Finding, Header, LogFile, Moment, Section, correlation, residual, torque};
+use crate::compare::{Comparison, JointSeries, RankedEpisode};
 use crate::detect::residual::{Correlation as Lagged, Criticism, Input};
 use crate::model::{Model, Provenance};
 use crate::recording::LogGates;
@@ -45,6 +45,9 @@ pub use frf::responses;
 pub use identify::fit;
 pub use models::models;
 pub use walk::{walk, walk_diagnosis, walk_identification};
+
+/// Moments that a page names.
+const MOMENTS: usize = 3;
 
 /// A log that cannot be read any more: its path, and why.
 pub type Unreadable = (String, io::Error);
@@ -71,11 +74,35 @@ fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header
     };
     Ok(Header {
         title: title.to_owned(),
-        findings,
+        findings: findings.into_iter().map(Finding::from).collect(),
         command,
         logs: logs.into_iter().map(log).collect(),
         ..Header::default()
     })
+}
+
+/// Links each finding that names a joint with the joint's worst moment, and names the worst moments of all.
+fn add_moments(findings: &mut Vec<Finding>, comparison: &Comparison) {
+    let moment = |worst: &RankedEpisode| {
+        Some(Moment {
+            joint: worst.joint.clone(),
+            time: worst.episode.t,
+        })
+    };
+    let ends_name = |c: char| c.is_whitespace() || ",:;()".contains(c);
+    for finding in findings.iter_mut() {
+        let mut names = finding.text.split(ends_name);
+        let worst = names.find_map(|name| {
+            let mut all = comparison.episodes.iter();
+            all.find(|episode| episode.joint == name)
+        });
+        finding.moment = worst.and_then(moment);
+    }
+    let worst = comparison.episodes.iter().take(MOMENTS);
+    findings.extend(worst.map(|episode| Finding {
+        text: format!("Worst moment: {episode}"),
+        moment: moment(episode),
+    }));
 }
 
 /// What is wrong with the samples, a sentence each.

@@ -17,7 +17,7 @@ pub fn feedback(models: &[Feedback]) -> Page {
     Page {
         header: Header {
             title: "What feedback has to give".to_owned(),
-            findings: models.iter().map(finding).collect(),
+            findings: models.iter().map(|model| finding(model).into()).collect(),
             command: Provenance::of(&no_logs)
                 .map(|p| p.command)
                 .unwrap_or_default(),

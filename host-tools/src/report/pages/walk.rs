@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::diagnose::{bars, ladder};
 use super::identify::row;
-use super::{Unreadable, compare, header, torques};
+use super::{Unreadable, add_moments, compare, header, torques};
 use crate::compare::{CoordinateError, FreeBaseComparison};
 use crate::diagnose::FreeBaseDiagnosis;
 use crate::identify::FreeBaseIdentification;
@@ -28,6 +28,7 @@ pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Un
     findings.extend(found.coordinates.iter().take(6).map(of));
     findings.extend(found.comparison.warnings.iter().cloned());
     let mut header = header("A walk against the model", findings, &found.comparison.logs)?;
+    add_moments(&mut header.findings, &found.comparison);
     header.headline = summary.headline;
     header.next = summary.next;
     let mut sections = vec![stance::section(&found.feet, &found.names_of_feet)];
@@ -85,6 +86,7 @@ pub fn walk_diagnosis(
     findings.extend(diagnosis.outside_catalogue.iter().cloned());
     findings.extend(diagnosis.warnings.iter().cloned());
     let mut header = header("What the model of a walk lacks", findings, &diagnosis.logs)?;
+    add_moments(&mut header.findings, &after.comparison);
     header.headline = summary.headline;
     header.next = summary.next;
     let mut sections = vec![
