@@ -92,6 +92,7 @@ fn skeleton(model: &Model, design: &LimbDesign) -> Skeleton {
     let count = (design.motion.period * FRAMES) as usize;
     Skeleton {
         limb: design.limb.clone(),
+        has_feet: !model.feet().is_empty(),
         frames: (0..count)
             .map(|k| design.points(k as f64 / FRAMES, foot.as_ref()))
             .collect(),
