@@ -75,6 +75,14 @@ pub struct LogFile {
 }
 
 impl Page {
+    /// The same with only the header and the sections' headings to be seen until a reader opens one.
+    pub(super) fn folded(mut self) -> Self {
+        for section in &mut self.sections {
+            section.folded = true;
+        }
+        self
+    }
+
     /// Writes the page to `path`, whole or not at all.
     ///
     /// # Errors

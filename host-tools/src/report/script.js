@@ -157,6 +157,9 @@
         for (const plot of fold.querySelectorAll('.plot:not(.js-plotly-plot), .plot.stale')) await draw(plot);
       });
     }
+    // A desk has room for the first section.
+    const first = document.querySelector('section > details');
+    if (first && matchMedia('(min-width: 75rem)').matches) first.open = true;
     const open = () => {
       const fold = location.hash.length > 1 && document.querySelector(`#${CSS.escape(location.hash.slice(1))} > details`);
       if (fold) fold.open = true;

@@ -43,7 +43,7 @@ pub fn comparison(
     header.drawing = drawing(model, &comparison.series);
     let mut sections = sections(comparison, &ladder(comparison));
     sections.splice(0..0, try_out(recording, model, &told)?);
-    Ok(Page { header, sections })
+    Ok(Page { header, sections }.folded())
 }
 
 /// What the tick boxes are told of a comparison.
@@ -75,14 +75,14 @@ pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section>
     let name = "model";
     let ladder: Vec<Step> = ladder.iter().cloned().chain(boxes(comparison)).collect();
     let mut sections = vec![
-        waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms).folded(),
-        torques(&comparison.series, &comparison.baselines, name).folded(),
-        residuals(&comparison.series, name).folded(),
-        correlations(&comparison.criticism, name).folded(),
+        waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms),
+        torques(&comparison.series, &comparison.baselines, name),
+        residuals(&comparison.series, name),
+        correlations(&comparison.criticism, name),
     ];
     if !comparison.effects.is_empty() {
         let rows: Vec<ParameterRow> = comparison.effects.iter().map(row).collect();
-        sections.push(parameters::section(&rows).folded());
+        sections.push(parameters::section(&rows));
     }
     sections
 }

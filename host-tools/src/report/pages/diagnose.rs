@@ -45,7 +45,7 @@ impl DiagnosisPage<'_> {
         findings.extend(of_data(&self.after.data));
         findings.extend(diagnosis.outside_catalogue.iter().skip(1).cloned());
         let mut all = sections(self.after, &ladder(diagnosis));
-        all.insert(1, bars(diagnosis).folded());
+        all.insert(1, bars(diagnosis));
         let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
         all.splice(0..0, tick_boxes);
         let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
@@ -56,7 +56,8 @@ impl DiagnosisPage<'_> {
         Ok(Page {
             header,
             sections: all,
-        })
+        }
+        .folded())
     }
 
     /// What the tick boxes are told; `next` adds to the model file what was found.

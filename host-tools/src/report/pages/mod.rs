@@ -46,6 +46,8 @@ pub use identify::fit;
 pub use models::models;
 pub use walk::{walk, walk_diagnosis, walk_identification};
 
+/// Stands before the joint's name where a finding is of its error.
+const OF_THE_ERROR: &str = " of the square error: ";
 /// Moments that a page names.
 const MOMENTS: usize = 3;
 
@@ -81,7 +83,7 @@ fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header
     })
 }
 
-/// Links each finding that names a joint with the joint's worst moment, and names the worst moments of all.
+/// Links each finding of a joint's error with the joint's worst moment, and names the worst moments of all.
 fn add_moments(findings: &mut Vec<Finding>, comparison: &Comparison) {
     let moment = |worst: &RankedEpisode| {
         Some(Moment {
@@ -89,12 +91,12 @@ fn add_moments(findings: &mut Vec<Finding>, comparison: &Comparison) {
             time: worst.episode.t,
         })
     };
-    let ends_name = |c: char| c.is_whitespace() || ",:;()".contains(c);
     for finding in findings.iter_mut() {
-        let mut names = finding.text.split(ends_name);
-        let worst = names.find_map(|name| {
+        let about = finding.text.split_once(OF_THE_ERROR);
+        let worst = about.and_then(|(_, joint)| {
+            let name = joint.split([':', ',']).next();
             let mut all = comparison.episodes.iter();
-            all.find(|episode| episode.joint == name)
+            all.find(|episode| Some(episode.joint.as_str()) == name)
         });
         finding.moment = worst.and_then(moment);
     }

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use super::diagnose::{bars, ladder};
 use super::identify::row;
-use super::{Unreadable, add_moments, compare, header, torques};
+use super::{Unreadable, add_moments, compare, drawing, header, torques};
 use crate::compare::{CoordinateError, FreeBaseComparison};
 use crate::diagnose::FreeBaseDiagnosis;
 use crate::identify::FreeBaseIdentification;
+use crate::model::Model;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::{Page, Section, stance, waterfall};
 use crate::summary::Summary;
@@ -19,7 +20,7 @@ use crate::summary::Summary;
 pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Unreadable> {
     let of = |own: &CoordinateError| {
         format!(
-            "{}: {:.3} {} is left, {:.3} with the CAD alone, {:.3} of nothing.",
+            "{}: error {:.3} {} (CAD alone {:.3}, no model {:.3}).",
             own.name, own.rms, own.unit, own.cad_rms, own.zero_rms
         )
     };
@@ -36,40 +37,39 @@ pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Un
         &found.comparison,
         &compare::ladder(&found.comparison),
     ));
-    Ok(Page { header, sections })
+    Ok(Page { header, sections }.folded())
 }
 
-/// What was identified of a robot that walks; `comparison` is that of the model that the fit became.
+/// What was identified of a robot that walks; `comparison` is that of `model`, which the fit became; `file` is that of the model that was
+/// fitted, `written` the one that has the values.
 ///
 /// # Errors
 /// If a log cannot be read any more.
 pub fn walk_identification(
     found: &FreeBaseIdentification,
     comparison: &FreeBaseComparison,
+    model: &Model,
+    [file, written]: [Option<&Path>; 2],
 ) -> Result<Page, Unreadable> {
     let of = |own: &crate::identify::Quantity| {
         format!(
-            "{}: {:.4} ± {:.4} {}, {:.4} on paper.",
+            "{}: {:.4} ± {:.4} {} (CAD {:.4}).",
             own.name, own.value, own.std, own.unit, own.prior
         )
     };
-    let mut findings: Vec<String> = found.quantities.iter().map(of).collect();
+    let summary = found.summary(file, written);
+    let mut findings = summary.points;
+    findings.extend(found.quantities.iter().map(of));
     findings.extend(found.warnings.iter().cloned());
     let mut header = header("What was identified of a walk", findings, &found.logs)?;
-    header.headline = format!(
-        "Error {:.4} N m{}, {:.4} with the CAD alone, in the {} equations of {} windows, contact forces eliminated",
-        found.rms,
-        found
-            .held_out_rms
-            .map_or(String::new(), |rms| format!(", {rms:.4} held out")),
-        found.cad_rms,
-        found.windows.equations,
-        found.windows.used
-    );
+    add_moments(&mut header.findings, &comparison.comparison);
+    header.headline = summary.headline;
+    header.next = summary.next;
+    header.drawing = drawing(model, &comparison.comparison.series);
     let rows: Vec<ParameterRow> = found.parameters.iter().map(row).collect();
     let mut sections: Vec<Section> = feet_and_torques(comparison).into();
     sections.push(parameters::section(&rows));
-    Ok(Page { header, sections })
+    Ok(Page { header, sections }.folded())
 }
 
 /// What the model of a robot that walks lacks; `after` is the comparison of the model that has all of it.
@@ -91,10 +91,10 @@ pub fn walk_diagnosis(
     header.next = summary.next;
     let mut sections = vec![
         waterfall::section(&ladder(diagnosis), None),
-        bars(diagnosis).folded(),
+        bars(diagnosis),
     ];
     sections.extend(feet_and_torques(after));
-    Ok(Page { header, sections })
+    Ok(Page { header, sections }.folded())
 }
 
 /// When each foot was taken to carry a force, and each joint's torque over time.
