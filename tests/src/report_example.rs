@@ -277,8 +277,9 @@ fn path(windows: &[Windows]) -> (Vec<Step>, f64) {
     let steps = (0..=order.len()).map(|n| Step {
         label: match n {
             0 => "rigid body alone".to_owned(),
-            n => format!("+ {}, every joint", order[n - 1].name()),
+            n => format!("+ {}, all joints", order[n - 1].name()),
         },
+        joints: Vec::new(),
         rms: rms(&|w| w.residual(&w.with_effects(&order[..n]))),
     });
     let floor = rms(&|w| w.residual(&w.truth));
@@ -308,6 +309,7 @@ fn gains(windows: &[Windows]) -> Vec<Candidate> {
             let alike = effect.description().look_alikes.iter();
             Candidate {
                 name: parameter::name(effect.name(), w.joint),
+                joints: Vec::new(),
                 gain,
                 gain_std: (variance / n).sqrt(),
                 look_alikes: alike.map(|other| format!("{other}:{}", w.joint)).collect(),

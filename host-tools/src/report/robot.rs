@@ -16,8 +16,8 @@ const WIDTH: f64 = 400.0;
 const MARGIN: f64 = 24.0;
 
 /// Width of a letter of a name and height of a line, in the same.
-const LETTER: f64 = 6.6;
-const LINE: f64 = 13.0;
+const LETTER: f64 = 7.2;
+const LINE: f64 = 14.0;
 /// Length of the arrow ahead, as a share of the distance to the farthest point.
 const ARROW: f64 = 0.3;
 

@@ -96,6 +96,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
             least = least.min(rung.rms);
             Step {
                 label: format!("non-parametric bound: {}", rung.sees.in_short()),
+                joints: Vec::new(),
                 rms: least.min(comparison.rms),
             }
         })
@@ -106,6 +107,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
 pub(super) fn ladder(comparison: &Comparison) -> Vec<Step> {
     let step = |label: &str, rms| Step {
         label: label.to_owned(),
+        joints: Vec::new(),
         rms,
     };
     let mut steps = vec![

@@ -89,7 +89,7 @@ fn headline(designs: &[LimbDesign]) -> String {
         let own = all.filter(|e| e.parameter.split(':').next() == Some(kind));
         let worst = own.max_by(|a, b| a.std.total_cmp(&b.std))?;
         Some(format!(
-            "{words} ±{} → ±{} {}",
+            "{words} from ±{} to ±{} {}",
             figure(worst.prior_std),
             figure(worst.std),
             unit_of(&worst.parameter).replace("^2", "²")
@@ -97,7 +97,7 @@ fn headline(designs: &[LimbDesign]) -> String {
     };
     let after: Vec<String> = KINDS.iter().filter_map(worst).collect();
     format!(
-        "{seconds:.0} s of {} identify, at the worst joint: {}",
+        "{seconds:.0} s of motion of {} bring, at the worst joint, {}",
         limbs.join(", "),
         after.join(", ")
     )

@@ -44,6 +44,7 @@ pub fn fit(
     let name = "identified";
     let step = |label: &str, rms| Step {
         label: label.to_owned(),
+        joints: Vec::new(),
         rms,
     };
     let ladder = [

@@ -61,9 +61,13 @@ fn drawing(model: &Model, series: &[JointSeries]) -> Drawing {
         q: own.q.iter().sum::<f64>() / own.q.len().max(1) as f64,
         rms: own.rms(),
     };
+    // A walk has the trunk's coordinates as well.
+    let bodies = model.robot().bodies();
+    let series = series.iter();
+    let joints = series.filter(|own| bodies.iter().any(|body| body.name == own.joint));
     Drawing(robot::drawing(
         model,
-        &series.iter().map(joint).collect::<Vec<_>>(),
+        &joints.map(joint).collect::<Vec<_>>(),
     ))
 }
 

@@ -13,18 +13,22 @@ use crate::report::parameters::{self, ParameterRow};
 use crate::report::{Page, Section, stance, waterfall};
 use crate::summary::Summary;
 
-/// A model against walks: each joint's torque over time in the equations that contact forces leave, and the feet that were left out.
+/// A model against walks: each joint's torque over time in the equations that contact forces leave, and the feet that were left out. `path` is the model's file.
 ///
 /// # Errors
 /// If a log cannot be read any more.
-pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Unreadable> {
+pub fn walk(
+    found: &FreeBaseComparison,
+    model: &Model,
+    path: Option<&Path>,
+) -> Result<Page, Unreadable> {
     let of = |own: &CoordinateError| {
         format!(
             "{}: error {:.3} {} (CAD alone {:.3}, no model {:.3}).",
             own.name, own.rms, own.unit, own.cad_rms, own.zero_rms
         )
     };
-    let summary = found.summary(model);
+    let summary = found.summary(path);
     let mut findings = summary.points;
     findings.extend(found.coordinates.iter().take(6).map(of));
     findings.extend(found.comparison.warnings.iter().cloned());
@@ -32,6 +36,7 @@ pub fn walk(found: &FreeBaseComparison, model: Option<&Path>) -> Result<Page, Un
     add_moments(&mut header.findings, &found.comparison);
     header.headline = summary.headline;
     header.next = summary.next;
+    header.drawing = drawing(model, &found.comparison.series);
     let mut sections = vec![stance::section(&found.feet, &found.names_of_feet)];
     sections.extend(compare::sections(
         &found.comparison,
@@ -72,13 +77,14 @@ pub fn walk_identification(
     Ok(Page { header, sections }.folded())
 }
 
-/// What the model of a robot that walks lacks; `after` is the comparison of the model that has all of it.
+/// What the model of a robot that walks lacks; `after` is the comparison of the model that has all of it, `complete`.
 ///
 /// # Errors
 /// If a log cannot be read any more.
 pub fn walk_diagnosis(
     found: &FreeBaseDiagnosis,
     after: &FreeBaseComparison,
+    complete: &Model,
     summary: Summary,
 ) -> Result<Page, Unreadable> {
     let diagnosis = &found.diagnosis;
@@ -89,6 +95,7 @@ pub fn walk_diagnosis(
     add_moments(&mut header.findings, &after.comparison);
     header.headline = summary.headline;
     header.next = summary.next;
+    header.drawing = drawing(complete, &after.comparison.series);
     let mut sections = vec![
         waterfall::section(&ladder(diagnosis), None),
         bars(diagnosis),
