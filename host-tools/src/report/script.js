@@ -231,7 +231,14 @@
   }
 
   function wirePaper() {
-    const paper = (on) => () => { root.classList.toggle('printing', on); drawAll(); };
+    let folded = [];
+    const paper = (on) => () => {
+      root.classList.toggle('printing', on);
+      if (on) folded = [...document.querySelectorAll('section > details:not([open])')];
+      for (const fold of folded) fold.open = on;
+      const colour = palette();
+      for (const plot of window.Plotly ? plots : []) draw(plot, colour);
+    };
     addEventListener('beforeprint', paper(true));
     addEventListener('afterprint', paper(false));
     let soon;

@@ -154,7 +154,7 @@ fn a_finding_leads_to_its_moment() {
            seen: own.top >= 0 && own.bottom <= innerHeight}; })()",
     );
     let time = shown["time"].as_f64().unwrap();
-    assert_eq!(shown["ranges"], json!([[time - 1.0, time + 1.0]; 3]));
+    assert_eq!(shown["ranges"], json!(vec![[time - 1.0, time + 1.0]; 3]));
     assert_eq!(shown["cursors"], 3);
     assert_eq!(shown["seen"], true);
     assert_eq!(browser.complaints, [""; 0]);
