@@ -28,7 +28,10 @@ pub fn fit(
     let errors = &fitted.yardsticks;
     let after = fitted.held_out_rms.unwrap_or(fitted.rms);
     let summary = fitted.summary(file, written);
-    let mut findings = summary.points;
+    let points = summary.points.iter();
+    // The star is that of a screen's table.
+    let starred = |point: &String| point.replace("* at a bound", "At a bound");
+    let mut findings: Vec<String> = points.map(starred).collect();
     findings.push(format!(
         "Held-out error {} N m (fitted data {}, file as given {}, CAD alone {}; {}). {} of {} parameters are identified.",
         torque(after),

@@ -63,7 +63,10 @@ pub fn walk_identification(
         )
     };
     let summary = found.summary(file, written);
-    let mut findings = summary.points;
+    let points = summary.points.iter();
+    // The star is that of a screen's table.
+    let starred = |point: &String| point.replace("* at a bound", "At a bound");
+    let mut findings: Vec<String> = points.map(starred).collect();
     findings.extend(found.quantities.iter().map(of));
     findings.extend(found.warnings.iter().cloned());
     let mut header = header("What was identified of a walk", findings, &found.logs)?;
