@@ -46,7 +46,7 @@ fn pages() -> PathBuf {
             "diagnose log.csv --html diagnose.html",
             "identify log.csv -m model.toml -o fit.toml --html identify.html",
             "validate log.csv -m fit.toml --html validate.html",
-            "simulate --walk trot --typical --inertia-error 0.03 --duration 8 -o walk.csv",
+            "simulate --walk trot --typical --inertia-error 0.03 --duration 5 -o walk.csv",
             "compare --free-base walk.csv --html compare-walk.html",
             "identify --free-base walk.csv -o walk.toml --html identify-walk.html",
             "excite --legs FR --starts 1 --duration 4 -o motion.csv --html excite.html",
