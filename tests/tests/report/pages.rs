@@ -96,7 +96,7 @@ fn measure(browser: &mut Browser, page: &Path, (width, height): (u32, u32)) -> M
         height: opened,
         header,
         unfolded: number(browser, HEIGHT),
-        overflow: overflow.max(number(browser, OVERFLOW)),
+        overflow: overflow.max(number(browser, OVERFLOW)).max(0.0),
         violations: axe(browser)["found"].as_array().unwrap().clone(),
     }
 }
