@@ -63,7 +63,8 @@ impl Fitted {
     pub fn page(&self, recording: &Recording) -> Result<String, Error> {
         let comparison = room::compare(&recording.room, &self.model.0, ValuesFrom::Given);
         let comparison = comparison.map_err(error::recording)?;
-        let page = pages::fit(&self.told, &comparison).map_err(error::unreadable)?;
+        let page = pages::fit(&self.told, &comparison, &self.model.0, [None, None])
+            .map_err(error::unreadable)?;
         page.html().map_err(error::page)
     }
 

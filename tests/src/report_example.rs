@@ -101,8 +101,9 @@ pub fn write(page: &Path, legs: &[Leg]) {
             format!(
                 "With the URDF alone the torque error is {:.2} N m rms; with what was identified it is {:.3} N m.",
                 result.yardsticks.cad_rms, result.rms
-            ),
-            format!("The most useful single effect is {}.", gains[0].name),
+            )
+            .into(),
+            format!("The most useful single effect is {}.", gains[0].name).into(),
         ],
         command: format!("proprio demo --html report.html '{}'", log.display()),
         logs: vec![LogFile {
@@ -276,8 +277,9 @@ fn path(windows: &[Windows]) -> (Vec<Step>, f64) {
     let steps = (0..=order.len()).map(|n| Step {
         label: match n {
             0 => "rigid body alone".to_owned(),
-            n => format!("+ {}, every joint", order[n - 1].name()),
+            n => format!("+ {}, all joints", order[n - 1].name()),
         },
+        joints: Vec::new(),
         rms: rms(&|w| w.residual(&w.with_effects(&order[..n]))),
     });
     let floor = rms(&|w| w.residual(&w.truth));
@@ -307,6 +309,7 @@ fn gains(windows: &[Windows]) -> Vec<Candidate> {
             let alike = effect.description().look_alikes.iter();
             Candidate {
                 name: parameter::name(effect.name(), w.joint),
+                joints: Vec::new(),
                 gain,
                 gain_std: (variance / n).sqrt(),
                 look_alikes: alike.map(|other| format!("{other}:{}", w.joint)).collect(),

@@ -283,7 +283,7 @@ impl fmt::Display for Advice {
 }
 
 /// A standard deviation in two digits that count.
-fn figure(std: f64) -> String {
+pub(crate) fn figure(std: f64) -> String {
     if (1e-3..1e3).contains(&std) {
         let decimals = (1.0 - std.log10().floor()).max(0.0) as usize;
         format!("{std:.decimals$}")
@@ -293,7 +293,7 @@ fn figure(std: f64) -> String {
 }
 
 /// The unit of a parameter by its name, `m:FR_calf`, as a joint that turns has it.
-fn unit_of(parameter: &str) -> &'static str {
+pub(crate) fn unit_of(parameter: &str) -> &'static str {
     let what = parameter.split(':').next().unwrap_or_default();
     let inertial = INERTIAL_NAMES.iter().find(|(name, _)| *name == what);
     let effect = || catalogue::effect_named(what).map_or("", parameter::unit);

@@ -170,15 +170,14 @@ impl Compare {
         for warning in &comparison.comparison.warnings {
             eprintln!("warning: {warning}");
         }
-        let model = self.file();
         if let Some(path) = &self.html {
-            let page = pages::walk(&comparison, model).map_err(unreadable)?;
+            let page = pages::walk(&comparison, &model, self.file()).map_err(unreadable)?;
             page.write(path)?;
         }
         Ok(match (self.json, self.all || self.verbose) {
             (true, _) => judged("compare", comparison.comparison.error(), &comparison),
             (false, true) => comparison.text(self.all),
-            (false, false) => comparison.summary(model).screen(&[], MORE),
+            (false, false) => comparison.summary(self.file()).screen(&[], MORE),
         })
     }
 

@@ -215,9 +215,10 @@ impl Diagnose {
             _ => false,
         };
         if let Some(path) = &self.html {
-            let after = compare_free_base(&self.logs, &complete()?, ValuesFrom::Fitted, |_, _| ())?;
+            let complete = complete()?;
+            let after = compare_free_base(&self.logs, &complete, ValuesFrom::Fitted, |_, _| ())?;
             let summary = diagnosis.summary(model.robot(), self.model.as_deref(), written);
-            let page = pages::walk_diagnosis(&diagnosis, &after, summary);
+            let page = pages::walk_diagnosis(&diagnosis, &after, &complete, summary);
             page.map_err(unreadable)?.write(path)?;
         }
         if self.json {

@@ -175,7 +175,13 @@ impl Identify {
         }
         if let (Some(path), Some(filled)) = (&self.html, &filled) {
             let comparison = compare(recording, filled, ValuesFrom::Given)?;
-            let page = pages::fit(fitted, &comparison).map_err(unreadable)?;
+            let page = pages::fit(
+                fitted,
+                &comparison,
+                filled,
+                [self.model.as_deref(), self.model_file()],
+            )
+            .map_err(unreadable)?;
             page.write(path)?;
         }
         if self.json {
@@ -218,7 +224,12 @@ impl Identify {
         if let Some(path) = &self.html {
             let model = found.to_model(&given, self.provenance()?)?;
             let comparison = compare_free_base(&self.logs, &model, ValuesFrom::Given, |_, _| ())?;
-            let page = pages::walk_identification(&found, &comparison);
+            let page = pages::walk_identification(
+                &found,
+                &comparison,
+                &model,
+                [self.model.as_deref(), self.model_file()],
+            );
             page.map_err(unreadable)?.write(path)?;
         }
         Ok(match (self.json, self.verbose) {

@@ -179,7 +179,7 @@ impl Diagnosis {
         Some(and_more(&first.words(), rest.len()))
     }
 
-    fn joint_names(&self) -> Vec<String> {
+    pub(crate) fn joint_names(&self) -> Vec<String> {
         self.joints
             .iter()
             .map(|joint| joint.joint.clone())

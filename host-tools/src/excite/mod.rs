@@ -84,11 +84,24 @@ pub struct LimbDesign {
     pub motion: Motion,
     /// The measures of what it tells.
     pub measures: Measures,
+    /// What each parameter's standard deviation becomes.
+    pub expected: Vec<Expected>,
     /// Limits that are not kept: none, or the motion must not be played.
     pub violations: Vec<Violation>,
     /// The best cost over the time of the search.
     pub history: Vec<Progress>,
     problem: std::sync::Arc<Problem>,
+}
+
+/// A parameter's standard deviation before a motion and after it, in its unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Expected {
+    /// `m:FR_calf`, `coulomb:FR_hip`.
+    pub parameter: String,
+    /// The prior's.
+    pub prior_std: f64,
+    /// With the motion recorded once, and the earlier logs that were given.
+    pub std: f64,
 }
 
 /// What a motion tells of a limb.
@@ -235,11 +248,13 @@ fn design_limb(
     let found = search::search(&problem, &goal, repeats, seed, starts, supervisor)
         .ok_or_else(|| no_motion(&problem, limb, settings))?;
     let measures = measured.of(&problem, &found.point.x);
+    let expected = measured.expected(&found.point.x);
     Ok(LimbDesign {
         limb: limb.name.clone(),
         joints: limb.bodies.clone().collect(),
         motion: found.motion,
         measures,
+        expected,
         violations: found.violations,
         history: found.history,
         problem: std::sync::Arc::new(problem),
@@ -269,6 +284,10 @@ pub(crate) struct Measured {
     kind: space::Space,
     si: space::Space,
     whole: Problem,
+    /// The triangle of earlier logs in the scaled parameters of `whole`.
+    earlier: Option<nalgebra::DMatrix<f64>>,
+    /// Names of all parameters, and their standard deviations before any data.
+    priors: Vec<(String, f64)>,
 }
 
 impl Measured {
@@ -283,6 +302,29 @@ impl Measured {
             rank: self.kind.rank(),
             log_det: told.map_or(f64::NEG_INFINITY, |value| -2.0 * value.cost),
         }
+    }
+
+    /// What the standard deviations become by the motion of unknowns `x`.
+    fn expected(&self, x: &[f64]) -> Vec<Expected> {
+        let scale = &self.whole.scale;
+        let r = scale.ncols();
+        let known = triangle(&nalgebra::DMatrix::identity(r, r), self.earlier.as_ref());
+        let after = triangle(&self.whole.evaluate(x, 1.0).rows, Some(&known));
+        // Their rows' lengths are the standard deviations of what can be identified.
+        let spread = after.transpose().solve_lower_triangular(&scale.transpose());
+        let own = |(n, (parameter, prior_std)): (usize, &(String, f64))| {
+            let open = prior_std * prior_std - scale.row(n).norm_squared();
+            let rest = spread.as_ref().map_or_else(
+                || scale.row(n).norm_squared(),
+                |spread| spread.column(n).norm_squared(),
+            );
+            Expected {
+                parameter: parameter.clone(),
+                prior_std: *prior_std,
+                std: (open.max(0.0) + rest).sqrt(),
+            }
+        };
+        self.priors.iter().enumerate().map(own).collect()
     }
 }
 

@@ -69,6 +69,7 @@ impl RandomMotions {
                     joints: self.limb.bodies.clone().collect(),
                     motion,
                     measures: self.measured.of(&self.problem, &x),
+                    expected: self.measured.expected(&x),
                     violations: Vec::new(),
                     history: Vec::new(),
                     problem: self.problem.clone(),

@@ -7,7 +7,7 @@ use plotly::layout::Shape;
 use super::data_table::{Cell, Column, DataTable};
 use super::figure::{Figure, axis, colour, layout, plotted};
 use super::section::{Key, Mark, Section};
-use super::waterfall::{height_of_bars, label_axis, row_positions};
+use super::waterfall::{height_of_bars, in_full, label_axis, row_positions};
 
 /// Bars drawn; the table has all.
 const BARS: usize = 20;
@@ -15,8 +15,10 @@ const BARS: usize = 20;
 /// An effect that may be missing.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// What it is, such as `coulomb: FR_hip`.
+    /// What it is, such as `coulomb, all calves`.
     pub name: String,
+    /// Names of the joints where the name only counts them.
+    pub joints: Vec<String>,
     /// Share of the held-out squared error which it takes away: 1 − RSS with it / RSS without it.
     pub gain: f64,
     /// Standard error of that.
@@ -99,7 +101,7 @@ fn table(candidates: &[Candidate]) -> DataTable {
             alike => alike.join(", "),
         };
         vec![
-            Cell::text(&candidate.name),
+            Cell::text(in_full(&candidate.name, &candidate.joints)),
             Cell::number(crate::table::with_std(gain, std), gain),
             Cell::text(alike),
         ]

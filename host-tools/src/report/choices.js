@@ -9,23 +9,30 @@ async function unpack(id) {
   return new Response(stream).arrayBuffer();
 }
 
-/** Gives each link of the drawing the colour of its joint's error; `most` is the end of the scale, N m. */
-function paintRobot(errors, most) {
+/** Gives each link of the drawing the colour of its joint's error, on the scale from the least to the greatest of these, N m. */
+function paintRobot(errors) {
+  const ranked = [...errors].filter(([, rms]) => Number.isFinite(rms)).sort((a, b) => a[1] - b[1]);
+  if (!ranked.length) return;
+  const [least, most] = [ranked[0], ranked.at(-1)];
+  // Errors that are about the same look about the same.
+  const start = Math.min(least[1], 0.8 * most[1]);
   for (const link of document.querySelectorAll('#robot [data-joint]')) {
     const rms = errors.get(link.dataset.joint);
     if (!Number.isFinite(rms)) continue;
-    const share = Math.round(100 * Math.min(1, rms / most));
+    const share = Math.round(100 * (rms - start) / (most[1] - start || 1));
     link.style.color = `color-mix(in oklab, var(--heat-most) ${share}%, var(--heat-least))`;
     link.querySelector('title').textContent = `${link.dataset.joint}: ${rms.toFixed(3)} N m`;
   }
-  const end = document.getElementById('scale-end');
-  if (end) end.textContent = most.toFixed(2);
+  const words = { start: `least: ${least[0]}, ${Number(least[1].toPrecision(3))}`, end: `most: ${most[0]}, ${Number(most[1].toPrecision(3))} N m rms` };
+  for (const [key, text] of Object.entries(words)) {
+    const place = document.getElementById(`scale-${key}`);
+    if (place) place.textContent = text;
+  }
 }
 
 function paintRobotAsWritten() {
   const links = [...document.querySelectorAll('#robot [data-rms]')].filter((link) => link.dataset.rms);
-  const errors = new Map(links.map((link) => [link.dataset.joint, Number(link.dataset.rms)]));
-  if (errors.size) paintRobot(errors, Math.max(...errors.values()));
+  paintRobot(new Map(links.map((link) => [link.dataset.joint, Number(link.dataset.rms)])));
 }
 
 /** The solver: fits the limbs' models under any choice of their effects. */
@@ -204,7 +211,7 @@ async function startChoices(specs, draw) {
       cells.forEach((cell, k) => { const x = [was, is, rest][k]; cell.textContent = Number.isFinite(x) && x !== null ? x.toFixed(4) : '–'; });
       [...bars.children].forEach((bar, k) => { bar.style.width = `${Math.min(100, 100 * [was, is][k] / most)}%`; });
     }
-    paintRobot(new Map(joints.map((joint) => [joint.name, errorOf(now, joint)])), most);
+    paintRobot(new Map(joints.map((joint) => [joint.name, errorOf(now, joint)])));
     for (const { all, count, own, places } of boxes.values()) {
       const there = places.map(({ n, k }) => ticked[n][k]);
       own.forEach((box, k) => { box.checked = there[k]; });
@@ -244,6 +251,7 @@ async function startChoices(specs, draw) {
       const what = ['velocity', 'position', 'torque of the bodies'][kind];
       plot.setAttribute('aria-label', `Residual of ${name} against ${what}; its mean runs from ${spans[0]} before, from ${spans[1]} now`);
       plot.closest('figure').querySelector('figcaption').textContent = `${name}, against ${what}`;
+      plot.dataset.shows = name;
       return draw(plot);
     }));
   }

@@ -15,6 +15,8 @@ pub(super) mod colour {
     pub(in super::super) const MEASURED: &str = "@measured";
     /// What models say, in the order they are given.
     pub(in super::super) const MODELS: [&str; 4] = ["@model-1", "@model-2", "@model-3", "@model-4"];
+    /// What a model leaves.
+    pub(in super::super) const RESIDUAL: &str = "@residual";
     /// One sample of many.
     pub(in super::super) const POINT: &str = "@point";
     /// A statistic of them.

@@ -66,5 +66,5 @@ mod thin;
 pub mod torque;
 pub mod waterfall;
 
-pub use page::{Drawing, Header, LogFile, Page};
+pub use page::{Drawing, Finding, Header, LogFile, Moment, Page};
 pub use section::Section;

@@ -22,8 +22,8 @@ pub struct Header {
     pub title: String,
     /// What matters most, in one line.
     pub headline: String,
-    /// What was found, a point each: plain sentences. The first three are seen at once.
-    pub findings: Vec<String>,
+    /// What was found, a point each. The first three are seen at once.
+    pub findings: Vec<Finding>,
     /// What to run next, a command a line.
     pub next: Vec<String>,
     /// The robot, as the page draws it.
@@ -32,6 +32,30 @@ pub struct Header {
     pub command: String,
     /// The logs.
     pub logs: Vec<LogFile>,
+}
+
+/// A point of what was found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Finding {
+    /// A plain sentence.
+    pub text: String,
+    /// Where the page shows it.
+    pub moment: Option<Moment>,
+}
+
+/// A moment in a joint's plot over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moment {
+    /// Name of the joint.
+    pub joint: String,
+    /// On the plot's axis, s.
+    pub time: f64,
+}
+
+impl From<String> for Finding {
+    fn from(text: String) -> Self {
+        Self { text, moment: None }
+    }
 }
 
 /// A drawing of a robot, made by [`pages`](super::pages): the program's own HTML, in which every name is escaped.
@@ -51,6 +75,14 @@ pub struct LogFile {
 }
 
 impl Page {
+    /// The same with only the header and the sections' headings to be seen until a reader opens one.
+    pub(super) fn folded(mut self) -> Self {
+        for section in &mut self.sections {
+            section.folded = true;
+        }
+        self
+    }
+
     /// Writes the page to `path`, whole or not at all.
     ///
     /// # Errors
@@ -167,13 +199,21 @@ impl fmt::Display for Header {
     }
 }
 
-fn write_points(f: &mut fmt::Formatter<'_>, points: &[String]) -> fmt::Result {
+fn write_points(f: &mut fmt::Formatter<'_>, points: &[Finding]) -> fmt::Result {
     if points.is_empty() {
         return Ok(());
     }
     f.write_str("<ul class=\"findings\">\n")?;
     for point in points {
-        writeln!(f, "<li>{}</li>", escape::html(point))?;
+        write!(f, "<li>{}", escape::html(&point.text))?;
+        if let Some(Moment { joint, time }) = &point.moment {
+            let joint = escape::html(joint);
+            write!(
+                f,
+                " <a class=\"moment\" href=\"#torque\" data-joint=\"{joint}\" data-time=\"{time}\">Plot of {joint} at {time:.1} s</a>"
+            )?;
+        }
+        f.write_str("</li>\n")?;
     }
     f.write_str("</ul>\n")
 }
@@ -188,7 +228,13 @@ mod tests {
         let page = Page {
             header: Header {
                 title: evil.to_owned(),
-                findings: vec![evil.to_owned()],
+                findings: vec![Finding {
+                    text: evil.to_owned(),
+                    moment: Some(Moment {
+                        joint: evil.to_owned(),
+                        time: 1.0,
+                    }),
+                }],
                 command: evil.to_owned(),
                 headline: evil.to_owned(),
                 next: vec![evil.to_owned()],
@@ -202,6 +248,6 @@ mod tests {
         };
         let html = page.html().unwrap();
         assert!(!html.contains("<img"));
-        assert_eq!(html.matches(&*escape::html(evil)).count(), 8);
+        assert_eq!(html.matches(&*escape::html(evil)).count(), 10);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::data_table::{Cell, Column, DataTable};
 use super::section::Section;
+use crate::advise::figure;
 use crate::table::with_std;
 
 /// A parameter.
@@ -23,6 +24,55 @@ pub struct ParameterRow {
     pub status: String,
 }
 
+/// What a motion makes of a parameter's standard deviation.
+#[derive(Debug, Clone)]
+pub struct ExpectedRow {
+    /// Its name, such as `coulomb:FR_hip`.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Standard deviation before the motion.
+    pub prior_std: f64,
+    /// The same after it.
+    pub std: f64,
+}
+
+/// A table of what a motion makes of standard deviations.
+pub fn expected(parameters: &[ExpectedRow]) -> Section {
+    let column = |title, numeric| Column { title, numeric };
+    let row = |p: &ExpectedRow| {
+        vec![
+            Cell::text(&p.name),
+            Cell::number(figure(p.prior_std), p.prior_std),
+            Cell::number(figure(p.std), p.std),
+            Cell::text(unit(&p.unit)),
+        ]
+    };
+    Section {
+        id: "expected",
+        title: "Expected standard deviations",
+        text: "What <code>identify</code> would print as ±1σ after the motion, recorded once, with noise of 0.5 % of the motors’ greatest torque. \
+               Parameters that only occur in combination keep their prior’s."
+            .to_owned(),
+        table: Some(DataTable {
+            columns: vec![
+                column("name", false),
+                column("± before", true),
+                column("± after", true),
+                column("unit", false),
+            ],
+            rows: parameters.iter().map(row).collect(),
+        }),
+        columns: 1,
+        ..Section::default()
+    }
+}
+
+/// The spaces do not break: a unit in two lines reads as two.
+fn unit(unit: &str) -> String {
+    unit.replace("^2", "²").replace(' ', "\u{a0}")
+}
+
 /// A table of all of them.
 pub fn section(parameters: &[ParameterRow]) -> Section {
     let column = |title, numeric| Column { title, numeric };
@@ -30,8 +80,7 @@ pub fn section(parameters: &[ParameterRow]) -> Section {
         vec![
             Cell::text(&p.name),
             Cell::number(told(p.value, p.std), p.value),
-            // The spaces do not break: a unit in two lines reads as two.
-            Cell::text(p.unit.replace("^2", "²").replace(' ', "\u{a0}")),
+            Cell::text(unit(&p.unit)),
             Cell::number(told(p.prior, p.prior_std), p.prior),
             Cell::text(&p.status),
         ]

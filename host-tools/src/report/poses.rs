@@ -215,7 +215,7 @@ pub fn candidates(candidates: &[Candidate]) -> Section {
                 column("joints", false),
                 column("gain, mm", true),
                 column("z", true),
-                column("", false),
+                column("in the model", false),
                 column("confounded with", false),
             ],
             rows: candidates.iter().map(row).collect(),

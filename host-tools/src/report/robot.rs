@@ -1,4 +1,4 @@
-//! The robot as lines, from its URDF: each link in the colour of its joint's error.
+//! The robot as lines, from its URDF: each link with its joint's name and in the colour of its error, and where the front is.
 
 use std::fmt::Write;
 
@@ -15,7 +15,13 @@ const WIDTH: f64 = 400.0;
 /// Room around the robot, in the same.
 const MARGIN: f64 = 24.0;
 
-/// A joint of the drawing: where it is, its torque error before and after, N m.
+/// Width of a letter of a name and height of a line, in the same.
+const LETTER: f64 = 7.2;
+const LINE: f64 = 14.0;
+/// Length of the arrow ahead, as a share of the distance to the farthest point.
+const ARROW: f64 = 0.3;
+
+/// A joint of the drawing: where it is, its torque error, N m.
 pub(super) struct DrawnJoint {
     pub(super) name: String,
     /// Position, rad or m.
@@ -88,9 +94,10 @@ fn svg(
     links: &[(usize, [Vector3<f64>; 2])],
     roots: &[Vector3<f64>],
 ) -> String {
+    let ahead = arrow(links, roots);
     let points: Vec<[f64; 3]> = (links.iter().flat_map(|(_, ends)| ends))
         .chain(roots)
-        .chain(&[Vector3::zeros()])
+        .chain(&ahead)
         .map(seen)
         .collect();
     let range = |n: usize| {
@@ -100,24 +107,16 @@ fn svg(
     };
     let ([left, right], [top, bottom]) = ([range(0).0, range(0).1], [range(1).0, range(1).1]);
     let scale = (WIDTH - 2.0 * MARGIN) / (right - left).max(bottom - top).max(1e-9);
+    // A robot that is narrow stands in the middle: its names have room on both sides.
+    let aside = 0.5 * (WIDTH - scale * (right - left));
     let place = |x: &Vector3<f64>| {
         let [x, y, _] = seen(x);
-        [MARGIN + scale * (x - left), MARGIN + scale * (y - top)]
+        [aside + scale * (x - left), MARGIN + scale * (y - top)]
     };
-    let (width, height) = (
-        2.0 * MARGIN + scale * (right - left),
-        2.0 * MARGIN + scale * (bottom - top),
-    );
-    let worst = joints.iter().max_by(|a, b| a.rms.total_cmp(&b.rms));
-    let words = worst.map_or_else(String::new, |worst| {
-        format!(
-            "The robot; each link has the colour of its joint's torque error. The largest is {:.3} N m at {}.",
-            worst.rms, worst.name
-        )
-    });
+    let height = 2.0 * MARGIN + scale * (bottom - top);
     let mut text = format!(
-        "<figure class=\"robot\"><svg id=\"robot\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width:.0} {height:.0}\">\n",
-        escape::html(&words)
+        "<figure class=\"robot\"><svg id=\"robot\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {WIDTH:.0} {height:.0}\">\n",
+        escape::html(&in_words(joints))
     );
     let base: Vec<String> = around(roots)
         .iter()
@@ -131,10 +130,13 @@ fn svg(
     let mut order: Vec<&(usize, [Vector3<f64>; 2])> = links.iter().collect();
     let depth = |link: &(usize, [Vector3<f64>; 2])| seen(&link.1[0])[2] + seen(&link.1[1])[2];
     order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
-    for (b, ends) in order {
+    let mut labels = Labels::new([WIDTH, height]);
+    for (b, ends) in &order {
         let name = &model.robot().bodies()[*b].name;
         let rms = joints.iter().find(|j| j.name == *name).map(|j| j.rms);
-        let [[x1, y1], [x2, y2]] = [place(&ends[0]), place(&ends[1])];
+        let [from, to] = [place(&ends[0]), place(&ends[1])];
+        labels.keep_clear_of(from, to);
+        let ([x1, y1], [x2, y2]) = (from, to);
         let told = rms.map_or_else(|| "not recorded".to_owned(), |rms| format!("{rms:.3} N m"));
         let name = escape::html(name);
         let _ = writeln!(
@@ -144,8 +146,143 @@ fn svg(
             rms.map_or_else(String::new, |rms| rms.to_string()),
         );
     }
-    text += "</svg><figcaption class=\"scale\"><span>0</span><i></i><span id=\"scale-end\"></span> N m, rms</figcaption></figure>\n";
+    let [from, to] = ahead.map(|x| place(&x));
+    labels.keep_clear_of(from, to);
+    text += &arrow_of(from, to);
+    let towards = if model.feet().is_empty() {
+        "x of the base"
+    } else {
+        "front"
+    };
+    let mut names = vec![(towards, to)];
+    for (b, ends) in order.iter().rev() {
+        let name = model.robot().bodies()[*b].name.as_str();
+        if names.iter().all(|(known, _)| *known != name) {
+            let [[x1, y1], [x2, y2]] = [place(&ends[0]), place(&ends[1])];
+            names.push((name, [0.5 * (x1 + x2), 0.5 * (y1 + y2)]));
+        }
+    }
+    for (name, at) in names {
+        let [x, y] = labels.place(name, at);
+        let name = escape::html(name);
+        let _ = writeln!(text, "<text x=\"{x:.1}\" y=\"{y:.1}\">{name}</text>");
+    }
+    text += "</svg><figcaption class=\"scale\"><span id=\"scale-start\"></span><i></i><span id=\"scale-end\"></span></figcaption></figure>\n";
     text
+}
+
+/// What the colours show.
+fn in_words(joints: &[DrawnJoint]) -> String {
+    let by_error = |a: &&DrawnJoint, b: &&DrawnJoint| a.rms.total_cmp(&b.rms);
+    match (
+        joints.iter().min_by(by_error),
+        joints.iter().max_by(by_error),
+    ) {
+        (Some(least), Some(most)) => format!(
+            "The robot; each link has the colour of its joint's torque error, from {:.3} N m at {} to {:.3} N m at {}.",
+            least.rms, least.name, most.rms, most.name
+        ),
+        _ => "The robot.".to_owned(),
+    }
+}
+
+/// An arrow along the base's x axis, from the foremost joint of the base on.
+fn arrow(links: &[(usize, [Vector3<f64>; 2])], roots: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
+    let ends = || links.iter().flat_map(|(_, ends)| ends);
+    let size = ends().map(|x| x.norm()).fold(0.0, f64::max);
+    let foremost = roots.iter().map(|x| x.x).fold(0.0, f64::max);
+    [foremost, foremost + ARROW * size].map(|x| Vector3::new(x, 0.0, 0.0))
+}
+
+fn arrow_of([x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) -> String {
+    let long = (x2 - x1).hypot(y2 - y1).max(1e-9);
+    let (along, across) = ((x2 - x1) / long, (y2 - y1) / long);
+    let wing = |side: f64| {
+        let [x, y] = [
+            x2 - 9.0 * along - side * across,
+            y2 - 9.0 * across + side * along,
+        ];
+        format!("{x:.1},{y:.1}")
+    };
+    format!(
+        "<path class=\"ahead\" d=\"M{x1:.1},{y1:.1}L{x2:.1},{y2:.1}M{}L{x2:.1},{y2:.1}L{}\"/>\n",
+        wing(5.0),
+        wing(-5.0)
+    )
+}
+
+/// Where names stand: each beside its link, where it covers least of what is there already.
+struct Labels {
+    size: [f64; 2],
+    /// Points of links.
+    points: Vec<[f64; 2]>,
+    /// Names that are placed: left, right, top, bottom.
+    taken: Vec<[f64; 4]>,
+}
+
+impl Labels {
+    fn new(size: [f64; 2]) -> Self {
+        Self {
+            size,
+            points: Vec::new(),
+            taken: Vec::new(),
+        }
+    }
+
+    fn keep_clear_of(&mut self, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
+        let steps = (((x2 - x1).hypot(y2 - y1) / 4.0) as usize).max(1);
+        let share = |k: usize| k as f64 / steps as f64;
+        let points = (0..=steps).map(|k| [x1 + share(k) * (x2 - x1), y1 + share(k) * (y2 - y1)]);
+        self.points.extend(points);
+    }
+
+    /// Where the text of a name of something at `at` begins, its foot line.
+    fn place(&mut self, name: &str, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (width, height) = (LETTER * name.chars().count() as f64, LINE);
+        let mut best = (f64::INFINITY, [0.0; 4]);
+        for reach in [8.0, 16.0, 26.0, 38.0] {
+            for turn in 0..12 {
+                let angle = f64::from(turn) * std::f64::consts::TAU / 12.0;
+                let [dx, dy] = [angle.cos(), angle.sin()];
+                // The text's middle, as far that its edge clears the link.
+                let [cx, cy] = [
+                    x + dx * (reach + 0.5 * width),
+                    y + dy * (reach + 0.5 * height),
+                ];
+                let area = [
+                    cx - 0.5 * width,
+                    cx + 0.5 * width,
+                    cy - 0.5 * height,
+                    cy + 0.5 * height,
+                ];
+                let cost = self.covered(&area) + 0.05 * reach;
+                if cost < best.0 {
+                    best = (cost, area);
+                }
+            }
+        }
+        let (_, area) = best;
+        self.taken.push(area);
+        [area[0], area[3] - 3.0]
+    }
+
+    /// How much an area covers.
+    fn covered(&self, [left, right, top, bottom]: &[f64; 4]) -> f64 {
+        let beyond = (-left).max(0.0)
+            + (right - self.size[0]).max(0.0)
+            + (-top).max(0.0)
+            + (bottom - self.size[1]).max(0.0);
+        let inside = |p: &&[f64; 2]| {
+            p[0] > left - 3.0 && p[0] < right + 3.0 && p[1] > top - 3.0 && p[1] < bottom + 3.0
+        };
+        let overlap = |other: &[f64; 4]| {
+            let wide = right.min(other[1]) - left.max(other[0]);
+            let high = bottom.min(other[3]) - top.max(other[2]);
+            wide.max(0.0) * high.max(0.0)
+        };
+        let names: f64 = self.taken.iter().map(overlap).sum();
+        10.0 * beyond + self.points.iter().filter(inside).count() as f64 + names
+    }
 }
 
 /// Points in the order in which one goes around them, seen from above.

@@ -12,6 +12,8 @@
       delete layout.xaxis.range;
     }
   }
+  /** What a link to a moment shows before and after it, s. */
+  const AROUND = 1;
   const finger = matchMedia('(pointer: coarse)').matches;
   const hover = matchMedia('(hover: hover)').matches;
   const systemDark = matchMedia('(prefers-color-scheme: dark)');
@@ -47,7 +49,7 @@
     const { data, layout } = painted(specs.get(plot), '', colour);
     const hidden = hiddenTraces(plot);
     data.forEach((trace, n) => { trace.visible = !hidden.has(n); });
-    for (const axis of [layout.xaxis, layout.yaxis]) {
+    for (const axis of Object.entries(layout).filter(([name]) => /^[xy]axis/.test(name)).map(([, axis]) => axis)) {
       Object.assign(axis, { gridcolor: colour('grid'), zerolinecolor: colour('rule'), linecolor: colour('rule') });
       axis.title = { ...axis.title, standoff: 8 };
     }
@@ -64,6 +66,9 @@
       hoverlabel: { bgcolor: colour('raised'), bordercolor: colour('rule'), font: { color: colour('text') } },
       modebar: { bgcolor: 'rgba(0,0,0,0)', color: colour('quiet'), activecolor: colour('text') },
       hovermode: plot.dataset.group ? 'x unified' : 'closest',
+      hoversubplots: 'axis',
+      // As long as it shows the same, a plot that is drawn anew keeps the reader's zoom.
+      uirevision: plot.dataset.shows ?? 'same',
       // A finger scrolls the page; the buttons zoom.
       dragmode: finger ? false : 'zoom',
     });
@@ -75,7 +80,10 @@
     return new Set([...off].map((button) => Number(button.dataset.trace)));
   }
 
+  /** Draws what can be seen; the rest when it is unfolded. */
   function draw(plot, colour = palette()) {
+    plot.classList.toggle('stale', !isOpen(plot));
+    if (!isOpen(plot)) return Promise.resolve();
     const { data, layout } = themed(plot, colour);
     const first = !plot.classList.contains('js-plotly-plot');
     const done = Plotly.react(plot, data, layout, {
@@ -85,7 +93,11 @@
       modeBarButtonsToRemove: ['select2d', 'lasso2d', 'resetScale2d'],
       toImageButtonOptions: { format: 'svg' },
     });
-    if (first && plot.dataset.group) plot.on('plotly_relayout', (change) => follow(plot, change));
+    if (first && plot.dataset.group) {
+      plot.on('plotly_relayout', (change) => follow(plot, change));
+      plot.on('plotly_hover', ({ xvals, points }) => moveCursor(plot.dataset.group, xvals?.[0] ?? points[0].x));
+      plot.on('plotly_unhover', () => moveCursor(plot.dataset.group));
+    }
     return done;
   }
 
@@ -93,6 +105,21 @@
     const colour = palette();
     return Promise.all(plots.filter((plot) => plot.classList.contains('js-plotly-plot')).map((plot) => draw(plot, colour)));
   }
+
+  /** One cursor at the same place in all drawn plots of a group; without a place there is none. */
+  function moveCursor(group, x) {
+    for (const plot of plots.filter((plot) => plot.dataset.group === group && plot._fullLayout && isOpen(plot))) {
+      const { xaxis, _size: { t, h } } = plot._fullLayout;
+      const along = xaxis.d2p(x);
+      const cursor = plot.parentElement.querySelector('.cursor') ?? plot.parentElement.appendChild(make('i', { className: 'cursor' }));
+      cursor.hidden = !(along >= 0 && along <= xaxis._length);
+      Object.assign(cursor.style, {
+        left: `${plot.offsetLeft + xaxis._offset + along}px`, top: `${plot.offsetTop + t}px`, height: `${h}px`,
+      });
+    }
+  }
+
+  const allOf = (plot) => Object.fromEntries(Object.keys(plot._fullLayout).filter((key) => /^[xy]axis\d*$/.test(key)).map((key) => [`${key}.autorange`, true]));
 
   /** Moves the others of the plot's group to where it went. */
   let following = false;
@@ -103,10 +130,9 @@
     if (!whole && !(Number.isFinite(range[0]) && Number.isFinite(range[1]))) return;
     const { group } = plot.dataset;
     if (whole) ranges.delete(group); else ranges.set(group, range);
-    const update = whole ? { 'xaxis.autorange': true, 'yaxis.autorange': true } : { 'xaxis.range': range };
     following = true;
-    const others = plots.filter((other) => other !== plot && other.dataset.group === group);
-    await Promise.all(others.map((other) => Plotly.relayout(other, { ...update })));
+    const others = plots.filter((other) => other !== plot && other.dataset.group === group && other._fullLayout);
+    await Promise.all(others.map((other) => Plotly.relayout(other, whole ? allOf(other) : { 'xaxis.range': [...range] })));
     following = false;
   }
 
@@ -128,15 +154,38 @@
     for (const fold of document.querySelectorAll('section > details')) {
       fold.addEventListener('toggle', async () => {
         if (!fold.open || !window.Plotly) return;
-        for (const plot of fold.querySelectorAll('.plot:not(.js-plotly-plot)')) await draw(plot);
+        for (const plot of fold.querySelectorAll('.plot:not(.js-plotly-plot), .plot.stale')) await draw(plot);
       });
     }
+    // A desk has room for the first section.
+    const first = document.querySelector('section > details');
+    if (first && matchMedia('(min-width: 75rem)').matches) first.open = true;
     const open = () => {
       const fold = location.hash.length > 1 && document.querySelector(`#${CSS.escape(location.hash.slice(1))} > details`);
       if (fold) fold.open = true;
     };
     addEventListener('hashchange', open);
     open();
+  }
+
+  /** A finding's link opens its joint's plot at its time. */
+  function wireMoments() {
+    for (const link of document.querySelectorAll('.moment')) {
+      link.addEventListener('click', async (event) => {
+        const section = document.getElementById('torque');
+        const titles = [...section?.querySelectorAll('figcaption') ?? []];
+        const plot = titles.find((title) => title.textContent === link.dataset.joint)?.parentElement.querySelector('.plot');
+        if (!plot || !window.Plotly) return;
+        event.preventDefault();
+        const time = Number(link.dataset.time);
+        ranges.set('time', [time - AROUND, time + AROUND]);
+        const fold = plot.closest('details');
+        if (fold) fold.open = true;
+        for (const other of plots.filter(({ dataset }) => dataset.group === 'time')) await draw(other);
+        plot.parentElement.scrollIntoView({ block: 'center' });
+        moveCursor('time', time);
+      });
+    }
   }
 
   function wireCopies() {
@@ -182,7 +231,14 @@
   }
 
   function wirePaper() {
-    const paper = (on) => () => { root.classList.toggle('printing', on); drawAll(); };
+    let folded = [];
+    const paper = (on) => () => {
+      root.classList.toggle('printing', on);
+      if (on) folded = [...document.querySelectorAll('section > details:not([open])')];
+      for (const fold of folded) fold.open = on;
+      const colour = palette();
+      for (const plot of window.Plotly ? plots : []) draw(plot, colour);
+    };
     addEventListener('beforeprint', paper(true));
     addEventListener('afterprint', paper(false));
     let soon;
@@ -207,7 +263,7 @@
       button.addEventListener('click', () => {
         for (const plot of button.closest('section').querySelectorAll('.js-plotly-plot')) {
           ranges.delete(plot.dataset.group);
-          draw(plot);
+          Plotly.relayout(plot, allOf(plot));
         }
       });
     }
@@ -249,6 +305,7 @@
   wireLegends();
   wireFolds();
   wireCopies();
+  wireMoments();
   paintRobotAsWritten();
   document.querySelectorAll('.table').forEach(wireTable);
   start().catch((error) => {

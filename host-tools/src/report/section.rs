@@ -68,14 +68,6 @@ impl Section {
         self.title
     }
 
-    /// The same with only its heading to be seen until a reader opens it.
-    pub(super) fn folded(self) -> Self {
-        Self {
-            folded: true,
-            ..self
-        }
-    }
-
     pub(super) fn render(&self, to: &mut String) {
         let Self {
             id,
@@ -97,6 +89,10 @@ impl Section {
         if self.figures.is_empty() && self.table.is_none() && self.html.is_empty() {
             to.push_str("<p class=\"empty\">There is nothing to show here.</p>\n");
         }
+        let beside = *columns == 1 && !self.figures.is_empty() && self.table.is_some();
+        if beside {
+            to.push_str("<div class=\"beside\">\n<div>\n");
+        }
         if !self.figures.is_empty() {
             self.render_legend(to);
             let paper = if *columns == 4 { 2 } else { *columns };
@@ -110,8 +106,14 @@ impl Section {
             }
             to.push_str("</div>\n");
         }
+        if beside {
+            to.push_str("</div>\n");
+        }
         if let Some(table) = &self.table {
             table.render(to);
+        }
+        if beside {
+            to.push_str("</div>\n");
         }
         if self.folded {
             to.push_str("</details>\n");

@@ -6,11 +6,13 @@ use super::escape;
 use super::figure::colour;
 use super::section::Section;
 
-/// A limb's joints and foot as points of the base's frame, m, frame by frame.
+/// A limb's joints and its end as points of the base's frame, m, frame by frame.
 #[derive(Debug, Clone)]
 pub struct Skeleton {
     /// The limb's name.
     pub limb: String,
+    /// Whether the robot stands on feet.
+    pub has_feet: bool,
     /// `frames[k][n]`: point n at frame k.
     pub frames: Vec<Vec<[f64; 3]>>,
 }
@@ -31,10 +33,12 @@ pub fn figure_of(skeletons: &[Skeleton]) -> Section {
     let mut picture = String::from(
         "<p><button type=\"button\" id=\"play\">Pause</button></p>\n<div class=\"sticks\">",
     );
-    for (name, across, ahead) in [
-        ("side", 0, "front to the right"),
-        ("front", 1, "left to the right"),
-    ] {
+    let has_feet = skeletons.iter().all(|s| s.has_feet);
+    let views = match has_feet {
+        true => ["front to the right", "left to the right"],
+        false => ["x of the base to the right", "y of the base to the right"],
+    };
+    for (name, across, ahead) in [("side", 0, views[0]), ("front", 1, views[1])] {
         let ((left, right), (low, high)) = (spans[across], spans[2]);
         let _ = write!(
             picture,
@@ -68,8 +72,14 @@ pub fn figure_of(skeletons: &[Skeleton]) -> Section {
     Section {
         id: "figure",
         title: "The motion",
-        text: "The limbs as the motion moves them, over one period in true time; the cross is the base, the last point a foot."
-            .to_owned(),
+        text: format!(
+            "The limbs as the motion moves them, over one period in true time; the cross is the base, the last point {}.",
+            if has_feet {
+                "a foot"
+            } else {
+                "the end of the last link"
+            }
+        ),
         html: picture,
         legend: Vec::new(),
         figures: Vec::new(),

@@ -10,6 +10,9 @@ use super::{escape, thin};
 /// Points of a line: several for every pixel of a wide screen, so that there is something to zoom into.
 const POINTS: usize = 6000;
 
+/// Share of a plot's height that the residual has.
+const RESIDUAL_SHARE: f64 = 0.28;
+
 /// Length of the stretch that a long log opens on, s: waves can be told apart.
 const STRETCH: usize = 4;
 
@@ -44,8 +47,9 @@ pub fn section(series: &[TorqueSeries]) -> Section {
         id: "torque",
         title: "Torque against time",
         text: format!(
-            "Each plot is a joint: its measured torque and what each model predicts for the same motion. Where the lines \
-             part, the model lacks something. {opens} <span class=\"screen\">Drag over a stretch of time to \
+            "Each plot is a joint: its measured torque and what each model predicts for the same motion; below, on a scale of its \
+             own, the residual of the last model, measured less predicted. Where the lines part, the model lacks something. One \
+             cursor marks the same time in all plots. {opens} <span class=\"screen\">Drag over a stretch of time to \
              zoom into it in every plot, double-click to see all of it; on a phone, use the buttons above a plot.</span> Long logs are thinned so that every \
              peak stays."
         ),
@@ -107,7 +111,16 @@ fn legend(series: &TorqueSeries) -> Vec<Key> {
         mark: Mark::Solid,
         trace: Some(0),
     };
-    std::iter::once(measured).chain(models).collect()
+    let residual = series.predicted.last().map(|(model, _)| Key {
+        label: format!("residual of {model}"),
+        colour: colour::RESIDUAL,
+        mark: Mark::Solid,
+        trace: Some(series.predicted.len() + 1),
+    });
+    std::iter::once(measured)
+        .chain(models)
+        .chain(residual)
+        .collect()
 }
 
 fn figure(series: &TorqueSeries, opening: Option<[f64; 2]>) -> Figure {
@@ -127,16 +140,37 @@ fn figure(series: &TorqueSeries, opening: Option<[f64; 2]>) -> Figure {
         .map(|(n, (model, values))| {
             trace(model, values).line(line(model_colour(n), 1.25).dash(dash(n))) as _
         });
+    let residual = series.predicted.last().map(|(_, values)| {
+        let errors: Vec<f64> = (series.measured.iter().zip(values))
+            .map(|(m, p)| m - p)
+            .collect();
+        trace("residual", &errors)
+            .line(line(colour::RESIDUAL, 1.0))
+            .y_axis("y2") as _
+    });
     let mut time = axis("time (s)");
     if let Some(stretch) = opening {
         time = time.range(stretch.map(time_digits).to_vec());
     }
+    let mut torque = axis("torque (N m)");
+    if residual.is_some() {
+        time = time.anchor("y2");
+        torque = torque.domain(&[RESIDUAL_SHARE + 0.08, 1.0]);
+    }
+    let mut layout = layout(time, torque);
+    if residual.is_some() {
+        let below = axis("residual").domain(&[0.0, RESIDUAL_SHARE]).n_ticks(4);
+        layout = layout.y_axis2(below);
+    }
     Figure {
         title: series.joint.clone(),
-        traces: std::iter::once(measured as _).chain(models).collect(),
-        layout: layout(time, axis("torque (N m)")),
+        traces: std::iter::once(measured as _)
+            .chain(models)
+            .chain(residual)
+            .collect(),
+        layout,
         group: Some("time"),
-        height: 240,
+        height: 300,
     }
 }
 

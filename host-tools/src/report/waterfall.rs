@@ -9,11 +9,16 @@ use super::escape;
 use super::figure::{Figure, axis, colour, layout, plotted};
 use super::section::{Key, Mark, Section};
 
+/// Letters of a line of a label.
+const LABEL: usize = 18;
+
 /// A model on the way, and its error.
 #[derive(Debug, Clone)]
 pub struct Step {
-    /// What was added, such as `coulomb: FR_hip`; for the first, the model one starts from.
+    /// What was added, such as `+ coulomb, all calves`; for the first, the model one starts from.
     pub label: String,
+    /// Names of the joints where the label only counts them.
+    pub joints: Vec<String>,
     /// Root mean square of the error after it, N m.
     pub rms: f64,
 }
@@ -111,7 +116,7 @@ fn table(steps: &[Step]) -> DataTable {
     let row = |(n, step): (usize, &Step)| {
         vec![
             Cell::number(n.to_string(), n as f64),
-            Cell::text(&step.label),
+            Cell::text(in_full(&step.label, &step.joints)),
             Cell::number(format!("{:.4}", step.rms), step.rms),
         ]
     };
@@ -125,6 +130,14 @@ fn table(steps: &[Step]) -> DataTable {
     }
 }
 
+/// A label with the names of the joints that it only counts.
+pub(super) fn in_full(label: &str, joints: &[String]) -> String {
+    match joints {
+        [] => label.to_owned(),
+        joints => format!("{label}: {}", joints.join(", ")),
+    }
+}
+
 /// Where `count` bars stand, the first on top.
 pub(super) fn row_positions(count: usize) -> Vec<f64> {
     (0..count).rev().map(|row| row as f64).collect()
@@ -135,15 +148,26 @@ pub(super) fn height_of_bars(count: usize) -> usize {
     64 + 34 * count
 }
 
+/// A label in lines of at most [`LABEL`] letters, but for longer words: a chart on a phone is no wider than two labels.
+fn broken(label: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for word in label.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < LABEL => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.join("<br>")
+}
+
 /// A vertical axis with a label at each row. Rows are numbers: two bars of one name must stay two.
 pub(super) fn label_axis<'a>(rows: &[f64], labels: impl Iterator<Item = &'a str>) -> Axis {
     Axis::new()
         .tick_values(rows.to_vec())
-        .tick_text(
-            labels
-                .map(|label| escape::plot(label).into_owned())
-                .collect(),
-        )
+        .tick_text(labels.map(|label| broken(&escape::plot(label))).collect())
         .auto_margin(true)
         .show_grid(false)
         .zero_line(false)

@@ -1,9 +1,5 @@
 //! Tick boxes: what a page says of a model is what `proprio compare` prints for it; and everyone can use the page.
-//!
-//! `axe-core-4.14.1.min.js.gz` is the accessibility checker of Deque Systems as the npm registry has it, unchanged (Mozilla Public
-//! License 2.0; `npm pack axe-core@4.14.1`). It is here because tests must not need a network.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -11,7 +7,7 @@ use proprio_tests::browser::Browser;
 use proprio_tests::command::{done, json, recorded_logs};
 use serde_json::json;
 
-use super::folder;
+use super::{axe, folder};
 
 /// As far as the page's error may be from the command's for the model that it opened with, N m.
 const SAME: f64 = 1e-6;
@@ -192,11 +188,6 @@ fn nothing_is_found_by_axe() {
     let Some(mut browser) = Browser::start() else {
         return;
     };
-    let packed = include_bytes!("axe-core-4.14.1.min.js.gz");
-    let mut axe = String::new();
-    flate2::read::GzDecoder::new(&packed[..])
-        .read_to_string(&mut axe)
-        .unwrap();
     let page = leg().join("compare.html");
     for (width, phone, scheme) in [
         (1280, false, "light"),
@@ -211,11 +202,7 @@ fn nothing_is_found_by_axe() {
             "(async () => { for (const d of document.querySelectorAll('details')) d.open = true; \
                       await new Promise((done) => setTimeout(done, 3000)); })()",
         );
-        browser.eval(&format!("{axe}; 1"));
-        let found = browser.eval(
-            "axe.run().then(({violations, passes}) => ({found: violations.map((v) => \
-             `${v.id}: ${v.nodes.slice(0, 3).map((n) => n.html.slice(0, 200)).join(' | ')}`), passes: passes.length}))",
-        );
+        let found = axe(&mut browser);
         assert!(found["passes"].as_u64().unwrap() > 15, "{found}");
         assert_eq!(found["found"], json!([]), "{width} {scheme}");
     }

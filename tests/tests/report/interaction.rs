@@ -67,10 +67,11 @@ fn legend_and_tables_do_what_they_offer() {
         return;
     };
     let lines = "document.querySelectorAll('#torque .js-line').length";
-    assert_eq!(browser.eval(lines), 9);
+    // Measured, two models and the residual of three joints.
+    assert_eq!(browser.eval(lines), 12);
     browser.eval("document.querySelector('#torque [data-trace=\"1\"]').click()");
     browser.eval("new Promise((done) => setTimeout(done, 500))");
-    assert_eq!(browser.eval(lines), 6);
+    assert_eq!(browser.eval(lines), 9);
 
     let rows: Value = browser.eval(
         "(() => { const box = document.querySelector('#parameters .table'); \

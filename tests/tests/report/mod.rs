@@ -2,19 +2,24 @@
 //!
 //! The page and pictures of it are left in `target/report/` for a look. Without Chromium these tests fail, unless
 //! `PROPRIO_SKIP_BROWSER` is set; then they say that they were skipped.
+//!
+//! `axe-core-4.14.1.min.js.gz` is the accessibility checker of Deque Systems as the npm registry has it, unchanged (Mozilla Public
+//! License 2.0; `npm pack axe-core@4.14.1`). It is here because tests must not need a network.
 
 mod choices;
 mod data;
 mod interaction;
 mod look;
+mod pages;
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use proprio_core::go2::Leg;
 use proprio_tests::browser::Browser;
 use proprio_tests::report_example;
-use serde_json::{from_value, json};
+use serde_json::{Value, from_value, json};
 
 const SECTIONS: [&str; 6] = [
     "waterfall",
@@ -54,6 +59,20 @@ fn open(page: &Path) -> Option<Browser> {
     browser.prefer("light");
     browser.open(page);
     Some(browser)
+}
+
+/// What axe-core finds in the page as it is, a line each, and how many of its rules pass.
+fn axe(browser: &mut Browser) -> Value {
+    let packed = include_bytes!("axe-core-4.14.1.min.js.gz");
+    let mut axe = String::new();
+    flate2::read::GzDecoder::new(&packed[..])
+        .read_to_string(&mut axe)
+        .unwrap();
+    browser.eval(&format!("{axe}; 1"));
+    browser.eval(
+        "axe.run().then(({violations, passes}) => ({found: violations.map((v) => \
+         `${v.id}: ${v.nodes.slice(0, 3).map((n) => n.html.slice(0, 200)).join(' | ')}`), passes: passes.length}))",
+    )
 }
 
 fn pictures(browser: &mut Browser, prefix: &str) {

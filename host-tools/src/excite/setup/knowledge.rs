@@ -91,7 +91,7 @@ impl Design<'_> {
     }
 
     /// Names of all parameters.
-    fn names(&self, effects: &[Column]) -> Vec<String> {
+    pub(super) fn names(&self, effects: &[Column]) -> Vec<String> {
         let bodies = self.limb.bodies.clone();
         let joint = |j: usize| self.model.joint_name(self.limb.bodies.start + j);
         let inertial =

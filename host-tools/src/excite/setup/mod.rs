@@ -127,7 +127,13 @@ impl Setup {
             Goal::Separation { .. } | Goal::Condition | Goal::ConditionSi => None,
         };
         of.feasible(&problem)?;
+        let names = of.names(&effects).into_iter().enumerate();
+        let priors = names.map(|(n, name)| (name, all_root.row(n).norm()));
+        let priors = priors.collect();
+        let earlier = of.earlier(&whole.scale);
         let measured = Measured {
+            priors,
+            earlier,
             whole: part(effects, whole.scale, noise)?,
             kind,
             si,

@@ -30,5 +30,6 @@ pub fn calibration(
             poses::candidates(&calibration.candidates),
             poses::values(&calibration.parameters),
         ],
-    })
+    }
+    .folded())
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Unreadable, correlations, drawing, header, of_data, residuals, torques};
+use super::{Unreadable, add_moments, correlations, drawing, header, of_data, residuals, torques};
 use crate::compare::{Comparison, EffectValue, choices};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -37,12 +37,13 @@ pub fn comparison(
         ..told(comparison)
     };
     let mut header = header("Model against measurement", findings, &comparison.logs)?;
+    add_moments(&mut header.findings, comparison);
     header.headline = summary.headline;
     header.next = summary.next;
     header.drawing = drawing(model, &comparison.series);
     let mut sections = sections(comparison, &ladder(comparison));
     sections.splice(0..0, try_out(recording, model, &told)?);
-    Ok(Page { header, sections })
+    Ok(Page { header, sections }.folded())
 }
 
 /// What the tick boxes are told of a comparison.
@@ -74,14 +75,14 @@ pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section>
     let name = "model";
     let ladder: Vec<Step> = ladder.iter().cloned().chain(boxes(comparison)).collect();
     let mut sections = vec![
-        waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms).folded(),
-        torques(&comparison.series, &comparison.baselines, name).folded(),
-        residuals(&comparison.series, name).folded(),
-        correlations(&comparison.criticism, name).folded(),
+        waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms),
+        torques(&comparison.series, &comparison.baselines, name),
+        residuals(&comparison.series, name),
+        correlations(&comparison.criticism, name),
     ];
     if !comparison.effects.is_empty() {
         let rows: Vec<ParameterRow> = comparison.effects.iter().map(row).collect();
-        sections.push(parameters::section(&rows).folded());
+        sections.push(parameters::section(&rows));
     }
     sections
 }
@@ -95,6 +96,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
             least = least.min(rung.rms);
             Step {
                 label: format!("non-parametric bound: {}", rung.sees.in_short()),
+                joints: Vec::new(),
                 rms: least.min(comparison.rms),
             }
         })
@@ -105,6 +107,7 @@ fn boxes(comparison: &Comparison) -> Vec<Step> {
 pub(super) fn ladder(comparison: &Comparison) -> Vec<Step> {
     let step = |label: &str, rms| Step {
         label: label.to_owned(),
+        joints: Vec::new(),
         rms,
     };
     let mut steps = vec![

@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use super::compare::{sections, told, try_out};
-use super::{Unreadable, drawing, header, of_data};
+use super::{Unreadable, add_moments, drawing, header, of_data};
 use crate::compare::Comparison;
-use crate::diagnose::{Diagnosis, NEW_MODEL};
+use crate::diagnose::{CandidateReport, Diagnosis, NEW_MODEL, PathStep};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report::candidates::{self, Candidate};
 use crate::report::choices::Told;
 use crate::report::waterfall::Step;
 use crate::report::{Page, Section};
-use crate::summary::typed;
+use crate::summary::{joints_in_words, typed};
 
 /// What the page of a diagnosis is made of.
 pub struct DiagnosisPage<'a> {
@@ -45,17 +45,19 @@ impl DiagnosisPage<'_> {
         findings.extend(of_data(&self.after.data));
         findings.extend(diagnosis.outside_catalogue.iter().skip(1).cloned());
         let mut all = sections(self.after, &ladder(diagnosis));
-        all.insert(1, bars(diagnosis).folded());
+        all.insert(1, bars(diagnosis));
         let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
         all.splice(0..0, tick_boxes);
         let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
+        add_moments(&mut header.findings, self.after);
         header.headline = summary.headline;
         header.next = summary.next;
         header.drawing = drawing(self.complete, &self.after.series);
         Ok(Page {
             header,
             sections: all,
-        })
+        }
+        .folded())
     }
 
     /// What the tick boxes are told; `next` adds to the model file what was found.
@@ -82,31 +84,53 @@ impl DiagnosisPage<'_> {
 
 /// How the error fell, step by step.
 pub(super) fn ladder(diagnosis: &Diagnosis) -> Vec<Step> {
-    let step = |label: &str, rms| Step {
+    let all = diagnosis.joint_names();
+    let start = |label: &str, rms| Step {
         label: label.to_owned(),
+        joints: Vec::new(),
         rms,
     };
-    let start = [
-        step("the model as given", diagnosis.yardsticks.given_rms),
-        step("its values fitted anew", diagnosis.held_out_rms),
+    let step = |own: &PathStep| {
+        let (label, joints) = label(own.effect, &own.joints, &all);
+        let sign = if own.removed { '−' } else { '+' };
+        Step {
+            label: format!("{sign} {label}"),
+            joints,
+            rms: own.held_out_rms,
+        }
+    };
+    let given = [
+        start("the model as given", diagnosis.yardsticks.given_rms),
+        start("its values fitted anew", diagnosis.held_out_rms),
     ];
-    let steps = diagnosis.path.iter();
-    let steps = steps.map(|own| step(&own.to_string(), own.held_out_rms));
-    start.into_iter().chain(steps).collect()
+    given
+        .into_iter()
+        .chain(diagnosis.path.iter().map(step))
+        .collect()
 }
 
 /// What each candidate would gain.
 pub(super) fn bars(diagnosis: &Diagnosis) -> Section {
-    let candidate = |c: &crate::diagnose::CandidateReport| Candidate {
-        name: c.name(),
-        gain: c.held_out_gain,
-        gain_std: c.held_out_gain_error,
-        look_alikes: c
-            .alternatives
-            .iter()
-            .map(|a| format!("{}:{}", a.effect, a.joints.join(",")))
-            .collect(),
+    let all = diagnosis.joint_names();
+    let candidate = |c: &CandidateReport| {
+        let (name, joints) = label(c.effect, &c.joints, &all);
+        let alike = c.alternatives.iter();
+        Candidate {
+            name,
+            joints,
+            gain: c.held_out_gain,
+            gain_std: c.held_out_gain_error,
+            look_alikes: alike.map(|a| label(a.effect, &a.joints, &all).0).collect(),
+        }
     };
-    let all: Vec<Candidate> = diagnosis.candidates.iter().map(candidate).collect();
-    candidates::section(&all)
+    let candidates: Vec<Candidate> = diagnosis.candidates.iter().map(candidate).collect();
+    candidates::section(&candidates)
+}
+
+/// An effect by where it is, `coulomb, all calves`; and the joints' names where that only counts them.
+fn label(effect: &str, joints: &[String], all: &[String]) -> (String, Vec<String>) {
+    let words = joints_in_words(joints, all);
+    let counted = words == format!("{} joints", joints.len());
+    let joints = if counted { joints.to_vec() } else { Vec::new() };
+    (format!("{effect}, {words}"), joints)
 }

@@ -1,11 +1,21 @@
 //! The page of `excite`.
 
-use crate::excite::LimbDesign;
+use crate::advise::{figure, unit_of};
+use crate::excite::{Expected, LimbDesign};
 use crate::model::{Model, Provenance};
 use crate::report::motion::{self, JointCurve, Quantity};
+use crate::report::parameters::{self, ExpectedRow};
 use crate::report::stick::{self, FRAMES, Skeleton};
-use crate::report::{Header, Page};
+use crate::report::{Finding, Header, Page};
 
+/// What to do with the motion.
+const PLAY: &str = "Play the motion on the robot, hung up or clamped, record it, then run proprio identify on the log.";
+/// Parameters of the headline, and what they are.
+const KINDS: [(&str, &str); 3] = [
+    ("coulomb", "Coulomb friction"),
+    ("viscous", "viscous friction"),
+    ("armature", "armature"),
+];
 /// Points of a curve per second.
 const RATE: f64 = 100.0;
 
@@ -22,8 +32,13 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
             design.limb, m.condition_number, m.condition_number_si, m.rank, m.log_det
         )
     };
-    let mut findings: Vec<String> = designs.iter().map(finding).collect();
-    findings.push("All limits hold at every instant.".to_owned());
+    let mut findings = vec![
+        PLAY.to_owned(),
+        identified(designs),
+        "All limits hold at every instant, for parameters off by the stated uncertainty."
+            .to_owned(),
+    ];
+    findings.extend(designs.iter().map(finding));
     let curves = |quantity| -> Vec<JointCurve> {
         designs
             .iter()
@@ -35,10 +50,19 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
         let points = d.history.iter().map(|p| [p.seconds, p.cost]);
         (d.limb.clone(), points.collect())
     });
+    let rows = designs.iter().flat_map(|d| &d.expected);
+    let rows = rows.map(|e| ExpectedRow {
+        name: e.parameter.clone(),
+        unit: unit_of(&e.parameter).to_owned(),
+        prior_std: e.prior_std,
+        std: e.std,
+    });
+    let rows: Vec<ExpectedRow> = rows.collect();
     Page {
         header: Header {
             title: "An informative motion".to_owned(),
-            findings,
+            headline: headline(designs),
+            findings: findings.into_iter().map(Finding::from).collect(),
             command,
             ..Header::default()
         },
@@ -49,8 +73,60 @@ pub fn motion(model: &Model, designs: &[LimbDesign]) -> Page {
             motion::section(Quantity::Acceleration, &curves(Quantity::Acceleration)),
             motion::section(Quantity::Torque, &curves(Quantity::Torque)),
             motion::search(&history.collect::<Vec<_>>()),
+            parameters::expected(&rows),
         ],
     }
+    .folded()
+}
+
+/// How long it takes, and what the standard deviations become at the joint where each is largest.
+fn headline(designs: &[LimbDesign]) -> String {
+    let limbs: Vec<&str> = designs.iter().map(|d| d.limb.as_str()).collect();
+    let seconds = designs.iter().map(|d| d.motion.duration());
+    let seconds = seconds.fold(0.0, f64::max);
+    let worst = |(kind, words): &(&str, &str)| {
+        let all = designs.iter().flat_map(|d| &d.expected);
+        let own = all.filter(|e| e.parameter.split(':').next() == Some(kind));
+        let worst = own.max_by(|a, b| a.std.total_cmp(&b.std))?;
+        Some(format!(
+            "{words} from ±{} to ±{} {}",
+            figure(worst.prior_std),
+            figure(worst.std),
+            unit_of(&worst.parameter).replace("^2", "²")
+        ))
+    };
+    let after: Vec<String> = KINDS.iter().filter_map(worst).collect();
+    format!(
+        "{seconds:.0} s of motion of {} bring, at the worst joint, {}",
+        limbs.join(", "),
+        after.join(", ")
+    )
+}
+
+/// How many parameters the motion identifies, and of which body's it shows most.
+fn identified(designs: &[LimbDesign]) -> String {
+    let all = || designs.iter().flat_map(|d| &d.expected);
+    let left = |e: &Expected| e.std / e.prior_std;
+    let known = all().filter(|e| left(e) <= 0.5).count();
+    let is_drive = |e: &&Expected| KINDS.iter().any(|(kind, _)| e.parameter.starts_with(kind));
+    let is_body = |e: &&Expected| !is_drive(e) && !e.parameter.starts_with("bias");
+    let best = all()
+        .filter(is_body)
+        .min_by(|a, b| left(a).total_cmp(&left(b)));
+    let best = best.map_or_else(String::new, |e| {
+        format!(
+            " Of the bodies' it improves {} the most: ±{} → ±{} {}.",
+            e.parameter,
+            figure(e.prior_std),
+            figure(e.std),
+            unit_of(&e.parameter).replace("^2", "²")
+        )
+    });
+    format!(
+        "{known} of {} parameters get half their prior's standard deviation or less. The others are identifiable only in combination, or stay \
+         prior-dominated.{best}",
+        all().count()
+    )
 }
 
 fn curves(model: &Model, design: &LimbDesign, quantity: Quantity) -> Vec<JointCurve> {
@@ -92,6 +168,7 @@ fn skeleton(model: &Model, design: &LimbDesign) -> Skeleton {
     let count = (design.motion.period * FRAMES) as usize;
     Skeleton {
         limb: design.limb.clone(),
+        has_feet: !model.feet().is_empty(),
         frames: (0..count)
             .map(|k| design.points(k as f64 / FRAMES, foot.as_ref()))
             .collect(),

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use crate::fleet::answers::{Answers, Population};
 use crate::model::Provenance;
 use crate::report::data_table::{Cell, Column, DataTable};
-use crate::report::{Header, Page, Section, escape};
+use crate::report::{Finding, Header, Page, Section, escape};
 
 /// Deviation that has the full colour, in standard deviations between robots.
 const FULL: f64 = 5.0;
@@ -54,7 +54,7 @@ pub fn fleet(answers: &Answers, refused: &[[String; 3]]) -> Page {
                 "{} robots, {} blocks of time",
                 answers.robots, answers.blocks
             ),
-            findings,
+            findings: findings.into_iter().map(Finding::from).collect(),
             command: Provenance::of(&no_logs)
                 .map(|p| p.command)
                 .unwrap_or_default(),

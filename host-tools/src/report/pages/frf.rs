@@ -28,5 +28,6 @@ pub fn responses(found: &Frf, logs: &[PathBuf], model: Option<&Path>) -> Result<
             responses::scatter(found.curves()),
             responses::values(&found.parameters),
         ],
-    })
+    }
+    .folded())
 }

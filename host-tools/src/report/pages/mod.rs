@@ -31,8 +31,8 @@ use super::correlation::Correlation;
 use super::residual::ResidualSeries;
 use super::robot::{self, DrawnJoint};
 use super::torque::TorqueSeries;
-use super::{Drawing, Header, LogFile, Section, correlation, residual, torque};
-use crate::compare::JointSeries;
+use super::{Drawing, Finding, Header, LogFile, Moment, Section, correlation, residual, torque};
+use crate::compare::{Comparison, JointSeries, RankedEpisode};
 use crate::detect::residual::{Correlation as Lagged, Criticism, Input};
 use crate::model::{Model, Provenance};
 use crate::recording::LogGates;
@@ -46,6 +46,11 @@ pub use identify::fit;
 pub use models::models;
 pub use walk::{walk, walk_diagnosis, walk_identification};
 
+/// Stands before the joint's name where a finding is of its error.
+const OF_THE_ERROR: &str = " of the square error: ";
+/// Moments that a page names.
+const MOMENTS: usize = 3;
+
 /// A log that cannot be read any more: its path, and why.
 pub type Unreadable = (String, io::Error);
 
@@ -56,9 +61,13 @@ fn drawing(model: &Model, series: &[JointSeries]) -> Drawing {
         q: own.q.iter().sum::<f64>() / own.q.len().max(1) as f64,
         rms: own.rms(),
     };
+    // A walk has the trunk's coordinates as well.
+    let bodies = model.robot().bodies();
+    let series = series.iter();
+    let joints = series.filter(|own| bodies.iter().any(|body| body.name == own.joint));
     Drawing(robot::drawing(
         model,
-        &series.iter().map(joint).collect::<Vec<_>>(),
+        &joints.map(joint).collect::<Vec<_>>(),
     ))
 }
 
@@ -71,11 +80,35 @@ fn header(title: &str, findings: Vec<String>, logs: &[PathBuf]) -> Result<Header
     };
     Ok(Header {
         title: title.to_owned(),
-        findings,
+        findings: findings.into_iter().map(Finding::from).collect(),
         command,
         logs: logs.into_iter().map(log).collect(),
         ..Header::default()
     })
+}
+
+/// Links each finding of a joint's error with the joint's worst moment, and names the worst moments of all.
+fn add_moments(findings: &mut Vec<Finding>, comparison: &Comparison) {
+    let moment = |worst: &RankedEpisode| {
+        Some(Moment {
+            joint: worst.joint.clone(),
+            time: worst.episode.t,
+        })
+    };
+    for finding in findings.iter_mut() {
+        let about = finding.text.split_once(OF_THE_ERROR);
+        let worst = about.and_then(|(_, joint)| {
+            let name = joint.split([':', ',']).next();
+            let mut all = comparison.episodes.iter();
+            all.find(|episode| Some(episode.joint.as_str()) == name)
+        });
+        finding.moment = worst.and_then(moment);
+    }
+    let worst = comparison.episodes.iter().take(MOMENTS);
+    findings.extend(worst.map(|episode| Finding {
+        text: format!("Worst moment: {episode}"),
+        moment: moment(episode),
+    }));
 }
 
 /// What is wrong with the samples, a sentence each.

@@ -51,5 +51,6 @@ pub fn models(found: &ModelsComparison) -> Result<Page, Unreadable> {
             models::section(&rows),
             torques(best, &others, &names[found.best]),
         ],
-    })
+    }
+    .folded())
 }

@@ -14,10 +14,17 @@ pub fn feedback(models: &[Feedback]) -> Page {
             of.model, of.rms, of.share_percent
         )
     };
+    let best = models.iter().min_by(|a, b| a.rms.total_cmp(&b.rms));
     Page {
         header: Header {
             title: "What feedback has to give".to_owned(),
-            findings: models.iter().map(finding).collect(),
+            headline: best.map_or_else(String::new, |best| {
+                format!(
+                    "{} leaves least to feedback: {:.3} N m rms",
+                    best.model, best.rms
+                )
+            }),
+            findings: models.iter().map(|model| finding(model).into()).collect(),
             command: Provenance::of(&no_logs)
                 .map(|p| p.command)
                 .unwrap_or_default(),
@@ -25,4 +32,5 @@ pub fn feedback(models: &[Feedback]) -> Page {
         },
         sections: vec![motion::feedback(models)],
     }
+    .folded()
 }
