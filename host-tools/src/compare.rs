@@ -18,8 +18,8 @@ mod own_rate;
 mod ranking;
 mod save;
 mod summary;
+mod text;
 mod values;
-mod words;
 
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ mod free_base;
 mod path;
 mod report;
 mod summary;
-mod words;
+mod text;
 
 use std::path::PathBuf;
 

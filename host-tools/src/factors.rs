@@ -24,7 +24,7 @@ const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISCSI);
 
 /// A joint's factor in one fold, packed by rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Triangle {
+pub struct RFactor {
     /// Windows in it.
     pub windows: f64,
     /// Its numbers.
@@ -39,7 +39,7 @@ pub struct Factors {
     /// Length of a window, µs.
     window_us: u32,
     /// Each leg's triangles, joint by joint of each fold; empty where a leg has none.
-    legs: [Vec<Triangle>; LEGS],
+    legs: [Vec<RFactor>; LEGS],
     /// Whose data they are, where that is known.
     robot: Option<String>,
 }
@@ -49,7 +49,7 @@ pub struct Factors {
 struct Nameless {
     effects: Vec<String>,
     window_us: u32,
-    legs: [Vec<Triangle>; LEGS],
+    legs: [Vec<RFactor>; LEGS],
 }
 
 /// Why a factor file cannot be used.
@@ -162,7 +162,7 @@ impl Factors {
         leg: Leg,
         fold: usize,
         joint: usize,
-        triangle: Triangle,
+        triangle: RFactor,
     ) -> Result<(), FactorError> {
         let error = FactorError::Length(triangle.numbers.len());
         let mut folds = empty();
@@ -335,14 +335,14 @@ fn empty() -> Box<DeviceFolds<f64>> {
     Box::new(DeviceFolds::empty())
 }
 
-fn view(triangle: &Triangle) -> Result<Factor<f64, &[f64]>, FactorError> {
+fn view(triangle: &RFactor) -> Result<Factor<f64, &[f64]>, FactorError> {
     let length = triangle.numbers.len();
     let columns = (1..length).find(|&columns| packed_len(columns) >= length);
     let columns = columns.ok_or(FactorError::Length(length))?;
     Factor::from_packed(columns, triangle.windows, &triangle.numbers)
 }
 
-fn merge_leg(folds: &mut DeviceFolds<f64>, triangles: &[Triangle]) -> Result<(), FactorError> {
+fn merge_leg(folds: &mut DeviceFolds<f64>, triangles: &[RFactor]) -> Result<(), FactorError> {
     if triangles.len() > FOLDS * JOINTS_PER_LEG {
         return Err(FactorError::Length(triangles.len()));
     }

@@ -18,11 +18,11 @@ use proprio_core::spatial::Transform;
 
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Column, Columns, Entry, columns_of};
-use crate::equation::load_cache::Load;
+use crate::equation::contribution::{Contribution, contributions};
+use crate::equation::joint_states::States;
 use crate::equation::motion::Motion;
 use crate::equation::rigid_body::RigidBody;
-use crate::equation::share::{Share, shares};
-use crate::equation::states::States;
+use crate::equation::transmitted_torque_cache::Load;
 use crate::equation::values::{Place, Values};
 
 /// Mean reported torque of each chosen window and joint (N m), window by window; zero for windows that are not chosen.
@@ -43,7 +43,7 @@ pub(crate) fn predict(
             rigid: body.loaded(values),
             base: body.base(values),
             states: motion.states_of(body, values, (&columns, &made), (delay, &asked)),
-            effects: shares(&columns, values),
+            effects: contributions(&columns, values),
             joints,
         };
         pass.run(values, chosen, &mut torque);
@@ -142,7 +142,7 @@ struct Pass<'a> {
     rigid: Box<dyn RigidBody>,
     base: Transform<f64>,
     states: States,
-    effects: Vec<Vec<Share>>,
+    effects: Vec<Vec<Contribution>>,
     joints: Vec<usize>,
 }
 

@@ -1,7 +1,7 @@
 //! What logs could not tell, in words, and the motion that would; on one screen in `summary`.
 //!
 //! Of each parameter three standard deviations are compared: before any data, after the logs, and after the best and longest of
-//! motions ([`crate::excite::told`]). What lies between the last two is what a better motion can still give.
+//! motions ([`crate::excite::identifiability`]). What lies between the last two is what a better motion can still give.
 
 mod summary;
 
@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::catalogue;
 use crate::excite::earlier::{self, EarlierError};
-use crate::excite::{Told, told};
+use crate::excite::{Identifiability, told};
 use crate::model::{Limb, Model};
 use crate::parameter::{self, INERTIAL_NAMES};
 use crate::summary::{from_standard_input, typed, word};
@@ -37,13 +37,13 @@ const CLOSING: usize = 3;
 #[serde(rename_all = "snake_case")]
 pub enum Learned {
     /// Nearly all.
-    Told,
+    Identified,
     /// Some.
-    Partly,
+    InPart,
     /// Little or nothing.
-    Open,
-    /// No motion of a pinned limb tells it apart from others.
-    Never,
+    PriorDominated,
+    /// No motion of a limb on a fixed base separates it from others.
+    NotIdentifiable,
 }
 
 /// What the logs say of a parameter.
@@ -126,7 +126,7 @@ pub fn advise(
     Ok(Advised { limbs: all })
 }
 
-fn advice(told: &Told) -> Advice {
+fn advice(told: &Identifiability) -> Advice {
     let square = |x: f64| x * x;
     let can = square(told.prior_std) - square(told.best_std);
     let did = square(told.prior_std) - square(told.std);
@@ -136,13 +136,13 @@ fn advice(told: &Told) -> Advice {
         1.0
     };
     let learned = if told.best_std > STRUCTURAL * told.prior_std {
-        Learned::Never
+        Learned::NotIdentifiable
     } else if share >= TOLD {
-        Learned::Told
+        Learned::Identified
     } else if share >= OPEN {
-        Learned::Partly
+        Learned::InPart
     } else {
-        Learned::Open
+        Learned::PriorDominated
     };
     Advice {
         parameter: told.parameter.clone(),
@@ -221,10 +221,10 @@ impl LimbAdvice {
         format!(
             "{}: {} parameters identified, {} in part, {} prior-dominated; {} not identifiable with a fixed base. Condition number {:.0}.\n",
             self.limb,
-            of(Learned::Told),
-            of(Learned::Partly),
-            of(Learned::Open),
-            of(Learned::Never),
+            of(Learned::Identified),
+            of(Learned::InPart),
+            of(Learned::PriorDominated),
+            of(Learned::NotIdentifiable),
             self.condition_number,
         )
     }
@@ -252,20 +252,20 @@ impl Advice {
 
     /// Whether a motion can still tell more of it.
     fn is_open(&self) -> bool {
-        matches!(self.learned, Learned::Open | Learned::Partly)
+        matches!(self.learned, Learned::PriorDominated | Learned::InPart)
     }
 }
 
 impl fmt::Display for Advice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words = match self.learned {
-            Learned::Told => "identified",
-            Learned::Partly => "in part",
-            Learned::Open => "prior-dominated",
-            Learned::Never => "not identifiable alone",
+            Learned::Identified => "identified",
+            Learned::InPart => "in part",
+            Learned::PriorDominated => "prior-dominated",
+            Learned::NotIdentifiable => "not identifiable alone",
         };
         let best = match self.learned {
-            Learned::Never => String::new(),
+            Learned::NotIdentifiable => String::new(),
             _ if self.best_std <= NOTHING * self.prior_std => {
                 "; a long, rich motion can tell all of it".to_owned()
             }
@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn the_share_is_of_what_a_motion_can_tell() {
         let of = |prior_std, std, best_std| {
-            advice(&Told {
+            advice(&Identifiability {
                 parameter: "m:FR_calf".to_owned(),
                 prior_std,
                 std,
@@ -315,17 +315,17 @@ mod tests {
                 torque: 0.0,
             })
         };
-        assert_eq!(of(1.0, 0.1, 0.0).learned, Learned::Told);
-        assert_eq!(of(1.0, 0.98, 0.3).learned, Learned::Open);
-        assert_eq!(of(1.0, 0.55, 0.5).learned, Learned::Told);
-        assert_eq!(of(1.0, 0.6, 0.0).learned, Learned::Partly);
-        assert_eq!(of(1.0, 0.99, 0.99).learned, Learned::Never);
+        assert_eq!(of(1.0, 0.1, 0.0).learned, Learned::Identified);
+        assert_eq!(of(1.0, 0.98, 0.3).learned, Learned::PriorDominated);
+        assert_eq!(of(1.0, 0.55, 0.5).learned, Learned::Identified);
+        assert_eq!(of(1.0, 0.6, 0.0).learned, Learned::InPart);
+        assert_eq!(of(1.0, 0.99, 0.99).learned, Learned::NotIdentifiable);
     }
 
     #[test]
     fn advice_is_in_words_and_units() {
         let of = |best_std| {
-            let told = Told {
+            let told = Identifiability {
                 parameter: "hz:FR_hip".to_owned(),
                 prior_std: 1.3e-3,
                 std: 1.27e-3,
@@ -347,7 +347,7 @@ mod tests {
     fn the_command_fits_a_line() {
         let of = |parameter: &str| Advice {
             parameter: parameter.to_owned(),
-            learned: Learned::Open,
+            learned: Learned::PriorDominated,
             share: 0.0,
             prior_std: 1.0,
             std: 1.0,

@@ -25,10 +25,10 @@ impl Advised {
             all.filter(|a| a.learned == learned).count()
         };
         let [told, partly, open, never] = [
-            Learned::Told,
-            Learned::Partly,
-            Learned::Open,
-            Learned::Never,
+            Learned::Identified,
+            Learned::InPart,
+            Learned::PriorDominated,
+            Learned::NotIdentifiable,
         ]
         .map(count);
         let mut points = Vec::new();

@@ -1,6 +1,6 @@
 //! What black boxes say of a model, in words.
 
-use crate::detect::black_box::{BlackBox, Sees};
+use crate::detect::black_box::{BlackBox, Inputs};
 use crate::summary::torque;
 use crate::table::{Table, with_std};
 
@@ -16,9 +16,9 @@ pub(super) fn table(boxes: &BlackBox, noise: Option<String>) -> Table {
     table.row(["nothing: the model alone".to_owned(), torque(boxes.rms)]);
     for rung in &boxes.rungs {
         let sees = match rung.sees {
-            Sees::Joint => "the joint's own motion at that moment",
-            Sees::Limb => "+ that of its limb's other joints",
-            Sees::Past => "+ what came before",
+            Inputs::Joint => "the joint's own motion at that moment",
+            Inputs::Limb => "+ that of its limb's other joints",
+            Inputs::Past => "+ what came before",
         };
         table.row([sees.to_owned(), with_std(rung.rms, rung.std)]);
     }
@@ -73,7 +73,7 @@ mod tests {
     use crate::detect::black_box::Rung;
 
     fn boxes(rms: [f64; 4]) -> BlackBox {
-        let sees = [Sees::Joint, Sees::Limb, Sees::Past].into_iter();
+        let sees = [Inputs::Joint, Inputs::Limb, Inputs::Past].into_iter();
         BlackBox {
             rms: rms[0],
             rungs: (sees.zip(&rms[1..]))

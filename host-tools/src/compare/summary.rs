@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::words::{NO_STRUCTURE, named};
+use super::text::{NO_STRUCTURE, named};
 use super::{Comparison, black_box};
 use crate::summary::{Summary, torque, typed};
 

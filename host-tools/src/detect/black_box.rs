@@ -26,7 +26,7 @@ const ENOUGH: f64 = 0.8;
 /// What a box is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Sees {
+pub enum Inputs {
     /// The joint's own motion at that moment.
     Joint,
     /// That of the other joints of its limb as well.
@@ -35,7 +35,7 @@ pub enum Sees {
     Past,
 }
 
-impl Sees {
+impl Inputs {
     /// Beside a bar.
     pub fn in_short(self) -> &'static str {
         match self {
@@ -47,13 +47,13 @@ impl Sees {
 }
 
 /// What is shown, one after the other.
-const ALL: [Sees; 3] = [Sees::Joint, Sees::Limb, Sees::Past];
+const ALL: [Inputs; 3] = [Inputs::Joint, Inputs::Limb, Inputs::Past];
 
 /// A model's error with what a black box takes away of it, on data that neither has seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rung {
     /// What the box is shown.
-    pub sees: Sees,
+    pub sees: Inputs,
     /// Root mean square over the windows of all joints, N m.
     pub rms: f64,
     /// Standard error of what it takes away, from the spread over folds, N m.
@@ -85,7 +85,7 @@ impl BlackBox {
         };
         let rms = |squares: f64| (squares / windows).sqrt();
         let before = sum(&|left| left[0]).iter().sum::<f64>();
-        let rung = |(n, &sees): (usize, &Sees)| {
+        let rung = |(n, &sees): (usize, &Inputs)| {
             let (taken, error) = sum_and_error(&sum(&|left| left[0] - left[n + 1]));
             let after = rms((before - taken).max(0.0));
             Rung {
@@ -121,15 +121,15 @@ impl BlackBox {
 
 /// What a black box takes away of a joint's error.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Taken {
+pub(crate) struct Explained {
     /// The share of the squared error, and its standard error from the spread over folds.
     pub(crate) share: f64,
     pub(crate) std: f64,
     /// The box that sees least of those that take all but a fifth of it.
-    pub(crate) sees: Sees,
+    pub(crate) sees: Inputs,
 }
 
-impl Taken {
+impl Explained {
     /// Of a joint of a limb whose model predicts so; `None` where too little can be held out, or nothing is left.
     pub(crate) fn of(data: &LimbData, predicted: &[f64], joint: usize) -> Option<Self> {
         let joint = Joint::of(data, predicted, joint)?;

@@ -20,7 +20,7 @@ mod judge;
 mod look;
 mod report;
 mod residuals;
-mod words;
+mod text;
 
 use nalgebra::{Matrix3, Matrix3xX, Vector3};
 
@@ -31,16 +31,16 @@ use crate::equation::dot::dot;
 use crate::equation::foot::Foot;
 use crate::equation::rows::Rows;
 use crate::equation::values::Values;
+use crate::estimate::accumulate::Folding;
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::fit::LimbFit;
-use crate::estimate::folding::Folding;
-use crate::estimate::triangle::Triangle;
+use crate::estimate::r_factor::RFactor;
 use crate::robust::{MEDIAN_OF_NORMAL, QUARTER_OF_NORMAL, quantile};
 use crate::select::score_test::{cad_prior, possible};
 use look::Look;
 pub(crate) use report::{LeftOut, leave_out_contact};
 use residuals::Residuals;
-pub(crate) use words::words;
+pub(crate) use text::words;
 
 /// Coefficient of friction of the ground at most: rubber on dry concrete.
 const FRICTION: f64 = 1.0;
@@ -314,7 +314,7 @@ impl<'a> Search<'a> {
         let all = self.columns.entries.len();
         let prior = cad_prior(data);
         let solve = |train: &Vec<HeapFactor>| {
-            Triangle::new(&self.columns, &prior, train, &self.residuals.noise, all).solve(&[])
+            RFactor::new(&self.columns, &prior, train, &self.residuals.noise, all).solve(&[])
         };
         let (trains, _) = folds.without_each(&self.columns);
         trains.iter().map(solve).collect()

@@ -12,7 +12,7 @@ mod commanded;
 mod dynamics;
 mod kind;
 mod reading;
-mod words;
+mod text;
 
 use std::mem::discriminant;
 

@@ -50,14 +50,14 @@ pub(crate) enum Beside {
         displacement: [f64; 2],
     },
     /// A gap, rad.
-    Play { gap: [f64; 2] },
+    Backlash { gap: [f64; 2] },
 }
 
 impl Twist {
     /// What a joint's gear is like under a model; `None` without a second encoder, or if its twist does not follow the torque.
     pub(crate) fn of(data: &LimbData, values: &Values, joint: usize) -> Option<Self> {
         let windows = Windows::of(data, values, joint)?;
-        let play = windows.fit(GearModel::Play)?;
+        let play = windows.fit(GearModel::Backlash)?;
         let straight = windows.fit(GearModel::Straight)?;
         let mut twist = if play.is_better_than(&straight) {
             Self::play(&windows, &play, joint)?
@@ -108,7 +108,7 @@ impl Twist {
             rms: windows.rms(),
             told,
             stiffness: [1.0 / compliance, std / (compliance * compliance)],
-            beside: Some(Beside::Play { gap }),
+            beside: Some(Beside::Backlash { gap }),
         })
     }
 
@@ -122,7 +122,7 @@ impl Twist {
                 friction,
                 displacement,
             } => (EffectKind::ElasticHysteresis, vec![friction, displacement]),
-            Beside::Play { gap } => (EffectKind::Backlash, vec![gap]),
+            Beside::Backlash { gap } => (EffectKind::Backlash, vec![gap]),
         });
         let all = spring.into_iter().chain(beside);
         all.map(|(effect, values)| ((effect, self.joint), values))

@@ -8,7 +8,7 @@ use proprio_core::wire::{DeviceMessage, FactorPart, HostMessage, ReadFactor};
 
 use super::requests::random;
 use super::{BusStep, Device, DeviceError};
-use crate::factors::{Factors, Triangle};
+use crate::factors::{Factors, RFactor};
 
 /// How long a part may take before it is asked for again.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -88,7 +88,7 @@ impl Pull {
             return Err(DeviceError::NoFactor);
         }
         if self.numbers.len() == usize::from(part.length) {
-            let triangle = Triangle {
+            let triangle = RFactor {
                 windows: part.windows,
                 numbers: std::mem::take(&mut self.numbers),
             };

@@ -7,9 +7,9 @@ use super::changed::changed;
 use super::path::path;
 use super::{
     Alternative, CandidateReport, ChangedValue, Diagnosed, Diagnosis, FoundFormula, JointError,
-    ParameterReport, Verdict, contact, words,
+    ParameterReport, Verdict, contact, text,
 };
-use crate::detect::black_box::Taken;
+use crate::detect::black_box::Explained;
 use crate::detect::bursts::bursts;
 use crate::detect::contact::{Contact, words as contact_words};
 use crate::detect::ladder::Yardsticks;
@@ -60,7 +60,7 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
     let (reason, next) = if by_contact {
         contact::reason(&candidates, d.base_moves)
     } else {
-        words::reason(verdict, &candidates, &outside_catalogue, &still)
+        text::reason(verdict, &candidates, &outside_catalogue, &still)
     };
     let stands: Vec<_> = (d.feet.iter().enumerate())
         .filter_map(|(n, foot)| Some((d.foot(n), foot.clone()?)))
@@ -81,9 +81,9 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         path,
         joints,
         second_encoder: (d.each_twist())
-            .map(|(limb, twist)| words::twist(&d.name(limb, twist.joint), twist))
+            .map(|(limb, twist)| text::twist(&d.name(limb, twist.joint), twist))
             .collect(),
-        bodies: words::bodies(&d.bodies),
+        bodies: text::bodies(&d.bodies),
         formulas,
         outside_catalogue,
         logs: d.recording.logs.clone(),
@@ -281,8 +281,8 @@ impl Diagnosed<'_> {
             let predicted = fit.predicted_held_out()?;
             let below = fit.below_limits();
             let taken = |joint: usize| {
-                let taken = Taken::of(&below, &predicted, joint)?;
-                Some((self.name(*limb, joint), words::black_box(&taken)?))
+                let taken = Explained::of(&below, &predicted, joint)?;
+                Some((self.name(*limb, joint), text::black_box(&taken)?))
             };
             let joints = (0..below.joints()).into_par_iter();
             let boxes: Vec<_> = joints.filter_map(taken).collect();
@@ -295,7 +295,7 @@ impl Diagnosed<'_> {
             series.extend(own);
             boxes.extend(taken);
             let by_log = fit.data.blocks.by_log;
-            let told = |drift: &Drift| (self.name(limb, drift.joint), words::drift(drift, by_log));
+            let told = |drift: &Drift| (self.name(limb, drift.joint), text::drift(drift, by_log));
             drifting.extend(self.found.source.drifts(limb).iter().map(told));
         }
         for ((series, _), ladder) in series.iter_mut().zip(&self.ladder) {
@@ -321,7 +321,7 @@ impl Diagnosed<'_> {
         let total: f64 = self.found.end.squares.iter().map(|s| s.total()).sum();
         let unphysical = self.found.unphysical.iter().map(|judged| {
             let candidate = self.candidate(judged, total);
-            (candidate.joints.join(", "), words::unphysical(&candidate))
+            (candidate.joints.join(", "), text::unphysical(&candidate))
         });
         let resolved = self.resolved();
         // One sentence a joint: they are of one cause, the first says most.

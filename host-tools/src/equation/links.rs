@@ -5,11 +5,11 @@ use std::ops::Range;
 
 use proprio_core::effect::Transmission;
 
-use super::load_cache::Load;
+use super::backlash::play;
+use super::joint_states::{Needs, States};
 use super::motion::Motion;
-use super::play::play;
 use super::spring::{Gear, spring};
-use super::states::{Needs, States};
+use super::transmitted_torque_cache::Load;
 use super::values::{Place, Values};
 use crate::trajectory::{Before, Trajectory};
 

@@ -1,36 +1,36 @@
 //! What is linear in a limb's parameters, and the derivatives of what is not.
 //!
-//! 1. `motion`: a limb's motion without any torque, cut into windows of time; `states`: with `links` (`play`, `spring`) and `presliding`,
-//!    what effects see of it under a model; `load`, what its gears transmit, smoothed by a `local_line` and kept in `load_cache`.
+//! 1. `motion`: a limb's motion without any torque, cut into windows of time; `joint_states`: with `links` (`backlash`, `spring`) and `presliding`,
+//!    what effects see of it under a model; `transmitted_torque`, what its gears transmit, smoothed by a `local_line` and kept in `transmitted_torque_cache`.
 //! 2. `values`: the numbers of a limb's model; `body`: its rigid body with them; `encoder`: the motion behind what encoders report.
-//! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `share`: what an effect adds
+//! 3. `column`, `rows`: the momentum equation integrated over windows (`quadrature`), a column per parameter; `contribution`: what an effect adds
 //!    to a torque.
 //!    `unfollowed`: what of a window its smooth motion may lack.
 //! 4. `folds`: time cut into what is held out in turn. `velocity`: what positions say of the reported velocity; `hysteresis`: the state of
 //!    friction inside a gear by its twist.
 
+mod backlash;
 pub(crate) mod body;
 pub(crate) mod column;
+pub(crate) mod contribution;
 pub(crate) mod encoder;
 pub(crate) mod folds;
 pub(crate) mod foot;
 pub(crate) mod hysteresis;
 pub(crate) mod integrals;
-pub(crate) mod jump;
+pub(crate) mod joint_states;
+pub(crate) mod link_response;
 mod links;
-pub(crate) mod load;
-pub(crate) mod load_cache;
 pub(crate) mod local_line;
 pub(crate) mod motion;
-mod play;
 pub(crate) mod presliding;
 mod quadrature;
-pub(crate) mod response;
+pub(crate) mod reversal;
 pub(crate) mod rigid_body;
 pub(crate) mod rows;
-pub(crate) mod share;
 mod spring;
-pub(crate) mod states;
+pub(crate) mod transmitted_torque;
+pub(crate) mod transmitted_torque_cache;
 mod unfollowed;
 pub(crate) mod values;
 pub(crate) mod velocity;

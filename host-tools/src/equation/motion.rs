@@ -1,14 +1,14 @@
 //! What a limb did: the joints' smooth trajectories and the windows of time in which they are judged. No torque, by type.
 //!
-//! [`Motion::states`] adds what a model says of it ([`super::states`]).
+//! [`Motion::states`] adds what a model says of it ([`super::joint_states`]).
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::folds::Blocks;
-use super::load_cache::Loads;
 use super::local_line::{REACH, around, local_line};
 use super::presliding::Way;
+use super::transmitted_torque_cache::Loads;
 use super::values::Values;
 use crate::recording::LimbRecording;
 use crate::trajectory::{Stretch, Trajectory};

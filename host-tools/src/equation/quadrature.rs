@@ -41,7 +41,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::equation::load_cache::Loads;
+    use crate::equation::transmitted_torque_cache::Loads;
 
     /// A joint that swings ten samples a period, at uneven times.
     fn swing(t: f64) -> [f64; 2] {

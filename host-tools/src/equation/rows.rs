@@ -19,9 +19,9 @@ use super::body::LimbBody;
 use super::column::{Column, Columns};
 use super::dot::dot;
 use super::integrals::{Integrals, Key, Where};
+use super::joint_states::States;
 use super::motion::Motion;
 use super::rigid_body::{RigidBody, Slopes};
-use super::states::States;
 use super::values::{Values, load};
 
 /// Windows whose rows are made one after the other; parts are made side by side.

@@ -4,7 +4,7 @@
 //! bounded least-squares problem of the rows is solved ([`super::bounded`]), rows are made again at the solution, until no parameter
 //! moves by much against its error. Shapes, in which the torque is far from linear, are scanned on the residual between passes.
 //!
-//! Rows are weighed as their noise is ([`super::folding`]).
+//! Rows are weighed as their noise is ([`super::accumulate`]).
 
 use std::sync::{Arc, OnceLock};
 
@@ -13,16 +13,16 @@ use proprio_core::inertia::INERTIAL;
 use proprio_solve::group::noises;
 use proprio_solve::nested::NOISE_ROUNDS;
 
+use super::accumulate::{Folding, Weights};
+use super::between_blocks::Spread;
 use super::bounded::{Bounded, Problem, Solution};
 use super::deviation::Deviations;
-use super::folding::{Folding, Weights};
 use super::groups::{Group, Groups, stacked};
 use super::limb_data::LimbData;
 use super::limit::Limit;
 use super::method::{self, Method};
 use super::parameter_estimate::Constraint;
 use super::shapes::{self, Scan, Searched};
-use super::spread::Spread;
 use super::whitening::neighbour_correlation;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;

@@ -14,10 +14,10 @@ use proprio_core::spatial::Transform;
 use super::groups::{Group, Groups};
 use super::limb_data::LimbData;
 use crate::equation::column::{Column, Columns};
+use crate::equation::joint_states::States;
 use crate::equation::local_line::local_line;
 use crate::equation::motion::Window;
 use crate::equation::rigid_body::RigidBody;
-use crate::equation::states::States;
 use crate::equation::values::Values;
 
 /// Which equation.

@@ -4,9 +4,9 @@ use proprio_core::effect::Form;
 use proprio_core::inertia::INERTIAL;
 use proprio_solve::nested::{NestedJoint, NestedLimb};
 
+use super::accumulate::Weights;
 use super::factor::HeapFactor;
 use super::fit::{How, LimbFit, others};
-use super::folding::Weights;
 use super::limb_data::LimbData;
 use super::parameter_estimate::Constraint;
 use crate::equation::column::Columns;

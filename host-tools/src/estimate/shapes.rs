@@ -16,8 +16,8 @@ use super::grid::{MULTIPLES, gear, grid, is_harmonic, is_narrow, shape_parameter
 use super::limb_data::LimbData;
 use crate::equation::column::Columns;
 use crate::equation::dot::dot;
+use crate::equation::joint_states::States;
 use crate::equation::presliding::Way;
-use crate::equation::states::States;
 use crate::equation::values::{Place, Values};
 use crate::once::made_once;
 

@@ -19,7 +19,7 @@
 //! - `columns`: torques of physical effects per unit of their parameter, with slopes by the motion
 //! - `earlier`: what logs know already: their rows of the momentum equation, folded into one triangle per limb
 //! - `error`: why there is no design
-//! - `foresight`: the torque that a model foresees for a motion: what it states, and nothing that is only expected
+//! - `feedforward`: the torque that a model foresees for a motion: what it states, and nothing that is only expected
 //! - `go2`: the Go2's shapes, as capsules: what a leg must stay clear of
 //! - `interval`: numbers known to lie between two others (Moore 1966), and vectors of them: what a proof over a stretch of time needs
 //! - `output`: a design as files: samples to play, coefficients to compute with
@@ -34,9 +34,10 @@ mod columns;
 mod cost;
 pub mod earlier;
 mod error;
-mod foresight;
+mod feedforward;
 pub mod fourier;
 mod go2;
+mod identifiability;
 mod interval;
 mod limb;
 mod optimise;
@@ -52,7 +53,6 @@ mod space;
 mod spectrum;
 #[cfg(test)]
 mod tests;
-mod told;
 pub mod trunk;
 
 use serde::Serialize;
@@ -60,8 +60,9 @@ use serde::Serialize;
 use crate::model::{self, Model};
 use cost::{Cost, triangle};
 pub use error::ExciteError;
-pub use foresight::Foresight;
+pub use feedforward::Feedforward;
 pub use fourier::{Ends, Motion, Series};
+pub use identifiability::{Identifiability, LimbIdentifiability, told};
 use limb::Instant;
 pub use problem::JointLimits;
 use problem::Problem;
@@ -71,7 +72,6 @@ pub use search::{Progress, Supervisor};
 pub use settings::{Earlier, Goal, Margins, Settings};
 use setup::Setup;
 use spectrum::spectrum;
-pub use told::{LimbTold, Told, told};
 
 /// The motion of a limb and what it tells.
 #[derive(Debug, Clone)]

@@ -6,8 +6,8 @@
 //! 1. `channels`: numbers of each joint, sample by sample. `free_tree`: the mechanics of bodies on a free base, however many. `windows`: what became of a
 //!    log's windows, and their samples. `error`: why no parameters come out. `legged`: the robot, as its model has it: tree, feet, IMU, and all thresholds
 //!    in units of its own size and weight. `projector`: takes forces at feet out of the equations.
-//! 2. `rest`: joints that friction may hold. `walk`: the log, what gravity's length tells of the accelerometer. `speed`: joint velocities from the
-//!    quieter of two channels, a quieter gyro. `held`: whether something beyond the feet carries the robot. `stance`: which feet may carry a force;
+//! 2. `stiction`: joints that friction may hold. `walk`: the log, what gravity's length tells of the accelerometer. `speed`: joint velocities from the
+//!    quieter of two channels, a quieter gyro. `supported`: whether something beyond the feet carries the robot. `stance`: which feet may carry a force;
 //!    those are projected out.
 //! 3. `columns`: which column is what. `sensors`: what the sensors get wrong. `gravity`: its direction, and its length as rows.
 //!    `walks`: all logs, with velocities, gravity and stance.
@@ -29,7 +29,6 @@ pub(crate) mod expected;
 pub(crate) mod fit;
 pub(crate) mod free_tree;
 mod gravity;
-mod held;
 pub(crate) mod legged;
 mod moved_readings;
 mod outside;
@@ -37,13 +36,14 @@ pub(crate) mod projection;
 mod projector;
 mod refinement;
 mod residual;
-mod rest;
 mod row_setup;
 mod rows;
 pub(crate) mod sensors;
 mod speed;
 mod stance;
+mod stiction;
 pub(crate) mod structure;
+mod supported;
 mod unseen;
 pub(crate) mod walk;
 mod walks;

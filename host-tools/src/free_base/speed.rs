@@ -11,7 +11,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::rest::LEAST_RATE;
+use super::stiction::LEAST_RATE;
 use super::walk::Walk;
 
 /// A slope's samples are at least this far apart, s: as those of a Go2's 500 Hz.

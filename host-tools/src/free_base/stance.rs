@@ -18,8 +18,8 @@ use proprio_core::window::Settings;
 use serde::Serialize;
 
 use super::free_tree::{Moving, OF_BASE};
-use super::held::{self, Support};
 use super::legged::{Legged, LeggedFoot};
+use super::supported::{self, Support};
 use super::walk::Walk;
 use crate::robust;
 
@@ -131,7 +131,7 @@ impl Stance {
             touch_down,
             strikes,
             held: if walk.imu {
-                held::samples(walk, &support, robot.weight)
+                supported::samples(walk, &support, robot.weight)
             } else {
                 vec![true; walk.len()]
             },

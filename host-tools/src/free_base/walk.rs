@@ -11,7 +11,7 @@ use nalgebra::{Rotation3, Vector3};
 use super::channels::Channels;
 use super::error::FreeBaseError;
 use super::legged::Legged;
-use super::rest::Rest;
+use super::stiction::Rest;
 use crate::log::{LogReader, Samples, Selection};
 use crate::model::Robot;
 

@@ -16,15 +16,15 @@ mod blocks;
 pub(super) mod quantum;
 mod sampling;
 mod saturation;
+mod text;
 pub(super) mod velocity;
-mod words;
 
 use serde::Serialize;
 
 pub use sampling::SamplingReport;
 pub use saturation::{Plateau, Saturation};
+pub use text::{Finding, Gate};
 pub use velocity::{FALSE_ALARM, TOLERATED_GAIN, VelocityGain};
-pub use words::{Finding, Gate};
 
 use quantum::Differences;
 use sampling::{Arrival, Sampling};
@@ -161,7 +161,7 @@ impl DataGates {
     pub fn report(&self) -> GateReport {
         let sampling = self.sampling.report();
         let joints: Vec<_> = self.joints.iter().map(JointGate::report).collect();
-        let findings = words::findings(&sampling, &joints);
+        let findings = text::findings(&sampling, &joints);
         GateReport {
             sampling,
             joints,

@@ -2,7 +2,7 @@
 
 mod result;
 mod summary;
-mod words;
+mod text;
 
 use proprio_core::effect::{Form, Moved, Prior};
 use proprio_core::inertia::UNITS;

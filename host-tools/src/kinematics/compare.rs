@@ -9,7 +9,7 @@ use super::fit::Problem;
 use super::held_out::place_rms;
 use super::poses::Poses;
 use super::result::{nominal, stated};
-use super::words::mm;
+use super::text::mm;
 use super::{gates, start};
 use crate::model::Model;
 use crate::summary::{ErrorRange, Summary, typed};

@@ -22,7 +22,7 @@
 //! - `result`: what `calibrate` and `compare` report
 //! - `search`: the ladder, rung by rung
 //! - `start`: where the measuring system and the targets are, from nothing
-//! - `words`: the first screen
+//! - `text`: the first screen
 
 mod applied;
 mod chain;
@@ -41,7 +41,7 @@ mod poses;
 mod result;
 mod search;
 mod start;
-mod words;
+mod text;
 
 pub use compare::{ComparedPose, ComparedTarget, PoseComparison, compare_poses};
 pub use design::{Expected, PoseDesign, design_poses};

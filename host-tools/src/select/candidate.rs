@@ -5,7 +5,7 @@ use proprio_core::effect::EffectKind;
 use super::criteria::statistics::{Squared, jackknife, sum_and_error};
 use crate::equation::values::{Place, is_shared};
 use crate::estimate::grid;
-use crate::estimate::triangle::Trial as TriangleTrial;
+use crate::estimate::r_factor::Trial as TriangleTrial;
 
 /// An effect at a joint of a limb, the limb by its place among those recorded.
 pub(crate) type Member = (usize, Place);

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use super::criteria::statistics::autocorrelation_time;
 use super::criteria::sum_and_error;
 use crate::equation::dot::dot;
-use crate::equation::states::States;
+use crate::equation::joint_states::States;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::grid::{Reach, values};
 use crate::estimate::shapes::orthonormal;

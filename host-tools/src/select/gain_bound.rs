@@ -9,11 +9,11 @@ use std::sync::{Arc, OnceLock};
 use proprio_core::effect::EffectKind;
 use rayon::prelude::*;
 
-use crate::equation::response::Responses;
+use crate::equation::link_response::Responses;
 use crate::equation::values::Place;
+use crate::estimate::added_variables::LeftOver;
+use crate::estimate::compliance_scan::values_to_try;
 use crate::estimate::fit::LimbFit;
-use crate::estimate::left_over::LeftOver;
-use crate::estimate::looseness::values_to_try;
 use crate::once::made_once;
 
 /// The responses of a limb's links, worked out when they are asked for and good for all fits whose loads are alike.

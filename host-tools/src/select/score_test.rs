@@ -17,12 +17,12 @@ use crate::equation::column::{Columns, Entry, parent};
 use crate::equation::dot::dot;
 use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values};
+use crate::estimate::accumulate::Folding;
 use crate::estimate::factor::HeapFactor;
 use crate::estimate::fit::{LimbFit, SAME_CORRELATION};
-use crate::estimate::folding::Folding;
 use crate::estimate::limb_data::LimbData;
+use crate::estimate::r_factor::{Prior, RFactor, prior_of_body};
 use crate::estimate::shapes::Scan;
-use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
 use crate::model::BASE;
 
@@ -106,7 +106,7 @@ impl<'a> Screen<'a> {
         if is_other {
             left = Left::of(fit, &columns, rows, &all.solve_all());
         }
-        let trains: Vec<Triangle> = trains.par_iter().map(|train| triangle(train)).collect();
+        let trains: Vec<RFactor> = trains.par_iter().map(|train| triangle(train)).collect();
         let kinds = (columns, order.active);
         Self {
             memory: left.memory,
@@ -359,8 +359,8 @@ impl Order {
         }
     }
 
-    fn triangle(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> Triangle {
-        Triangle::new(columns, &self.prior, data, noise, self.active)
+    fn triangle(&self, columns: &Columns, data: &[HeapFactor], noise: &[f64]) -> RFactor {
+        RFactor::new(columns, &self.prior, data, noise, self.active)
     }
 }
 

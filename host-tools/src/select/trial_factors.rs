@@ -10,7 +10,7 @@ use super::candidate::{Felt, Finding, Scores, Trial};
 use crate::equation::column::Columns;
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
-use crate::estimate::triangle::{Trial as TriangleTrial, Triangle, misfit};
+use crate::estimate::r_factor::{RFactor, Trial as TriangleTrial, misfit};
 
 /// The factors of a source of rows, over the columns of its model and of all that the model might lack.
 pub(crate) struct TrialFactors {
@@ -22,8 +22,8 @@ pub(crate) struct TrialFactors {
     /// Each fold's own data, kind by kind.
     tests: Vec<Vec<HeapFactor>>,
     /// Of all data, and of all folds but one.
-    all: Triangle,
-    trains: Vec<Triangle>,
+    all: RFactor,
+    trains: Vec<RFactor>,
     /// θ of the model fitted to all folds but one, and the sums of squares of that one's own data under it, kind by kind, (N m)².
     pub(crate) theta: Vec<Vec<f64>>,
     pub(crate) base: Vec<Vec<f64>>,
@@ -36,8 +36,8 @@ impl TrialFactors {
     pub(crate) fn new(
         (columns, active): (Columns, usize),
         noise: Vec<f64>,
-        all: Triangle,
-        trains: Vec<Triangle>,
+        all: RFactor,
+        trains: Vec<RFactor>,
         tests: Vec<Vec<HeapFactor>>,
     ) -> Self {
         let theta: Vec<Vec<f64>> = trains.iter().map(|train| train.solve(&[])).collect();

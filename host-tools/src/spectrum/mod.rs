@@ -23,7 +23,7 @@
 //! - `rigid`: the links behind the springs, by the model
 //! - `springs`: springs of a bench and of a model's joints
 //! - `start`: where a fit begins
-//! - `words`: the first screen
+//! - `text`: the first screen
 
 mod csv;
 mod error;
@@ -39,7 +39,7 @@ mod result;
 mod rigid;
 mod springs;
 mod start;
-mod words;
+mod text;
 
 pub use error::FrfError;
 pub use result::{Curve, Estimated, Frf, FrfValue, LinkCheck, MeasuredPoint, Mode, frf};

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 
 use super::{Candidate, Feedback, Sums, ValidateError, feedback};
-use crate::excite::Foresight;
+use crate::excite::Feedforward;
 use crate::log::{LogReader, Selection, Warning};
 use crate::model::{Limb, Model};
 
@@ -82,7 +82,7 @@ pub fn recorded(
 
 struct OfLimb {
     limb: Limb,
-    foresights: Vec<Option<Foresight>>,
+    foresights: Vec<Option<Feedforward>>,
     window: VecDeque<Sample>,
     /// Samples since the last one that was judged.
     since: usize,
@@ -98,7 +98,7 @@ impl OfLimb {
             foresights.push(match &candidate.model {
                 None => None,
                 Some(model) => Some(
-                    Foresight::new(model, &limb)
+                    Feedforward::new(model, &limb)
                         .ok_or_else(|| ValidateError::TooLarge(limb.name.clone()))?,
                 ),
             });

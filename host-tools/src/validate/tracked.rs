@@ -6,7 +6,7 @@ use std::sync::Arc;
 use proprio_core::go2::JOINTS_PER_LEG as JOINTS;
 
 use super::{Candidate, Feedback, Sums, ValidateError, feedback};
-use crate::excite::Foresight;
+use crate::excite::Feedforward;
 use crate::model::Model;
 use proprio_simulator::{Followed, Simulation};
 
@@ -71,7 +71,7 @@ fn with_torque_of(motion: &Followed, model: Option<&Model>) -> Result<Followed, 
     };
     let mut foresights = Vec::new();
     for limb in model.robot().limbs() {
-        let foresight = Foresight::new(model, &limb)
+        let foresight = Feedforward::new(model, &limb)
             .ok_or_else(|| ValidateError::TooLarge(limb.name.clone()))?;
         foresights.push((limb.name, foresight));
     }

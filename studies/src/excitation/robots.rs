@@ -8,7 +8,7 @@ use std::sync::Arc;
 use proprio_core::effect::EffectKind;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, Leg};
 use proprio_host::excite::output::{Gains, write_csv};
-use proprio_host::excite::{Foresight, Goal, LimbDesign, Settings};
+use proprio_host::excite::{Feedforward, Goal, LimbDesign, Settings};
 use proprio_host::identify::{FitOptions, Fitted, fit_model};
 use proprio_host::log::LogWriter;
 use proprio_host::model::Model;
@@ -102,7 +102,7 @@ pub fn chirp(last: f64) -> Result<Arc<Followed>, Failure> {
     writeln!(file, "t,{}", columns.join(","))?;
     let model = Model::default();
     let limb = &model.robot().limbs()[LEG.index()];
-    let foresight = Foresight::new(&model, limb).ok_or("a leg has three joints")?;
+    let foresight = Feedforward::new(&model, limb).ok_or("a leg has three joints")?;
     for k in 0..=(500.0 * DURATION) as u32 {
         let t = f64::from(k) / 500.0;
         let [q, dq, ddq] = chirp_at(t, last);

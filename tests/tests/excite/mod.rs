@@ -114,9 +114,9 @@ fn advise(here: &Path) {
         let found = parameters.iter().find(|p| p["parameter"] == name).unwrap();
         found["learned"].as_str().unwrap().to_owned()
     };
-    assert_eq!(learned("coulomb:FR_calf"), "told");
+    assert_eq!(learned("coulomb:FR_calf"), "identified");
     // A pinned hip turns about one axis: its mass is never felt.
-    assert_eq!(learned("m:FR_hip"), "never");
+    assert_eq!(learned("m:FR_hip"), "not_identifiable");
 }
 
 /// `fit.toml`: friction in the model leaves less to feedback.

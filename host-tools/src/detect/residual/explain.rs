@@ -10,7 +10,7 @@ use super::cluster;
 use super::pattern::{ALMOST, FALSE_DISCOVERY, Where, against};
 use super::series::{Runs, centred, project_out, square};
 use super::shape::{Shape, Variable, Variables};
-use super::words;
+use super::text;
 
 /// A real pattern of the residual.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -119,8 +119,8 @@ impl Term {
             shape: found.shape,
             size: found.size,
             share: found.share,
-            sentence: words::sentence(joint, &found, variables),
-            observation: words::observation(joint, &found, variables),
+            sentence: text::sentence(joint, &found, variables),
+            observation: text::observation(joint, &found, variables),
             alternatives: found.alternatives,
         }
     }

@@ -17,7 +17,7 @@
 //! - `scores`: how good a prediction is, in the numbers users know
 //! - `series`: what is judged: one joint's windows in time
 //! - `shape`: the patterns that have a name: what a residual looks like against one variable
-//! - `words`: patterns in words: what they look like, never more
+//! - `text`: patterns in words: what they look like, never more
 
 mod bins;
 mod cluster;
@@ -32,7 +32,7 @@ mod series;
 mod shape;
 #[cfg(test)]
 mod tests;
-mod words;
+mod text;
 
 use std::fmt;
 use std::sync::atomic::{AtomicUsize, Ordering};

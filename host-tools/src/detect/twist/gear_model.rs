@@ -24,7 +24,7 @@ pub(super) enum GearModel {
     /// The twist, by the torque.
     Straight,
     /// The same, and by the torque's sign.
-    Play,
+    Backlash,
 }
 
 /// A model fitted.
@@ -134,7 +134,7 @@ impl Windows {
                 .map(|(displacement, state)| and(&spring, state, *displacement))
                 .collect(),
             GearModel::Straight => vec![straight],
-            GearModel::Play => vec![and(&straight, &self.side, 0.0)],
+            GearModel::Backlash => vec![and(&straight, &self.side, 0.0)],
         }
     }
 

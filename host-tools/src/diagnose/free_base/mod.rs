@@ -3,13 +3,13 @@
 //! 1. [`crate::free_base`]: the walks' equations that contact forces leave, one factor per block of time.
 //! 2. `shapes`: nonlinear parameters. `model`: a model fitted to walks. `screen`: what may be missing, and what each would take away to first order.
 //! 3. `search`: walks as a source of rows for the search of [`crate::select`].
-//! 4. `words`: what was found, as a [`Diagnosis`].
+//! 4. `text`: what was found, as a [`Diagnosis`].
 
 mod model;
 mod screen;
 mod search;
 mod shapes;
-mod words;
+mod text;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -81,7 +81,7 @@ pub fn diagnose_free_base(
     let source = WalkSource::new(&walks, model, &structure, Arc::new(data));
     let found = search(source, &[]).ok_or_else(unsolvable)?;
     let mut diagnosis =
-        words::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
+        text::diagnosis(logs, &walks, &structure, held_against, &found).ok_or_else(unsolvable)?;
     let WalkModel {
         structure,
         data,
@@ -96,7 +96,7 @@ pub fn diagnose_free_base(
     {
         let values = walk_parameters(data, &free, &data.deviations(&free));
         let other = walk_bodies(&walks, structure, &values, model);
-        diagnosis.bodies = super::words::bodies(&(other, false));
+        diagnosis.bodies = super::text::bodies(&(other, false));
     }
     if !model.is_of(logs) {
         diagnosis.changed = changed(model, &without_loaded(structure, &values));

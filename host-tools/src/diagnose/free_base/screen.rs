@@ -10,8 +10,8 @@ use proprio_core::inertia::INERTIAL;
 use crate::equation::column::{Column, Columns, Entry};
 use crate::equation::values::Place;
 use crate::estimate::factor::HeapFactor;
+use crate::estimate::r_factor::{Prior, RFactor, prior_of_body};
 use crate::estimate::robot::side_by_side;
-use crate::estimate::triangle::{Prior, Triangle, prior_of_body};
 use crate::free_base::Walks;
 use crate::free_base::columns::{all_places, prior};
 use crate::free_base::data::Data;
@@ -64,7 +64,7 @@ impl<'a> WalkScreen<'a> {
             // What gravity's length tells, in units of the noise as the others are.
             let gravity = (&data.gravity * fit.noise).transpose();
             rows.fold(gravity.as_slice().to_vec().as_mut_slice());
-            Triangle::new(&columns, &prior, &[rows], &[fit.noise], active)
+            RFactor::new(&columns, &prior, &[rows], &[fit.noise], active)
         };
         let others = data.parts.iter().map(|part| &part.others.factor);
         let sums: Vec<&HeapFactor> = std::iter::once(&data.all.factor).chain(others).collect();

@@ -152,7 +152,7 @@ pub(in crate::excite) fn stated(model: &Model, limb: &model::Limb) -> Vec<Known>
 }
 
 /// A limb's parameters and what is known of them before any data.
-pub(in crate::excite) struct Knowledge {
+pub(in crate::excite) struct Information {
     pub(in crate::excite) body: Box<dyn Limb>,
     pub(in crate::excite) theta: Vec<f64>,
     pub(in crate::excite) columns: Vec<Column>,
@@ -161,7 +161,7 @@ pub(in crate::excite) struct Knowledge {
     pub(in crate::excite) names: Vec<String>,
 }
 
-impl Knowledge {
+impl Information {
     pub(in crate::excite) fn of(model: &Model, limb: &model::Limb) -> Result<Self, ExciteError> {
         let settings = Settings::default();
         let of = Design {

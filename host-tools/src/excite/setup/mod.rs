@@ -23,7 +23,7 @@ use super::settings::{Goal, Settings};
 use super::space::{Space, by_kind};
 use super::{ExciteError, Measured};
 use crate::model::{self, Model, Source};
-pub(super) use knowledge::{Knowledge, stated, window_weights};
+pub(super) use knowledge::{Information, stated, window_weights};
 
 /// Samples per period of the highest wave. A wave's peak lies at most 1.2 % above its highest sample then, which the search
 /// keeps back (`search::SHARE`).

@@ -3,17 +3,17 @@
 //! 1. `leg`: a leg in closed form. `state`: the whole robot at an instant, the feet's forces, and the rows of its equations that no foot
 //!    reaches.
 //! 2. `knowledge`: what rows tell of the trunk beside all else that is unknown.
-//! 3. `footing` and `standing`: the trunk's six coordinates over planted feet, and their limits. `evolve`: the search.
+//! 3. `stance_constraints` and `standing`: the trunk's six coordinates over planted feet, and their limits. `evolve`: the search.
 //! 4. `table`: each of the trunk's parameters, before and after. [`output`]: the motion as files.
 //!
 //! On planted feet the legs move as the trunk does, and six equations of eighteen are free of the feet's forces (Aghili 2005): they are
 //! what `identify --free-base` takes of such a log.
 
 mod evolve;
-mod footing;
 mod knowledge;
 mod leg;
 pub mod output;
+mod stance_constraints;
 mod standing;
 mod state;
 mod table;
@@ -26,7 +26,7 @@ use proprio_core::go2::{self, JOINT_NAMES, JOINTS, LEGS};
 use super::problem::JointLimits;
 use super::{ExciteError, Margins, Measures, Motion, Settings, Supervisor};
 use crate::model::{BASE, Model};
-pub use footing::TRUNK_COORDINATES;
+pub use stance_constraints::TRUNK_COORDINATES;
 use standing::Standing;
 use state::{Drive, Robot, State};
 pub use table::{TrunkParameter, measured};

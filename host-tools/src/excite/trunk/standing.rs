@@ -8,8 +8,8 @@ use super::super::limb::{self, Limb};
 use super::super::problem::JointLimits;
 use super::super::{ExciteError, Settings};
 use super::evolve::{Course, Effort, search};
-use super::footing::{Coordinate, Footing};
 use super::knowledge::{Gathered, Prior};
+use super::stance_constraints::{Coordinate, StanceConstraints};
 use super::state::{Drive, Needed, Robot, SCALE, State, beside_feet, needed, whole_rows};
 use super::{Ground, Supervisor, TrunkCommand};
 use crate::model::Model;
@@ -42,7 +42,7 @@ pub(super) struct Excess {
 pub(super) struct Standing {
     pub(super) robot: Robot,
     pub(super) drives: [Drive; JOINTS],
-    pub(super) footing: Footing,
+    pub(super) footing: StanceConstraints,
     pub(super) prior: Prior,
     limits: Vec<JointLimits>,
     legs: Vec<(Box<dyn Limb>, Clearance)>,
@@ -76,7 +76,7 @@ impl Standing {
         let standing = Self {
             robot: super::robot(model),
             drives: super::drives(model),
-            footing: Footing::new(ground.height),
+            footing: StanceConstraints::new(ground.height),
             prior: Prior::of(model)?,
             limits: super::joint_limits(model, m),
             legs,

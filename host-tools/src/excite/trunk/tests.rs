@@ -4,8 +4,8 @@ use nalgebra::{SVector, Vector3};
 use proprio_core::go2;
 use proptest::prelude::*;
 
-use super::footing::Footing;
 use super::leg::LegGeometry;
+use super::stance_constraints::StanceConstraints;
 use super::standing::coordinates;
 use super::state::needed;
 use super::*;
@@ -91,7 +91,7 @@ proptest! {
 
 #[test]
 fn joints_velocities_and_accelerations_are_slopes_and_feet_stay() {
-    let (footing, motion) = (Footing::new(0.29), swaying());
+    let (footing, motion) = (StanceConstraints::new(0.29), swaying());
     let at = |t: f64| {
         footing
             .state(&coordinates(&motion, t))
@@ -138,7 +138,7 @@ fn joints_velocities_and_accelerations_are_slopes_and_feet_stay() {
 fn forces_and_torques_are_those_that_move_the_robot_so() {
     let model = Model::default();
     let (robot, drives) = (robot(&model), drives(&model));
-    let state = Footing::new(0.29)
+    let state = StanceConstraints::new(0.29)
         .state(&coordinates(&swaying(), 0.7))
         .expect("within reach");
     let needed = needed(&robot, &drives, &state, 0.5).expect("legs push");
@@ -165,7 +165,7 @@ fn forces_and_torques_are_those_that_move_the_robot_so() {
 fn no_force_at_a_foot_is_in_the_rows() {
     let model = Model::default();
     let robot = robot(&model);
-    let state = Footing::new(0.29)
+    let state = StanceConstraints::new(0.29)
         .state(&coordinates(&swaying(), 1.1))
         .expect("within reach");
     let scale = state::SCALE;

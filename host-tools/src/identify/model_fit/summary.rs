@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::result::Fitted;
-use super::words::{between, unphysical};
+use super::text::{between, unphysical};
 use crate::estimate::ParameterEstimate;
 use crate::identify::screen;
 use crate::summary::{Summary, from_standard_input, torque, typed, word};

@@ -22,10 +22,10 @@ pub(super) type Coordinate = [f64; 3];
 /// Where the feet are. They stand below their thighs in the middle of the motion.
 ///
 /// A foot's centre stays where it is, a radius above the floor. On a floor that does not let it slip the ball rolls instead, by its radius
-/// times the angle that the calf turns ([`Footing::rolling`]): a foot then stands that much beside where this says, all feet to the same
+/// times the angle that the calf turns ([`StanceConstraints::rolling`]): a foot then stands that much beside where this says, all feet to the same
 /// side where the calves turn alike.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Footing {
+pub(super) struct StanceConstraints {
     pub(super) legs: [LegGeometry; LEGS],
     /// The feet's centres in the world, m; the base's origin is at the world's in the middle of the motion, but for its height.
     centres: [Vector3<f64>; LEGS],
@@ -33,7 +33,7 @@ pub(super) struct Footing {
     pub(super) height: f64,
 }
 
-impl Footing {
+impl StanceConstraints {
     pub(super) fn new(height: f64) -> Self {
         let legs = std::array::from_fn(LegGeometry::of);
         let feet = go2::feet::<f64>();

@@ -7,7 +7,7 @@ use super::values::Values;
 
 /// An effect at a joint: its shape and what its columns are times.
 #[derive(Clone)]
-pub(crate) struct Share {
+pub(crate) struct Contribution {
     pub(super) effect: EffectKind,
     shape: f64,
     /// The other joint, of an effect that couples two.
@@ -16,10 +16,10 @@ pub(crate) struct Share {
 }
 
 /// Of each joint the effects that add to its torque.
-pub(crate) fn shares(columns: &Columns, values: &Values) -> Vec<Vec<Share>> {
+pub(crate) fn contributions(columns: &Columns, values: &Values) -> Vec<Vec<Contribution>> {
     let numbers = columns.numbers(values);
     let of = |(at, numbers): (usize, &Vec<f64>)| {
-        let mut all: Vec<Share> = Vec::new();
+        let mut all: Vec<Contribution> = Vec::new();
         for (column, &number) in columns.of_joint[at].iter().zip(numbers) {
             let (effect, shape, other, n) = match *column {
                 _ if number == 0.0 => continue,
@@ -37,7 +37,7 @@ pub(crate) fn shares(columns: &Columns, values: &Values) -> Vec<Vec<Share>> {
                 .find(|own| (own.effect, own.shape, own.other) == (effect, shape, other))
             {
                 Some(own) => own.numbers.push((n, number)),
-                None => all.push(Share {
+                None => all.push(Contribution {
                     effect,
                     shape,
                     other,
@@ -50,7 +50,7 @@ pub(crate) fn shares(columns: &Columns, values: &Values) -> Vec<Vec<Share>> {
     numbers.iter().enumerate().map(of).collect()
 }
 
-impl Share {
+impl Contribution {
     /// Adds what the effect does at joint `at`, the limb's joints in these states, to what enters by its difference and to what is
     /// integrated.
     pub(crate) fn add(

@@ -65,8 +65,8 @@ fn problem(seed: u64) -> Problem {
 }
 
 impl Problem {
-    fn triangle(&self, active: usize) -> Triangle {
-        Triangle::new(
+    fn triangle(&self, active: usize) -> RFactor {
+        RFactor::new(
             &self.columns,
             &self.prior,
             std::slice::from_ref(&self.factor),

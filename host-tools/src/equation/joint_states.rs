@@ -13,10 +13,10 @@ use proprio_core::effect::{EffectKind, Input, JointState, MAX_COLUMNS, Term, Tra
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
+use super::contribution::contributions;
 use super::encoder::Encoder;
 use super::local_line::{Line, around};
 use super::motion::{Asked, Motion};
-use super::share::shares;
 use super::values::{Place, Values};
 use crate::trajectory::Trajectory;
 
@@ -213,7 +213,7 @@ impl Motion {
         states: &mut States,
     ) {
         let (n, first) = (self.joints, states.first);
-        let mut shares = shares(columns, values);
+        let mut shares = contributions(columns, values);
         // What is beyond a limit is not given.
         shares
             .iter_mut()

@@ -13,7 +13,7 @@ use super::limb_data::LimbData;
 use super::method::Method;
 use crate::equation::column::depends_on_values;
 use crate::equation::dot::dot;
-use crate::equation::jump::DryFriction;
+use crate::equation::reversal::DryFriction;
 use crate::equation::values::{Place, Values};
 
 /// Whether an effect is a scale of the reported torque.

@@ -6,7 +6,7 @@ use proprio_core::effect::Form;
 
 use super::{CandidateReport, Diagnosis, PathStep, Verdict};
 use crate::catalogue;
-use crate::detect::black_box::{Sees, Taken};
+use crate::detect::black_box::{Explained, Inputs};
 use crate::detect::twist::{Beside, Twist};
 use crate::identify::OtherBody;
 use crate::select::criteria::{LEAST_Z, STRUCTURE};
@@ -206,7 +206,9 @@ pub(super) fn twist(joint: &str, twist: &Twist) -> String {
                 format!("{spring} with friction of {inside} inside it, built up over {over}");
             (gear, "the torque between them")
         }
-        Some(Beside::Play { gap }) => (format!("a gap of {}", number(gap, "rad")), "that motion"),
+        Some(Beside::Backlash { gap }) => {
+            (format!("a gap of {}", number(gap, "rad")), "that motion")
+        }
     };
     format!(
         "{joint}'s second encoder: link and motor turn against each other by {:.2} mrad rms; {gear} explains {:.0} % of {what}",
@@ -216,14 +218,14 @@ pub(super) fn twist(joint: &str, twist: &Twist) -> String {
 }
 
 /// What is said of a joint of whose error a black box takes away more than what noise and sampling leave to it; `None` of another.
-pub(super) fn black_box(taken: &Taken) -> Option<String> {
+pub(super) fn black_box(taken: &Explained) -> Option<String> {
     if taken.share < STRUCTURE || taken.share < LEAST_Z * taken.std {
         return None;
     }
     let sees = match taken.sees {
-        Sees::Joint => "the joint's position, velocity, acceleration and load at that moment",
-        Sees::Limb => "the motion of its limb at that moment",
-        Sees::Past => "what its limb did before",
+        Inputs::Joint => "the joint's position, velocity, acceleration and load at that moment",
+        Inputs::Limb => "the motion of its limb at that moment",
+        Inputs::Past => "what its limb did before",
     };
     Some(format!(
         "a non-parametric bound from {sees}, without the measured torque, explains {:.0} ±{:.0} % of the squared residual; no effect of the \

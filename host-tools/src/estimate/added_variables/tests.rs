@@ -4,7 +4,7 @@ use proprio_core::effect::EffectKind;
 use proprio_core::go2::Leg;
 
 use super::*;
-use crate::equation::response::Responses;
+use crate::equation::link_response::Responses;
 use crate::equation::values::{Place, Values};
 use crate::estimate::fit::How;
 use crate::estimate::limb_data::LimbData;

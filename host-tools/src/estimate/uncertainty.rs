@@ -3,9 +3,9 @@
 
 use proprio_core::effect::{EffectKind, Transmission};
 
+use super::between_blocks::Spread;
 use super::deviation::{BlockScore, Deviations};
 use super::fit::{LimbFit, found_by_trying};
-use super::spread::Spread;
 use crate::once::made_once;
 
 /// Standard deviation of a gap, as a share of it, for not knowing how a link bounces within it: on six simulated logs with gaps

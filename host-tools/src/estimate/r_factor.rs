@@ -36,7 +36,7 @@ pub(crate) fn prior_of_body(
 }
 
 /// R and z of a limb, unit noise.
-pub(crate) struct Triangle {
+pub(crate) struct RFactor {
     factor: HeapFactor,
     /// How many entries are active.
     active: usize,
@@ -54,7 +54,7 @@ pub(crate) struct Trial {
     pub(crate) fall: f64,
 }
 
-impl Triangle {
+impl RFactor {
     /// The problem of `data` with these noises (N m), the first `active` entries of θ active and the others under test. The inertial
     /// entries come first of all.
     pub(crate) fn new(

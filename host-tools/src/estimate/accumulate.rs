@@ -12,8 +12,8 @@ use super::factor::{BATCH, HeapFactor};
 use super::limb_data::LimbData;
 use super::whitening::Whitening;
 use crate::equation::column::{Column, Columns};
-use crate::equation::jump::DryFriction;
 use crate::equation::motion::MOST_REST;
+use crate::equation::reversal::DryFriction;
 use crate::equation::rows::Rows;
 
 /// What is folded, and what is known of its noise.

@@ -9,9 +9,9 @@ use std::sync::{Arc, PoisonError};
 use rayon::prelude::*;
 
 use super::body::LimbBody;
-use super::load_cache::{Key, Load, MOST, MOST_OF_BRISTLES};
 use super::local_line::{Line, around};
 use super::motion::Motion;
+use super::transmitted_torque_cache::{Key, Load, MOST, MOST_OF_BRISTLES};
 use super::values::Values;
 use crate::trajectory::{Before, Trajectory};
 

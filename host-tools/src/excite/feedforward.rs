@@ -5,13 +5,13 @@ use super::problem::Known;
 use crate::model::{self, Model};
 
 /// A limb of a model as a feed-forward controller sees it.
-pub struct Foresight {
+pub struct Feedforward {
     limb: Box<dyn Limb>,
     theta: Vec<f64>,
     stated: Vec<Known>,
 }
 
-impl Foresight {
+impl Feedforward {
     /// Of a limb; `None` if it has too many joints.
     pub fn new(model: &Model, limb: &model::Limb) -> Option<Self> {
         let bodies = limb.bodies.clone();

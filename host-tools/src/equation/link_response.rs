@@ -7,10 +7,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::body::LimbBody;
-use super::load_cache::Load;
+use super::joint_states::States;
 use super::motion::Motion;
 use super::rigid_body::Slopes;
-use super::states::States;
+use super::transmitted_torque_cache::Load;
 use super::values::{Place, Values};
 
 /// Loads that differ by no more than this share, root mean square of each joint, let links move alike: what responses explain differs

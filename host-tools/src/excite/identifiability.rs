@@ -8,14 +8,14 @@ use proprio_core::inertia::INERTIAL;
 use super::ExciteError;
 use super::cost::triangle;
 use super::settings::Earlier;
-use super::setup::{Knowledge, window_weights};
+use super::setup::{Information, window_weights};
 use super::space::{Space, by_kind};
 use super::spectrum::spectrum;
 use crate::model::{self, Model};
 
 /// One parameter's standard deviations, in its unit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Told {
+pub struct Identifiability {
     /// `m:FR_calf`, `coulomb:FR_hip`.
     pub parameter: String,
     /// Before any data.
@@ -30,9 +30,9 @@ pub struct Told {
 
 /// What logs tell of a limb.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LimbTold {
+pub struct LimbIdentifiability {
     /// Parameter by parameter: ten per body, then each joint's default effects.
-    pub parameters: Vec<Told>,
+    pub parameters: Vec<Identifiability>,
     /// Condition number of the identifiable inertias, scaled as a design's is.
     pub condition_number: f64,
 }
@@ -41,14 +41,18 @@ pub struct LimbTold {
 ///
 /// # Errors
 /// [`ExciteError`] for a limb that is too large or whose bodies are not physical.
-pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<LimbTold, ExciteError> {
-    let Knowledge {
+pub fn told(
+    model: &Model,
+    limb: &model::Limb,
+    earlier: &Earlier,
+) -> Result<LimbIdentifiability, ExciteError> {
+    let Information {
         body,
         theta,
         columns,
         root,
         names,
-    } = Knowledge::of(model, limb)?;
+    } = Information::of(model, limb)?;
     let p = root.ncols();
     let rows = &earlier.triangle * &root;
     let after = triangle(&rows, Some(&DMatrix::identity(p, p)));
@@ -64,7 +68,7 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
         .map(|(n, parameter)| {
             let prior_std = root.row(n).norm();
             let open = prior_std * prior_std - whole.scale.row(n).norm_squared();
-            Told {
+            Identifiability {
                 parameter,
                 prior_std,
                 std: spread.row(n).norm(),
@@ -82,7 +86,7 @@ pub fn told(model: &Model, limb: &model::Limb, earlier: &Earlier) -> Result<Limb
     let space = Space::new(body.as_ref(), &theta, &[], &kind);
     let rows = &earlier.inertial * &space.scale;
     let values = spectrum(&triangle(&rows, None)).map(|(values, _)| values);
-    Ok(LimbTold {
+    Ok(LimbIdentifiability {
         parameters,
         condition_number: values.map_or(f64::INFINITY, |v| v.max() / v.min()),
     })
