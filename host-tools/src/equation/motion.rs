@@ -148,10 +148,13 @@ impl Motion {
         windows
     }
 
-    /// First and last sample of a window and of what lies a sample before and after it: a turn there may be in the window, for a log knows its
-    /// moment to a sample.
+    /// First and last sample of a window, and where samples are few one more on either side: a log knows the moment of a turn to a sample, so
+    /// that one there may be in the window. In windows of which a sample is less than friction may hold a joint for, that says it already.
     pub(super) fn about(&self, window: &Window) -> [usize; 2] {
         let [first, last] = window.samples;
+        if MOST_REST * (last - first) as f64 >= 1.0 {
+            return window.samples;
+        }
         let stretch = &self.stretches[self.stretches.partition_point(|s| s.end <= first)];
         [
             first.saturating_sub(1).max(stretch.start),

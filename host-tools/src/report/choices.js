@@ -141,7 +141,7 @@ async function startChoices(specs, draw) {
   const off = Math.abs(errorOfAll(found) - told);
   const words = [];
   if (fixed.length) words.push(`Always in the model, since the torque is not linear in them: ${[...new Set(fixed)].join(', ')}.`);
-  if (off > 1e-6) words.push(`The model is taken to be linear about its fit; proprio compare, which does not, prints ${told.toFixed(4)} N m for it.`);
+  if (off > 1e-6) words.push(`For the model as found proprio compare prints ${told.toFixed(4)} N m: this page fits the bodies to the other folds, and takes the torque to be linear about the model's fit.`);
   get('fixed').textContent = words.join(' ');
 
   const names = [...new Set(limbs.flatMap((limb) => limb.effects.map(({ effect }) => effect)))];

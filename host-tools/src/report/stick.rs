@@ -106,7 +106,7 @@ let moving=!matchMedia('(prefers-reduced-motion: reduce)').matches,begun=perform
 const draw=(k)=>{for(const svg of document.querySelectorAll('svg.stick')){const across=+svg.dataset.across;\
 svg.querySelectorAll('polyline').forEach((line,n)=>{const points=limbs[n][k%limbs[n].length];\
 line.setAttribute('points',points.map((p)=>`${p[across]},${-p[2]}`).join(' '));});}};\
-const step=(now)=>{if(!moving)return;draw(Math.floor((now-begun)/1000*rate));requestAnimationFrame(step);};\
+const step=(now)=>{if(!moving)return;draw(Math.max(0,Math.floor((now-begun)/1000*rate)));requestAnimationFrame(step);};\
 const label=()=>{button.textContent=moving?'Pause':'Play';};\
 button.onclick=()=>{moving=!moving;label();if(moving){begun=performance.now()-stood;requestAnimationFrame(step);}\
 else{stood=performance.now()-begun;}};draw(0);label();if(moving)requestAnimationFrame(step);})();";

@@ -316,14 +316,14 @@ fn identify_and_diagnose_write_pages_of_a_walk() {
     let identified = page(&["identify", "--physical"]);
     for words in [
         "total_mass: 18.",
-        "on paper",
+        "(CAD 16.",
         "acc_scale:imu",
         "Feet on the ground",
     ] {
         assert!(identified.contains(words), "{words}");
     }
     let diagnosed = page(&["diagnose"]);
-    for words in ["payload base", "the model as given", "Feet on the ground"] {
+    for words in ["payload, base", "the model as given", "Feet on the ground"] {
         assert!(diagnosed.contains(words), "{words}");
     }
 }

@@ -42,6 +42,9 @@ struct Term {
 /// A pattern that explains less of the residual's mean square may be real but is not worth a sentence.
 const LEAST_EXPLAINED: f64 = 0.01;
 
+/// A mean with this share of the mean square is most of it.
+const MOSTLY: f64 = 0.5;
+
 /// Patterns told at most.
 const MOST: usize = 6;
 
@@ -64,8 +67,13 @@ pub(super) fn explain(
         let Some(found) = strongest(&real, &left, &terms, runs, variables) else {
             break;
         };
+        // What varies explains a share of the variance; of the mean square that is less by what the mean is of it.
+        let of = match found.variable {
+            Variable::Constant => square(&left),
+            _ => square(&centred(&left)),
+        };
         let found = Where {
-            share: found.share * square(&left) / square(residual),
+            share: found.share * of / square(residual),
             ..found
         };
         if found.share < LEAST_EXPLAINED {
@@ -175,17 +183,19 @@ fn strongest(
         w.p * real.len() as f64 <= FALSE_DISCOVERY && (w.shape.is_some() || !told(w))
     };
     let mut found: Vec<Where> = found.filter(beyond).collect();
-    // A mean comes last: what changes has one too, and says more of it.
+    // A mean comes last: what changes has one too, and says more of it; but first where it is most of what is left.
     let is_mean = |w: &Where| w.variable == Variable::Constant;
+    let is_last = |w: &Where| is_mean(w) && w.share < MOSTLY;
+    let is_first = |w: &Where| is_mean(w) && w.share >= MOSTLY;
     found.sort_by(|a, b| {
-        is_mean(a)
-            .cmp(&is_mean(b))
+        (is_last(a), is_first(b))
+            .cmp(&(is_last(b), is_first(a)))
             .then(b.share.total_cmp(&a.share))
     });
     let (best, others) = found.split_first()?;
     let rivals = others
         .iter()
-        .filter(|w| w.share >= ALMOST * best.share && best.variable != Variable::Constant);
+        .filter(|w| w.share >= ALMOST * best.share && !is_mean(best) && !is_mean(w));
     let rivals = rivals
         .filter_map(|w| w.shape)
         .filter(|shape| !shape.is_searched());

@@ -154,7 +154,8 @@ fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
 pub(super) fn between(parameters: &[FittedParameter]) -> String {
     let differs = |p: &&FittedParameter| p.std_between > 0.0;
     let mut differing: Vec<&FittedParameter> = parameters.iter().filter(differs).collect();
-    let share = |p: &FittedParameter| p.std_between / p.estimate.std;
+    // Of values known to a thousandth another at another time is no more than that: the one first that differs by most of what was known before.
+    let share = |p: &FittedParameter| p.std_between / p.estimate.prior_std;
     differing.sort_by(|a, b| share(b).total_cmp(&share(a)));
     let Some(most) = differing.first() else {
         return String::new();
