@@ -260,7 +260,7 @@ fn a_real_chirps_diagnosis_can_be_tried_out() {
     let words = browser.eval("document.getElementById('fixed').textContent");
     if (page - command).abs() > SAME {
         assert!(
-            words.as_str().unwrap().contains("linear about its fit"),
+            words.as_str().unwrap().contains("linear about the model"),
             "{words}"
         );
     }
