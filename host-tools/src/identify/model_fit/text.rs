@@ -154,9 +154,14 @@ fn stages(f: &mut fmt::Formatter<'_>, stages: &[Stage]) -> fmt::Result {
 pub(super) fn between(parameters: &[FittedParameter]) -> String {
     let differs = |p: &&FittedParameter| p.std_between > 0.0;
     let mut differing: Vec<&FittedParameter> = parameters.iter().filter(differs).collect();
-    // Of values known to a thousandth another at another time is no more than that: the one first that differs by most of what was known before.
+    // First the one that differs by most of what was not known before: of a value known to a thousandth, another is no more than that. One at its
+    // bound says nothing.
     let share = |p: &FittedParameter| p.std_between / p.estimate.prior_std;
-    differing.sort_by(|a, b| share(b).total_cmp(&share(a)));
+    let at_bound = |p: &FittedParameter| p.estimate.at_bound;
+    differing.sort_by(|a, b| {
+        let by_share = share(b).total_cmp(&share(a));
+        at_bound(a).cmp(&at_bound(b)).then(by_share)
+    });
     let Some(most) = differing.first() else {
         return String::new();
     };
