@@ -1,7 +1,7 @@
 //! What logs could not tell, in words, and the motion that would; on one screen in `summary`.
 //!
 //! Of each parameter three standard deviations are compared: before any data, after the logs, and after the best and longest of
-//! motions ([`crate::excite::identifiability`]). What lies between the last two is what a better motion can still give.
+//! motions ([`crate::excite::told`]). What lies between the last two is what a better motion can still give.
 
 mod summary;
 
