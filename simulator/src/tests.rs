@@ -33,6 +33,14 @@ fn ideal(effects: &[&str]) -> Simulation {
     }
 }
 
+/// What is of the base anyway may say so; a joint's effect is of no base.
+#[test]
+fn an_effect_of_the_base_may_name_it() {
+    let on = |text: &str| text.parse::<Hide>().unwrap().on(&[Leg::FR]).unwrap();
+    assert_eq!(on("base_tilt:base=0.05"), on("base_tilt=0.05"));
+    assert!("coulomb:base=0.1".parse::<Hide>().is_err());
+}
+
 #[test]
 fn a_seed_gives_one_log_and_another_seed_another() {
     let seeded = |seed| {

@@ -93,20 +93,33 @@ pub(crate) fn fit_from<'a>(
         .iter()
         .flat_map(|&place| combined(&fits, place))
         .collect();
-    let work: Vec<_> = fits.iter().zip(&work).collect();
-    let again = side_by_side(&work, |(fit, (data, places, _))| {
-        let mut start = fit.values.clone();
-        for one in &values {
+    let limbs: Vec<_> = data.iter().zip(places).collect();
+    let starts: Vec<Values> = fits.iter().map(|fit| fit.values.clone()).collect();
+    (held(&limbs, &starts, how, &values), values)
+}
+
+/// Each limb's fit with what they share held at these values.
+fn held<'a>(
+    limbs: &[(&'a LimbData<'a>, &Vec<Place>)],
+    starts: &[Values],
+    how: &How,
+    shared: &[Shared],
+) -> Vec<LimbFit<'a>> {
+    let work: Vec<_> = limbs.iter().zip(starts).collect();
+    let fits = side_by_side(&work, |((data, places), start)| {
+        let mut start = (*start).clone();
+        for one in shared {
             start.set((one.effect, BASE), one.parameter, one.value);
         }
+        let places_held = shared.iter().map(|one| (one.effect, BASE));
         let how = How {
             start: Some(start),
-            held: shared.iter().chain(&how.held).copied().collect(),
+            held: places_held.chain(how.held.iter().copied()).collect(),
             ..how.clone()
         };
         LimbFit::of(data, places, &how)
     });
-    (again.into_iter().flatten().collect(), values)
+    fits.into_iter().flatten().collect()
 }
 
 /// Fits anew those limbs whose effects are not those of `before`, from the values of `start`; all, if what they share changes. What limbs
@@ -168,6 +181,7 @@ pub(crate) fn settle<'a>(
         .map(|fit| fit.values.places().collect())
         .collect();
     let shared = common(&places);
+    let own: Vec<_> = data.iter().zip(&places).collect();
     let limbs: Vec<usize> = (0..fits.len()).collect();
     for _ in 0..MOST_STEPS {
         let step = side_by_side(&limbs, |&n| {
@@ -188,21 +202,19 @@ pub(crate) fn settle<'a>(
             same.is_some_and(|known| (now.value - known.value).abs() <= STEADY * now.std)
         };
         if now.iter().all(stays) {
+            // Their values stay; how surely they are known is the present model's.
+            for known in &mut known {
+                let own = now.iter().find(|now| known.is_of(now));
+                known.std = own.map_or(known.std, |own| own.std);
+            }
             break;
         }
-        let moved = side_by_side(&limbs, |&n| {
-            let mut start = step[n].values.clone();
-            for one in &now {
-                start.set((one.effect, BASE), one.parameter, one.value);
-            }
-            let how = How {
-                start: Some(start),
-                held: shared.iter().chain(&how.held).copied().collect(),
-                ..how.clone()
-            };
-            LimbFit::of(&data[n], &places[n], &how).map(Arc::new)
-        });
-        fits = moved.into_iter().collect::<Option<_>>()?;
+        let starts: Vec<Values> = step.iter().map(|fit| fit.values.clone()).collect();
+        let moved = held(&own, &starts, how, &now);
+        if moved.len() < fits.len() {
+            return None;
+        }
+        fits = moved.into_iter().map(Arc::new).collect();
         known = now;
     }
     Some((fits, known))

@@ -157,33 +157,19 @@ impl Lanes {
     }
 }
 
-impl Add for Lanes {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        self.both(other, f64::add)
-    }
+/// An operator, instant by instant.
+macro_rules! by_lanes {
+    ($($operator:ident $method:ident),+) => {
+        $(impl $operator for Lanes {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                self.both(other, f64::$method)
+            }
+        })+
+    };
 }
 
-impl Sub for Lanes {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        self.both(other, f64::sub)
-    }
-}
-
-impl Mul for Lanes {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        self.both(other, f64::mul)
-    }
-}
-
-impl Div for Lanes {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        self.both(other, f64::div)
-    }
-}
+by_lanes!(Add add, Sub sub, Mul mul, Div div);
 
 impl Neg for Lanes {
     type Output = Self;

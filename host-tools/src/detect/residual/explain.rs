@@ -185,13 +185,12 @@ fn strongest(
     let mut found: Vec<Where> = found.filter(beyond).collect();
     // A mean comes last: what changes has one too, and says more of it; but first where it is most of what is left.
     let is_mean = |w: &Where| w.variable == Variable::Constant;
-    let is_last = |w: &Where| is_mean(w) && w.share < MOSTLY;
-    let is_first = |w: &Where| is_mean(w) && w.share >= MOSTLY;
-    found.sort_by(|a, b| {
-        (is_last(a), is_first(b))
-            .cmp(&(is_last(b), is_first(a)))
-            .then(b.share.total_cmp(&a.share))
-    });
+    let rank = |w: &Where| match is_mean(w) {
+        true if w.share >= MOSTLY => 0,
+        false => 1,
+        true => 2,
+    };
+    found.sort_by(|a, b| rank(a).cmp(&rank(b)).then(b.share.total_cmp(&a.share)));
     let (best, others) = found.split_first()?;
     let rivals = others
         .iter()

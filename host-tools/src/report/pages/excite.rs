@@ -1,5 +1,7 @@
 //! The page of `excite`.
 
+use proprio_core::effect::EffectKind;
+
 use crate::advise::{figure, unit_of};
 use crate::excite::{Expected, LimbDesign};
 use crate::model::{Model, Provenance};
@@ -10,12 +12,6 @@ use crate::report::{Finding, Header, Page};
 
 /// What to do with the motion.
 const PLAY: &str = "Play the motion on the robot, hung up or clamped, record it, then run proprio identify on the log.";
-/// Parameters of the headline, and what they are.
-const KINDS: [(&str, &str); 3] = [
-    ("coulomb", "Coulomb friction"),
-    ("viscous", "viscous friction"),
-    ("armature", "armature"),
-];
 /// Points of a curve per second.
 const RATE: f64 = 100.0;
 
@@ -84,18 +80,19 @@ fn headline(designs: &[LimbDesign]) -> String {
     let limbs: Vec<&str> = designs.iter().map(|d| d.limb.as_str()).collect();
     let seconds = designs.iter().map(|d| d.motion.duration());
     let seconds = seconds.fold(0.0, f64::max);
-    let worst = |(kind, words): &(&str, &str)| {
+    let worst = |effect: &EffectKind| {
         let all = designs.iter().flat_map(|d| &d.expected);
-        let own = all.filter(|e| e.parameter.split(':').next() == Some(kind));
+        let own = all.filter(|e| e.parameter.split(':').next() == Some(effect.name()));
         let worst = own.max_by(|a, b| a.std.total_cmp(&b.std))?;
         Some(format!(
-            "{words} from ±{} to ±{} {}",
+            "{} from ±{} to ±{} {}",
+            effect.name(),
             figure(worst.prior_std),
             figure(worst.std),
             unit_of(&worst.parameter).replace("^2", "²")
         ))
     };
-    let after: Vec<String> = KINDS.iter().filter_map(worst).collect();
+    let after: Vec<String> = EffectKind::PLAIN.iter().filter_map(worst).collect();
     format!(
         "{seconds:.0} s of motion of {} bring, at the worst joint, {}",
         limbs.join(", "),
@@ -108,14 +105,14 @@ fn identified(designs: &[LimbDesign]) -> String {
     let all = || designs.iter().flat_map(|d| &d.expected);
     let left = |e: &Expected| e.std / e.prior_std;
     let known = all().filter(|e| left(e) <= 0.5).count();
-    let is_drive = |e: &&Expected| KINDS.iter().any(|(kind, _)| e.parameter.starts_with(kind));
-    let is_body = |e: &&Expected| !is_drive(e) && !e.parameter.starts_with("bias");
+    let of_drive = |name: Option<&str>| EffectKind::PLAIN.iter().any(|e| Some(e.name()) == name);
+    let is_body = |e: &&Expected| !of_drive(e.parameter.split(':').next());
     let best = all()
         .filter(is_body)
         .min_by(|a, b| left(a).total_cmp(&left(b)));
     let best = best.map_or_else(String::new, |e| {
         format!(
-            " Of the bodies' it improves {} the most: ±{} → ±{} {}.",
+            " Of the bodies' parameters {} improves most: ±{} → ±{} {}.",
             e.parameter,
             figure(e.prior_std),
             figure(e.std),

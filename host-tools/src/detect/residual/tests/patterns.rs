@@ -94,6 +94,35 @@ fn each_pattern_is_recognised() {
     }
 }
 
+/// A mean that is most of the error comes first, and what varies beside it has its share of the mean square and not of the variance.
+#[test]
+fn shares_are_of_the_mean_square() {
+    let error = |joint: &Joint, k: usize| 2.0 + 0.5 * joint.dq[k].signum();
+    let criticism = Joint::new(1000, 3, HALF).with(error).criticise();
+    let share = |shape: Shape| {
+        let mut all = criticism.patterns.iter();
+        let found = all.find(|p| p.shape == Some(shape));
+        found
+            .unwrap_or_else(|| panic!("{shape:?}: {criticism}"))
+            .share
+    };
+    assert_eq!(
+        criticism.patterns[0].shape,
+        Some(Shape::Offset),
+        "{criticism}"
+    );
+    // 2² and 0.5² of their sum and the noise's 0.1².
+    let whole = 4.0 + 0.25 + 0.01;
+    assert!(
+        (share(Shape::Offset) - 4.0 / whole).abs() < 0.03,
+        "{criticism}"
+    );
+    assert!(
+        (share(Shape::Step) - 0.25 / whole).abs() < 0.02,
+        "{criticism}"
+    );
+}
+
 #[test]
 fn cogging_is_recognised_with_its_frequency() {
     let cog = |joint: &Joint, k: usize| 0.2 * (std::f64::consts::TAU * 12.0 * joint.q[k]).sin();
