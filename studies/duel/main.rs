@@ -2,7 +2,7 @@
 //!
 //! Both say their numbers first and must agree. Then each is timed over all states, one after the other, many times; the table
 //! gives the medians. Every call starts from q and ends with its result written: kinematics are included on both sides.
-//! Ends with status 1 if the numbers differ or a ratio is below what `design.md` §8 asks for.
+//! Ends with status 1 if the numbers differ or a ratio is below what `docs/code.md`, "Budgets" asks for.
 
 use std::hint::black_box;
 use std::io::{BufRead, BufReader, Write};

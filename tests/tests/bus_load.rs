@@ -10,7 +10,7 @@ use proprio_tests::motion;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What a step may cost, instructions (`design.md` §8).
+/// What a step may cost, instructions (`docs/code.md`, "Budgets").
 const MOST: u32 = 120_000;
 /// What 4 Mbit/s bring in a step of 2 ms, bytes.
 const FULL: usize = 800;

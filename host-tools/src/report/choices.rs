@@ -11,7 +11,7 @@ use super::section::{Key, Mark, Section};
 use crate::compare::{Choice, Choices};
 
 /// The solver, made by `solve/build`.
-const SOLVER: &[u8] = include_bytes!("../../../solve/solve.wasm");
+const SOLVER: &[u8] = include_bytes!("solve.wasm");
 
 /// What the page is told beside the factors.
 pub(super) struct Told {

@@ -42,7 +42,7 @@ const SEARCHES: [(&str, u64); 3] = [
 struct Budgets {
     /// The compiler that the accepted figures are from, as it names itself in the image.
     compiler: String,
-    /// The targets of `design.md` §8.
+    /// The targets of `docs/code.md`, "Budgets".
     target: Figures,
     /// What was accepted, per scalar.
     #[serde(flatten)]
