@@ -16,6 +16,7 @@ mod models;
 mod nested;
 mod own_rate;
 mod ranking;
+mod rollout;
 mod save;
 mod summary;
 mod text;
@@ -36,6 +37,7 @@ pub use models::{ModelError, ModelJoint, ModelsComparison};
 pub use nested::{Choice, ChoiceLimb, Choices, choices};
 pub use own_rate::own_rate;
 pub use ranking::{RankedEpisode, RankedPattern};
+pub use rollout::{HorizonError, JointRollout, RolledJoint, Rollout, rollout};
 pub use save::save;
 pub use values::EffectValue;
 
@@ -175,16 +177,12 @@ pub fn compare_without(
     left_out: &[ModelEffect],
     values: ValuesFrom,
 ) -> Result<Comparison, RecordingError> {
-    let recorded = |joint: usize| {
-        let mut limbs = recording.limbs.iter();
-        is_shared(joint) || limbs.any(|(limb, _)| limb.bodies.contains(&joint))
-    };
     let Asked {
         fitted,
         added,
         before,
         file,
-    } = Asked::of(&recording.logs, &recorded, model, left_out, values);
+    } = asked(recording, model, left_out, values);
     let from = if fitted { From::HeldOut } else { From::File };
     let rest = values == ValuesFrom::GivenAlsoAtRest;
     let (data, feet) = leave_out_contact(robot::data(recording, model));
@@ -201,6 +199,20 @@ pub fn compare_without(
         fitted,
     };
     Ok(judged.told(&added, left_out))
+}
+
+/// What is to be compared with a recording.
+fn asked(
+    recording: &Recording,
+    model: &Model,
+    left_out: &[ModelEffect],
+    values: ValuesFrom,
+) -> Asked {
+    let recorded = |joint: usize| {
+        let mut limbs = recording.limbs.iter();
+        is_shared(joint) || limbs.any(|(limb, _)| limb.bodies.contains(&joint))
+    };
+    Asked::of(&recording.logs, &recorded, model, left_out, values)
 }
 
 /// A model and what it predicts.
@@ -381,23 +393,13 @@ fn check(
 /// What the limbs' model predicts, each limb's.
 fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> {
     let given = |data: &LimbData<'_>| data.predicted_as_given(data.model);
-    if from == From::File {
+    let Some(fits) = fits(data, from) else {
         let torque = side_by_side(data, given);
         return torque
             .into_iter()
             .map(|torque| Prediction { torque, fit: None })
             .collect();
-    }
-    let how = How {
-        constraint: Constraint::Physical,
-        ..How::default()
     };
-    let places: Vec<_> = data.iter().map(places_of).collect();
-    let (fits, _) = robot::fit(data, &places, &how);
-    if fits.len() < data.len() {
-        // A fit that is not finite has no prediction: that of the file stands for it.
-        return predictions(data, From::File);
-    }
     let of = |fit: &LimbFit| fit.predicted_held_out().unwrap_or_else(|| fit.predicted());
     let torque = side_by_side(&fits, of);
     let both = torque.into_iter().zip(fits);
@@ -406,6 +408,20 @@ fn predictions<'a>(data: &'a [LimbData<'a>], from: From) -> Vec<Prediction<'a>> 
         fit: Some(fit),
     })
     .collect()
+}
+
+/// The limbs' fits, where values do not come from the file; a fit that is not finite says nothing, and the file's values stand for it.
+fn fits<'a>(data: &'a [LimbData<'a>], from: From) -> Option<Vec<LimbFit<'a>>> {
+    if from == From::File {
+        return None;
+    }
+    let how = How {
+        constraint: Constraint::Physical,
+        ..How::default()
+    };
+    let places: Vec<_> = data.iter().map(places_of).collect();
+    let (fits, _) = robot::fit(data, &places, &how);
+    (fits.len() == data.len()).then_some(fits)
 }
 
 /// The series of all joints, of which each limb's torque is predicted so.

@@ -1,7 +1,7 @@
 //! Logs, model files, commands: the desktop side of proprio.
 //!
 //! Rooms in the order in which data flow; a room uses only those above it: [`log`], [`formula`], [`model`], [`gate`], `trajectory`, [`recording`],
-//! `equation`, `predict`, [`estimate`], [`fleet`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
+//! `equation`, `predict`, [`estimate`], `rollout`, [`fleet`], [`free_base`], [`identifiability`], `select`, [`detect`], then the results [`diagnose`],
 //! [`compare`], [`identify`] and [`kinematics`], [`dynamics`], [`spectrum`], [`excite`], [`advise`] and [`validate`], and [`report`]; [`command`] is what a user types. The truth of tests and
 //! demos, independent of them, is a crate of its own: [`proprio_simulator`].
 
@@ -38,6 +38,7 @@ mod progress;
 pub mod recording;
 pub mod report;
 mod robust;
+mod rollout;
 mod select;
 pub mod spectrum;
 pub mod summary;

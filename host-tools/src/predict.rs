@@ -33,7 +33,7 @@ pub(crate) fn predict(
     subtree_end: &[usize],
     chosen: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
-    let columns = Columns::new(subtree_end.to_vec(), entries(values));
+    let columns = columns(values, subtree_end);
     let mut torque = vec![0.0; motion.joints * motion.windows.len()];
     let asked = motion.asked(values, chosen);
     let made: Vec<&Column> = columns.of_joint.iter().flatten().collect();
@@ -245,6 +245,11 @@ impl Pass<'_> {
             }
         }
     }
+}
+
+/// The columns of the effects that add to a model's torque.
+pub(crate) fn columns(values: &Values, subtree_end: &[usize]) -> Columns {
+    Columns::new(subtree_end.to_vec(), entries(values))
 }
 
 /// The parameters that are multiples of columns: of what is a derivative, the motion has it already.

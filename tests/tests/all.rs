@@ -58,6 +58,7 @@ mod real_gates;
 mod real_kuka;
 mod recordings;
 mod report;
+mod rollout;
 mod round_trip;
 mod same_numbers;
 mod scale;

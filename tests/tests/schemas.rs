@@ -20,6 +20,7 @@ diagnose log.csv -m new.toml --apply
 identify log.csv -m model.toml -o fitted.toml
 compare log.csv -m fitted.toml
 compare log.csv -m model.toml -m fitted.toml
+compare log.csv -m fitted.toml --rollout
 diagnose log.csv -m fitted.toml
 export -m fitted.toml --mjcf -o go2.xml
 export -m fitted.toml --urdf

@@ -18,6 +18,7 @@ proprio identify log.csv
 proprio advise log.csv
 proprio identify log.csv -m model.toml -o fitted.toml
 proprio compare other.csv -m fitted.toml
+proprio compare other.csv -m fitted.toml --rollout
 proprio diagnose other.csv -m fitted.toml
 proprio diagnose log.csv --apply -m applied.toml
 proprio show fitted.toml

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::compare::{
     Comparison, ModelsComparison, ValuesFrom, compare, compare_free_base_without, compare_without,
-    save,
+    rollout, save,
 };
 use crate::detect::mismatch::mismatches;
 use crate::kinematics::{Poses, compare_poses, is_pose_file};
@@ -28,6 +28,8 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
 /// same holds for values of a diagnosis of these very logs, as after `diagnose --apply`. Time in which a foot carries a force is
 /// reported and excluded.
 ///
+/// With --rollout the model runs forward instead, under the measured torque: the error is that of the position after 0.1 to 1 s.
+///
 /// A file of measured poses is compared as `calibrate` reads it: the error in mm, by target and pose.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -39,6 +41,7 @@ const MORE: &str = "--verbose (each joint, where, when), --html report.html (plo
   proprio compare chirp.csv --model go2.toml -o torque.csv
   proprio compare chirp.csv --model go2.toml -o residuals.mcap
   proprio compare chirp.csv -m cad.toml -m fitted.toml -m mine.toml --html models.html
+  proprio compare chirp.csv --model go2.toml --rollout --html rollout.html
   proprio compare --free-base walk.csv --model go2.toml
   proprio compare poses.csv --model arm.toml
   proprio compare chirp.csv --model go2.toml --json")]
@@ -58,6 +61,9 @@ pub(crate) struct Compare {
     /// The robot is on its feet (floating base): contact forces are eliminated; from logs with gyro/ and acc/ columns
     #[arg(long, conflicts_with_all = ["at_rest", "output"])]
     free_base: bool,
+    /// Run the model forward under the measured torque, from the measured state anew every 0.1, 0.2, 0.5 and 1 s: the error of the position
+    #[arg(long)]
+    rollout: bool,
     /// Judge joints also while they rest, when the torque is whatever friction holds; values are those of the file
     #[arg(long, conflicts_with = "fit")]
     at_rest: bool,
@@ -88,6 +94,7 @@ pub(crate) struct Compare {
 
 impl Compare {
     pub(crate) fn run(self) -> Result<String, Error> {
+        self.check_rollout();
         if !self.free_base && self.logs.first().is_some_and(|log| is_pose_file(log)) {
             return self.run_poses();
         }
@@ -97,13 +104,12 @@ impl Compare {
         if self.free_base {
             return self.run_free_base();
         }
+        if self.rollout {
+            return self.run_rollout();
+        }
         let mut model = super::model_or_default(self.file(), false)?;
         let left_out = self.change(&mut model)?;
-        let mut progress = Progress::new("Reading");
-        let recording =
-            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
-                .only(&self.part.only, &model)?;
-        drop(progress);
+        let recording = self.read(&model)?;
         let underway = Underway::new("Comparing");
         let mut comparison = compare_without(&recording, &model, &left_out, self.values())?;
         drop(underway);
@@ -129,6 +135,67 @@ impl Compare {
         })
     }
 
+    /// What a rollout is not of, in words.
+    fn check_rollout(&self) {
+        let other = [
+            (
+                self.free_base,
+                "--free-base: contact forces move a robot on its feet, and no log has them; a rollout needs a fixed base",
+            ),
+            (self.at_rest, "--at-rest: rollouts include rest"),
+            (
+                self.output.is_some(),
+                "-o: it is of torques; --html plots positions",
+            ),
+            (
+                self.model.len() > 1,
+                "-m more than once: run it for each model",
+            ),
+        ];
+        if let Some((_, words)) = other.iter().find(|(given, _)| self.rollout && *given) {
+            let message = format!("--rollout does not take {words}");
+            super::usage_error("compare", ErrorKind::ArgumentConflict, message);
+        }
+    }
+
+    /// The model run forward.
+    fn run_rollout(&self) -> Result<String, Error> {
+        let mut model = super::model_or_default(self.file(), false)?;
+        let left_out = self.change(&mut model)?;
+        let recording = self.read(&model)?;
+        let underway = Underway::new("Running the model");
+        let mut found = rollout(&recording, &model, &left_out, self.values())?;
+        drop(underway);
+        let wrong = mismatches(&recording, &model);
+        found.warnings.extend(wrong.iter().map(ToString::to_string));
+        for warning in &found.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(path) = &self.html {
+            let page = pages::rollout(&found, self.file()).map_err(unreadable)?;
+            page.write(path)?;
+        }
+        Ok(match (self.json, self.all || self.verbose) {
+            (true, _) => judged("compare", found.error(), &found),
+            (false, true) => found.text(),
+            (false, false) => {
+                let summary = self.part.kept(found.summary(self.file()));
+                let data = first_gate_words(&found.data);
+                summary.screen(
+                    &[data],
+                    "--verbose (each joint), --html rollout.html (plots)",
+                )
+            }
+        })
+    }
+
+    /// The logs, or the part that was asked for.
+    fn read(&self, model: &Model) -> Result<Recording, Error> {
+        let mut progress = Progress::new("Reading");
+        let all = Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
+        Ok(all.only(&self.part.only, model)?)
+    }
+
     /// Measured poses.
     fn run_poses(&self) -> Result<String, Error> {
         let asked = !self.with.is_empty() || !self.without.is_empty();
@@ -138,6 +205,7 @@ impl Compare {
             (self.fit, "--fit"),
             (self.given, "--given"),
             (self.at_rest, "--at-rest"),
+            (self.rollout, "--rollout"),
             (!self.part.only.is_empty(), "--only"),
             (self.html.is_some(), "--html"),
             (self.output.is_some(), "-o"),
@@ -198,13 +266,10 @@ impl Compare {
             let words = format!("{flag} takes one model: name one -m");
             super::usage_error("compare", ErrorKind::ArgumentConflict, words);
         }
-        let mut progress = Progress::new("Reading");
         let (mut all, mut first) = (Vec::new(), None);
         for path in &self.model {
             let model = Model::load(path)?;
-            let recording =
-                Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
-                    .only(&self.part.only, &model)?;
+            let recording = self.read(&model)?;
             let mut comparison = compare(&recording, &model, self.values())?;
             let wrong = mismatches(&recording, &model);
             let wrong = wrong
@@ -214,7 +279,6 @@ impl Compare {
             all.push((path.clone(), comparison));
             first.get_or_insert(recording);
         }
-        drop(progress);
         let found = first.and_then(|recording| ModelsComparison::of(&recording, &all));
         let Some(found) = found else {
             return Ok(String::new());

@@ -8,8 +8,8 @@ use super::values::Values;
 /// An effect at a joint: its shape and what its columns are times.
 #[derive(Clone)]
 pub(crate) struct Contribution {
-    pub(super) effect: EffectKind,
-    shape: f64,
+    pub(crate) effect: EffectKind,
+    pub(crate) shape: f64,
     /// The other joint, of an effect that couples two.
     other: Option<usize>,
     numbers: Vec<(usize, f64)>,

@@ -57,6 +57,11 @@ impl Way {
 
     /// ∫ z/zs dt at each sample since the first, s.
     pub(crate) fn impulse(&self, zs: f64) -> impl Iterator<Item = f64> + '_ {
+        self.bristles(zs).map(|[impulse, _]| impulse)
+    }
+
+    /// The same, and z/zs at each sample.
+    pub(crate) fn bristles(&self, zs: f64) -> impl Iterator<Item = [f64; 2]> + '_ {
         let (mut bent, mut sum, mut done) = (0.0, 0.0, 0);
         self.ends.iter().map(move |&end| {
             for [time, distance] in &self.parts[done..end] {
@@ -65,13 +70,13 @@ impl Way {
                 bent = after;
             }
             done = end;
-            sum
+            [sum, bent]
         })
     }
 }
 
 /// The mean deflection on the way by a signed distance in units of zs, and that at its end.
-fn slid(bent: f64, distance: f64) -> (f64, f64) {
+pub(crate) fn slid(bent: f64, distance: f64) -> (f64, f64) {
     let (x, sign) = (distance.abs(), distance.signum());
     let left = (-x).exp();
     // (1 − exp(−x))/x, which has few digits left where x is as small as an encoder's quantum: its series there, to 1e-13.

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::directions::Directions;
 use crate::equation::body::LimbBody;
 use crate::equation::column::{Columns, Entry, columns_of};
+use crate::equation::contribution::{Contribution, contributions};
 use crate::equation::folds::Blocks;
 use crate::equation::integrals::Integrals;
 use crate::equation::motion::Motion;
@@ -17,7 +18,7 @@ use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, JointKind, Limb, Model};
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
-use crate::predict::{LooseLink, predict};
+use crate::predict::{self, LooseLink, predict};
 use crate::recording::LimbRecording;
 
 /// A limb's data. Made once; fits read them. A copy shares them.
@@ -227,6 +228,11 @@ impl<'a> LimbData<'a> {
         let gains = gains(model, self.limb, self.recording, &self.blocks);
         let values = Values::given(model, self.limb);
         self.with_gains(gains).predicted(&values, &|_| true)
+    }
+
+    /// Of each joint the effects of a model that add to its torque.
+    pub(crate) fn contributions(&self, values: &Values) -> Vec<Vec<Contribution>> {
+        contributions(&predict::columns(values, &self.subtree_end), values)
     }
 
     /// The predictor of a model with one of its links looser or less loose, of the windows that are chosen.
@@ -537,4 +543,4 @@ impl Squares {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

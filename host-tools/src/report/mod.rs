@@ -39,6 +39,7 @@
 //! - `poses`: measured poses: error vectors, errors by pose and by joint
 //! - `responses`: frequency responses, their scatter and values
 //! - `robot`: the robot as lines, from its URDF: each link in the colour of its joint's error
+//! - `rollout`: positions of a model run forward, and their errors
 //! - `stance`: which feet carry a force, or may, and why that is believed
 //! - `stick`: a moving figure of limbs
 //! - `thin`: fewer points without losing what a reader looks for
@@ -59,6 +60,7 @@ pub mod poses;
 pub mod residual;
 pub mod responses;
 mod robot;
+pub mod rollout;
 mod section;
 pub mod stance;
 pub mod stick;

@@ -56,7 +56,7 @@ pub fn section(series: &[TorqueSeries]) -> Section {
         legend: series.first().map_or_else(Vec::new, legend),
         figures: series
             .iter()
-            .map(|series| figure(series, opening))
+            .map(|series| figure(series, opening, "torque (N m)"))
             .collect(),
         table: None,
         columns: 3,
@@ -66,7 +66,7 @@ pub fn section(series: &[TorqueSeries]) -> Section {
 
 /// The [`STRETCH`] of time, s, with the greatest sum of squared errors of the last model over all joints; none if the log
 /// is not much longer, or no error is finite.
-fn worst_stretch(series: &[TorqueSeries]) -> Option<[f64; 2]> {
+pub(super) fn worst_stretch(series: &[TorqueSeries]) -> Option<[f64; 2]> {
     let times = series.iter().flat_map(|series| &series.t);
     let (start, end) = times
         .filter(|t| t.is_finite())
@@ -94,7 +94,7 @@ fn worst_stretch(series: &[TorqueSeries]) -> Option<[f64; 2]> {
     (sum(worst) > 0.0).then_some([from, from + STRETCH as f64])
 }
 
-fn legend(series: &TorqueSeries) -> Vec<Key> {
+pub(super) fn legend(series: &TorqueSeries) -> Vec<Key> {
     let models = series
         .predicted
         .iter()
@@ -123,7 +123,8 @@ fn legend(series: &TorqueSeries) -> Vec<Key> {
         .collect()
 }
 
-fn figure(series: &TorqueSeries, opening: Option<[f64; 2]>) -> Figure {
+/// A plot of a joint; `quantity` stands at its axis.
+pub(super) fn figure(series: &TorqueSeries, opening: Option<[f64; 2]>, quantity: &str) -> Figure {
     let trace = |name: &str, values: &[f64]| {
         let kept = thin::extremes(values, POINTS);
         let t = kept.iter().filter_map(|&k| series.t.get(k));
@@ -152,12 +153,12 @@ fn figure(series: &TorqueSeries, opening: Option<[f64; 2]>) -> Figure {
     if let Some(stretch) = opening {
         time = time.range(stretch.map(time_digits).to_vec());
     }
-    let mut torque = axis("torque (N m)");
+    let mut upper = axis(quantity);
     if residual.is_some() {
         time = time.anchor("y2");
-        torque = torque.domain(&[RESIDUAL_SHARE + 0.08, 1.0]);
+        upper = upper.domain(&[RESIDUAL_SHARE + 0.08, 1.0]);
     }
-    let mut layout = layout(time, torque);
+    let mut layout = layout(time, upper);
     if residual.is_some() {
         let below = axis("residual").domain(&[0.0, RESIDUAL_SHARE]).n_ticks(4);
         layout = layout.y_axis2(below);

@@ -14,15 +14,22 @@ use proprio_simulator::{Simulation, hidden};
 
 fn recording(model: &Model) -> Recording {
     let legs = [Leg::FR];
-    let simulation = Simulation {
-        duration: 6.0,
-        effects: hidden::typical(&legs),
-        inertia_error: 0.1,
-        ..Simulation::new(&legs)
-    };
+    recording_of(
+        model,
+        &Simulation {
+            duration: 6.0,
+            effects: hidden::typical(&legs),
+            inertia_error: 0.1,
+            ..Simulation::new(&legs)
+        },
+    )
+}
+
+/// What is read of a simulated log.
+pub(crate) fn recording_of(model: &Model, simulation: &Simulation) -> Recording {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("log.csv");
-    let mut log = LogWriter::new(File::create(&path).unwrap(), &legs).unwrap();
+    let mut log = LogWriter::new(File::create(&path).unwrap(), &simulation.legs).unwrap();
     for sample in simulation.samples() {
         let sample = sample.unwrap();
         log.row(sample.t, &sample.q, &sample.dq, &sample.tau)

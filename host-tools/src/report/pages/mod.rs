@@ -10,6 +10,7 @@
 //! - `frf`: the page of `frf`
 //! - `identify`: the page of `identify`
 //! - `models`: the page of `compare` with several models
+//! - `rollout`: the page of `compare --rollout`
 //! - `validate`: the page of `validate`
 //! - `walk`: the pages of a walk: `compare`, `identify` and `diagnose` with `--free-base`
 
@@ -21,6 +22,7 @@ mod fleet;
 mod frf;
 mod identify;
 mod models;
+mod rollout;
 pub mod validate;
 mod walk;
 
@@ -44,6 +46,7 @@ pub use fleet::fleet;
 pub use frf::responses;
 pub use identify::fit;
 pub use models::models;
+pub use rollout::rollout;
 pub use walk::{walk, walk_diagnosis, walk_identification};
 
 /// Stands before the joint's name where a finding is of its error.
