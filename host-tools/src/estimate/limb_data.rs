@@ -335,12 +335,13 @@ impl<'a> LimbData<'a> {
 
     /// Mean and standard deviation of an effect's parameter before any data.
     pub(crate) fn prior(&self, (effect, joint): Place, parameter: usize) -> (f64, f64) {
-        let body = match joint {
-            BASE => self.limb.bodies.start,
-            joint => self.limb.bodies.start + joint,
+        let first = self.limb.bodies.start;
+        let [site, body] = match joint {
+            BASE => [BASE, first],
+            joint => [first + joint; 2],
         };
         let prior = match parameter {
-            0 => self.model.effect_prior(effect, body).prior,
+            0 => self.model.effect_prior_at(effect, site, body).prior,
             n => self.model.robot().parameter_prior(effect, body, n),
         };
         (prior.mean, prior.std)

@@ -209,7 +209,17 @@ impl Model {
     /// What an effect is taken to be at a joint before any data: what the file says of this joint, of all joints, or the
     /// catalogue for the joint's motor.
     pub fn effect_prior(&self, effect: EffectKind, joint: usize) -> EffectPrior {
-        let own = self.effect(effect, joint).and_then(|e| e.prior);
+        self.effect_prior_at(effect, joint, joint)
+    }
+
+    /// The same at a `site`, which is a joint or the [`BASE`]: there the catalogue's is that for the motor of `joint`.
+    pub(crate) fn effect_prior_at(
+        &self,
+        effect: EffectKind,
+        site: usize,
+        joint: usize,
+    ) -> EffectPrior {
+        let own = self.effect(effect, site).and_then(|e| e.prior);
         let general = self.effect_priors.iter().find(|(kind, _)| *kind == effect);
         let prior = own
             .or(general.map(|(_, prior)| *prior))

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use proprio_core::effect::EffectKind;
+use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::go2::Leg;
 
 use super::*;
@@ -78,6 +78,25 @@ fn models(data: &LimbData) -> Vec<Values> {
         with((EffectKind::TorqueGain, 0), 0, 1.1),
         plain,
     ]
+}
+
+/// What a file states of the base's tilt is the tilt's, and what it states of a delay at the first joint is not all joints' delay.
+#[test]
+fn what_limbs_share_has_the_prior_of_the_base() {
+    let mut model = Model::new(Robot::go2());
+    let prior = |mean: f64, std: f64| Prior { mean, std };
+    let recording = recording(&model);
+    let (limb, samples) = &recording.limbs[0];
+    let catalogue = |model: &Model, place: Place| {
+        let data = LimbData::of(model, limb, samples).unwrap();
+        data.prior(place, 0)
+    };
+    let [tilt, delay] = [EffectKind::BaseTilt, EffectKind::Delay].map(|effect| (effect, BASE));
+    let unsaid = catalogue(&model, delay);
+    (model.set_effect_prior(tilt.0, BASE, prior(0.02, 1e-3))).unwrap();
+    (model.set_effect_prior(delay.0, limb.bodies.start, prior(4e-3, 1e-4))).unwrap();
+    assert_eq!(catalogue(&model, tilt), (0.02, 1e-3));
+    assert_eq!(catalogue(&model, delay), unsaid);
 }
 
 #[test]
