@@ -44,6 +44,7 @@ pub use values::EffectValue;
 pub use crate::detect::JointSeries;
 use crate::detect::black_box::BlackBox;
 use crate::detect::contact::leave_out_contact;
+use crate::detect::every_window::EveryWindow;
 pub use crate::detect::ladder::Yardsticks;
 use crate::detect::ladder::{self, JointLadder};
 use crate::detect::residual::{self, Criticism, Input, Scores};
@@ -97,6 +98,9 @@ pub struct Comparison {
     pub black_box: Option<BlackBox>,
     /// Where and when each joint's error is, and whether it is noise.
     pub criticism: Vec<Criticism>,
+    /// Of long logs, of which all the rest here is of a drawn part: the errors over every window; none where values are fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_window: Option<EveryWindow>,
     /// The logs.
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
@@ -275,6 +279,7 @@ impl Judged<'_> {
             episodes: ranking::episodes(&criticism, |t| recording.moment(t)),
             black_box,
             criticism,
+            every_window: None,
             logs: recording.logs.clone(),
             warnings: recording.warnings.iter().cloned().chain(words).collect(),
             contact,

@@ -17,6 +17,7 @@ use proprio_core::effect::EffectKind;
 use serde::Serialize;
 
 use crate::detect::contact::{LeftOut, leave_out_contact};
+use crate::detect::every_window::EveryWindow;
 use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::detect::mismatch::Mismatch;
 use crate::detect::twist::Twist;
@@ -81,6 +82,12 @@ pub struct Diagnosis {
     pub formulas: Vec<FoundFormula>,
     /// What is left when the catalogue is exhausted, if it is more than noise.
     pub outside_catalogue: Vec<String>,
+    /// Of long logs, of which all the rest here is of a drawn part: the errors over every window.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_window: Option<EveryWindow>,
+    /// Whether a foot carries a force at times, which are left out.
+    #[serde(skip)]
+    pub stands: bool,
     /// The logs.
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.

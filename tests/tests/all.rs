@@ -37,6 +37,7 @@ mod hidden_effect;
 mod identify_model;
 mod ladder;
 mod live;
+mod long_logs;
 mod mismatch;
 mod model;
 mod mujoco_logs;

@@ -108,11 +108,16 @@ impl Compare {
             return self.run_rollout();
         }
         let mut model = super::model_or_default(self.file(), false)?;
+        let given = model.clone();
         let left_out = self.change(&mut model)?;
         let recording = self.read(&model)?;
         let underway = Underway::new("Comparing");
         let mut comparison = compare_without(&recording, &model, &left_out, self.values())?;
         drop(underway);
+        if !comparison.fitted {
+            let on_feet = !comparison.contact.is_empty();
+            comparison.every_window = super::every_window(&recording, [&given, &model], on_feet)?;
+        }
         let wrong = mismatches(&recording, &model);
         comparison
             .warnings
@@ -192,8 +197,13 @@ impl Compare {
     /// The logs, or the part that was asked for.
     fn read(&self, model: &Model) -> Result<Recording, Error> {
         let mut progress = Progress::new("Reading");
-        let all = Recording::read(&self.logs, model, |done, total| progress.set(done, total))?;
-        Ok(all.only(&self.part.only, model)?)
+        let told = |done, total| progress.set(done, total);
+        Ok(Recording::read_only(
+            &self.logs,
+            &self.part.only,
+            model,
+            told,
+        )?)
     }
 
     /// Measured poses.
@@ -313,8 +323,10 @@ impl Compare {
             return comparison.text(self.all);
         }
         let data = first_gate_words(&comparison.data);
-        let summary = self.part.kept(comparison.summary(self.file()));
-        summary.screen(&[data], MORE)
+        let mut summary = self.part.kept(comparison.summary(self.file()));
+        let every = comparison.every_window.as_ref();
+        let every = super::every_window_words(every, &mut summary, (&self.logs, self.file()));
+        summary.screen(&[data, every], MORE)
     }
 
     /// Does to the model what `remove` does with the effects that --without names, and `add` with those of --with. What was removed.

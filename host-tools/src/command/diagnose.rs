@@ -10,6 +10,7 @@ use crate::compare::{compare, compare_free_base};
 use crate::detect::mismatch::mismatches;
 use crate::diagnose::{Diagnosis, FreeBaseDiagnosis, Reach, Rung, diagnose_by, diagnose_free_base};
 use crate::free_base::has_imu;
+use crate::identify::model_fit::{FitOptions, fit_model};
 use crate::model::{Model, Provenance, Robot};
 use crate::recording::LogGates;
 use crate::recording::{Recording, first_gate_words, gate_words};
@@ -84,9 +85,8 @@ impl Diagnose {
         }
         let mut model = super::model_or_default(self.model.as_deref(), self.apply)?;
         let mut progress = Progress::new("Reading");
-        let recording =
-            Recording::read(&self.logs, &model, |done, total| progress.set(done, total))?
-                .only(&self.part.only, &model)?;
+        let told = |done, total| progress.set(done, total);
+        let recording = Recording::read_only(&self.logs, &self.part.only, &model, told)?;
         drop(progress);
         let wrong = mismatches(&recording, &model);
         if wrong.iter().any(|wrong| wrong.kind.refuses()) && !self.anyway {
@@ -118,6 +118,12 @@ impl Diagnose {
         }
         let given = model.clone();
         diagnosis.apply(&mut model);
+        if recording.is_drawn {
+            let fitted = fit_model(&recording, &model, FitOptions::default())?;
+            let filled = fitted.filled(&model)?;
+            let on_feet = diagnosis.stands;
+            diagnosis.every_window = super::every_window(&recording, [&given, &filled], on_feet)?;
+        }
         if let Some(path) = &self.html {
             let after = compare(&recording, &model, ValuesFrom::Fitted)?;
             let page = pages::DiagnosisPage {
@@ -160,10 +166,10 @@ impl Diagnose {
             let logs = typed(&self.logs, file);
             summary.next = vec![format!("proprio diagnose --free-base {logs}")];
         }
-        Ok(self
-            .part
-            .kept(summary)
-            .screen(&[data, wrote.unwrap_or_default()], MORE))
+        let mut summary = self.part.kept(summary);
+        let every = diagnosis.every_window.as_ref();
+        let every = super::every_window_words(every, &mut summary, (&self.logs, file));
+        Ok(summary.screen(&[data, wrote.unwrap_or_default(), every], MORE))
     }
 
     /// Where the values of the written file may come from.

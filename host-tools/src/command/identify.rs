@@ -138,7 +138,7 @@ impl Identify {
             bus: self.bus,
         };
         let mut progress = Progress::new("Identifying");
-        let identified = identify(
+        let mut identified = identify(
             &self.logs,
             given.as_ref(),
             (options, &self.part.only),
@@ -151,9 +151,17 @@ impl Identify {
             recording,
             model,
             fitted,
-        } = &identified;
+        } = &mut identified;
         for warning in &fitted.warnings {
             eprintln!("warning: {warning}");
+        }
+        if recording.is_drawn {
+            // An unphysical fit is no model: then there is nothing to predict with.
+            let cad = Model::default();
+            let given = given.as_ref().unwrap_or(&cad);
+            if let Ok(filled) = fitted.filled(model) {
+                fitted.every_window = super::every_window(recording, [given, &filled], false)?;
+            }
         }
         // An unphysical fit is no model; a JSON file alone takes it.
         let filled = match (self.model_file(), &self.html) {
@@ -197,9 +205,12 @@ impl Identify {
         Ok(
             match self.verbose || self.stages || options.method != Method::Momentum {
                 true => fitted.to_string(),
-                false => (self.part)
-                    .kept(fitted.summary(file, self.model_file()))
-                    .screen(&self.wrote(), MORE),
+                false => {
+                    let mut summary = (self.part).kept(fitted.summary(file, self.model_file()));
+                    let every = fitted.every_window.as_ref();
+                    let every = super::every_window_words(every, &mut summary, (&self.logs, file));
+                    summary.screen(&[self.wrote(), vec![every]].concat(), MORE)
+                }
             },
         )
     }

@@ -39,6 +39,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use crate::capture::CaptureError;
+use crate::detect::every_window::{self, EveryWindow};
 use crate::detect::mismatch::Mismatch;
 use crate::device::DeviceError;
 use crate::device::replay::ReplayError;
@@ -57,10 +58,11 @@ use crate::model::{AskedError, Model, ModelError, RobotError, UnknownName};
 use crate::monitor::web::WebError;
 use crate::monitor::{FeedError, JournalError};
 use crate::output::WriteError;
-use crate::recording::RecordingError;
+use crate::progress::Progress;
+use crate::recording::{Recording, RecordingError};
 use crate::report::pages::Unreadable;
 use crate::spectrum::FrfError;
-use crate::summary::{Summary, quoted};
+use crate::summary::{Summary, quoted, typed};
 use crate::validate::ValidateError;
 use clap::error::ErrorKind;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -91,6 +93,36 @@ impl Part {
         }
         summary
     }
+}
+
+/// What models make of every window of logs of which `recording` is a part that was drawn, with progress: before, of `given`, and after, of `found`.
+fn every_window(
+    recording: &Recording,
+    [given, found]: [&Model; 2],
+    on_feet: bool,
+) -> Result<Option<EveryWindow>, RecordingError> {
+    let mut progress = Progress::new("Every window");
+    let told = |done, total| progress.set(done, total);
+    every_window::every_window(recording, [given, found], on_feet, told)
+}
+
+/// Adds it to a first screen, with the command that judges the worst minute alone where that stands out: what stands above the headline.
+fn every_window_words(
+    every: Option<&EveryWindow>,
+    summary: &mut Summary,
+    (logs, model): (&[PathBuf], Option<&Path>),
+) -> String {
+    let Some(every) = every else {
+        return String::new();
+    };
+    if let Some(conditions) = every.stands_out() {
+        let only = conditions.map(|text| format!(" --only {}", quoted(&text)));
+        let logs = typed(logs, model);
+        summary
+            .next
+            .push(format!("proprio diagnose {logs}{}", only.concat()));
+    }
+    every.to_string()
 }
 
 /// What your robot's body really is, and what the model of it is still missing.

@@ -188,6 +188,7 @@ pub fn compare_free_base_without(
             episodes: ranking::episodes(&criticism, moment),
             black_box: None,
             criticism,
+            every_window: None,
             logs: logs.to_vec(),
             warnings: [walks.warnings.clone(), data.warnings(), doubtful].concat(),
             series,

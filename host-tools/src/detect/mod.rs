@@ -4,6 +4,7 @@
 //!
 //! - `black_box`: what a black box could still take away: how far a model's error falls if something that knows no physics is shown more
 //!   and more of the motion
+//! - `every_window`: what models make of every window of logs of which a part was drawn
 //! - `floor`: the noise floor of a log: the error that no model can take away
 //! - `ladder`: what every result is held against, the same in every command
 //! - `mismatch`: whether a log is of the robot that the model is of: what a person would see at once and no effect should have to explain
@@ -16,6 +17,7 @@
 pub mod black_box;
 pub(crate) mod bursts;
 pub(crate) mod contact;
+pub mod every_window;
 pub(crate) mod floor;
 pub mod ladder;
 pub mod mismatch;

@@ -86,6 +86,8 @@ pub(super) fn report(d: &Diagnosed, outside: &[Left], formulas: Vec<FoundFormula
         bodies: text::bodies(&d.bodies),
         formulas,
         outside_catalogue,
+        every_window: None,
+        stands: !stands.is_empty(),
         logs: d.recording.logs.clone(),
         warnings: (d.recording.warnings.iter().cloned())
             .chain(contact_words(&stands, d.base_moves))

@@ -43,15 +43,16 @@ impl Blocks {
     /// Cuts a recording; `None` if there is nothing in it.
     pub(crate) fn of(recording: &LimbRecording) -> Option<Self> {
         let begin = *recording.time_us.first()?;
-        let duration = recording.time_us.last()? - begin;
+        let end = *recording.time_us.last()?;
+        let duration = end - begin;
         let by_log = recording.log_starts.len() >= LEAST_LOGS;
-        let mut starts = vec![0];
+        let mut starts = vec![begin];
         if by_log {
             starts = (recording.log_starts.iter())
-                .map(|t| t.saturating_sub(begin))
+                .map(|t| *t.max(&begin))
                 .collect();
         }
-        let ends = starts.iter().skip(1).copied().chain([duration]);
+        let ends = starts.iter().skip(1).copied().chain([end]);
         let mut blocks = Vec::new();
         for (log, (&start, end)) in starts.iter().zip(ends).enumerate() {
             let share = (MOST * (end - start)).div_ceil(duration.max(1));

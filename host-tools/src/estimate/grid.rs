@@ -77,7 +77,10 @@ pub(crate) fn size_of(data: &LimbData, place: Place, shape: f64) -> f64 {
             let [from, to] = data.motion.positions(place.1);
             to - from
         }
-        Some((_, Grid::Times)) => data.motion.time.last().copied().unwrap_or_default(),
+        Some((_, Grid::Times)) => {
+            let [from, to] = times(data);
+            to - from
+        }
         Some((_, Grid::Evenly { least, most, .. })) => most - least,
         _ => shape.abs(),
     };
@@ -146,7 +149,7 @@ impl Reach {
         Self {
             gear: gear(data, joint),
             positions: data.motion.positions(joint),
-            duration: data.motion.time.last().copied().unwrap_or_default(),
+            times: times(data),
             least_displacement,
             fastest: speeds.fold(0.0f64, |most, speed| most.max(speed.abs())),
             speed_noise: trajectory.speed_noise,
@@ -163,6 +166,12 @@ fn least_displacement_of(data: &LimbData, (effect, joint): Place) -> f64 {
         .max(effect.description().parameters[shape_parameter(effect)].lower)
 }
 
+/// When the recording of a limb begins and ends, s.
+fn times(data: &LimbData) -> [f64; 2] {
+    let time = &data.motion.time;
+    [time.first(), time.last()].map(|end| end.copied().unwrap_or_default())
+}
+
 /// A joint's gear ratio; one where the motor is not known.
 pub(super) fn gear(data: &LimbData, joint: usize) -> f64 {
     let body = &data.model.robot().bodies()[data.limb.bodies.start + joint];
@@ -175,8 +184,8 @@ pub(crate) struct Reach {
     pub(crate) gear: f64,
     /// The least and the greatest position, rad.
     pub(crate) positions: [f64; 2],
-    /// How long the log is, s.
-    pub(crate) duration: f64,
+    /// When the log begins and ends, s.
+    pub(crate) times: [f64; 2],
     /// The least displacement to look for, rad ([`least_displacement`]).
     pub(crate) least_displacement: f64,
     /// Greatest speed, rad/s, and that below which it may be noise.
@@ -204,7 +213,7 @@ pub(crate) fn values(grid: Grid, reach: &Reach) -> Option<Vec<f64>> {
         Grid::SpeedsAboveNoise => speeds(reach.speed_noise).collect(),
         Grid::Values { least, most, count } => geometric(least, most, count),
         Grid::Positions => within(from, to, PLACES),
-        Grid::Times => within(0.0, reach.duration, PLACES),
+        Grid::Times => within(reach.times[0], reach.times[1], PLACES),
         Grid::Evenly { least, most, count } => within(least, most, count),
         Grid::Frequencies => (1..=FREQUENCIES)
             .map(|k| k as f64 * SPACING / travel.max(f64::MIN_POSITIVE))

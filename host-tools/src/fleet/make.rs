@@ -75,11 +75,12 @@ pub fn blocks_of_log(
     let hash = sha256(log).map_err(|source| LogError::reading(log, source))?;
     let mut growing: Vec<Growing> = Vec::new();
     let mut each = |slab: Slab| grow(&mut growing, model, slab);
-    let (first, recording) = Recording::in_slabs(log, model, block, &mut each, progress)?;
+    let logs = [log.to_owned()];
+    let (firsts, recording) = Recording::in_slabs(&logs, model, block, &mut each, progress)?;
     if growing.is_empty() {
         return Err(RecordingError::too_short(&recording, SHORTEST_SLAB));
     }
-    let begin = origin.begin.unwrap_or(first);
+    let begin = origin.begin.or(firsts.first().copied()).unwrap_or(0.0);
     let hashes = growing.iter().map(|own| own.columns.hash());
     let hashes: Vec<Arc<str>> = hashes.map(Arc::from).collect();
     let told = growing.iter().zip(hashes);

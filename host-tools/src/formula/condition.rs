@@ -56,6 +56,17 @@ impl Condition {
         value(&self.greater) >= value(&self.less)
     }
 
+    /// Whether one of time holds at `t` or `margin` before or after, s.
+    pub(crate) fn holds_near(&self, t: f64, margin: f64) -> bool {
+        [0.0, -margin, margin].into_iter().any(|off| {
+            let state = JointState {
+                time: t + off,
+                ..JointState::reported(0.0, 0.0, 0.0)
+            };
+            self.holds(&[state], 0)
+        })
+    }
+
     fn variables(&self) -> impl Iterator<Item = Variable> {
         let less = self.less.variables();
         self.greater.variables().into_iter().chain(less)

@@ -20,8 +20,8 @@ pub(crate) const SENSORS: usize = 18;
 
 /// Whether a walk's rows have columns of an effect.
 ///
-/// What lies between motor and link, friction that grows with the load, and what a motor makes of what it is asked for follow the transmitted torque,
-/// which a stance leaves open; what a motor does not give beyond its limit is made of the torque that it explains; positions determine a velocity's gain; gravity's direction and forces at feet are measured and projected out. A
+/// What lies between motor and link, and what a motor makes of what it is asked for, follow the torque to a part in a hundred, and a stance leaves that
+/// open; what a motor does not give beyond its limit is made of the torque that it explains; positions determine a velocity's gain; gravity's direction and forces at feet are measured and projected out. A
 /// walk's motors have no temperature here. A gait repeats its path, so that all it leaves is periodic in position: of MuJoCo's trots of 4.5 s harmonics of
 /// the gear took away 4 % of the squares where there is none.
 pub(crate) fn is_judged(effect: EffectKind) -> bool {
@@ -35,10 +35,7 @@ pub(crate) fn is_judged(effect: EffectKind) -> bool {
             facts.enters == Enters::Column
                 && !matches!(
                     facts.input,
-                    Input::Temperature
-                        | Input::TransmittedTorque
-                        | Input::MotorTorque
-                        | Input::Limb
+                    Input::Temperature | Input::MotorTorque | Input::Limb
                 )
                 && !harmonics
         }

@@ -6,7 +6,6 @@
 //! for), the same sum as the core's.
 
 use proprio_core::effect::{Input, JointState, Term};
-use proprio_core::walk::stance::SPREAD;
 
 use super::channels::Channels;
 use super::columns::{EffectSite, WalkColumns};
@@ -144,14 +143,14 @@ pub(crate) struct JointStates<'a> {
     parents: &'a [Option<usize>],
     /// Of each effect with bristles their impulse, sample by sample.
     bristles: Vec<Option<Vec<f64>>>,
-    /// The torque that the gears transmit, if an effect asks, N m.
-    load: Option<Channels>,
+    /// The torque that the gears transmit, N m.
+    load: &'a Channels,
 }
 
 impl<'a> JointStates<'a> {
     /// As the effects of columns that are `wanted`, by their numbers, see them.
     pub(super) fn of(
-        walk: &'a Walk,
+        (walk, stance): (&'a Walk, &'a Stance),
         columns: &'a WalkColumns,
         wanted: impl Fn(usize) -> bool,
     ) -> Self {
@@ -160,14 +159,9 @@ impl<'a> JointStates<'a> {
         let bristles = |(n, site): (usize, &EffectSite)| {
             asks(n, Input::Bristles).then(|| bristles(walk, site.place.1, site.shape))
         };
-        let mut all = 0..columns.sites.len();
         Self {
             bristles: columns.sites.iter().enumerate().map(bristles).collect(),
-            load: if all.any(|n| asks(n, Input::TransmittedTorque)) {
-                Some(smoothed_torque(walk))
-            } else {
-                None
-            },
+            load: &stance.transmitted,
             parents: &columns.robot.parents,
             walk,
         }
@@ -214,13 +208,11 @@ impl<'a> JointStates<'a> {
     fn joint(&self, n: usize, j: usize, site: usize) -> JointState<f64> {
         let walk = self.walk;
         let mut state = JointState {
+            load: self.load[n][j],
             speed_noise: walk.rest.speed_noise[j],
             time: walk.seconds(n),
             ..JointState::reported(walk.q[n][j], walk.dq[n][j], walk.tau[n][j])
         };
-        if let Some(load) = &self.load {
-            state.load = load[n][j];
-        }
         if let Some(Some(impulse)) = self.bristles.get(site) {
             state.presliding = impulse[n];
         }
@@ -243,17 +235,4 @@ pub(crate) fn bristles(walk: &Walk, joint: usize, displacement: f64) -> Vec<f64>
         impulse.extend(way.impulse(displacement));
     }
     impulse
-}
-
-/// Each joint's measured torque, the mean over [`SPREAD`] to both sides, N m. A stance leaves the transmitted torque open, so that no model can tell it;
-/// of a torque of ten N m the noise of one sample, 0.2 N m, is one part in 10⁴ of its square, and less in the mean.
-fn smoothed_torque(walk: &Walk) -> Channels {
-    let of = |n: usize, j: usize| {
-        let t = walk.seconds(n);
-        let [first, end] = [t - SPREAD, t + SPREAD].map(|t| walk.index_at(t));
-        let own = first..end.max(n + 1);
-        let count = own.len() as f64;
-        own.map(|m| walk.tau[m][j]).sum::<f64>() / count
-    };
-    Channels::from_fn(walk.len(), walk.tau.width(), of)
 }

@@ -29,7 +29,7 @@ pub(super) fn residuals(
         let mut own = setup.columns.effects();
         own.any(|(k, n, _)| n == site && setup.theta[k] != 0.0)
     };
-    let states = JointStates::of(&walk, &setup.columns, valued);
+    let states = JointStates::of((&walk, stance), &setup.columns, valued);
     let at = Instants {
         walk: &walk,
         stance,

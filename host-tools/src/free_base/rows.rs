@@ -176,7 +176,7 @@ pub(super) fn each_window(
     mut tell: impl FnMut(&SeenWindow<'_>),
 ) -> Windows {
     let walk = &sensors.corrected(walk);
-    let states = &JointStates::of(walk, &setup.columns, |_| true);
+    let states = &JointStates::of((walk, stance), &setup.columns, |_| true);
     let robot = &*setup.columns.robot;
     let mut window = Window::new((walk, stance), robot, &setup.tree, sensors);
     let impacts: Vec<f64> = (0..walk.len())

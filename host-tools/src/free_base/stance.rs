@@ -17,9 +17,11 @@ use proprio_core::walk::stance::{GUARD, LEAST_RANGE, LOW, SPREAD, TAIL};
 use proprio_core::window::Settings;
 use serde::Serialize;
 
+use super::channels::Channels;
 use super::free_tree::{Moving, OF_BASE};
 use super::legged::{Legged, LeggedFoot};
 use super::supported::{self, Support};
+use super::transmitted::{self, Needed};
 use super::walk::Walk;
 use crate::robust;
 
@@ -62,6 +64,8 @@ pub(crate) struct Stance {
     pub(super) touch_down: Vec<bool>,
     /// When feet strike or leave the ground by their legs' torques, s in order; each is told less than [`SPREAD`] early or late.
     pub(super) strikes: Vec<f64>,
+    /// The torque that each joint's gear transmits, N m, by the motion and the other joints.
+    pub(super) transmitted: Channels,
     /// How long its windows are, µs.
     pub(super) window_us: u64,
     /// Something beyond the feet carries the robot here, or no IMU tells how it moves: nothing follows from its base's equations.
@@ -92,10 +96,17 @@ impl Stance {
         let feet = 0..robot.feet.len();
         let mut judge = Judge::new(robot);
         let mut support = Vec::with_capacity(walk.len());
+        let mut needed = Vec::with_capacity(walk.len());
         let mut reasons: Vec<Vec<Reason>> = (0..walk.len())
             .map(|n| {
-                let (force, height, carried) = judge.told(walk, n);
+                let Told {
+                    force,
+                    height,
+                    support: carried,
+                    needed: own,
+                } = judge.told(walk, n);
                 support.push(carried);
+                needed.push(own);
                 let is_pressed = |f: &usize| force[*f] >= robot.least_force;
                 let ground = feet.clone().filter(is_pressed);
                 let ground = ground.map(|f| height[f]).fold(f64::INFINITY, f64::min);
@@ -120,12 +131,15 @@ impl Stance {
         let strikes = strikes.map(|n| walk.seconds(n)).collect();
         let down = |n: usize| n > 0 && feet.clone().any(|f| pressed(n, f) && !pressed(n - 1, f));
         let touch_down = (0..walk.len()).map(down).collect();
+        let carries = |n: usize, f: usize| reasons[n][f] != Reason::Air;
+        let transmitted = transmitted::of(walk, robot, &needed, carries);
         guard(walk, &mut reasons);
         let loaded: Vec<Vec<bool>> = reasons
             .iter()
             .map(|own| own.iter().map(|reason| *reason != Reason::Air).collect())
             .collect();
         Self {
+            transmitted,
             window_us: usual_window_us(walk, &loaded),
             loaded,
             touch_down,
@@ -240,6 +254,17 @@ fn quantum(readings: impl Iterator<Item = f64>) -> f64 {
     steps.filter(|step| *step > 0.0).fold(1.0, f64::min)
 }
 
+/// What is told of a sample.
+struct Told {
+    /// Each foot's force by its leg's torques, N.
+    force: Vec<f64>,
+    /// Each foot's height along gravity, in the base's frame, m.
+    height: Vec<f64>,
+    /// What all of them carry.
+    support: Support,
+    needed: Needed,
+}
+
 /// The robot by the CAD.
 struct Judge<'a> {
     robot: &'a Legged,
@@ -254,8 +279,7 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Each foot's force (N) by its leg's torques, its height (m) along gravity, both in the base's frame, and what all of them carry.
-    fn told(&mut self, walk: &Walk, n: usize) -> (Vec<f64>, Vec<f64>, Support) {
+    fn told(&mut self, walk: &Walk, n: usize) -> Told {
         let (first, last) = around(walk, n);
         let seconds = (walk.seconds(last) - walk.seconds(first)).max(1e-6);
         let slope = |a: f64, b: f64| (b - a) / seconds;
@@ -301,7 +325,15 @@ impl<'a> Judge<'a> {
             let lowest = points.map(|point| -down.dot(&point.place(&self.moving.pose)));
             lowest.fold(f64::INFINITY, f64::min)
         });
-        (force.collect(), height.collect(), support)
+        Told {
+            force: force.collect(),
+            height: height.collect(),
+            support,
+            needed: Needed {
+                force: needed,
+                left,
+            },
+        }
     }
 
     /// The force on a foot that makes up for what is `left` of its leg's torques: at its point, or of a flat foot the wrench about the middle of its points,

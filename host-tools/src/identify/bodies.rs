@@ -103,6 +103,10 @@ fn other_body(
         fitted[n] = [own.value, own.std];
         stated[n] = [own.prior, own.prior_std];
     }
+    // A mass below nothing is that of no body: it stands for a torque that the model lacks.
+    if fitted[0][0] <= 0.0 {
+        return None;
+    }
     let other = |quantity: BodyQuantity| {
         let (value, stated) = (quantity.of(&fitted)?, quantity.of(&stated)?);
         let apart = (value[0] - stated[0]).abs();
@@ -136,6 +140,46 @@ impl BodyQuantity {
             }
             // Ixx, Iyy and Izz among Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
             Self::Inertia(n) => Some(phi[4 + [0, 3, 5][n]]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::Status;
+
+    /// FR_thigh of 1.24 ± 0.12 kg by the CAD, as a fit has it.
+    fn found(mass: f64, std: f64) -> Vec<OtherBody> {
+        let stated = [1.24, 0.0, 0.0, -0.05, 0.01, 0.0, 0.0, 0.01, 0.0, 0.002];
+        let all: Vec<ParameterEstimate> = (INERTIAL_NAMES.iter().zip(stated).enumerate())
+            .map(|(n, ((what, unit), prior))| ParameterEstimate {
+                name: name_at(what, "FR_thigh"),
+                unit,
+                value: if n == 0 { mass } else { prior },
+                std: if n == 0 { std } else { 0.01 },
+                prior,
+                prior_std: if n == 0 { 0.12 } else { 0.01 },
+                status: Status::Identified,
+                at_bound: false,
+            })
+            .collect();
+        other_bodies(all.iter(), &Model::default())
+    }
+
+    #[test]
+    fn a_body_is_another_one_beyond_both_errors_and_never_below_nothing() {
+        for (mass, std, is_other) in [
+            (1.30, 0.02, false),
+            (1.74, 0.05, true),
+            (0.60, 0.05, true),
+            // As far as the one above, and sure of nothing.
+            (1.74, 0.30, false),
+            (-2.05, 0.56, false),
+        ] {
+            let found = found(mass, std);
+            assert_eq!(found.len(), usize::from(is_other), "{mass} ± {std}");
+            assert!(found.iter().all(|body| body.quantity == BodyQuantity::Mass));
         }
     }
 }

@@ -63,7 +63,7 @@ pub fn identify(
 ) -> Result<Identified, RecordingError> {
     let cad = Model::default();
     let read_as = model.unwrap_or(&cad);
-    let recording = read(logs, read_as, options, &mut progress)?.only(only, read_as)?;
+    let recording = read(logs, only, read_as, options, &mut progress)?;
     let model = model.map_or_else(|| plain(&recording), Model::clone);
     let fitted = identify_recording(&recording, &model, options, &mut progress)?;
     Ok(Identified {
@@ -87,8 +87,8 @@ pub fn identify_recording(
     if recording.logs.len() > 1 {
         let (mut each, mut fits) = (Vec::new(), Vec::new());
         for log in &recording.logs {
-            let own = read(std::slice::from_ref(log), model, options, progress)?;
-            let own = own.only(&recording.only, model)?;
+            let log = std::slice::from_ref(log);
+            let own = read(log, &recording.only, model, options, progress)?;
             let fitted = fit_model(&own, model, options)?;
             each.push(Run::of(&own, fitted.rms, fitted.held_out_rms));
             fits.push(fitted);
@@ -115,11 +115,12 @@ pub fn identify_recording(
 
 fn read(
     logs: &[PathBuf],
+    only: &[String],
     model: &Model,
     options: FitOptions,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<Recording, RecordingError> {
-    let mut recording = Recording::read(logs, model, progress)?;
+    let mut recording = Recording::read_only(logs, only, model, progress)?;
     if options.bus {
         bus::round(&mut recording);
     }

@@ -111,11 +111,9 @@ impl LimbRecording {
         }
     }
 
-    /// When each sample was, s since the first.
+    /// When each sample was, s since the recording's start: the same time in all limbs and in every part of a log.
     pub(crate) fn seconds(&self) -> Vec<f64> {
-        let begin = self.time_us.first().copied().unwrap_or(0);
-        let seconds = |t: &u64| 1e-6 * (t - begin) as f64;
-        self.time_us.iter().map(seconds).collect()
+        self.time_us.iter().map(|t| 1e-6 * *t as f64).collect()
     }
 
     /// The joints' smooth trajectories; `velocity_gain` is each joint's reported velocity over the true one.

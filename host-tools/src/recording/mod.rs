@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::formula::Condition;
 use crate::gate::{DataGates, GateReport, Joint, Reading};
 use crate::log::{LEAST_DURATION, LogReader, Row, Selection, Warning};
 use crate::model::{Limb, Model};
@@ -55,6 +56,8 @@ pub struct Recording {
     pub gates: Vec<LogGates>,
     /// The conditions under which it is judged ([`Recording::only`]).
     pub only: Vec<String>,
+    /// Whether it is a part of the logs, drawn because they are long.
+    pub is_drawn: bool,
 }
 
 /// What the samples of a log are worth, before a model is blamed.
@@ -83,13 +86,19 @@ impl Recording {
         model: &Model,
         mut progress: impl FnMut(u64, u64),
     ) -> Result<Self, RecordingError> {
+        Self::read_near(logs, model, Vec::new(), &mut progress)
+    }
+
+    /// Reads only the time in which all conditions `near` nearly hold.
+    fn read_near(
+        logs: &[PathBuf],
+        model: &Model,
+        near: Vec<Condition>,
+        mut progress: impl FnMut(u64, u64),
+    ) -> Result<Self, RecordingError> {
         let mut pass = Pass {
-            model,
-            recording: Self::of_logs(logs),
-            pieces: Pieces::all(),
-            offset_us: 0,
-            too_large: Vec::new(),
-            cutter: None,
+            near,
+            ..Pass::new(logs, model)
         };
         for log in logs {
             pass.read(log, &mut progress)?;
@@ -117,6 +126,7 @@ impl Recording {
         let limbs = recording.limbs.iter_mut();
         limbs.for_each(|(_, limb)| limb.shrink());
         let thinned = pieces.warning(recording.duration);
+        recording.is_drawn = thinned.is_some();
         let encoders = second_encoder::warnings(&recording, model);
         let left_out = too_large.iter().map(left_out);
         recording
@@ -134,6 +144,7 @@ impl Recording {
             duration: 0.0,
             gates: Vec::new(),
             only: Vec::new(),
+            is_drawn: false,
         }
     }
 
@@ -168,6 +179,7 @@ impl Recording {
             duration: length_us as f64 * 1e-6,
             gates: vec![self.gates[n].clone()],
             only: self.only.clone(),
+            is_drawn: self.is_drawn,
         }
     }
 
@@ -244,6 +256,9 @@ impl Recording {
     }
 }
 
+/// How long before and after the time that is judged the motion is known, s: much longer than a smoother looks.
+const MARGIN: f64 = 1.0;
+
 /// Torques above so many times an actuator's limit are of another unit or another joint, where most are.
 const MOST_TORQUE: f64 = 2.0;
 
@@ -256,6 +271,9 @@ struct Pass<'a> {
     offset_us: u64,
     /// Limbs recorded that have too many joints.
     too_large: Vec<Limb>,
+    /// Conditions of time: what is not near a moment in which they hold is not taken, so that a part of a long log is not thinned as the
+    /// whole of it is.
+    near: Vec<Condition>,
     /// Takes each slab as soon as it is whole, where nothing is to be kept.
     cutter: Option<Cutter<'a>>,
 }
@@ -272,7 +290,29 @@ struct LimbInLog {
     is_new: bool,
 }
 
-impl Pass<'_> {
+impl<'a> Pass<'a> {
+    /// Before anything is read: all of it is to be taken.
+    fn new(logs: &[PathBuf], model: &'a Model) -> Self {
+        Self {
+            model,
+            recording: Recording::of_logs(logs),
+            pieces: Pieces::all(),
+            offset_us: 0,
+            too_large: Vec::new(),
+            near: Vec::new(),
+            cutter: None,
+        }
+    }
+
+    /// Whether a moment is to be taken.
+    fn takes(&self, time_us: u64) -> bool {
+        self.pieces.keep(time_us)
+            && self
+                .near
+                .iter()
+                .all(|of| of.holds_near(1e-6 * time_us as f64, MARGIN))
+    }
+
     /// Reads the next log.
     fn read(
         &mut self,
@@ -303,7 +343,7 @@ impl Pass<'_> {
             {
                 limbs.iter_mut().for_each(|limb| limb.is_new = true);
             }
-            if self.pieces.keep(self.offset_us + last_us) {
+            if self.takes(self.offset_us + last_us) {
                 for limb in &mut limbs {
                     self.take(row, self.offset_us + last_us, limb, &mut buffer);
                 }
@@ -326,8 +366,7 @@ impl Pass<'_> {
             }
         }
         if let Some(cutter) = &mut self.cutter {
-            cutter.first = reader.first();
-            cutter.end(&mut self.recording.limbs);
+            cutter.end_log(reader.first(), &mut self.recording.limbs);
         }
         let told: Vec<Warning> = reader.finish()?;
         let told = told.iter().map(|w| format!("{}: {w}", log.display()));
@@ -388,7 +427,7 @@ impl Pass<'_> {
         found.into_iter().map(limb).collect()
     }
 
-    fn note_too_large<'a>(&mut self, recorded: impl Iterator<Item = &'a Limb>) {
+    fn note_too_large<'l>(&mut self, recorded: impl Iterator<Item = &'l Limb>) {
         for limb in recorded.filter(|limb| is_too_large(limb)) {
             if !self.too_large.contains(limb) {
                 self.too_large.push(limb.clone());

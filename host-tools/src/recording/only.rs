@@ -1,10 +1,11 @@
 //! A recording of which only a part is judged: where conditions on the motion hold.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use proprio_core::effect::{JointState, STANDING_NOISE};
 
-use super::{LimbRecording, Recording, RecordingError};
+use super::{LimbRecording, Recording, RecordingError, Slab};
 use crate::formula::{Condition, FormulaError, Names};
 use crate::log::LEAST_DURATION;
 use crate::model::{Limb, Model, significant};
@@ -63,58 +64,130 @@ impl Recording {
         Ok(self)
     }
 
+    /// Reads of logs the part that `conditions` ask for: [`read`](Self::read), then [`only`](Self::only). Where they name a time, a long log is thinned in
+    /// that time alone.
+    ///
+    /// # Errors
+    /// Those of the two.
+    pub fn read_only(
+        logs: &[PathBuf],
+        conditions: &[String],
+        model: &Model,
+        progress: impl FnMut(u64, u64),
+    ) -> Result<Self, RecordingError> {
+        // What is no condition of time is judged, or refused, once the logs are read.
+        let names = Names {
+            joints: &[""],
+            own: 0,
+        };
+        let of_time = |text: &String| {
+            Condition::read(text.trim(), names)
+                .ok()
+                .filter(Condition::is_of_time)
+        };
+        let near = conditions.iter().filter_map(of_time).collect();
+        Self::read_near(logs, model, near, progress)?.only(conditions, model)
+    }
+
     fn restrict(&mut self, text: &str, model: &Model) -> Result<(), ConditionProblem> {
-        let joint_names = |limb: &Limb| -> Vec<&str> {
-            let bodies = &model.robot().bodies()[limb.bodies.clone()];
-            bodies.iter().map(|body| body.name.as_str()).collect()
-        };
-        let all = || self.limbs.iter().flat_map(|(limb, _)| joint_names(limb));
-        let (joint, condition) = match text.split_once(':') {
-            Some((joint, condition)) => (Some(joint.trim()), condition.trim()),
-            None => (None, text.trim()),
-        };
-        if let Some(name) = joint
-            && !all().any(|known| known == name)
+        let duration = self.duration;
+        for Restricted {
+            limb,
+            joint,
+            own,
+            seconds,
+        } in restrict(&mut self.limbs, text, model)?
         {
-            return Err(ConditionProblem::UnknownJoint {
-                name: name.to_owned(),
-                known: all().collect::<Vec<_>>().join(", "),
-            });
-        }
-        let example = all()
-            .next()
-            .map(|first| format!("{first}: {condition}"))
-            .unwrap_or_default();
-        for (limb, samples) in &mut self.limbs {
-            let joints = joint_names(limb);
-            let own = match joint {
-                None => 0,
-                Some(name) => match joints.iter().position(|known| *known == name) {
-                    Some(own) => own,
-                    None => continue,
-                },
-            };
-            let names = Names {
-                joints: &joints,
-                own,
-            };
-            let condition = Condition::read(condition, names)?;
-            if joint.is_none() && !condition.is_of_time() {
-                return Err(ConditionProblem::WhichJoint { example });
-            }
-            let seconds = samples.restrict(&condition, own);
+            let (limb, samples) = &self.limbs[limb];
             if seconds < LEAST_DURATION {
-                return Err(samples.too_little(joints[own], own, seconds));
+                return Err(samples.too_little(&joint, own, seconds));
             }
             self.warnings.push(format!(
                 "{}: judged where `{text}` holds, {} s of {} s",
                 limb.name,
                 significant(seconds, 3),
-                significant(samples.len() as f64 * samples.period(), 3)
+                significant(duration, 3)
             ));
         }
         Ok(())
     }
+}
+
+impl Slab {
+    /// The same of which only the time is judged in which all of `conditions` hold, which a recording of its log has obeyed already.
+    pub(crate) fn only(mut self, conditions: &[String], model: &Model) -> Self {
+        for text in conditions {
+            // A condition that can be read once can be read again; a limb that this part of the log lacks is judged nowhere.
+            let _ = restrict(&mut self.limbs, text, model);
+        }
+        self
+    }
+}
+
+/// How long a condition of a joint holds.
+struct Restricted {
+    /// The limb's place.
+    limb: usize,
+    joint: String,
+    /// The joint's place in its limb.
+    own: usize,
+    /// s.
+    seconds: f64,
+}
+
+/// Leaves out of limbs what a condition does not hold in.
+fn restrict(
+    limbs: &mut [(Limb, LimbRecording)],
+    text: &str,
+    model: &Model,
+) -> Result<Vec<Restricted>, ConditionProblem> {
+    let joint_names = |limb: &Limb| -> Vec<&str> {
+        let bodies = &model.robot().bodies()[limb.bodies.clone()];
+        bodies.iter().map(|body| body.name.as_str()).collect()
+    };
+    let all = || limbs.iter().flat_map(|(limb, _)| joint_names(limb));
+    let (joint, condition) = match text.split_once(':') {
+        Some((joint, condition)) => (Some(joint.trim()), condition.trim()),
+        None => (None, text.trim()),
+    };
+    if let Some(name) = joint
+        && !all().any(|known| known == name)
+    {
+        return Err(ConditionProblem::UnknownJoint {
+            name: name.to_owned(),
+            known: all().collect::<Vec<_>>().join(", "),
+        });
+    }
+    let example = all()
+        .next()
+        .map(|first| format!("{first}: {condition}"))
+        .unwrap_or_default();
+    let mut restricted = Vec::new();
+    for (place, (limb, samples)) in limbs.iter_mut().enumerate() {
+        let joints = joint_names(limb);
+        let own = match joint {
+            None => 0,
+            Some(name) => match joints.iter().position(|known| *known == name) {
+                Some(own) => own,
+                None => continue,
+            },
+        };
+        let names = Names {
+            joints: &joints,
+            own,
+        };
+        let condition = Condition::read(condition, names)?;
+        if joint.is_none() && !condition.is_of_time() {
+            return Err(ConditionProblem::WhichJoint { example });
+        }
+        restricted.push(Restricted {
+            limb: place,
+            joint: joints[own].to_owned(),
+            own,
+            seconds: samples.restrict(&condition, own),
+        });
+    }
+    Ok(restricted)
 }
 
 impl LimbRecording {

@@ -38,8 +38,7 @@ impl Pieces {
         let piece = PIECE_US as f64 * 1e-6;
         (self.halvings > 0).then(|| {
             format!(
-                "of {duration:.0} s, {piece:.0} s in every {:.0} s are judged, spread evenly over time; for all of it, cut \
-                 the log into parts",
+                "of {duration:.0} s, {piece:.0} s in every {:.0} s are used for fits and plots, spread evenly over time; --only 't < 60' uses all of a part",
                 piece * 2f64.powi(self.halvings as i32)
             )
         })

@@ -2,9 +2,9 @@
 //!
 //! Memory is that of one slab. Nothing is thinned: all of a log counts.
 
-use std::path::Path;
+use std::path::PathBuf;
 
-use super::{LimbRecording, MOST_SAMPLES, Pass, Pieces, Recording, RecordingError};
+use super::{LimbRecording, MOST_SAMPLES, Pass, Recording, RecordingError};
 use crate::model::{Limb, Model};
 
 /// Shortest slab, s: a shorter rest of a log has too few windows to weigh its rows by.
@@ -12,9 +12,11 @@ pub(crate) const SHORTEST: f64 = 2.0;
 
 /// A part of a log.
 pub(crate) struct Slab {
+    /// Which of the logs.
+    pub(crate) log: usize,
     /// The block of time that it lies in, counted from the log's start.
     pub(crate) block: u64,
-    /// Its samples, limb by limb; times are those since the log's start, µs.
+    /// Its samples, limb by limb; times are those of the recording of all logs, µs.
     pub(crate) limbs: Vec<(Limb, LimbRecording)>,
 }
 
@@ -22,10 +24,12 @@ pub(crate) struct Slab {
 pub(super) struct Cutter<'a> {
     /// Length of a block of time, µs; no slab reaches across its end.
     block_us: u64,
-    /// The present block.
+    /// The present log.
+    log: usize,
+    /// Its present block.
     block: u64,
-    /// Stamp of the log's first row, s.
-    pub(super) first: f64,
+    /// Stamp of each log's first row, s.
+    pub(super) firsts: Vec<f64>,
     each: &'a mut dyn FnMut(Slab),
 }
 
@@ -42,8 +46,16 @@ impl Cutter<'_> {
         true
     }
 
+    /// The end of a log, whose first row is of `first`, s.
+    pub(super) fn end_log(&mut self, first: f64, limbs: &mut [(Limb, LimbRecording)]) {
+        self.end(limbs);
+        self.firsts.push(first);
+        self.log += 1;
+        self.block = 0;
+    }
+
     /// Gives away what is there.
-    pub(super) fn end(&mut self, limbs: &mut [(Limb, LimbRecording)]) {
+    fn end(&mut self, limbs: &mut [(Limb, LimbRecording)]) {
         let whole = limbs.iter_mut().map(|(limb, samples)| {
             let empty = LimbRecording {
                 joints: samples.joints,
@@ -57,44 +69,43 @@ impl Cutter<'_> {
         };
         let limbs: Vec<_> = whole.filter(|(_, samples)| is_long(samples)).collect();
         if !limbs.is_empty() {
-            let block = self.block;
-            (self.each)(Slab { block, limbs });
+            let (log, block) = (self.log, self.block);
+            (self.each)(Slab { log, block, limbs });
         }
     }
 }
 
 impl Recording {
-    /// Reads a log of the robot of `model` and hands it on slab by slab, none longer than [`MOST_SAMPLES`] or than what is left of a block of
-    /// `block` seconds. `progress` receives the bytes read and how many there are in all. The result is the stamp of the log's first row, s, and
-    /// the recording without samples: its length, gates and warnings.
+    /// Reads logs of the robot of `model`, one after the other, and hands them on slab by slab, none longer than [`MOST_SAMPLES`] or than what is
+    /// left of a block of `block` seconds. `progress` receives the bytes read of a log and how many it has in all. The result is the stamp of each
+    /// log's first row, s, and the recording without samples: its length, gates and warnings.
     ///
     /// # Errors
     /// As [`read`](Self::read)'s, but for a log that is too short: that has no slab.
     pub(crate) fn in_slabs(
-        log: &Path,
+        logs: &[PathBuf],
         model: &Model,
         block: f64,
         each: &mut dyn FnMut(Slab),
         mut progress: impl FnMut(u64, u64),
-    ) -> Result<(f64, Self), RecordingError> {
+    ) -> Result<(Vec<f64>, Self), RecordingError> {
         let mut pass = Pass {
-            model,
-            recording: Self::of_logs(&[log.to_owned()]),
-            pieces: Pieces::all(),
-            offset_us: 0,
-            too_large: Vec::new(),
             cutter: Some(Cutter {
                 block_us: ((1e6 * block) as u64).max(1),
+                log: 0,
                 block: 0,
-                first: 0.0,
+                firsts: Vec::new(),
                 each,
             }),
+            ..Pass::new(logs, model)
         };
-        pass.read(log, &mut progress)?;
-        let first = pass.cutter.map_or(0.0, |cutter| cutter.first);
+        for log in logs {
+            pass.read(log, &mut progress)?;
+        }
+        let firsts = pass.cutter.map_or(Vec::new(), |cutter| cutter.firsts);
         let left_out = pass.too_large.iter().map(super::left_out);
         let mut recording = pass.recording;
         recording.warnings.extend(left_out);
-        Ok((first, recording))
+        Ok((firsts, recording))
     }
 }

@@ -34,6 +34,7 @@
 //!
 //! - `choices`: tick boxes: every model that leaves effects out, or has more of the simple ones, fitted anew in the page
 //! - `data_table`: a table that can be sorted, and filtered where it is long
+//! - `minutes`: errors over every window of long logs
 //! - `models`: errors of several models, joint by joint
 //! - `motion`: a designed motion: what each joint does and how the search went; and the feedback that models leave
 //! - `poses`: measured poses: error vectors, errors by pose and by joint
@@ -51,6 +52,7 @@ mod data_table;
 pub mod escape;
 mod figure;
 mod library;
+mod minutes;
 pub mod models;
 pub mod motion;
 mod page;

@@ -39,3 +39,18 @@ pub fn built() -> Result<PathBuf, String> {
     }
     Ok(Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/proprio"))
 }
+
+/// What a command prints on standard output.
+///
+/// # Errors
+/// What it prints on standard error where it fails.
+pub fn run(program: &Path, arguments: &[&str]) -> Result<String, String> {
+    let done = Command::new(program)
+        .args(arguments)
+        .output()
+        .map_err(|e| format!("{}: {e}", program.display()))?;
+    if !done.status.success() {
+        return Err(String::from_utf8_lossy(&done.stderr).into_owned());
+    }
+    String::from_utf8(done.stdout).map_err(|e| e.to_string())
+}

@@ -5,11 +5,11 @@
 //! `studies/battery/walk_table.md`.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use clap::Parser;
 use proprio_core::go2::JOINT_NAMES;
-use proprio_studies::battery;
+use proprio_studies::battery::{self, run};
 use serde_json::Value;
 
 /// A kind of hidden effect: its name here, what `--hide` calls it, its value, and the ends of the names of joints that may have it.
@@ -183,16 +183,4 @@ fn of_robot(program: &Path, folder: &Path, kind: Kind, seed: u64) -> Result<Name
             .filter(|own| own.0 == "payload" && !is_it(own))
             .count(),
     })
-}
-
-/// What a command prints.
-fn run(program: &Path, arguments: &[&str]) -> Result<String, String> {
-    let done = Command::new(program)
-        .args(arguments)
-        .output()
-        .map_err(|e| format!("{}: {e}", program.display()))?;
-    if !done.status.success() {
-        return Err(String::from_utf8_lossy(&done.stderr).into_owned());
-    }
-    String::from_utf8(done.stdout).map_err(|e| e.to_string())
 }

@@ -108,7 +108,7 @@ impl Scan<'_> {
         let reach = Reach {
             gear: self.walks.robot.gears[joint],
             positions: [q().fold(f64::MAX, f64::min), q().fold(f64::MIN, f64::max)],
-            duration: most(&|walk| walk.seconds(walk.len().max(1) - 1)),
+            times: [0.0, most(&|walk| walk.seconds(walk.len().max(1) - 1))],
             least_displacement: least_displacement(most(&acceleration), period).max(lower),
             fastest: most(&|walk| walk.dq.of(joint).map(f64::abs).fold(0.0, f64::max)),
             speed_noise: most(&|walk| walk.rest.speed_noise[joint]),

@@ -78,6 +78,8 @@ pub(super) fn diagnosis(
         bodies: Vec::new(),
         formulas: Vec::new(),
         outside_catalogue,
+        every_window: None,
+        stands: false,
         logs: logs.to_vec(),
         warnings: [
             walks.warnings.clone(),

@@ -7,6 +7,7 @@ use proprio_core::effect::{EffectKind, Prior};
 use proprio_core::inertia::{INERTIAL, InertialParameters};
 use serde::Serialize;
 
+use crate::detect::every_window::EveryWindow;
 use crate::detect::ladder::{self, JointLadder, Yardsticks};
 use crate::estimate::fit::LimbFit;
 use crate::estimate::robot::Shared;
@@ -46,6 +47,9 @@ pub struct Fitted {
     /// Where the runs agree and where not, the worst first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub consistency: Vec<Consistency>,
+    /// Of long logs, of which all the rest here is of a drawn part: the errors over every window.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub every_window: Option<EveryWindow>,
     /// The logs.
     pub logs: Vec<PathBuf>,
     /// What a user should know about the logs.
@@ -161,6 +165,7 @@ impl Fitted {
             runs: Vec::new(),
             consistency: Vec::new(),
             logs: recording.logs.clone(),
+            every_window: None,
             warnings: recording.warnings.clone(),
         }
     }
@@ -197,6 +202,13 @@ impl Fitted {
     /// # Errors
     /// [`NotAModel`] if a value is unphysical, as those of a fit without constraints may be.
     pub fn to_model(&self, model: &Model, provenance: Provenance) -> Result<Model, NotAModel> {
+        let mut to = self.filled(model)?;
+        to.set_provenance(provenance);
+        Ok(to)
+    }
+
+    /// `model` with these values, each torque once.
+    pub(crate) fn filled(&self, model: &Model) -> Result<Model, NotAModel> {
         let mut to = model.clone();
         to.take_out_repeated();
         let mut bodies = vec![[None; INERTIAL]; model.robot().bodies().len()];
@@ -232,7 +244,6 @@ impl Fitted {
                     })?;
             }
         }
-        to.set_provenance(provenance);
         Ok(to)
     }
 }

@@ -7,6 +7,7 @@ use crate::compare::{Comparison, EffectValue, choices};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report::choices::{self as tick_boxes, Told};
+use crate::report::minutes;
 use crate::report::parameters::{self, ParameterRow};
 use crate::report::waterfall::{self, Step};
 use crate::report::{Page, Section};
@@ -73,6 +74,8 @@ pub(super) fn try_out(
 /// The sections of a comparison after those of how the error fell.
 pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section> {
     let name = "model";
+    let every = comparison.every_window.iter();
+    let every = every.map(|every| minutes::section(every, ["as given", name]));
     let ladder: Vec<Step> = ladder.iter().cloned().chain(boxes(comparison)).collect();
     let mut sections = vec![
         waterfall::section(&ladder, comparison.yardsticks.noise_floor_rms),
@@ -80,6 +83,7 @@ pub(super) fn sections(comparison: &Comparison, ladder: &[Step]) -> Vec<Section>
         residuals(&comparison.series, name),
         correlations(&comparison.criticism, name),
     ];
+    sections.splice(1..1, every);
     if !comparison.effects.is_empty() {
         let rows: Vec<ParameterRow> = comparison.effects.iter().map(row).collect();
         sections.push(parameters::section(&rows));

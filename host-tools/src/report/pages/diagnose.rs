@@ -10,6 +10,7 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::report::candidates::{self, Candidate};
 use crate::report::choices::Told;
+use crate::report::minutes;
 use crate::report::waterfall::Step;
 use crate::report::{Page, Section};
 use crate::summary::{joints_in_words, typed};
@@ -46,6 +47,9 @@ impl DiagnosisPage<'_> {
         findings.extend(diagnosis.outside_catalogue.iter().skip(1).cloned());
         let mut all = sections(self.after, &ladder(diagnosis));
         all.insert(1, bars(diagnosis));
+        let every = diagnosis.every_window.iter();
+        let every = every.map(|every| minutes::section(every, ["as given", "with what was found"]));
+        all.splice(1..1, every);
         let tick_boxes = try_out(self.recording, self.complete, &self.told(&summary.next))?;
         all.splice(0..0, tick_boxes);
         let mut header = header("What the model lacks", findings, &diagnosis.logs)?;
