@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use crate::live::{Address, Counts, Source, Until};
 use crate::log::{CanonicalWriter, LiveRows, LogError, Periods};
-use crate::model::{Model, Robot};
+use crate::model::Robot;
 use crate::output::{AtomicFile, WriteError, finish_on_interrupt};
 use crate::progress::Underway;
 use clap::Args;
@@ -18,26 +18,31 @@ use clap::error::ErrorKind;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
+use super::Error;
+use super::bus_arguments::BusArguments;
 use super::result::result;
-use super::{Error, model_or_default};
+use super::robot_arguments::RobotArguments;
 use report::Report;
 
 /// Record a live source as a log
 ///
 /// `dds` is the robot's own network: of the DDS domain it takes the topic of joint states that is sent there (unitree_go and unitree_hg
 /// LowState, sensor_msgs JointState), over the interface IFACE. Nothing is sent to the robot but what discovery asks of every
-/// participant. `-` is CSV on standard input, as its rows come. Each message is kept once, in the order of one writer; what was lost,
-/// came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
+/// participant. `-` is CSV on standard input, as its rows come. LEG=PORT is an RS-485 adapter that listens to this leg's motor bus; of several legs,
+/// rows have the time of the first one's polling cycles. `sim` is a simulated robot's buses, to try it. Each message is kept once, in the order of one
+/// writer; what was lost, came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio record dds:eth0 -o chirp.mcap
   proprio record dds:eth0/lowstate -o chirp.csv --seconds 20
   proprio record dds:wlan0/joint_states --domain 3 -m arm.toml -o arm.csv.gz
+  proprio record FR=/dev/ttyUSB0 -o FR.csv --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower
+  proprio record sim -o sim.csv --seconds 5
   my_driver | proprio record - -o chirp.csv")]
 pub(crate) struct Record {
-    /// `dds`, with the interface that leads to the robot and the topic; or - for standard input
-    #[arg(value_name = "dds[:IFACE][/TOPIC]|-")]
-    source: String,
+    /// `dds`, with the interface that leads to the robot and the topic; adapters on motor buses; `sim`; or - for standard input
+    #[arg(value_name = "dds[:IFACE][/TOPIC]|LEG=PORT...|sim|-", required = true)]
+    source: Vec<String>,
     /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came
     #[arg(short, long, value_name = "LOG")]
     output: PathBuf,
@@ -47,12 +52,10 @@ pub(crate) struct Record {
     /// DDS domain
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
     domain: u16,
-    /// The robot's model file, whose joints a CSV log has [default: the Go2]
-    #[arg(short, long, value_name = "MODEL", conflicts_with = "urdf")]
-    model: Option<PathBuf>,
-    /// The robot's URDF, in place of a model file
-    #[arg(long, value_name = "FILE")]
-    urdf: Option<PathBuf>,
+    #[command(flatten)]
+    buses: BusArguments,
+    #[command(flatten)]
+    robot: RobotArguments,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -85,28 +88,27 @@ impl Format {
 
 impl Record {
     pub(crate) fn run(self) -> Result<String, Error> {
+        let name = self.source.join(" ");
         let Some(address) = Address::parse(&self.source) else {
             let why = format!(
-                "{} is no live source: dds[:IFACE][/TOPIC] or -. A board sends estimates, not samples: `proprio monitor {0} --record FILE`",
-                self.source
+                "{name} is no live source: dds[:IFACE][/TOPIC], one LEG=PORT for each leg, sim or -. A board sends estimates, not samples: `proprio monitor {name} --record FILE`"
             );
             super::usage_error("record", ErrorKind::ValueValidation, why);
         };
         let format = Format::of(&self.output);
-        if format == Format::Mcap && address == Address::Text {
-            let why = "rows of text are no messages: name a .csv or .csv.gz".to_owned();
+        if format == Format::Mcap && !matches!(address, Address::Dds(_)) {
+            let why = "of this source rows are recorded and no messages: name a .csv or .csv.gz"
+                .to_owned();
             super::usage_error("record", ErrorKind::ArgumentConflict, why);
         }
-        let model = match &self.urdf {
-            Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
-            None => model_or_default(self.model.as_deref(), false)?,
-        };
+        let robot = self.robot.robot()?;
+        let facts = self.buses.facts("record");
         finish_on_interrupt();
         let counts = Counts::default();
         let limit = self.seconds.map(|s| Duration::from_secs_f64(s + SLACK));
         let until = Until::after(limit);
         let shown = show(counts.clone());
-        let source = Source::open(&address, self.domain, &until, &counts)?;
+        let source = Source::open(&address, self.domain, &facts, &until, &counts)?;
         let mut recording = Recording {
             counts,
             periods: Periods::default(),
@@ -114,17 +116,18 @@ impl Record {
             first: None,
             last: None,
             recorded: 0,
+            warnings: Vec::new(),
         };
-        let mut report = Report::new(&self.source, &self.output);
+        let mut report = Report::new(&name, &self.output);
         report.follows(&source);
         let file = AtomicFile::create(&self.output)?;
         let (file, failed) = match format {
             Format::Mcap => recording.messages(source, file),
-            Format::Csv => recording.rows(source, model.robot(), file),
+            Format::Csv => recording.rows(&name, source, &robot, file),
             Format::Gzip => {
                 let gzip = GzEncoder::new(file, Compression::default());
                 let (gzip, failed) = recording
-                    .rows(source, model.robot(), gzip)
+                    .rows(&name, source, &robot, gzip)
                     .map_err(|error| error.at(&self.output))?;
                 gzip.finish()
                     .map(|file| (file, failed))
@@ -142,7 +145,7 @@ impl Record {
             return Err(error.into());
         }
         report
-            .warnings()
+            .warnings
             .iter()
             .for_each(|warning| eprintln!("warning: {warning}"));
         Ok(match self.json {
@@ -208,6 +211,8 @@ struct Recording {
     first: Option<f64>,
     last: Option<f64>,
     recorded: u64,
+    /// What the reader of rows noticed.
+    warnings: Vec<String>,
 }
 
 impl Recording {
@@ -235,13 +240,15 @@ impl Recording {
     /// Writes rows as they come; beside the output, what ended them if that was not to be.
     fn rows<W: Write>(
         &mut self,
+        name: &str,
         source: Source,
         robot: &Robot,
         out: W,
     ) -> Result<(W, Option<LogError>), Failed> {
-        let is_text = matches!(source, Source::Text(_));
-        let name = Path::new(if is_text { "-" } else { "dds" });
-        let mut rows = LiveRows::follow(name, source.into_input(), robot).map_err(Failed::Read)?;
+        // Messages are counted where they come in.
+        let counts_rows = matches!(source, Source::Text(_) | Source::Buses(_));
+        let mut rows =
+            LiveRows::follow(Path::new(name), source.into_input(), robot).map_err(Failed::Read)?;
         let mut writer = CanonicalWriter::new(out, rows.columns()).map_err(Failed::Write)?;
         let mut failed = None;
         loop {
@@ -252,7 +259,7 @@ impl Recording {
                     }
                     writer.row(row).map_err(Failed::Write)?;
                     self.recorded += 1;
-                    if is_text {
+                    if counts_rows {
                         self.counts.with(|tally| tally.messages += 1);
                     }
                 }
@@ -263,6 +270,7 @@ impl Recording {
                 }
             }
         }
+        self.warnings = rows.warnings().iter().map(ToString::to_string).collect();
         Ok((writer.finish().map_err(Failed::Write)?, failed))
     }
 
