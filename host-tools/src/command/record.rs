@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
+#[cfg(feature = "mcap")]
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::live::{Address, Counts, Source, Until};
-use crate::log::{CanonicalWriter, LiveRows, LogError, Periods};
+use crate::log::{CanonicalWriter, Columns, LiveRows, LogError, Periods, Row};
 use crate::model::Robot;
 use crate::output::{AtomicFile, WriteError, finish_on_interrupt};
 use crate::progress::Underway;
@@ -43,7 +45,7 @@ pub(crate) struct Record {
     /// `dds`, with the interface that leads to the robot and the topic; adapters on motor buses; `sim`; or - for standard input
     #[arg(value_name = "dds[:IFACE][/TOPIC]|LEG=PORT...|sim|-", required = true)]
     source: Vec<String>,
-    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came
+    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came (of motor buses: joint states)
     #[arg(short, long, value_name = "LOG")]
     output: PathBuf,
     /// How long to record [default: until Ctrl-C]
@@ -96,9 +98,8 @@ impl Record {
             super::usage_error("record", ErrorKind::ValueValidation, why);
         };
         let format = Format::of(&self.output);
-        if format == Format::Mcap && !matches!(address, Address::Dds(_)) {
-            let why = "of this source rows are recorded and no messages: name a .csv or .csv.gz"
-                .to_owned();
+        if format == Format::Mcap && address == Address::Text {
+            let why = "rows of text are no messages: name a .csv or .csv.gz".to_owned();
             super::usage_error("record", ErrorKind::ArgumentConflict, why);
         }
         let robot = self.robot.robot()?;
@@ -122,7 +123,7 @@ impl Record {
         report.follows(&source);
         let file = AtomicFile::create(&self.output)?;
         let (file, failed) = match format {
-            Format::Mcap => recording.messages(source, file),
+            Format::Mcap => recording.messages(&name, source, &robot, file),
             Format::Csv => recording.rows(&name, source, &robot, file),
             Format::Gzip => {
                 let gzip = GzEncoder::new(file, Compression::default());
@@ -250,47 +251,71 @@ impl Recording {
         let mut rows =
             LiveRows::follow(Path::new(name), source.into_input(), robot).map_err(Failed::Read)?;
         let mut writer = CanonicalWriter::new(out, rows.columns()).map_err(Failed::Write)?;
-        let mut failed = None;
-        loop {
+        let failed = self.follow(&mut rows, counts_rows, |_, row| writer.row(row))?;
+        Ok((writer.finish().map_err(Failed::Write)?, failed))
+    }
+
+    /// Has each row written as it comes; what ended them if that was not to be.
+    fn follow(
+        &mut self,
+        rows: &mut LiveRows,
+        counts_rows: bool,
+        mut write: impl FnMut(&Columns, &Row) -> io::Result<()>,
+    ) -> Result<Option<LogError>, Failed> {
+        let columns = rows.columns().clone();
+        let failed = loop {
             match rows.next_row() {
                 Ok(Some(row)) => {
                     if !self.note(row.t()) {
-                        break;
+                        break None;
                     }
-                    writer.row(row).map_err(Failed::Write)?;
+                    write(&columns, row).map_err(Failed::Write)?;
                     self.recorded += 1;
                     if counts_rows {
                         self.counts.with(|tally| tally.messages += 1);
                     }
                 }
-                Ok(None) => break,
-                Err(error) => {
-                    failed = Some(error);
-                    break;
-                }
+                Ok(None) => break None,
+                Err(error) => break Some(error),
             }
-        }
+        };
         self.warnings = rows.warnings().iter().map(ToString::to_string).collect();
-        Ok((writer.finish().map_err(Failed::Write)?, failed))
+        Ok(failed)
     }
 
-    /// Writes messages as they come.
+    /// Writes messages as they come; rows of motor buses as joint states, their times on this machine's clock.
     #[cfg(feature = "mcap")]
     fn messages<W: Write>(
         &mut self,
+        name: &str,
         source: Source,
+        robot: &Robot,
         out: W,
     ) -> Result<(W, Option<LogError>), Failed> {
-        let Source::Messages {
-            topic,
-            kind,
-            mut messages,
-        } = source
-        else {
-            return Ok((out, None));
+        use crate::log::{MESSAGE_KINDS, MessageWriter};
+        let (topic, kind, mut messages) = match source {
+            Source::Messages {
+                topic,
+                kind,
+                messages,
+            } => (topic, kind, messages),
+            Source::Text(_) | Source::Buses(_) => {
+                let begin = SystemTime::now().duration_since(UNIX_EPOCH);
+                let begin = begin.map_or(0.0, |begin| begin.as_secs_f64());
+                let mut rows = LiveRows::follow(Path::new(name), source.into_input(), robot)
+                    .map_err(Failed::Read)?;
+                let [.., kind] = MESSAGE_KINDS;
+                let mut writer =
+                    MessageWriter::new(out, "joint_states", kind).map_err(Failed::Write)?;
+                let failed = self.follow(&mut rows, true, |columns, row| {
+                    // Whole microseconds, as the buses' clock has them.
+                    let time_us = ((begin + row.t()) * 1e6).round();
+                    writer.row(time_us as i64 * 1000, columns, row)
+                })?;
+                return Ok((writer.finish().map_err(Failed::Write)?, failed));
+            }
         };
-        let mut writer =
-            crate::log::MessageWriter::new(out, &topic, kind).map_err(Failed::Write)?;
+        let mut writer = MessageWriter::new(out, &topic, kind).map_err(Failed::Write)?;
         while let Some(message) = messages.next() {
             if !self.note(message.received_ns as f64 * 1e-9) {
                 break;
@@ -302,7 +327,13 @@ impl Recording {
     }
 
     #[cfg(not(feature = "mcap"))]
-    fn messages<W: Write>(&mut self, _: Source, out: W) -> Result<(W, Option<LogError>), Failed> {
+    fn messages<W: Write>(
+        &mut self,
+        _: &str,
+        _: Source,
+        _: &Robot,
+        out: W,
+    ) -> Result<(W, Option<LogError>), Failed> {
         Ok((out, None))
     }
 }
