@@ -19,6 +19,7 @@ PROPRIO = os.environ["PROPRIO"]
 HERE = Path(__file__).parent
 DATA = Path(os.environ.get("PROPRIO_DATA", HERE / "../../../shared/data"))
 CHIRP = DATA / "go2_air_chirp_7.0hz_p25d5.0.csv"
+WALK = HERE / "../oracle/walk/trot.csv.gz"
 URI = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface address='10.77.0.2'/></Interfaces></General></Domain></CycloneDDS>"
 SOURCE = "dds:robot0"
 
@@ -131,6 +132,18 @@ class Live(unittest.TestCase):
         share = processor / (expected[-1].tick / 1000)
         print(f"monitor: {100 * share:.1f} % of a core at 500 Hz (development build)", file=sys.stderr)
         self.assertLess(share, 0.10)
+
+    def test_a_robot_that_walks(self):
+        robot = self.robot(log=WALK)
+        monitor = self.proprio("monitor", SOURCE, "--free-base", "--json")
+        sent = self.sent(robot)["sent"]
+        walk = json.loads(self.ended(monitor)[0])["walk"]
+        truth = json.loads(WALK.with_name("truth.json").read_text())["logs"]["trot"]["mass"]
+        # The last estimate was begun 3 s after the first sample.
+        self.assertGreater(walk["counts"]["samples"], 1400)
+        self.assertLessEqual(walk["counts"]["samples"], sent)
+        self.assertEqual((walk["counts"]["without_imu"], walk["counts"]["rejected"]), (0, 0))
+        self.assertAlmostEqual(walk["mass"][0] / truth, 1, delta=0.03)
 
     def identified(self, name):
         done = subprocess.run([PROPRIO, "identify", name, "--json"], cwd=self.folder, capture_output=True, text=True)

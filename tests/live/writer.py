@@ -108,10 +108,10 @@ class Other(IdlStruct, typename="other_robot.msg.dds_.LowState_"):
 def low_state(row):
     motors = [Motor(1, q, dq, 0, tau, 0, 0, 0, 30, 0, [0, 0]) for q, dq, tau in zip(row.q, row.dq, row.tau)]
     motors += [Motor(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, [0, 0])] * (20 - len(motors))
-    imu = Imu([1, 0, 0, 0], [0, 0, 0], [0, 0, 9.81], [0, 0, 0], 40)
+    imu = Imu([1, 0, 0, 0], row.gyro, row.acc, [0, 0, 0], 40)
     bms = Bms(0, 0, 0, 0, 0, 0, [0, 0], [0, 0], [0] * 15)
     return LowState(
-        [0, 0], 0, 0, [0, 0], [0, 0], 0, imu, motors, bms, [0] * 4, [0] * 4, row.tick, [0] * 40, 0, 0, 0, 0, 0, 0, [0] * 4, 0, 0
+        [0, 0], 0, 0, [0, 0], [0, 0], 0, imu, motors, bms, row.feet, [0] * 4, row.tick, [0] * 40, 0, 0, 0, 0, 0, 0, [0] * 4, 0, 0
     )
 
 

@@ -101,8 +101,8 @@ fn what_is_no_capture_no_port_and_no_file_of_ones_own_is_refused() {
 fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
     use proprio_core::go2::Leg;
     use proprio_host::capture::{Facts, Told};
+    use proprio_host::device::Robot;
     use proprio_host::device::power_up::PowerUp;
-    use proprio_host::monitor::Robot;
     use proprio_simulator::hidden::typical;
 
     let folder = folder();
@@ -193,7 +193,7 @@ fn a_capture_that_says_where_the_joints_were_is_a_log_whatever_the_power_up() {
     write("silent.cap", power_up, &placed, 2_000..2_060);
     let output = proprio(folder.path(), &["import", "silent.cap", "-o", "cut.csv"]);
     assert!(
-        stderr(&output).contains("1940 of 3940 polling cycles are left out"),
+        stderr(&output).contains("1940 of 3940 polling cycles of FL are left out"),
         "{}",
         stderr(&output)
     );

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use proprio_tests::command::{
-    binary, done, folder, json, parameter, refusal, schema_of, simulated, stderr, stdout,
+    binary, done, folder, json, parameter, proprio, refusal, schema_of, simulated, stderr, stdout,
 };
 use proprio_tests::schema::Schema;
 use serde_json::Value;
@@ -161,6 +161,187 @@ fn a_device_hears_the_rows_of_a_pipe() {
     assert!(watched["ranking"].as_array().unwrap().iter().any(lacks));
 }
 
+/// Two legs' buses through serial lines of the operating system: the bytes that a simulated robot's motors make, whose counts begin anywhere.
+#[cfg(unix)]
+#[test]
+fn adapters_on_two_motor_buses_become_a_log() {
+    use portable_pty::{PtySize, native_pty_system};
+    use proprio_core::go2::Leg;
+    use proprio_host::device::Robot;
+    use proprio_host::device::power_up::PowerUp;
+    use proprio_simulator::hidden::typical;
+
+    let legs = [Leg::FR, Leg::RL];
+    let power_up = PowerUp::random(5);
+    // What the buses carry, and the angles that they mean.
+    let robot = |power_up| Robot::new(&legs, typical(&legs), 2).after(power_up);
+    let [counted, angles] = [power_up, PowerUp::NONE].map(|power_up| {
+        let robot = robot(power_up);
+        let steps = robot.steps().take(2_500).map(Result::unwrap);
+        steps.collect::<Vec<_>>()
+    });
+    let positions = |bytes: &[u8], leg: Leg| -> [f64; 3] {
+        use proprio_core::bus::{Decoder, Frame};
+        let (mut decoder, mut rest, mut found) = (Decoder::new(), bytes, [f64::NAN; 3]);
+        while let Some(frame) = decoder.next(&mut rest, &mut { usize::MAX }) {
+            if let Frame::Reply(reply) = frame {
+                let joint = usize::from(reply.mode.id());
+                found[joint] = reply.joint_position(proprio_core::go2::ACTUATORS[joint].gear);
+            }
+        }
+        assert!(found.iter().all(|q| q.is_finite()), "{}", leg.name());
+        found
+    };
+    let folder = folder();
+    let at = folder.path();
+    let pairs = legs.map(|_| native_pty_system().openpty(PtySize::default()).unwrap());
+    let mut arguments: Vec<String> = vec!["record".into()];
+    for (leg, pair) in legs.iter().zip(&pairs) {
+        let port = pair.master.tty_name().unwrap();
+        arguments.push(format!("{}={}", leg.name(), port.display()));
+    }
+    arguments.extend(["-o", "log.csv", "--json"].map(String::from));
+    for leg in legs {
+        let begin = positions(&angles[0].buses[leg.index()], leg);
+        for (joint, (name, q)) in leg.joint_names().iter().zip(begin).enumerate() {
+            arguments.push(format!("--at={name}={q}"));
+            if power_up.is_reversed(leg, joint) {
+                arguments.push(format!("--reversed={name}"));
+            }
+        }
+    }
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let child = start(at, &words);
+    // Its ports are open, and say bytes as they come, once its temporary file is there.
+    let is_temporary = |entry: fs::DirEntry| entry.path().extension() == Some("tmp".as_ref());
+    let begun = || (fs::read_dir(at).unwrap()).any(|entry| is_temporary(entry.unwrap()));
+    let started = Instant::now();
+    while !begun() && started.elapsed() < Duration::from_secs(30) {
+        thread::sleep(Duration::from_millis(20));
+    }
+    assert!(begun());
+    let mut lines = pairs
+        .each_ref()
+        .map(|pair| pair.master.take_writer().unwrap());
+    // It rests where the user says for a moment.
+    for _ in 0..25 {
+        for (leg, line) in legs.iter().zip(&mut lines) {
+            line.write_all(&counted[0].buses[leg.index()]).unwrap();
+        }
+        thread::sleep(Duration::from_millis(2));
+    }
+    let begin = Instant::now();
+    for step in &counted {
+        thread::sleep(Duration::from_micros(step.time_us).saturating_sub(begin.elapsed()));
+        for (leg, line) in legs.iter().zip(&mut lines) {
+            line.write_all(&step.buses[leg.index()]).unwrap();
+        }
+    }
+    thread::sleep(Duration::from_millis(300));
+    let killed = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(killed.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = report(&output);
+    let recorded = said["recorded"].as_u64().unwrap();
+    println!("{said}");
+    // What every adapter's user is told: of a machine that is so busy that a bus is silent for 0.1 s the zeros are void, and what follows is left out.
+    let voided = said["warnings"]
+        .to_string()
+        .contains("zero is unknown since");
+    assert!(recorded > if voided { 50 } else { 2_300 }, "{said}");
+
+    // Each row of the first leg is one of its cycles, to the last count; the other leg's lies between two of its own.
+    let rows = lines_of_numbers(&at.join("log.csv"));
+    let names: Vec<&str> = rows.0.iter().map(String::as_str).collect();
+    let place = |name: &str| names.iter().position(|known| *known == name).unwrap();
+    let mut next = 0;
+    for row in &rows.1 {
+        let q = Leg::FR
+            .joint_names()
+            .map(|joint| row[place(&format!("q/{joint}"))]);
+        let off = |n: &usize| {
+            let known = positions(&angles[*n].buses[0], Leg::FR);
+            let off = known.iter().zip(q).map(|(known, q)| (known - q).abs());
+            off.fold(0.0, f64::max)
+        };
+        // A cycle is searched for among those of the next 0.2 s.
+        let candidates = next..(next + 100).min(angles.len());
+        let found = candidates.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
+        assert!(off(&found) < 4e-3, "no cycle after {next} has {q:?}");
+        let other = Leg::RL
+            .joint_names()
+            .map(|joint| row[place(&format!("q/{joint}"))]);
+        let near = angles[found.saturating_sub(5)..(found + 5).min(angles.len())].iter();
+        let near = near.map(|step| positions(&step.buses[3], Leg::RL));
+        for (joint, q) in other.into_iter().enumerate() {
+            let range = near
+                .clone()
+                .fold([f64::MAX, f64::MIN], |[least, most], known| {
+                    [least.min(known[joint]), most.max(known[joint])]
+                });
+            assert!(
+                (range[0] - 4e-3..=range[1] + 4e-3).contains(&q),
+                "{} s, as cycle {found}: {q} {range:?}",
+                row[0]
+            );
+        }
+        next = found;
+    }
+    let import = ["import", "log.csv", "-o", "imported.csv", "--json"];
+    let imported = json(&done(at, &import));
+    assert!(imported["samples"].as_u64().unwrap() > recorded * 9 / 10);
+    drop((lines, pairs));
+}
+
+/// A table's names and rows.
+fn lines_of_numbers(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
+    let lines = lines(path);
+    let cells = |line: &String| line.split(',').map(str::to_owned).collect::<Vec<_>>();
+    let number = |cell: &String| cell.parse().unwrap_or(f64::NAN);
+    let rows = lines[1..]
+        .iter()
+        .map(|line| cells(line).iter().map(number).collect());
+    (cells(&lines[0]), rows.collect())
+}
+
+/// The simulated robot's rows are those that its own `.cap` file and the device in the process have.
+#[test]
+fn a_simulated_robot_is_recorded_as_it_moves() {
+    let folder = folder();
+    let at = folder.path();
+    let recorded = ["sim.csv", "sim.mcap"].map(|name| {
+        let words = ["record", "sim", "-o", name, "--seconds", "2", "--json"];
+        let said = json(&done(at, &words));
+        let faults = Schema::read(&schema_of("record")).faults(&said);
+        assert!(faults.is_empty(), "{faults:#?}");
+        let recorded = said["recorded"].as_u64().unwrap();
+        assert!((990..=1_001).contains(&recorded), "{recorded}");
+        assert_eq!(
+            (&said["gaps"], &said["warnings"]),
+            (&0.into(), &serde_json::json!([]))
+        );
+        let imported = format!("{name}.csv");
+        let import = json(&done(at, &["import", name, "-o", &imported, "--json"]));
+        assert_eq!(import["samples"], recorded);
+        assert_eq!(import["joints"].as_array().unwrap().len(), 12);
+        lines_of_numbers(&at.join(imported))
+    });
+    // The simulated motion is the same each time, and so are the numbers in either kind of file, whatever else it has.
+    let [csv, mcap] = recorded;
+    assert_eq!(csv.1.len(), mcap.1.len());
+    for (place, name) in mcap.0.iter().enumerate() {
+        let other = csv.0.iter().position(|known| known == name).unwrap();
+        for (a, b) in csv.1.iter().zip(&mcap.1) {
+            let [a, b] = [a[other], b[place]];
+            // Times of a message are on this machine's clock.
+            let apart = if name == "t" { 2e-6 } else { 0.0 };
+            assert!((a - b).abs() <= apart, "{name}: {a} {b}");
+        }
+    }
+}
+
 /// Of a source that says nothing the memory and the screen live on, and the command ends when it is asked to.
 #[test]
 fn a_silent_source_is_waited_for_and_left() {
@@ -204,6 +385,17 @@ fn what_is_no_source_is_refused_with_the_way() {
     let (code, said) = refused("-", "log.mcap");
     assert_eq!(code, Some(2));
     assert!(said.contains("name a .csv or .csv.gz"), "{said}");
+    // Of a motor bus it is asked where the joints are before its port is.
+    let said = refusal(at, &["record", "FL=/dev/no-such-port", "-o", "log.csv"]);
+    assert!(said.contains("--at FL_hip=0.1 --at FL_thigh=0.8"), "{said}");
+    let known = ["--at", "FL_hip=0.1", "--at", "FL_thigh=0.8"];
+    let port = ["record", "FL=/dev/no-such-port", "-o", "log.csv"];
+    let half = proprio(at, &[&port[..], &known].concat());
+    assert_eq!(half.status.code(), Some(2));
+    assert!(stderr(&half).contains("all three joints of one leg"));
+    let known = [&known[..], &["--at", "FL_calf=lower"]].concat();
+    let said = refusal(at, &[&port[..], &known].concat());
+    assert!(said.contains("/dev/no-such-port"), "{said}");
     // This build has no DDS, and says how one with it is made.
     let said = refusal(at, &["record", "dds:eth0", "-o", "log.csv"]);
     assert!(

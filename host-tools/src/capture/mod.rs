@@ -94,15 +94,21 @@ impl<W: Write> CaptureWriter<W> {
         Ok(Self(out))
     }
 
+    /// Goes on with a capture whose first line `out` has.
+    pub(crate) fn resume(out: W) -> Self {
+        Self(out)
+    }
+
     /// Adds bytes of which the last came at `time_us`.
     ///
     /// # Errors
     /// Those of the file.
     pub fn record(&mut self, time_us: u64, bytes: &[u8]) -> io::Result<()> {
         for part in bytes.chunks(usize::from(u16::MAX)) {
-            self.0.write_all(&time_us.to_le_bytes())?;
-            self.0.write_all(&(part.len() as u16).to_le_bytes())?;
-            self.0.write_all(part)?;
+            let length = (part.len() as u16).to_le_bytes();
+            // At once: whoever reads what is still being made finds whole records.
+            self.0
+                .write_all(&[&time_us.to_le_bytes(), &length[..], part].concat())?;
         }
         Ok(())
     }
@@ -236,16 +242,17 @@ pub struct Captured {
     pub time_us: u64,
 }
 
-/// Records what `port`, whose reads time out, brings until `goes_on` says no; it is asked after each read.
+/// Records what `port`, whose reads time out, brings until `goes_on` says no; it is asked after each read. Times count from `start`, which the
+/// captures of several buses share.
 ///
 /// # Errors
 /// [`CaptureError::Port`], [`CaptureError::Write`].
 pub fn record<W: Write>(
     port: &mut impl Read,
     capture: &mut CaptureWriter<W>,
+    start: Instant,
     mut goes_on: impl FnMut(&Captured) -> bool,
 ) -> Result<Captured, CaptureError> {
-    let start = Instant::now();
     let mut captured = Captured::default();
     let mut buffer = [0; 4096];
     while goes_on(&captured) {

@@ -191,7 +191,10 @@ fn what_a_port_brings_is_recorded() {
     let sent: Vec<u8> = (0..=255).collect();
     let mut writer = CaptureWriter::new(Vec::new(), BAUD).unwrap();
     master.write_all(&sent).unwrap();
-    let captured = record(&mut slave, &mut writer, |captured| captured.bytes < 256).unwrap();
+    let captured = record(&mut slave, &mut writer, Instant::now(), |captured| {
+        captured.bytes < 256
+    })
+    .unwrap();
     assert_eq!(captured.bytes, 256);
     let bytes = writer.finish().unwrap();
     let mut reader = CaptureReader::new(bytes.as_slice(), "test".to_owned()).unwrap();

@@ -2,27 +2,28 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use crate::capture::{
     CaptureError, CaptureReader, CaptureWriter, Captured, Explanation, Facts, MotorExplanation,
     Told, explain, record,
 };
-use crate::device::serial::{BUS_BAUD, open};
-use crate::device::{BusStep, Device, Qemu, image};
-use crate::monitor::Robot;
+use crate::device::serial::open;
+use crate::device::{BusStep, Device, Qemu, Robot, image};
+use crate::monitor::FeedError;
 use crate::name::leg_named;
 use crate::output::{AtomicFile, WriteError, asked_to_finish, finish_on_interrupt};
 use crate::table::Table;
 use clap::Args;
 use clap::error::ErrorKind;
-use proprio_core::go2::{JointId, Leg};
+use proprio_core::go2::Leg;
 use proprio_core::wire::DeviceMessage;
 use proprio_simulator::hidden::typical;
 use serde::Serialize;
 
 use super::Error;
+use super::bus_arguments::BusArguments;
 use super::result::result;
-use super::zero::{parse_at, parse_joint};
 use crate::progress::{Progress, Underway};
 
 /// Record a motor bus's raw bytes, or explain such a recording
@@ -30,38 +31,31 @@ use crate::progress::{Progress, Underway};
 /// An RS-485 adapter listens to one leg's bus; `qemu` is the bus of an emulated board with a simulated robot. The bytes go to
 /// the file with their times, until Ctrl-C or --seconds. --explain prints what the device would make of such a file: ids and
 /// order of the motors, cycle rate, turn-around times, seeds of the checksums, errors, and the share of the replies that become
-/// samples. Times are as good as the adapter's: set the latency timer of a USB adapter to 1 ms.
+/// samples. Times are as good as the adapter's: set the latency timer of a USB adapter to 1 ms. With --at of its leg's three joints the capture is
+/// a log for every command; `record` makes rows of the same bytes as they come.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio capture /dev/ttyUSB0 -o FR.cap --seconds 10
   proprio capture --explain FR.cap
   proprio capture qemu -o FR.cap --seconds 5 && proprio capture --explain FR.cap && proprio identify FR.cap
-  proprio capture /dev/ttyUSB0 -o FR.cap --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower")]
+  proprio capture FR=/dev/ttyUSB0 -o FR.cap --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower")]
 pub(crate) struct Capture {
-    /// Serial port of the adapter
-    #[arg(value_name = "PORT|qemu", required_unless_present = "explain")]
+    /// Serial port of the adapter, with its leg or without
+    #[arg(value_name = "[LEG=]PORT|qemu", required_unless_present = "explain")]
     port: Option<String>,
     /// Where the capture goes
     #[arg(short, long, value_name = "FILE", required_unless_present = "explain")]
     output: Option<PathBuf>,
-    /// Bits per second on the bus
-    #[arg(long, default_value_t = BUS_BAUD, value_parser = clap::value_parser!(u32).range(1..))]
-    baud: u32,
     /// How long to record [default: until Ctrl-C]
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
-    /// The leg whose bus it is
-    #[arg(long, value_name = "LEG", value_parser = leg_named, conflicts_with = "explain")]
+    /// The leg whose bus it is, where PORT does not begin with it
+    #[arg(long, value_name = "LEG", value_parser = leg_named)]
     leg: Option<Leg>,
-    /// A joint rests at this angle, rad, or at its `lower` or `upper` stop, as the capture begins: said of all three, the capture is a log for
-    /// every command
-    #[arg(long, value_name = "JOINT=ANGLE", value_parser = parse_at, conflicts_with = "explain")]
-    at: Vec<(JointId, f64)>,
-    /// These joints' motors turn against them, separated by commas
-    #[arg(long, value_name = "JOINT", value_delimiter = ',', value_parser = parse_joint, conflicts_with = "explain")]
-    reversed: Vec<JointId>,
+    #[command(flatten)]
+    bus: BusArguments,
     /// Explain this capture
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "output", "seconds", "baud"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["port", "output", "seconds", "baud", "leg", "at", "reversed"])]
     explain: Option<PathBuf>,
     /// Print one JSON object
     #[arg(long)]
@@ -101,43 +95,39 @@ impl Capture {
         }
     }
 
-    /// What the user says of the bus.
-    fn facts(&self) -> Facts {
-        let leg = self.leg.or(self.at.first().map(|(joint, _)| joint.leg()));
-        let joints = leg.map(JointId::of).into_iter().flatten();
-        let angles: Vec<(f64, bool)> = joints
-            .filter_map(|joint| {
-                let at = self.at.iter().find(|(told, _)| *told == joint)?;
-                Some((at.1, self.reversed.contains(&joint)))
-            })
-            .collect();
-        let told = match (<[_; 3]>::try_from(angles), self.at.is_empty()) {
-            (Ok(angles), _) => Told::At(angles),
-            (Err(_), true) => Told::Nothing,
-            (Err(_), false) => {
-                let message = "--at says where all three joints of one leg are".to_owned();
-                super::usage_error("capture", ErrorKind::MissingRequiredArgument, message)
-            }
+    /// What the user says of the bus, and its port.
+    fn bus<'a>(&self, port: &'a str) -> (Facts, &'a str) {
+        let (named, port) = match port.split_once('=') {
+            Some((leg, port)) => match leg_named(leg) {
+                Ok(leg) => (Some(leg), port),
+                Err(unknown) => {
+                    super::usage_error("capture", ErrorKind::ValueValidation, unknown.to_string())
+                }
+            },
+            None => (None, port),
         };
-        Facts { leg, told }
+        let at = || self.bus.at.first().map(|(joint, _)| joint.leg());
+        let leg = named.or(self.leg).or_else(at);
+        let told = leg.map_or(Told::Nothing, |leg| self.bus.told("capture", leg));
+        (Facts { leg, told }, port)
     }
 
     fn record(&self, port: &str, output: &Path) -> Result<String, Error> {
-        let facts = self.facts();
-        let mut port = open(port, self.baud)?;
+        let (facts, port) = self.bus(port);
+        let mut port = open(port, self.bus.baud)?;
         let written = |source| WriteError {
             path: output.to_owned(),
             source,
         };
         let file = AtomicFile::create(output)?;
-        let mut capture = CaptureWriter::of(file, self.baud, &facts).map_err(written)?;
+        let mut capture = CaptureWriter::of(file, self.bus.baud, &facts).map_err(written)?;
         finish_on_interrupt();
         let mut progress = Progress::new("Recording");
         let underway = self
             .seconds
             .is_none()
             .then(|| Underway::new("Recording until Ctrl-C"));
-        let captured = record(&mut port, &mut capture, |captured| {
+        let captured = record(&mut port, &mut capture, Instant::now(), |captured| {
             let limit_us = self.seconds.map(|seconds| seconds * 1e6);
             if let Some(limit_us) = limit_us {
                 progress.set(captured.time_us, limit_us as u64);
@@ -185,7 +175,7 @@ impl Capture {
             told: Told::Angles,
         };
         let file = AtomicFile::create(output)?;
-        let mut capture = CaptureWriter::of(file, self.baud, &facts).map_err(written)?;
+        let mut capture = CaptureWriter::of(file, self.bus.baud, &facts).map_err(written)?;
         finish_on_interrupt();
         let mut progress = Progress::new("Recording");
         let mut captured = Captured::default();
@@ -197,7 +187,7 @@ impl Capture {
             }
         };
         for step in robot.steps() {
-            let step = step?;
+            let step = step.map_err(FeedError::from)?;
             let limit_us = self.seconds.map(|seconds| (seconds * 1e6) as u64);
             if asked_to_finish() || limit_us.is_some_and(|limit_us| step.time_us > limit_us) {
                 break;

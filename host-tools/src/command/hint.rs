@@ -70,6 +70,9 @@ pub(super) fn of(error: &Error) -> Option<String> {
         )),
         Error::Feed(FeedError::Device(error) | FeedError::Replay(ReplayError::Device(error))) => of_device(error),
         Error::Feed(FeedError::Journal(error)) => Some(of_journal(error).to_owned()),
+        Error::Feed(FeedError::NoWalk { .. }) => {
+            Some("leave out --free-base for a robot that hangs; of rows, name columns gyro/x to acc/z and all joints".to_owned())
+        }
         Error::Feed(FeedError::Replay(_)) => None,
         Error::Feed(FeedError::Diverged(_)) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())
@@ -225,6 +228,13 @@ fn of_live(error: &LiveError) -> Option<String> {
         }
         LiveError::NoWriter { .. } => {
             "check that the robot is on, that its network and this interface's address are of one subnet (a Go2: 192.168.123.*), and --domain"
+        }
+        LiveError::Port(error) => return of_device(error),
+        LiveError::NoZeros { leg } => {
+            let [hip, thigh, calf] = leg.joint_names();
+            return Some(format!(
+                "let the joints rest where you know, and name their angles (rad, or a stop): --at {hip}=0.1 --at {thigh}=0.8 --at {calf}=lower"
+            ));
         }
         LiveError::Thread(_) | LiveError::Dds { .. } => return None,
     };

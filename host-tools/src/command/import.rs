@@ -4,13 +4,13 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::log::{CanonicalWriter, Channel, LogReader, Selection};
-use crate::model::{Model, Robot};
 use crate::output::{AtomicFile, WriteError};
 use clap::Args;
 use serde::Serialize;
 
+use super::Error;
 use super::result::result;
-use super::{Error, model_or_default};
+use super::robot_arguments::RobotArguments;
 use crate::progress::Progress;
 
 /// Turn a recording into a CSV log
@@ -31,12 +31,8 @@ pub(crate) struct Import {
     /// Where the log goes; - for standard output
     #[arg(short, long, value_name = "LOG")]
     output: PathBuf,
-    /// The robot's model file [default: the Go2]
-    #[arg(short, long, value_name = "MODEL", conflicts_with = "urdf")]
-    model: Option<PathBuf>,
-    /// The robot's URDF, in place of a model file
-    #[arg(long, value_name = "FILE")]
-    urdf: Option<PathBuf>,
+    #[command(flatten)]
+    robot: RobotArguments,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -60,11 +56,8 @@ struct Report {
 
 impl Import {
     pub(crate) fn run(self) -> Result<String, Error> {
-        let model = match &self.urdf {
-            Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
-            None => model_or_default(self.model.as_deref(), false)?,
-        };
-        let mut reader = LogReader::open_of(&self.log, Selection::Everything, model.robot())?;
+        let robot = self.robot.robot()?;
+        let mut reader = LogReader::open_of(&self.log, Selection::Everything, &robot)?;
         let to_stdout = self.output.as_os_str() == "-";
         if to_stdout {
             let out = std::io::BufWriter::new(std::io::stdout().lock());

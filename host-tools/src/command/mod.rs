@@ -1,10 +1,11 @@
 //! The subcommands, one file each: `add`, `advise`, `calibrate`, `capture`, `compare`, `completions`, `demo`, `diagnose`, `effects`, `excite`, `export`, `factors`, `flash`, `frf`,
 //! `identify`, `import`, `man`, `monitor`, `ports`, `record`, `remove`, `replay`, `show`, `simulate`, `validate`, `zero`. `hint`: what the user can do about an
 //! error;
-//! `overwrite`: what a command would replace; `result`: what --json prints.
+//! `overwrite`: what a command would replace; `result`: what --json prints; `bus_arguments`, `robot_arguments`: what several commands ask.
 
 mod add;
 mod advise;
+mod bus_arguments;
 mod calibrate;
 mod capture;
 mod compare;
@@ -28,6 +29,7 @@ mod record;
 mod remove;
 mod replay;
 pub mod result;
+mod robot_arguments;
 mod show;
 mod simulate;
 mod validate;

@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 
 use crate::device::power_up::PowerUp;
 use crate::device::serial::SerialDevice;
-use crate::device::{Desktop, Device, Qemu, image};
+use crate::device::{Desktop, Device, Qemu, Robot, WalkingDesktop, image};
 use crate::live::{self, Address, Counts, Until};
 use crate::monitor::web::Server;
-use crate::monitor::{Feed, JournalReader, JournalWriter, Live, Robot, Source};
+use crate::monitor::{Feed, JournalReader, JournalWriter, Live, Source};
 use crate::name::leg_named;
 use crate::output::WriteError;
 use clap::Args;
@@ -29,6 +29,7 @@ use session::Session;
 use settings::{Known, KnownBody};
 
 use super::Error;
+use super::bus_arguments::BusArguments;
 use super::result::result;
 
 /// What the simulated robot has beside a Go2's usual friction, unless --hide says otherwise: something to be found.
@@ -43,13 +44,15 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
 /// same as a page with live plots.
 ///
 /// `qemu` builds the firmware and boots it on an emulated board with a simulated robot; `sim` runs its code in this process,
-/// which needs no emulator. `dds` gives that code a robot's own network, as `record` does; `-` rows of CSV on standard input.
-/// Anything else is a board's serial port, or a file that --record made.
+/// which needs no emulator. `dds` gives that code a robot's own network, as `record` does; LEG=PORT the motor buses that adapters listen to; `-` rows
+/// of CSV on standard input. Anything else is a board's serial port, or a file that --record made.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio monitor sim
   proprio monitor qemu --hide stribeck:FL_thigh=0.3
   proprio monitor dds:eth0
+  proprio monitor dds:eth0 --free-base
+  proprio monitor FR=/dev/ttyUSB0 --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower
   proprio monitor /dev/ttyACM0 --record monday.messages
   proprio monitor monday.messages --speed 10
   proprio monitor sim --memory 600
@@ -59,14 +62,22 @@ const HIDDEN: &str = "quadratic_drag:FR_calf=0.05";
   proprio monitor sim --speed 0 --seconds 30 --json")]
 pub(crate) struct Monitor {
     /// Whose messages
-    #[arg(value_name = "PORT|dds[:IFACE][/TOPIC]|-|qemu|sim|FILE")]
-    source: String,
+    #[arg(
+        value_name = "PORT|LEG=PORT...|dds[:IFACE][/TOPIC]|-|qemu|sim|FILE",
+        required = true
+    )]
+    source: Vec<String>,
     /// Keep all that comes in this file, to be watched again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// DDS domain
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
     domain: u16,
+    /// Of `dds` or -: the robot stands or walks. Its mass, trunk, legs and friction are estimated from its joints, IMU and feet
+    #[arg(long, visible_alias = "floating-base", conflicts_with_all = ["memory", "prior", "body", "legs", "hide", "power_up"])]
+    free_base: bool,
+    #[command(flatten)]
+    buses: BusArguments,
     /// End after so much of the device's time
     #[arg(long, value_name = "S", value_parser = super::simulate::within(0.1, 1e9))]
     seconds: Option<f64>,
@@ -121,10 +132,11 @@ impl Monitor {
             limit_us: self.seconds.map(|seconds| (seconds * 1e6) as u64),
             ended: false,
         };
+        let name = self.source.join(" ");
         let on_terminal = stdout().is_terminal() && stdin().is_terminal();
         match (server, on_terminal && !self.lines && !self.json) {
-            (Some(server), _) => web::watch(&mut session, &server, &self.source)?,
-            (None, true) => terminal::watch(&mut session, self.source)?,
+            (Some(server), _) => web::watch(&mut session, &server, &name)?,
+            (None, true) => terminal::watch(&mut session, name)?,
             (None, false) => lines::watch(&mut session, self.json)?,
         }
         Ok(match self.json {
@@ -136,7 +148,7 @@ impl Monitor {
     /// What the device is to be told at the beginning.
     fn settings(&self, hello: Option<&Hello>) -> Result<Vec<Action>, Error> {
         let mut actions: Vec<Action> = self.memory.map(Action::SetMemory).into_iter().collect();
-        if ["sim", "qemu"].contains(&self.source.as_str()) {
+        if [["sim"], ["qemu"]].iter().any(|name| self.source == *name) {
             actions.push(Action::SetPositions(match self.power_up {
                 Some(_) => Positions::FromPowerUp,
                 None => Positions::Absolute,
@@ -161,15 +173,27 @@ impl Monitor {
 
     /// Opens the source; what takes long or fails is said before there is a screen.
     fn open(&self) -> Result<Source, Error> {
-        if let Some(address) = Address::parse(&self.source) {
-            return self.live(&address);
+        let address = Address::parse(&self.source);
+        if self.free_base && !matches!(address, Some(Address::Dds(_) | Address::Text)) {
+            let why = "--free-base is of `dds` and -; a board of a robot that walks has the firmware of `proprio flash --walking`".to_owned();
+            super::usage_error("monitor", ErrorKind::ArgumentConflict, why);
         }
-        Ok(match self.source.as_str() {
+        match address {
+            Some(Address::Simulated) => {
+                return self.simulated(Box::new(Desktop::<f64>::new()));
+            }
+            Some(address) => return self.live(&address),
+            None => {}
+        }
+        let [source] = &self.source[..] else {
+            let why = "one source, or one LEG=PORT for each leg".to_owned();
+            super::usage_error("monitor", ErrorKind::ValueValidation, why);
+        };
+        Ok(match source.as_str() {
             "qemu" => {
                 let image = image::build(image::Scalar::F64)?;
                 self.simulated(Box::new(Qemu::boot(&image)?))?
             }
-            "sim" => self.simulated(Box::new(Desktop::<f64>::new()))?,
             file if Path::new(file).is_file() => {
                 Source::Recording(JournalReader::open(Path::new(file))?)
             }
@@ -182,12 +206,18 @@ impl Monitor {
 
     fn live(&self, address: &Address) -> Result<Source, Error> {
         let (until, counts) = (Until::default(), Counts::default());
+        let facts = self.buses.facts("monitor");
         if matches!(address, Address::Dds(_)) {
             eprintln!("Waiting for the robot to be found.");
         }
-        let source = live::Source::open(address, self.domain, &until, &counts)?;
-        let live = Live::follow(PathBuf::from(&self.source), source, until, counts)?;
-        Ok(Source::Live(Box::new(Desktop::<f64>::new()), live))
+        let source = live::Source::open(address, self.domain, &facts, &until, &counts)?;
+        let name = PathBuf::from(self.source.join(" "));
+        let live = Live::follow(name, source, self.free_base, until, counts)?;
+        let device: Box<dyn Device + Send> = match self.free_base {
+            true => Box::new(WalkingDesktop::<f64>::new()),
+            false => Box::new(Desktop::<f64>::new()),
+        };
+        Ok(Source::Live(device, live))
     }
 
     fn simulated(&self, device: Box<dyn Device + Send>) -> Result<Source, Error> {

@@ -7,10 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
+#[cfg(feature = "mcap")]
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::live::{Address, Counts, Source, Until};
-use crate::log::{CanonicalWriter, LiveRows, LogError, Periods};
-use crate::model::{Model, Robot};
+use crate::log::{CanonicalWriter, Columns, LiveRows, LogError, Periods, Row};
+use crate::model::Robot;
 use crate::output::{AtomicFile, WriteError, finish_on_interrupt};
 use crate::progress::Underway;
 use clap::Args;
@@ -18,27 +20,32 @@ use clap::error::ErrorKind;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
+use super::Error;
+use super::bus_arguments::BusArguments;
 use super::result::result;
-use super::{Error, model_or_default};
+use super::robot_arguments::RobotArguments;
 use report::Report;
 
 /// Record a live source as a log
 ///
 /// `dds` is the robot's own network: of the DDS domain it takes the topic of joint states that is sent there (unitree_go and unitree_hg
 /// LowState, sensor_msgs JointState), over the interface IFACE. Nothing is sent to the robot but what discovery asks of every
-/// participant. `-` is CSV on standard input, as its rows come. Each message is kept once, in the order of one writer; what was lost,
-/// came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
+/// participant. `-` is CSV on standard input, as its rows come. LEG=PORT is an RS-485 adapter that listens to this leg's motor bus; of several legs,
+/// rows have the time of the first one's polling cycles. `sim` is a simulated robot's buses, to try it. Each message is kept once, in the order of one
+/// writer; what was lost, came twice, came from another writer or in another type is counted. Ctrl-C and --seconds leave a whole file.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   proprio record dds:eth0 -o chirp.mcap
   proprio record dds:eth0/lowstate -o chirp.csv --seconds 20
   proprio record dds:wlan0/joint_states --domain 3 -m arm.toml -o arm.csv.gz
+  proprio record FR=/dev/ttyUSB0 -o FR.csv --at FR_hip=0.1 --at FR_thigh=0.8 --at FR_calf=lower
+  proprio record sim -o sim.csv --seconds 5
   my_driver | proprio record - -o chirp.csv")]
 pub(crate) struct Record {
-    /// `dds`, with the interface that leads to the robot and the topic; or - for standard input
-    #[arg(value_name = "dds[:IFACE][/TOPIC]|-")]
-    source: String,
-    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came
+    /// `dds`, with the interface that leads to the robot and the topic; adapters on motor buses; `sim`; or - for standard input
+    #[arg(value_name = "dds[:IFACE][/TOPIC]|LEG=PORT...|sim|-", required = true)]
+    source: Vec<String>,
+    /// Where the log goes: CSV, .csv.gz, or .mcap with the messages as they came (of motor buses: joint states)
     #[arg(short, long, value_name = "LOG")]
     output: PathBuf,
     /// How long to record [default: until Ctrl-C]
@@ -47,12 +54,10 @@ pub(crate) struct Record {
     /// DDS domain
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
     domain: u16,
-    /// The robot's model file, whose joints a CSV log has [default: the Go2]
-    #[arg(short, long, value_name = "MODEL", conflicts_with = "urdf")]
-    model: Option<PathBuf>,
-    /// The robot's URDF, in place of a model file
-    #[arg(long, value_name = "FILE")]
-    urdf: Option<PathBuf>,
+    #[command(flatten)]
+    buses: BusArguments,
+    #[command(flatten)]
+    robot: RobotArguments,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -85,10 +90,10 @@ impl Format {
 
 impl Record {
     pub(crate) fn run(self) -> Result<String, Error> {
+        let name = self.source.join(" ");
         let Some(address) = Address::parse(&self.source) else {
             let why = format!(
-                "{} is no live source: dds[:IFACE][/TOPIC] or -. A board sends estimates, not samples: `proprio monitor {0} --record FILE`",
-                self.source
+                "{name} is no live source: dds[:IFACE][/TOPIC], one LEG=PORT for each leg, sim or -. A board sends estimates, not samples: `proprio monitor {name} --record FILE`"
             );
             super::usage_error("record", ErrorKind::ValueValidation, why);
         };
@@ -97,16 +102,14 @@ impl Record {
             let why = "rows of text are no messages: name a .csv or .csv.gz".to_owned();
             super::usage_error("record", ErrorKind::ArgumentConflict, why);
         }
-        let model = match &self.urdf {
-            Some(urdf) => Model::new(Robot::from_urdf(urdf)?),
-            None => model_or_default(self.model.as_deref(), false)?,
-        };
+        let robot = self.robot.robot()?;
+        let facts = self.buses.facts("record");
         finish_on_interrupt();
         let counts = Counts::default();
         let limit = self.seconds.map(|s| Duration::from_secs_f64(s + SLACK));
         let until = Until::after(limit);
         let shown = show(counts.clone());
-        let source = Source::open(&address, self.domain, &until, &counts)?;
+        let source = Source::open(&address, self.domain, &facts, &until, &counts)?;
         let mut recording = Recording {
             counts,
             periods: Periods::default(),
@@ -114,17 +117,18 @@ impl Record {
             first: None,
             last: None,
             recorded: 0,
+            warnings: Vec::new(),
         };
-        let mut report = Report::new(&self.source, &self.output);
+        let mut report = Report::new(&name, &self.output);
         report.follows(&source);
         let file = AtomicFile::create(&self.output)?;
         let (file, failed) = match format {
-            Format::Mcap => recording.messages(source, file),
-            Format::Csv => recording.rows(source, model.robot(), file),
+            Format::Mcap => recording.messages(&name, source, &robot, file),
+            Format::Csv => recording.rows(&name, source, &robot, file),
             Format::Gzip => {
                 let gzip = GzEncoder::new(file, Compression::default());
                 let (gzip, failed) = recording
-                    .rows(source, model.robot(), gzip)
+                    .rows(&name, source, &robot, gzip)
                     .map_err(|error| error.at(&self.output))?;
                 gzip.finish()
                     .map(|file| (file, failed))
@@ -142,7 +146,7 @@ impl Record {
             return Err(error.into());
         }
         report
-            .warnings()
+            .warnings
             .iter()
             .for_each(|warning| eprintln!("warning: {warning}"));
         Ok(match self.json {
@@ -208,6 +212,8 @@ struct Recording {
     first: Option<f64>,
     last: Option<f64>,
     recorded: u64,
+    /// What the reader of rows noticed.
+    warnings: Vec<String>,
 }
 
 impl Recording {
@@ -235,54 +241,81 @@ impl Recording {
     /// Writes rows as they come; beside the output, what ended them if that was not to be.
     fn rows<W: Write>(
         &mut self,
+        name: &str,
         source: Source,
         robot: &Robot,
         out: W,
     ) -> Result<(W, Option<LogError>), Failed> {
-        let is_text = matches!(source, Source::Text(_));
-        let name = Path::new(if is_text { "-" } else { "dds" });
-        let mut rows = LiveRows::follow(name, source.into_input(), robot).map_err(Failed::Read)?;
+        // Messages are counted where they come in.
+        let counts_rows = matches!(source, Source::Text(_) | Source::Buses(_));
+        let mut rows =
+            LiveRows::follow(Path::new(name), source.into_input(), robot).map_err(Failed::Read)?;
         let mut writer = CanonicalWriter::new(out, rows.columns()).map_err(Failed::Write)?;
-        let mut failed = None;
-        loop {
-            match rows.next_row() {
-                Ok(Some(row)) => {
-                    if !self.note(row.t()) {
-                        break;
-                    }
-                    writer.row(row).map_err(Failed::Write)?;
-                    self.recorded += 1;
-                    if is_text {
-                        self.counts.with(|tally| tally.messages += 1);
-                    }
-                }
-                Ok(None) => break,
-                Err(error) => {
-                    failed = Some(error);
-                    break;
-                }
-            }
-        }
+        let failed = self.follow(&mut rows, counts_rows, |_, row| writer.row(row))?;
         Ok((writer.finish().map_err(Failed::Write)?, failed))
     }
 
-    /// Writes messages as they come.
+    /// Has each row written as it comes; what ended them if that was not to be.
+    fn follow(
+        &mut self,
+        rows: &mut LiveRows,
+        counts_rows: bool,
+        mut write: impl FnMut(&Columns, &Row) -> io::Result<()>,
+    ) -> Result<Option<LogError>, Failed> {
+        let columns = rows.columns().clone();
+        let failed = loop {
+            match rows.next_row() {
+                Ok(Some(row)) => {
+                    if !self.note(row.t()) {
+                        break None;
+                    }
+                    write(&columns, row).map_err(Failed::Write)?;
+                    self.recorded += 1;
+                    if counts_rows {
+                        self.counts.with(|tally| tally.messages += 1);
+                    }
+                }
+                Ok(None) => break None,
+                Err(error) => break Some(error),
+            }
+        };
+        self.warnings = rows.warnings().iter().map(ToString::to_string).collect();
+        Ok(failed)
+    }
+
+    /// Writes messages as they come; rows of motor buses as joint states, their times on this machine's clock.
     #[cfg(feature = "mcap")]
     fn messages<W: Write>(
         &mut self,
+        name: &str,
         source: Source,
+        robot: &Robot,
         out: W,
     ) -> Result<(W, Option<LogError>), Failed> {
-        let Source::Messages {
-            topic,
-            kind,
-            mut messages,
-        } = source
-        else {
-            return Ok((out, None));
+        use crate::log::{MESSAGE_KINDS, MessageWriter};
+        let (topic, kind, mut messages) = match source {
+            Source::Messages {
+                topic,
+                kind,
+                messages,
+            } => (topic, kind, messages),
+            Source::Text(_) | Source::Buses(_) => {
+                let begin = SystemTime::now().duration_since(UNIX_EPOCH);
+                let begin = begin.map_or(0.0, |begin| begin.as_secs_f64());
+                let mut rows = LiveRows::follow(Path::new(name), source.into_input(), robot)
+                    .map_err(Failed::Read)?;
+                let [.., kind] = MESSAGE_KINDS;
+                let mut writer =
+                    MessageWriter::new(out, "joint_states", kind).map_err(Failed::Write)?;
+                let failed = self.follow(&mut rows, true, |columns, row| {
+                    // Whole microseconds, as the buses' clock has them.
+                    let time_us = ((begin + row.t()) * 1e6).round();
+                    writer.row(time_us as i64 * 1000, columns, row)
+                })?;
+                return Ok((writer.finish().map_err(Failed::Write)?, failed));
+            }
         };
-        let mut writer =
-            crate::log::MessageWriter::new(out, &topic, kind).map_err(Failed::Write)?;
+        let mut writer = MessageWriter::new(out, &topic, kind).map_err(Failed::Write)?;
         while let Some(message) = messages.next() {
             if !self.note(message.received_ns as f64 * 1e-9) {
                 break;
@@ -294,7 +327,13 @@ impl Recording {
     }
 
     #[cfg(not(feature = "mcap"))]
-    fn messages<W: Write>(&mut self, _: Source, out: W) -> Result<(W, Option<LogError>), Failed> {
+    fn messages<W: Write>(
+        &mut self,
+        _: &str,
+        _: Source,
+        _: &Robot,
+        out: W,
+    ) -> Result<(W, Option<LogError>), Failed> {
         Ok((out, None))
     }
 }

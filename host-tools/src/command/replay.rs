@@ -10,8 +10,8 @@ use crate::device::pull::pull;
 use crate::device::replay::{self, ReplayError};
 use crate::device::serial::SerialDevice;
 use crate::device::{BusStep, Desktop, Device, DeviceError, Qemu, Requests, RowSteps, image};
+use crate::live::Adapter;
 use crate::log::{LogReader, Selection};
-use crate::name::leg_named;
 use clap::error::ErrorKind;
 use clap::{Args, ValueEnum};
 use proprio_core::go2::{LEGS, Leg};
@@ -44,8 +44,8 @@ pub(crate) struct Replay {
     #[arg(long, value_name = "qemu|desktop|PORT")]
     to: String,
     /// A board's bus input: the RS-485 adapter that is wired to this leg's
-    #[arg(long = "leg", value_name = "LEG=PORT", value_parser = parse_adapter)]
-    adapters: Vec<(Leg, String)>,
+    #[arg(long = "leg", value_name = "LEG=PORT", value_parser = Adapter::parse)]
+    adapters: Vec<Adapter>,
     /// What the emulated firmware computes with
     #[arg(long, value_enum, default_value_t = Scalar::F64)]
     scalar: Scalar,
@@ -158,8 +158,8 @@ impl Replay {
     /// The adapter of each leg; a board needs one for every leg of the log.
     fn adapters_of(&self, legs: &[Leg]) -> [Option<&str>; LEGS] {
         let adapters = Leg::ALL.map(|leg| {
-            let own = self.adapters.iter().rev().find(|(of, _)| *of == leg);
-            own.map(|(_, port)| port.as_str())
+            let own = self.adapters.iter().rev().find(|own| own.leg == leg);
+            own.map(|own| own.port.as_str())
         });
         if let Some(leg) = legs.iter().find(|leg| adapters[leg.index()].is_none()) {
             let name = leg.name();
@@ -214,12 +214,4 @@ fn replay(
     });
     let last_us = replay::replay(played.map(Ok), device, told)?;
     failed.map_or(Ok(last_us), Err)
-}
-
-fn parse_adapter(text: &str) -> Result<(Leg, String), String> {
-    let (leg, port) = text
-        .split_once('=')
-        .ok_or("expected LEG=PORT, such as FR=/dev/ttyUSB0")?;
-    let leg = leg_named(leg).map_err(|unknown| unknown.to_string())?;
-    Ok((leg, port.to_owned()))
 }

@@ -14,6 +14,7 @@ use super::own_rate::own_rate_floors;
 use super::{Comparison, own_rate};
 use crate::detect::JointSeries;
 use crate::log::JOINT_STATE;
+use crate::log::cdr::{self, Cdr};
 use crate::model::Model;
 use crate::recording::Recording;
 
@@ -123,73 +124,21 @@ fn events(comparison: &Comparison) -> Vec<Event> {
 
 impl Event {
     fn cdr(&self) -> Vec<u8> {
-        let mut cdr = Cdr::new(self.t);
-        cdr.bytes.push(self.level);
+        let mut cdr = Cdr::new(nanoseconds(self.t));
+        cdr.u8(self.level);
         cdr.text(&self.name);
         cdr.text(&self.text);
         cdr.text("");
         cdr.text("");
         cdr.u32(0);
-        cdr.bytes
+        cdr.finish()
     }
 }
 
 /// A message of all joints: positions, velocities and efforts, each a number per joint or none.
 fn joint_state(t: f64, series: &[JointSeries], row: &[Vec<f64>; 3]) -> Vec<u8> {
-    let mut cdr = Cdr::new(t);
-    cdr.text("");
-    cdr.u32(series.len() as u32);
-    series.iter().for_each(|s| cdr.text(&s.joint));
-    row.iter().for_each(|numbers| cdr.numbers(numbers));
-    cdr.bytes
-}
-
-/// A message as it is written: its bytes, each number at a multiple of its size from the byte after the header's four.
-struct Cdr {
-    bytes: Vec<u8>,
-}
-
-/// Bytes that say how the others are written: CDR, little-endian.
-const HEADER: [u8; 4] = [0, 1, 0, 0];
-
-impl Cdr {
-    /// A message that begins with a stamp.
-    fn new(t: f64) -> Self {
-        let mut own = Self {
-            bytes: HEADER.to_vec(),
-        };
-        let ns = nanoseconds(t);
-        own.u32((ns / 1_000_000_000) as u32);
-        own.u32((ns % 1_000_000_000) as u32);
-        own
-    }
-
-    fn align(&mut self, size: usize) {
-        let body = self.bytes.len() - HEADER.len();
-        self.bytes
-            .resize(HEADER.len() + body.next_multiple_of(size), 0);
-    }
-
-    fn u32(&mut self, value: u32) {
-        self.align(4);
-        self.bytes.extend(value.to_le_bytes());
-    }
-
-    fn text(&mut self, text: &str) {
-        self.u32(text.len() as u32 + 1);
-        self.bytes.extend(text.as_bytes());
-        self.bytes.push(0);
-    }
-
-    fn numbers(&mut self, numbers: &[f64]) {
-        self.u32(numbers.len() as u32);
-        if !numbers.is_empty() {
-            self.align(8);
-        }
-        numbers
-            .iter()
-            .for_each(|x| self.bytes.extend(x.to_le_bytes()));
-    }
+    let joints = series.iter().map(|s| s.joint.as_str());
+    cdr::joint_state(nanoseconds(t), joints, row)
 }
 
 fn nanoseconds(t: f64) -> u64 {
@@ -245,23 +194,5 @@ impl File {
     fn finish(mut self) -> io::Result<Vec<u8>> {
         self.writer.finish().map_err(io::Error::other)?;
         Ok(self.writer.into_inner().into_inner())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// OMG's alignment: after the header's four bytes a number lies at a multiple of its size.
-    #[test]
-    fn numbers_are_aligned_to_the_body() {
-        let mut cdr = Cdr::new(1.5);
-        cdr.text("a");
-        cdr.numbers(&[2.0]);
-        let body = &cdr.bytes[4..];
-        assert_eq!(body[..8], [1, 0, 0, 0, 0x00, 0x65, 0xcd, 0x1d]);
-        assert_eq!(body[8..14], [2, 0, 0, 0, b'a', 0]);
-        assert_eq!(body[16..20], [1, 0, 0, 0]);
-        assert_eq!(body[24..], 2.0f64.to_le_bytes());
     }
 }

@@ -15,6 +15,20 @@ pub struct Desktop<T: Real> {
     flash: RamFlash<Vec<u8>>,
 }
 
+/// Who an application in this process is.
+pub(super) const fn identity() -> Identity {
+    Identity {
+        firmware: env!("CARGO_PKG_VERSION"),
+        board: "desktop",
+        start: Start::UNKNOWN,
+        load_unit: "nothing",
+        budget: u32::MAX,
+        byte_ns: 0,
+        // What it hears is a log's or a simulator's.
+        positions: Positions::Absolute,
+    }
+}
+
 /// Snapshots that the flash has room for.
 const SLOTS: usize = 2;
 
@@ -30,16 +44,7 @@ impl<T: Real> Desktop<T> {
     }
 
     fn start(mut flash: RamFlash<Vec<u8>>) -> Self {
-        let mut app = Box::new(App::new(Identity {
-            firmware: env!("CARGO_PKG_VERSION"),
-            board: "desktop",
-            start: Start::UNKNOWN,
-            load_unit: "nothing",
-            budget: u32::MAX,
-            byte_ns: 0,
-            // What it hears is a log's or a simulator's.
-            positions: Positions::Absolute,
-        }));
+        let mut app = Box::new(App::new(identity()));
         let mut memory = Box::new(Memory::new());
         app.restore(&mut memory, &mut flash);
         // Every board does one step at time 0, and it says hello.

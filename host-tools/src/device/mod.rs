@@ -18,7 +18,9 @@
 //! - `qemu`: the firmware on an emulated Cortex-M7
 //! - `replay`: a log's samples as motor-bus bytes, played into a device
 //! - `requests`: a host's requests, asked again until they are answered
+//! - `robot`: a simulated robot on four motor buses, for devices that have none
 //! - `rows`: rows of a log, whole or still growing, as steps of motor buses
+//! - `walking`: the application of a robot that walks, in this process
 
 mod desktop;
 pub mod image;
@@ -32,18 +34,22 @@ pub mod pull;
 pub mod qemu;
 pub mod replay;
 mod requests;
+mod robot;
 mod rows;
 pub mod serial;
+mod walking;
 
 pub use desktop::Desktop;
 pub use qemu::Qemu;
 pub use requests::Requests;
+pub use robot::{Robot, RobotError};
 pub use rows::{Played, RowSteps};
+pub use walking::WalkingDesktop;
 
 use std::path::PathBuf;
 
 use proprio_core::go2::LEGS;
-use proprio_core::wire::{DeviceMessage, Hello, HostMessage, WireError};
+use proprio_core::wire::{DeviceMessage, Hello, HostMessage, Imu, WireError};
 
 /// What the four buses carry between the last step and this one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -52,6 +58,15 @@ pub struct BusStep {
     pub time_us: u64,
     /// Bytes of each leg's bus, in SDK order.
     pub buses: [Vec<u8>; LEGS],
+}
+
+/// A step of a device that listens to a robot that walks: what its IMU reads, then what its buses bring.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WalkStep {
+    /// The reading.
+    pub imu: Imu,
+    /// A polling cycle of each leg.
+    pub bus: BusStep,
 }
 
 /// Something that listens to motor buses.

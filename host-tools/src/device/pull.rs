@@ -148,8 +148,7 @@ pub fn pull(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::device::Desktop;
-    use crate::monitor::Robot;
+    use crate::device::{Desktop, Robot};
     use proprio_simulator::hidden::typical;
 
     /// Two hosts that read at the same time take each other's copy away; both get whole factors, and lost answers are asked again.

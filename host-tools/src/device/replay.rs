@@ -1,13 +1,15 @@
 //! A log's samples as motor-bus bytes, played into a device.
 
+use nalgebra::Vector3;
 use proprio_core::bus::crc::{SEED_GO2, SEED_STANDALONE};
 use proprio_core::bus::{Command, EncodeError, Mode, Reply};
-use proprio_core::go2::{ACTUATORS, JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::go2::{ACTUATORS, JOINTS, JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::walk::WalkSample;
 use proprio_core::window::Sample;
-use proprio_core::wire::DeviceMessage;
+use proprio_core::wire::{DeviceMessage, Imu};
 
 use super::power_up::PowerUp;
-use super::{BusStep, Device, DeviceError};
+use super::{BusStep, Device, DeviceError, WalkStep};
 
 /// What the legs measured at one time; a leg that a log does not have is silent.
 pub type Instant = [Option<Sample<f64, JOINTS_PER_LEG>>; LEGS];
@@ -37,21 +39,27 @@ pub enum ReplayError {
     Device(#[from] DeviceError),
 }
 
+/// Most that a foot's sensor can read in a reply.
+const MOST_COUNT: f64 = 4095.0;
+
 /// The bytes of one polling cycle: three commands, each with its reply. Quantities are rounded to the bus's quanta.
 ///
 /// # Errors
 /// [`ReplayError::Encode`].
 pub fn cycle(leg: Leg, sample: &Sample<f64, JOINTS_PER_LEG>) -> Result<Vec<u8>, ReplayError> {
-    cycle_after(leg, sample, &PowerUp::NONE)
+    cycle_after(leg, sample, f64::NAN, &PowerUp::NONE)
 }
 
-/// The same of motors that count as `power_up` has them.
+/// The same of motors that count as `power_up` has them, and of a foot whose sensor reads `foot`, which the calf's reply says.
 fn cycle_after(
     leg: Leg,
     sample: &Sample<f64, JOINTS_PER_LEG>,
+    foot: f64,
     power_up: &PowerUp,
 ) -> Result<Vec<u8>, ReplayError> {
     let mut bytes = Vec::with_capacity(JOINTS_PER_LEG * (Command::LEN + Reply::LEN));
+    // No number where there is no sensor.
+    let count = foot.clamp(0.0, MOST_COUNT) as u16;
     for (j, actuator) in ACTUATORS.iter().enumerate() {
         let mode = Mode::foc(j as u8);
         let (q, dq, tau) = (sample.q[j], sample.dq[j], sample.tau[j]);
@@ -62,16 +70,54 @@ fn cycle_after(
                 reason,
             }
         })?;
-        bytes.extend(
-            Command {
-                mode,
-                ..Command::default()
-            }
-            .encode(SEED_GO2),
-        );
+        let reply = Reply {
+            flags: if j + 1 == JOINTS_PER_LEG {
+                count << 3
+            } else {
+                0
+            },
+            ..reply
+        };
+        let command = Command {
+            mode,
+            ..Command::default()
+        };
+        bytes.extend(command.encode(SEED_GO2));
         bytes.extend(power_up.counted(leg, j, reply).encode(SEED_STANDALONE));
     }
     Ok(bytes)
+}
+
+/// What a device that listens to a robot that walks hears of a sample.
+///
+/// # Errors
+/// [`ReplayError::Encode`].
+pub fn walk_step(sample: &WalkSample<f64>) -> Result<WalkStep, ReplayError> {
+    let single = |x: Vector3<f64>| <[f64; 3]>::from(x).map(|x| x as f32);
+    let joints = &sample.joints;
+    let time_us = joints.time_us;
+    let mut bus = BusStep {
+        time_us,
+        ..BusStep::default()
+    };
+    for (leg, bytes) in Leg::ALL.into_iter().zip(&mut bus.buses) {
+        let first = JOINTS_PER_LEG * leg.index();
+        let of = |all: &[f64; JOINTS]| std::array::from_fn(|j| all[first + j]);
+        let own = Sample {
+            time_us,
+            q: of(&joints.q),
+            dq: of(&joints.dq),
+            tau: of(&joints.tau),
+        };
+        *bytes = cycle_after(leg, &own, sample.count[leg.index()], &PowerUp::NONE)?;
+    }
+    Ok(WalkStep {
+        imu: Imu {
+            gyro: single(sample.gyro),
+            acc: single(sample.acc),
+        },
+        bus,
+    })
 }
 
 /// The buses' bytes at `time_us`.
@@ -116,7 +162,7 @@ pub fn bus_step_after(
     };
     for (leg, bytes) in Leg::ALL.into_iter().zip(&mut step.buses) {
         if let Some(sample) = &instant[leg.index()] {
-            *bytes = cycle_after(leg, sample, power_up)?;
+            *bytes = cycle_after(leg, sample, f64::NAN, power_up)?;
         }
     }
     Ok(step)
@@ -177,7 +223,8 @@ pub fn settle(
     Ok(time_us)
 }
 
-/// Of which legs the device has told an estimate that was begun after all samples had come, by the device's own clock.
+/// Of which legs the device has told an estimate that was begun after all samples had come, by the device's own clock; of a robot that walks an
+/// estimate is of all.
 #[derive(Default)]
 struct Covered {
     /// When the device first counted what it had heard, µs.
@@ -197,6 +244,7 @@ impl Covered {
                     *begun = estimate.time_us;
                 }
             }
+            DeviceMessage::Walk(walk) => self.begun_us = [walk.time_us; LEGS],
             _ => {}
         }
     }

@@ -1,4 +1,8 @@
-//! What a user calls a source: `-`, `dds`, `dds:eth0/lowstate`.
+//! What a user calls a source: `-`, `sim`, `dds`, `dds:eth0/lowstate`, `FR=/dev/ttyUSB0 FL=/dev/ttyUSB1`.
+
+use proprio_core::go2::Leg;
+
+use crate::name::leg_named;
 
 /// A source as the user names it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -7,6 +11,35 @@ pub enum Address {
     Text,
     /// A topic of a DDS domain.
     Dds(Topic),
+    /// Adapters on the motor buses of legs.
+    Adapters(Vec<Adapter>),
+    /// A simulated robot's motor buses.
+    Simulated,
+}
+
+/// A serial port that listens to a leg's motor bus.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Adapter {
+    /// The leg.
+    pub leg: Leg,
+    /// Name of the port.
+    pub port: String,
+}
+
+impl Adapter {
+    /// What `LEG=PORT` names.
+    ///
+    /// # Errors
+    /// In words: what was expected.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let (leg, port) = text
+            .split_once('=')
+            .filter(|(_, port)| !port.is_empty())
+            .ok_or("expected LEG=PORT, such as FR=/dev/ttyUSB0")?;
+        let leg = leg_named(leg).map_err(|unknown| unknown.to_string())?;
+        let port = port.to_owned();
+        Ok(Self { leg, port })
+    }
 }
 
 /// Where a topic is, and which.
@@ -19,10 +52,25 @@ pub struct Topic {
 }
 
 impl Address {
-    /// The source that `text` names, if it is `-` or begins as one of DDS does.
-    pub fn parse(text: &str) -> Option<Self> {
-        if text == "-" {
-            return Some(Self::Text);
+    /// The source that these words name together: several are adapters, one each leg.
+    pub fn parse(words: &[String]) -> Option<Self> {
+        if let [word] = words
+            && !word.contains('=')
+        {
+            return Self::of_word(word);
+        }
+        let adapters = words.iter().map(|word| Adapter::parse(word).ok());
+        let adapters: Vec<Adapter> = adapters.collect::<Option<_>>()?;
+        let of = |leg| adapters.iter().filter(|adapter| adapter.leg == leg).count();
+        (!adapters.is_empty() && Leg::ALL.into_iter().all(|leg| of(leg) <= 1))
+            .then_some(Self::Adapters(adapters))
+    }
+
+    fn of_word(text: &str) -> Option<Self> {
+        match text {
+            "-" => return Some(Self::Text),
+            "sim" => return Some(Self::Simulated),
+            _ => {}
         }
         let rest = text.strip_prefix("dds")?;
         let (interface, name) = match rest.strip_prefix(':') {
@@ -67,6 +115,13 @@ mod tests {
                 name: some(name),
             }))
         };
+        let adapters = |ports: &[(Leg, &str)]| {
+            let adapter = |(leg, port): &(Leg, &str)| Adapter {
+                leg: *leg,
+                port: (*port).to_owned(),
+            };
+            Some(Address::Adapters(ports.iter().map(adapter).collect()))
+        };
         let table = [
             ("-", Some(Address::Text)),
             ("dds", dds("", "")),
@@ -80,10 +135,21 @@ mod tests {
             ("dds:", dds("", "")),
             ("ddsx", None),
             ("/dev/ttyACM0", None),
-            ("sim", None),
+            ("sim", Some(Address::Simulated)),
+            ("FR=/dev/ttyUSB0", adapters(&[(Leg::FR, "/dev/ttyUSB0")])),
+            (
+                "RL=/dev/ttyUSB1 FL=COM3",
+                adapters(&[(Leg::RL, "/dev/ttyUSB1"), (Leg::FL, "COM3")]),
+            ),
+            ("FR=a FR=b", None),
+            ("FR=", None),
+            ("XX=/dev/ttyUSB0", None),
+            ("FR=/dev/ttyUSB0 sim", None),
+            ("sim dds", None),
         ];
         for (text, address) in table {
-            assert_eq!(Address::parse(text), address, "{text}");
+            let words: Vec<String> = text.split(' ').map(str::to_owned).collect();
+            assert_eq!(Address::parse(&words), address, "{text}");
         }
     }
 

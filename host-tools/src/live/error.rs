@@ -1,5 +1,9 @@
 //! Why nothing can be received.
 
+use proprio_core::go2::Leg;
+
+use crate::device::DeviceError;
+
 /// Why nothing can be received.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
@@ -9,6 +13,15 @@ pub enum LiveError {
     /// Standard input is the terminal.
     #[error("-: nothing is piped into the command")]
     Terminal,
+    /// An adapter's port cannot be opened.
+    #[error(transparent)]
+    Port(#[from] DeviceError),
+    /// A motor counts from its power-up on, and where its joint was nobody said.
+    #[error("the bus of {} says how far its motors turn, and not from where", .leg.name())]
+    NoZeros {
+        /// The leg.
+        leg: Leg,
+    },
     /// No thread can be started.
     #[error("cannot start to receive: {0}")]
     Thread(#[source] std::io::Error),

@@ -1,26 +1,31 @@
 //! Live sources: what a robot sends now, for the commands that record and watch it.
 //!
-//! A source gives what [`crate::log`] reads: the messages of a DDS topic, or lines of text. It sends nothing itself: of a DDS domain it has a
-//! subscriber alone, whose participant announces itself as discovery asks of every participant.
+//! A source gives what [`crate::log`] reads: the messages of a DDS topic, lines of text, or captures of motor buses. It sends nothing itself: of a
+//! DDS domain it has a subscriber alone, whose participant announces itself as discovery asks of every participant; of a serial port it only reads.
 //!
 //! Files beside:
 //!
-//! - `address`: what a user calls a source: `-`, `dds`, `dds:eth0/lowstate`
+//! - `address`: what a user calls a source: `-`, `sim`, `dds`, `dds:eth0/lowstate`, `FR=/dev/ttyUSB0 FL=/dev/ttyUSB1`
+//! - `bus`: motor buses as captures that are still being made: those that adapters listen to, and a simulated robot's
 //! - `dds`: messages of a topic of a DDS domain, over one network interface
 //! - `error`: why nothing can be received
 //! - `follow`: which of the messages of several writers are one robot's, each once
+//! - `pieces`: bytes that a thread reads, piece by piece
 //! - `text`: lines of standard input as they come
 //! - `until`: when to end
 
 mod address;
+mod bus;
 #[cfg(feature = "dds")]
 mod dds;
 mod error;
 mod follow;
+mod pieces;
 mod text;
 mod until;
 
-pub use address::{Address, Topic};
+pub use address::{Adapter, Address, Topic};
+pub use bus::{BusFacts, LiveCapture};
 #[cfg(feature = "dds")]
 pub use dds::{Subscription, subscribe};
 pub use error::LiveError;
@@ -53,6 +58,8 @@ impl Counts {
 pub enum Source {
     /// Lines of text, the first of which names the columns.
     Text(Box<dyn std::io::Read + Send>),
+    /// Captures of a leg's bus each, on one clock.
+    Buses(Vec<LiveCapture>),
     /// Messages of a topic.
     #[cfg(feature = "mcap")]
     Messages {
@@ -66,18 +73,22 @@ pub enum Source {
 }
 
 impl Source {
-    /// Opens what `address` names, on this DDS domain if it is a topic; what comes is counted in `counts`, and ends as `until` says.
+    /// Opens what `address` names, on this DDS domain if it is a topic, and with what is known of the buses if it is adapters; what comes is
+    /// counted in `counts`, and ends as `until` says.
     ///
     /// # Errors
     /// [`LiveError`].
     pub fn open(
         address: &Address,
         domain: u16,
+        facts: &BusFacts,
         until: &Until,
         counts: &Counts,
     ) -> Result<Self, LiveError> {
         match address {
             Address::Text => Ok(Self::Text(Box::new(lines(until.clone())?))),
+            Address::Adapters(adapters) => Ok(Self::Buses(bus::listen(adapters, facts, until)?)),
+            Address::Simulated => Ok(Self::Buses(bus::simulate(until)?)),
             #[cfg(feature = "dds")]
             Address::Dds(topic) => {
                 let subscription = subscribe(topic, domain, until, counts)?;
@@ -99,6 +110,10 @@ impl Source {
     pub fn into_input(self) -> crate::log::LiveInput {
         match self {
             Self::Text(text) => crate::log::LiveInput::Text(text),
+            Self::Buses(captures) => {
+                let captures = captures.into_iter().map(|capture| capture as _);
+                crate::log::LiveInput::Buses(captures.collect())
+            }
             #[cfg(feature = "mcap")]
             Self::Messages {
                 topic,

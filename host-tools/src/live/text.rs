@@ -1,15 +1,12 @@
 //! Lines of standard input as they come.
 
 use std::io::{self, BufRead, BufReader, IsTerminal, Read};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::thread;
-use std::time::Instant;
 
 use super::error::LiveError;
-use super::until::{LOOK, Until};
+use super::pieces::Pieces;
+use super::until::Until;
 
-/// Lines that may wait; then whoever writes them waits.
-const WAITING: usize = 4096;
 /// A longer line, bytes, is no row; it is passed on in parts, and the reader of rows says what is wrong.
 const LONGEST: u64 = 1 << 22;
 
@@ -25,8 +22,8 @@ pub fn lines(until: Until) -> Result<impl Read + Send, LiveError> {
     follow(io::stdin(), until)
 }
 
-fn follow(from: impl Read + Send + 'static, until: Until) -> Result<Lines, LiveError> {
-    let (send, lines) = sync_channel(WAITING);
+fn follow(from: impl Read + Send + 'static, until: Until) -> Result<Pieces, LiveError> {
+    let (send, lines) = Pieces::new(until);
     let read = move || {
         let mut from = BufReader::with_capacity(1 << 16, from);
         loop {
@@ -40,48 +37,7 @@ fn follow(from: impl Read + Send + 'static, until: Until) -> Result<Lines, LiveE
     };
     let named = thread::Builder::new().name("stdin".to_owned());
     named.spawn(read).map_err(LiveError::Thread)?;
-    Ok(Lines {
-        lines,
-        line: Vec::new(),
-        at: 0,
-        first: None,
-        until,
-    })
-}
-
-struct Lines {
-    lines: Receiver<io::Result<Vec<u8>>>,
-    /// The present line, and how much of it was given.
-    line: Vec<u8>,
-    at: usize,
-    first: Option<Instant>,
-    until: Until,
-}
-
-impl Read for Lines {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while self.at == self.line.len() {
-            if self.until.is_over(self.first) {
-                return Ok(0);
-            }
-            match self.lines.recv_timeout(LOOK) {
-                Ok(line) => {
-                    (self.line, self.at) = (line?, 0);
-                    self.first.get_or_insert_with(Instant::now);
-                    if self.line.is_empty() {
-                        return Ok(0);
-                    }
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => return Ok(0),
-            }
-        }
-        let left = &self.line[self.at..];
-        let count = left.len().min(buffer.len());
-        buffer[..count].copy_from_slice(&left[..count]);
-        self.at += count;
-        Ok(count)
-    }
+    Ok(lines)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! What comes while it is read: messages, text; as rows, before any is judged.
+//! What comes while it is read: messages, text, bytes of motor buses; as rows, before any is judged.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -9,12 +9,15 @@ use super::row::Row;
 #[cfg(feature = "mcap")]
 use super::source::bag;
 use super::source::{self, Source};
+use super::warning::Warning;
 use crate::model::Robot;
 
 /// Where rows come from that are still being made.
 pub enum LiveInput {
     /// Text with a header, as a log's: whoever gives it waits for it, and ends it with a whole line.
     Text(Box<dyn Read>),
+    /// Captures of a leg's bus each ([`crate::capture`]), all on one clock.
+    Buses(Vec<Box<dyn Read>>),
     /// Messages of one topic.
     #[cfg(feature = "mcap")]
     Messages {
@@ -103,5 +106,10 @@ impl LiveRows {
             motors.apply(&mut self.row.values);
         }
         Ok(Some(&self.row))
+    }
+
+    /// What a user should know of all that came.
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.source.warnings()
     }
 }

@@ -7,7 +7,10 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions, Writer};
 
+use super::cdr::joint_state;
+use super::columns::Columns;
 use super::live::LiveMessage;
+use super::row::Row;
 
 /// The definition of `sensor_msgs/msg/JointState`.
 pub(crate) const JOINT_STATE: &str = include_str!("messages/joint_state.msg");
@@ -75,6 +78,23 @@ impl<W: Write> MessageWriter<W> {
         self.count = self.count.wrapping_add(1);
         let written = self.mcap.write_to_known_channel(&header, &message.data);
         written.map_err(failed)
+    }
+
+    /// Adds a row, at `time_ns` since 1970, as the `JointState` of its joints, which `columns` names.
+    ///
+    /// # Errors
+    /// Those of the output.
+    pub fn row(&mut self, time_ns: i64, columns: &Columns, row: &Row) -> io::Result<()> {
+        let of = |all: &[f64]| columns.joints().map(|joint| all[joint]).collect();
+        let numbers = [of(row.q()), of(row.dq()), of(row.tau())];
+        let bodies = columns.robot().bodies();
+        let names: Vec<&str> = columns.joints().map(|j| bodies[j].name.as_str()).collect();
+        let stamp = u64::try_from(time_ns).unwrap_or(0);
+        self.write(&LiveMessage {
+            received_ns: time_ns,
+            sent_ns: None,
+            data: joint_state(stamp, names.into_iter(), &numbers),
+        })
     }
 
     /// Ends the file.

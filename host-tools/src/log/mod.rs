@@ -20,11 +20,12 @@
 //! Files beside:
 //!
 //! - `admission`: which rows of a log are let in: the one gate that all commands read through
+//! - `cdr`: messages as they are written
 //! - `channel`: the signals of a joint, and what their columns are called
 //! - `checks`: what can only be judged over a whole log: its rate, its gaps, its units
 //! - `columns`: from the names of a file's cells to the place of each channel in a row
 //! - `error`: what can be wrong with a log, and where
-//! - `live`: what comes while it is read: messages, text; as rows, before any is judged
+//! - `live`: what comes while it is read: messages, text, bytes of motor buses; as rows, before any is judged
 //! - `messages`: messages into an MCAP file, as they came, with the definition of their type
 //! - `motors`: what was recorded at motors, as what joints do
 //! - `names`: what other recorders call the channels
@@ -40,6 +41,8 @@
 //! - `writer`: writing a log
 
 mod admission;
+#[cfg(feature = "mcap")]
+pub(crate) mod cdr;
 mod channel;
 mod checks;
 mod columns;

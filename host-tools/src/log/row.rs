@@ -1,6 +1,7 @@
 //! A row of a log in memory.
 
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{JOINTS, JOINTS_PER_LEG, LEGS, Leg};
+use proprio_core::walk::WalkSample;
 use proprio_core::window::Sample;
 
 use super::channel::Channel;
@@ -51,6 +52,27 @@ impl Row {
             q: of(Channel::Q),
             dq: of(Channel::Dq),
             tau: of(Channel::Tau),
+        }
+    }
+
+    /// What the estimator of a Go2 that walks takes, from a Go2's log with an IMU; NaN where the log has nothing. Time counts from the log's
+    /// first row.
+    pub fn walk_sample(&self) -> WalkSample<f64> {
+        let of = |channel| {
+            let all = self.of_joints(channel).first_chunk();
+            all.copied().unwrap_or([f64::NAN; JOINTS])
+        };
+        let feet = self.foot().first_chunk();
+        WalkSample {
+            joints: Sample {
+                time_us: self.time_us,
+                q: of(Channel::Q),
+                dq: of(Channel::Dq),
+                tau: of(Channel::Tau),
+            },
+            gyro: (*self.gyro()).into(),
+            acc: (*self.acc()).into(),
+            count: feet.copied().unwrap_or([f64::NAN; LEGS]),
         }
     }
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use proprio_core::go2::Leg;
+
 use super::error::Place;
 use crate::model::significant;
 
@@ -71,6 +73,15 @@ pub enum Warning {
     },
     /// Polling cycles after a motor was silent or jumped: where its zero is since, nothing says.
     Unplaced {
+        /// The leg.
+        leg: Leg,
+        /// How many.
+        count: u64,
+        /// Of how many.
+        of: u64,
+    },
+    /// Polling cycles of the first of several buses about which another has none.
+    Alone {
         /// How many.
         count: u64,
         /// Of how many.
@@ -158,9 +169,14 @@ impl fmt::Display for Warning {
                 "topic {read} is read; {} too would tell of joints",
                 left.join(", ")
             ),
-            Self::Unplaced { count, of } => write!(
+            Self::Unplaced { leg, count, of } => write!(
                 f,
-                "the last {count} of {of} polling cycles are left out: a motor was silent for 0.1 s or its position jumped, and its zero is unknown since"
+                "the last {count} of {of} polling cycles of {} are left out: a motor was silent for 0.1 s or its position jumped, and its zero is unknown since",
+                leg.name()
+            ),
+            Self::Alone { count, of } => write!(
+                f,
+                "{count} of {of} polling cycles of the first bus are left out: another bus has none about them"
             ),
             Self::Skipped { count, of } => write!(
                 f,

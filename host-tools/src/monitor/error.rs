@@ -3,8 +3,8 @@
 use proprio_simulator::Diverged;
 
 use super::journal::JournalError;
-use crate::device::DeviceError;
 use crate::device::replay::ReplayError;
+use crate::device::{DeviceError, RobotError};
 use crate::live::LiveError;
 use crate::log::LogError;
 
@@ -26,7 +26,26 @@ pub enum FeedError {
     /// Rows of a live source that cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// A live source that lacks what the estimates of a robot that walks need.
+    #[error(
+        "{source_name} has {lacks}: a robot that walks is estimated from all its joints, a gyro and an accelerometer"
+    )]
+    NoWalk {
+        /// What the user calls it.
+        source_name: String,
+        /// What it lacks.
+        lacks: &'static str,
+    },
     /// A recording of messages.
     #[error(transparent)]
     Journal(#[from] JournalError),
+}
+
+impl From<RobotError> for FeedError {
+    fn from(error: RobotError) -> Self {
+        match error {
+            RobotError::Replay(error) => Self::Replay(error),
+            RobotError::Diverged(error) => Self::Diverged(error),
+        }
+    }
 }

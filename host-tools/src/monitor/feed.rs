@@ -11,11 +11,10 @@ use proprio_core::wire::{Action, DeviceMessage, Hello, HostMessage};
 use super::error::FeedError;
 use super::journal::{Entry, JournalReader};
 use super::live::{Live, Step};
-use super::robot::Robot;
 use crate::device::pull::Pull;
 use crate::device::replay::settle;
 use crate::device::serial::SerialDevice;
-use crate::device::{BusStep, Device, DeviceError, Requests};
+use crate::device::{BusStep, Device, DeviceError, Requests, Robot};
 use crate::factors::Factors;
 
 /// Messages that may wait for who reads them. A device is never kept waiting by more: a board drops what its host does not take.
@@ -343,7 +342,10 @@ impl Listener {
         let mut played = [false; LEGS];
         while !self.ended {
             match live.next(LOOK)? {
-                Step::Row(step) => {
+                Step::Row(imu, step) => {
+                    if let Some(imu) = imu {
+                        device.command(&HostMessage::Imu(imu))?;
+                    }
                     silent.time_us = step.time_us;
                     let legs = played.iter_mut().zip(&step.buses);
                     legs.for_each(|(played, bytes)| *played |= !bytes.is_empty());

@@ -5,10 +5,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use proprio_core::go2::Leg;
+use proprio_core::go2::{LEGS, Leg};
+use proprio_core::wire::Imu;
 
 use super::error::FeedError;
-use crate::device::{BusStep, RowSteps};
+use crate::device::replay::walk_step;
+use crate::device::{BusStep, RowSteps, WalkStep};
 use crate::live::{Counts, LiveError, Source, Until};
 use crate::log::{LogReader, Selection};
 use crate::model::Robot;
@@ -19,8 +21,8 @@ const WAITING: usize = 1024;
 /// What a live source gave.
 #[derive(Debug)]
 pub(super) enum Step {
-    /// A row that the gate of all logs has let in.
-    Row(BusStep),
+    /// A row that the gate of all logs has let in; of a robot that walks, with what its IMU reads.
+    Row(Option<Imu>, BusStep),
     /// Nothing new for now.
     Silence,
     /// Nothing more comes; what a user should know of all that came.
@@ -35,13 +37,14 @@ pub struct Live {
 }
 
 impl Live {
-    /// Follows `source`, a Go2's, called `name`.
+    /// Follows `source`, a Go2's, called `name`, which `walks` or hangs.
     ///
     /// # Errors
     /// [`LiveError::Thread`].
     pub fn follow(
         name: PathBuf,
         source: Source,
+        walks: bool,
         until: Until,
         counts: Counts,
     ) -> Result<Self, LiveError> {
@@ -49,7 +52,10 @@ impl Live {
         let named = thread::Builder::new().name("rows".to_owned());
         named
             .spawn(move || {
-                let end = read(name, source, &send);
+                let end = match walks {
+                    true => read_walk(name, source, &send),
+                    false => read(name, source, &send),
+                };
                 // Nobody takes it if the monitor has ended.
                 let _ = send.send(end.map(Step::End));
             })
@@ -96,11 +102,43 @@ fn read(
         let Some(step) = steps.step(row)? else {
             continue;
         };
-        if send.send(Ok(Step::Row(step))).is_err() {
+        if send.send(Ok(Step::Row(None, step))).is_err() {
             return Ok(Vec::new());
         }
     }
-    // Too short a look is no error of a view.
+    Ok(noticed(&reader))
+}
+
+/// The same of a robot that walks.
+fn read_walk(
+    name: PathBuf,
+    source: Source,
+    send: &SyncSender<Result<Step, FeedError>>,
+) -> Result<Vec<String>, FeedError> {
+    let robot = Robot::go2();
+    let mut reader = LogReader::follow(&name, source.into_input(), Selection::Everything, &robot)?;
+    let columns = reader.columns();
+    let lacks = match () {
+        () if columns.legs().count() < LEGS => Some("not all legs"),
+        () if !columns.has_gyro() => Some("no gyro"),
+        () if !columns.has_acc() => Some("no accelerometer"),
+        () => None,
+    };
+    if let Some(lacks) = lacks {
+        let source_name = name.display().to_string();
+        return Err(FeedError::NoWalk { source_name, lacks });
+    }
+    while let Some(row) = reader.next_row()? {
+        let WalkStep { imu, bus } = walk_step(&row.walk_sample())?;
+        if send.send(Ok(Step::Row(Some(imu), bus))).is_err() {
+            return Ok(Vec::new());
+        }
+    }
+    Ok(noticed(&reader))
+}
+
+/// Too short a look is no error of a view.
+fn noticed(reader: &LogReader) -> Vec<String> {
     let warnings = reader.finish().unwrap_or_default();
-    Ok(warnings.iter().map(ToString::to_string).collect())
+    warnings.iter().map(ToString::to_string).collect()
 }

@@ -7,7 +7,6 @@
 //! - `journal`: all that came from a device, in a file
 //! - `live`: rows of a live source as steps of motor buses, for the device in this process
 //! - `residual`: a joint's residual of the last second against what it was before
-//! - `robot`: a simulated robot on four motor buses, for devices that have none
 //! - `web`: the view as a page: a server for browsers on this machine, which streams what is known
 
 mod error;
@@ -15,7 +14,6 @@ mod feed;
 mod journal;
 mod live;
 mod residual;
-mod robot;
 mod screen;
 mod view;
 pub mod web;
@@ -25,6 +23,5 @@ pub use feed::{Ask, Feed, Source, Told};
 pub use journal::{Entry, JournalError, JournalReader, JournalWriter};
 pub use live::Live;
 pub use residual::{Band, Residual};
-pub use robot::Robot;
 pub use screen::{Page, Screen, draw};
 pub use view::{Event, LegView, Ranked, View};

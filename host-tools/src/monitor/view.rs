@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
-    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Zero,
+    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Walk, Zero,
 };
 
 use super::residual::Residual;
@@ -95,6 +95,8 @@ pub struct View {
     pub legs: [LegView; LEGS],
     /// The last counters.
     pub counters: Option<Counters>,
+    /// The last estimate of a robot that walks.
+    pub walk: Option<Walk>,
     /// What happened, the newest last.
     pub events: VecDeque<Event>,
     /// Messages heard.
@@ -121,7 +123,10 @@ impl View {
                     .into_iter()
                     .for_each(|words| self.happened(words));
             }
-            DeviceMessage::Walk(walk) => self.happened(words_of_walk(walk)),
+            DeviceMessage::Walk(walk) => {
+                self.walk = Some(*walk);
+                self.happened(words_of_walk(walk));
+            }
             DeviceMessage::FactorPart(_) | DeviceMessage::Advanced(_) => {}
         }
     }

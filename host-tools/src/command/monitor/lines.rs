@@ -7,7 +7,7 @@ use crate::monitor::View;
 use crate::output::{asked_to_finish, finish_on_interrupt};
 use crate::table::with_std;
 use proprio_core::go2::Leg;
-use proprio_core::wire::Counters;
+use proprio_core::wire::{Counters, Walk};
 use serde::Serialize;
 
 use super::session::Session;
@@ -105,6 +105,9 @@ pub(super) struct Report {
     zero_unknown: Vec<&'static str>,
     ranking: Vec<RankedReport>,
     events: Vec<EventReport>,
+    /// The last estimate of a robot that walks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    walk: Option<Walk>,
     counters: Option<Counters>,
     messages: u64,
     messages_missed: u32,
@@ -184,6 +187,7 @@ impl Report {
                     text: event.text.clone(),
                 })
                 .collect(),
+            walk: view.walk,
             counters: view.counters,
             messages: view.messages,
             messages_missed: view.losses.1,

@@ -26,6 +26,8 @@ pub(super) struct Report {
     rate: f64,
     #[serde(flatten)]
     tally: Tally,
+    /// What a user should know of what came.
+    pub(super) warnings: Vec<String>,
 }
 
 impl Report {
@@ -39,13 +41,14 @@ impl Report {
             seconds: 0.0,
             rate: 0.0,
             tally: Tally::default(),
+            warnings: Vec::new(),
         }
     }
 
     /// Takes note of what the source is.
     pub(super) fn follows(&mut self, source: &Source) {
         match source {
-            Source::Text(_) => {}
+            Source::Text(_) | Source::Buses(_) => {}
             #[cfg(feature = "mcap")]
             Source::Messages { topic, kind, .. } => {
                 self.topic = Some(topic.clone());
@@ -61,10 +64,12 @@ impl Report {
             self.rate = recording.recorded.saturating_sub(1) as f64 / self.seconds;
         }
         self.tally = recording.counts.now();
+        self.warnings = self.of_tally();
+        self.warnings.extend_from_slice(&recording.warnings);
     }
 
-    /// What a user should know of what came.
-    pub(super) fn warnings(&self) -> Vec<String> {
+    /// What the counts say.
+    fn of_tally(&self) -> Vec<String> {
         let tally = &self.tally;
         let all = [
             (

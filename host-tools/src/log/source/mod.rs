@@ -7,7 +7,7 @@
 //!
 //! - `arrays`: named arrays as a log: of a NumPy archive, of a program's memory
 //! - `bag`: recordings of messages: which topic holds the joints' states, what its messages say, and when
-//! - `bus`: captures of a motor bus: polling cycles, by the device's own listener
+//! - `bus`: captures of motor buses, whole or still being made: polling cycles, by the device's own listener
 //! - `chain`: files of one recording, one after the other
 //! - `decimal`: plain decimals, as nearly all numbers of a log are written
 //! - `input`: bytes: of a file, of a folder's files, or of standard input
@@ -200,6 +200,7 @@ fn open_file(path: &Path, file: &PathBuf) -> Result<Box<dyn Source>, LogError> {
 pub(super) fn open_live(name: &Path, input: LiveInput) -> Result<Box<dyn Source>, LogError> {
     match input {
         LiveInput::Text(text) => text::open_live(name, text),
+        LiveInput::Buses(captures) => bus::open_live(name, captures),
         #[cfg(feature = "mcap")]
         LiveInput::Messages {
             topic,

@@ -6,8 +6,9 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::{Page, Screen, draw};
+use crate::device::Robot;
 use crate::device::{Desktop, Device};
-use crate::monitor::{Robot, View};
+use crate::monitor::View;
 use proprio_simulator::hidden::typical;
 
 /// What is known after some seconds of a device that hears these legs.

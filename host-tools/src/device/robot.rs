@@ -3,11 +3,21 @@
 use proprio_core::go2::Leg;
 use proprio_core::window::Sample;
 
-use super::error::FeedError;
-use crate::device::BusStep;
-use crate::device::power_up::PowerUp;
-use crate::device::replay::{Instant, bus_step_after};
-use proprio_simulator::{HiddenEffect, SimulatedSample, Simulation};
+use super::BusStep;
+use super::power_up::PowerUp;
+use super::replay::{Instant, ReplayError, bus_step_after};
+use proprio_simulator::{Diverged, HiddenEffect, SimulatedSample, Simulation};
+
+/// Why there are no more bytes.
+#[derive(Debug, thiserror::Error)]
+pub enum RobotError {
+    /// A value that does not fit a frame.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// The motion.
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
+}
 
 /// How long it moves, s: longer than anybody looks.
 const DURATION: f64 = 1e7;
@@ -42,7 +52,7 @@ impl Robot {
     ///
     /// # Errors
     /// An item is an error, and the last, if the motion leaves the real numbers or what a frame can hold.
-    pub fn steps(&self) -> impl Iterator<Item = Result<BusStep, FeedError>> + '_ {
+    pub fn steps(&self) -> impl Iterator<Item = Result<BusStep, RobotError>> + '_ {
         self.0.samples().map(|sample| {
             let sample = sample?;
             let time_us = (sample.t * 1e6).round() as u64 + FIRST_US;
