@@ -216,7 +216,13 @@ fn asked(
         let mut limbs = recording.limbs.iter();
         is_shared(joint) || limbs.any(|(limb, _)| limb.bodies.contains(&joint))
     };
-    Asked::of(&recording.logs, &recorded, model, left_out, values)
+    Asked::of(
+        (&recording.logs, &recording.only),
+        &recorded,
+        model,
+        left_out,
+        values,
+    )
 }
 
 /// A model and what it predicts.

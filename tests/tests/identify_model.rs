@@ -93,6 +93,7 @@ fn a_fit_becomes_a_model_that_says_where_it_comes_from() {
         version,
         command,
         logs,
+        ..
     } = model.provenance().unwrap();
     assert_eq!(version, env!("CARGO_PKG_VERSION"));
     assert_eq!(*command, format!("proprio {} --json", fit.join(" ")));

@@ -59,20 +59,28 @@ fn a_long_log_is_judged_whole() {
         &["compare", "log.csv", "-m", "first.toml", "--given"],
     );
     assert!(screen.starts_with("Every window of 160 s: "), "{screen}");
+    let next = "Next: proprio diagnose log.csv -m first.toml --only 't > 60' --only 't < 120'";
+    assert!(screen.contains(next), "{screen}");
+    let screen = screen.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(
         screen.contains("in the minute from 60 s of log.csv on, mostly at FR_calf"),
         "{screen}"
     );
-    let next = "Next: proprio diagnose log.csv -m first.toml --only 't > 60' --only 't < 120'";
-    assert!(screen.contains(next), "{screen}");
     let words = next.trim_start_matches("Next: proprio ").replace('\'', "");
     let words: Vec<&str> = words.split(" --only ").collect();
     let mut arguments: Vec<&str> = words[0].split(' ').chain(["--catalogue-only"]).collect();
     words[1..]
         .iter()
         .for_each(|only| arguments.extend(["--only", only]));
-    let bad = done(folder, &arguments);
-    assert!(bad.contains("FR_calf") && bad.contains("coulomb"), "{bad}");
-    let identified = json(&done(folder, &["identify", "log.csv", "--json"]));
-    assert!(identified["every_window"]["minutes"][1]["worst_joint"] == "FR_calf");
+    arguments.push("--json");
+    let bad = json(&done(folder, &arguments));
+    let moved = &bad["moved"][0];
+    assert!(moved["name"] == "coulomb:FR_calf", "{bad}");
+    let [was, now] = ["was", "now"].map(|of| moved[of].as_f64().unwrap());
+    assert!((now - was - 0.5).abs() < 0.01, "{moved}");
+    let plain = json(&done(folder, &["identify", "log.csv", "--json"]));
+    assert!(
+        plain["every_window"]["minutes"][1]["worst_joint"] == "FR_thigh",
+        "{plain}"
+    );
 }

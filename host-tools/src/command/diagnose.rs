@@ -180,14 +180,17 @@ impl Diagnose {
         given: &Model,
     ) -> Result<Values, Error> {
         let own = match given.provenance() {
-            Some(provenance) => provenance.is_of(&self.logs).map_err(unreadable)?,
+            Some(provenance) => {
+                (provenance.is_of(&self.logs, &recording.only)).map_err(unreadable)?
+            }
             None => !given.has_values(),
         };
         let joints: usize = recording.limbs.iter().map(|(_, limb)| limb.joints).sum();
         Ok(
             match (own, self.anyway || diagnosis.joints.len() < joints) {
                 (true, false) => {
-                    Values::OfTheseLogs(Provenance::of(&self.logs).map_err(unreadable)?)
+                    let own = Provenance::of(&self.logs).map_err(unreadable)?;
+                    Values::OfTheseLogs(own.under(&recording.only))
                 }
                 (false, _) => Values::OfOtherLogs,
                 (true, true) => Values::Untold,

@@ -276,7 +276,8 @@ impl Identify {
     }
 
     fn provenance(&self) -> Result<Provenance, Error> {
-        Provenance::of(&self.logs).map_err(unreadable)
+        let own = Provenance::of(&self.logs).map_err(unreadable)?;
+        Ok(own.under(&self.part.only))
     }
 }
 

@@ -20,9 +20,9 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// `recorded`: whether the logs tell of what a joint, or all, have.
+    /// Of logs and the conditions under which they are judged. `recorded`: whether the logs tell of what a joint, or all, have.
     pub(super) fn of(
-        logs: &[PathBuf],
+        logs: (&[PathBuf], &[String]),
         recorded: &dyn Fn(usize) -> bool,
         model: &Model,
         left_out: &[ModelEffect],
@@ -69,10 +69,10 @@ fn unvalued(recorded: &dyn Fn(usize) -> bool, model: &Model) -> Vec<ModelEffect>
 
 /// What a diagnosis of these very logs has just added, with the values that they give: before and after are to be of data that the fit
 /// has not seen.
-fn valued_by(logs: &[PathBuf], model: &Model) -> Vec<ModelEffect> {
+fn valued_by((logs, only): (&[PathBuf], &[String]), model: &Model) -> Vec<ModelEffect> {
     let last = model.effects().iter().filter(|e| e.just_added);
     let last: Vec<ModelEffect> = last.copied().collect();
-    match !last.is_empty() && model.is_of(logs) {
+    match !last.is_empty() && model.is_of(logs, only) {
         true => last,
         false => Vec::new(),
     }

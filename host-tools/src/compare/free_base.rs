@@ -85,7 +85,7 @@ pub fn compare_free_base_without(
     values: ValuesFrom,
     progress: impl FnMut(u64, u64),
 ) -> Result<FreeBaseComparison, FreeBaseError> {
-    let asked = Asked::of(logs, &|_| true, model, left_out, values);
+    let asked = Asked::of((logs, &[]), &|_| true, model, left_out, values);
     let structure = ModelStructure::of(model)?;
     let before = asked.before.as_ref();
     let before = before.map(|model| Ok::<_, FreeBaseError>((model, ModelStructure::of(model)?)));

@@ -50,7 +50,7 @@ fn mcap(comparison: &Comparison, recording: &Recording, model: &Model) -> io::Re
     };
     let fitted = fit_model(recording, model, options).map_err(io::Error::other)?;
     let provenance = Provenance::of(&recording.logs).map_err(|(_, error)| error)?;
-    let fitted = fitted.to_model(model, provenance);
+    let fitted = fitted.to_model(model, provenance.under(&recording.only));
     let mut said = comparison.clone();
     let words = "values are fitted to all of these logs: this error is not held out";
     said.warnings.push(words.to_owned());

@@ -183,7 +183,7 @@ impl Diagnosed<'_> {
     /// The values of the model's file that these logs contradict; nothing of a file without values or with those of these very logs.
     fn changed(&self) -> Vec<ChangedValue> {
         let model = self.model;
-        if !model.has_values() || model.is_of(&self.recording.logs) {
+        if !model.has_values() || model.is_of(&self.recording.logs, &self.recording.only) {
             return Vec::new();
         }
         let values = side_by_side(&self.found.end.fits, |fit| parameters(fit));

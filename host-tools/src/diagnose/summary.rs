@@ -206,6 +206,11 @@ impl Diagnosis {
         }
         match (self.outside_catalogue.as_slice(), self.verdict) {
             ([], Verdict::Insufficient) => self.reason.clone(),
+            // Without a floor noise is what neighbours in time do not share: less than that tells.
+            ([], _) if self.yardsticks.noise_floor_rms.is_none() => {
+                "what is left shows no structure; without a noise floor more may be missing"
+                    .to_owned()
+            }
             ([], _) => "no structure is left above the noise".to_owned(),
             ([first, rest @ ..], _) => and_more(first, rest.len()),
         }

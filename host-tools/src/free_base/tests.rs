@@ -167,7 +167,6 @@ fn a_robot_that_hangs_has_no_foot_on_the_ground() {
     assert_eq!(stance.shares.air, [1.0; 4]);
 }
 
-/// A hand's force on the trunk is told by no sensor; in flight, where nothing carries the robot, there is none.
 /// What motion and other joints say of the transmitted torque against what the motors give: exact where nothing is on the ground; in MuJoCo's trot to a
 /// quarter at each kind of joint, friction, rotors and blows among it.
 #[test]
@@ -207,6 +206,7 @@ fn no_joint_tells_its_own_load() {
     assert!(apart(3) > 1e-3 && apart(5) > 1e-3);
 }
 
+/// A hand's force on the trunk is told by no sensor; in flight, where nothing carries the robot, there is none.
 #[test]
 fn a_robot_that_hangs_is_held_and_one_that_stands_or_flies_is_not() {
     let mut stands = still(600);

@@ -97,6 +97,7 @@ fn hidden_corrections_and_a_shape_come_out_of_one_fit() {
         version: String::new(),
         command: String::new(),
         logs: Vec::new(),
+        only: Vec::new(),
     };
     let filled = fitted.to_model(&model, provenance).unwrap();
     assert!(

@@ -130,7 +130,7 @@ pub fn compare_poses(poses: &Poses, model: &Model) -> Result<PoseComparison, Cal
         rms: 1e3 * place_rms(&rows, &errors),
         placed_rms: placed_fit.error_mm(),
         placed: stated.is_none(),
-        fitted_to_these: stated.is_some() && model.is_of(&poses.files),
+        fitted_to_these: stated.is_some() && model.is_of(&poses.files, &[]),
         targets: targets.collect(),
         poses: by_pose,
     })

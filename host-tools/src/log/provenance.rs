@@ -30,19 +30,33 @@ impl Provenance {
                 .iter()
                 .map(|log| record(log.as_ref()))
                 .collect::<Result<_, _>>()?,
+            only: Vec::new(),
         })
     }
 
-    /// Whether these logs, as they are now, are all those that the values come from, whatever their names and order.
+    /// The same, where the logs are judged under conditions `only`.
+    pub fn under(self, only: &[String]) -> Self {
+        Self {
+            only: only.to_vec(),
+            ..self
+        }
+    }
+
+    /// Whether these logs, as they are now, are all those that the values come from, whatever their names and order, and judged under the
+    /// same conditions.
     ///
     /// # Errors
     /// The path of a log that cannot be read, and why.
-    pub fn is_of(&self, logs: &[impl AsRef<Path>]) -> Result<bool, (String, io::Error)> {
+    pub fn is_of(
+        &self,
+        logs: &[impl AsRef<Path>],
+        only: &[String],
+    ) -> Result<bool, (String, io::Error)> {
         let hashes = |logs: &[LogRecord]| -> BTreeSet<String> {
             logs.iter().map(|log| log.sha256.clone()).collect()
         };
         let now = Self::of(logs)?.logs;
-        Ok(!now.is_empty() && hashes(&self.logs) == hashes(&now))
+        Ok(!now.is_empty() && self.only == only && hashes(&self.logs) == hashes(&now))
     }
 }
 
@@ -115,11 +129,20 @@ mod tests {
         };
         let [a, b, copy] = [log("a", "1"), log("b", "2"), log("copy", "1")];
         let of_both = Provenance::of(&[&a, &b]).unwrap();
-        assert!(of_both.is_of(&[&b, &copy]).unwrap());
-        assert!(!of_both.is_of(&[&a]).unwrap());
+        assert!(of_both.is_of(&[&b, &copy], &[]).unwrap());
+        assert!(!of_both.is_of(&[&a], &[]).unwrap());
+        let part = ["t < 60".to_owned()];
+        assert!(!of_both.is_of(&[&a, &b], &part).unwrap());
+        assert!(
+            of_both
+                .clone()
+                .under(&part)
+                .is_of(&[&a, &b], &part)
+                .unwrap()
+        );
         log("b", "3");
-        assert!(!of_both.is_of(&[&a, &b]).unwrap());
-        assert!(of_both.is_of(&[folder.path().join("none")]).is_err());
+        assert!(!of_both.is_of(&[&a, &b], &[]).unwrap());
+        assert!(of_both.is_of(&[folder.path().join("none")], &[]).is_err());
     }
 
     #[test]

@@ -119,6 +119,7 @@ fn parse(text: &str, folder: &Path) -> Result<Model, Fault> {
     model.provenance = file.provenance.map(|table| Provenance {
         version: table.version,
         command: table.command,
+        only: table.only,
         logs: table
             .log
             .into_iter()

@@ -400,9 +400,10 @@ impl Model {
         self.robot.set_motor(joint, Some(motor));
     }
 
-    /// Whether its values are those of these very logs (by what is in them, SHA-256); no where one cannot be read.
-    pub fn is_of(&self, logs: &[PathBuf]) -> bool {
-        let own = |provenance: &Provenance| provenance.is_of(logs).unwrap_or(false);
+    /// Whether its values are those of these very logs (by what is in them, SHA-256), judged under the same conditions `only`; no where one
+    /// cannot be read.
+    pub fn is_of(&self, logs: &[PathBuf], only: &[String]) -> bool {
+        let own = |provenance: &Provenance| provenance.is_of(logs, only).unwrap_or(false);
         self.provenance().is_some_and(own)
     }
 

@@ -9,6 +9,8 @@ pub struct Provenance {
     pub command: String,
     /// The logs.
     pub logs: Vec<LogRecord>,
+    /// The conditions under which they were judged (`--only`): of another part of a log values are new.
+    pub only: Vec<String>,
 }
 
 /// A log and what was in it.

@@ -344,7 +344,8 @@ fn the_way_from_the_cad_ends_at_the_noise() {
             last < 0.06 * number(&found["held_out_rms"]) && last < 0.04,
             "{path:?}"
         );
-        let has = |effect: &str| path.iter().any(|step| step["effect"] == effect);
+        let of = |effect: &str| path.iter().rfind(|step| step["effect"] == effect);
+        let has = |effect: &str| of(effect).is_some_and(|step| step["step"] == "add");
         assert!(
             has("armature") && has("coulomb") && has("viscous"),
             "{path:?}"
@@ -355,7 +356,7 @@ fn the_way_from_the_cad_ends_at_the_noise() {
 }
 
 /// A real walk at 50 Hz: friction and rotors of the calves take error away on time that the fit has not seen, and what is left is
-/// said to be more than noise.
+/// not said to be noise.
 #[test]
 fn of_a_real_walk_what_is_missing_is_told_and_that_it_is_not_all() {
     let Some(logs) = recorded_logs() else { return };
@@ -375,8 +376,10 @@ fn of_a_real_walk_what_is_missing_is_told_and_that_it_is_not_all() {
     let last = number(&path[path.len() - 1]["error"]);
     assert!(last < 0.85 * number(&found["held_out_rms"]));
     let told = done(empty_folder().path(), &["diagnose", "--free-base", &log]);
-    assert!(told.contains("neighbouring windows share"), "{told}");
-    assert!(!found["outside_catalogue"].as_array().unwrap().is_empty());
+    let told = told.split_whitespace().collect::<Vec<_>>().join(" ");
+    let is_all = "without a noise floor more may be missing";
+    let is_outside = !found["outside_catalogue"].as_array().unwrap().is_empty();
+    assert!(is_outside || told.contains(is_all), "{told}");
 }
 
 #[test]

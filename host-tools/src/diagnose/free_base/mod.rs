@@ -98,7 +98,7 @@ pub fn diagnose_free_base(
         let other = walk_bodies(&walks, structure, &values, model);
         diagnosis.bodies = super::text::bodies(&(other, false));
     }
-    if !model.is_of(logs) {
+    if !model.is_of(logs, &[]) {
         diagnosis.changed = changed(model, &without_loaded(structure, &values));
     }
     Ok(FreeBaseDiagnosis {

@@ -278,6 +278,8 @@ pub(super) struct ProvenanceTable {
     pub(super) version: String,
     pub(super) command: String,
     #[serde(default)]
+    pub(super) only: Vec<String>,
+    #[serde(default)]
     pub(super) log: Vec<LogTable>,
 }
 

@@ -94,6 +94,7 @@ fn model() -> impl Strategy<Value = Model> {
             model.set_provenance(Provenance {
                 version: "0.1.0".to_owned(),
                 command: text.clone(),
+                only: vec![text.clone()],
                 logs: vec![LogRecord {
                     path: text,
                     sha256: "ab".repeat(32),

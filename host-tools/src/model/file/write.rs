@@ -105,6 +105,7 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             version,
             command,
             logs,
+            only,
         } = provenance;
         writeln!(
             out,
@@ -112,6 +113,10 @@ fn write(out: &mut String, model: &Model, path: &Path) -> std::fmt::Result {
             string(version),
             string(command)
         )?;
+        if !only.is_empty() {
+            let only: Vec<String> = only.iter().map(|condition| string(condition)).collect();
+            writeln!(out, "only = [{}]", only.join(", "))?;
+        }
         for LogRecord { path, sha256 } in logs {
             writeln!(
                 out,
