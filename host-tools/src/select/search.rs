@@ -110,8 +110,6 @@ struct Search<S: Source> {
     steps: Vec<Step<S::Model>>,
     first: Vec<Judged>,
     refused: Refused<S::Model>,
-    /// What every drive has and the model was given for that, by family.
-    completed: Vec<Vec<Member>>,
 }
 
 impl<S: Source> Search<S> {
@@ -123,7 +121,6 @@ impl<S: Source> Search<S> {
             steps: Vec::new(),
             first: Vec::new(),
             refused: Refused::default(),
-            completed: Vec::new(),
         }
     }
 
@@ -314,7 +311,6 @@ impl<S: Source> Search<S> {
             let before = self.model.held_out(&self.model);
             if bears_a_drive(&after.held_out(&self.model), &before) {
                 self.add(&members, after);
-                self.completed.push(members);
             }
         }
     }
@@ -323,22 +319,22 @@ impl<S: Source> Search<S> {
     fn take_out(&mut self) -> bool {
         let drive = restart::lacks_a_drive(&self.steps);
         for member in backward::nothing(&self.model, &self.steps, drive) {
-            self.do_without_one(member, Leaves::Nothing);
-        }
-        // What the model bore while it lacked the rest it may not bear at the end.
-        for members in std::mem::take(&mut self.completed) {
-            self.do_without(members, Leaves::Unborne);
+            self.do_without(member, Leaves::Nothing);
         }
         for member in backward::unresolved(&self.model, &self.steps, self.source.period()) {
-            self.do_without_one(member, Leaves::Infeasible);
+            self.do_without(member, Leaves::Infeasible);
         }
         for member in backward::superseded(&self.steps) {
-            self.do_without_one(member, Leaves::Resembles);
+            self.do_without(member, Leaves::Resembles);
         }
         true
     }
 
-    fn do_without_one(&mut self, member: Member, why: Leaves) {
+    fn do_without(&mut self, member: Member, why: Leaves) {
+        // What is nothing may be superseded too.
+        if !self.model.has(&member) {
+            return;
+        }
         // What all limbs share goes from all of them.
         let members: Vec<Member> = match is_shared(member.1.1) {
             true => (0..self.source.limbs())
@@ -346,15 +342,6 @@ impl<S: Source> Search<S> {
                 .collect(),
             false => vec![member],
         };
-        self.do_without(members, why);
-    }
-
-    fn do_without(&mut self, mut members: Vec<Member>, why: Leaves) {
-        // What is nothing may be superseded too.
-        members.retain(|member| self.model.has(member));
-        if members.is_empty() {
-            return;
-        }
         let Some(after) = self.source.without(&self.model, &members) else {
             return;
         };

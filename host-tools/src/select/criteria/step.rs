@@ -77,8 +77,6 @@ pub(crate) enum Leaves {
     Nothing,
     /// It resembles what came after it.
     Resembles,
-    /// Every drive has it, but with what has come after the model predicts worse with it.
-    Unborne,
     /// A candidate with this value would not be taken, whatever it promised.
     Infeasible,
 }
@@ -89,7 +87,6 @@ pub(crate) fn does_without(without: &HeldOut, before: &HeldOut, why: Leaves) -> 
         Leaves::Nothing => SAME,
         // It took its share of the error, which the other may not give back to the last digit.
         Leaves::Resembles => 1.0 + LEAST_SHARE,
-        Leaves::Unborne => return !bears_a_drive(before, without),
         Leaves::Infeasible => return true,
     };
     no_log_rises(without, before, most) && without.weighted <= most * before.weighted

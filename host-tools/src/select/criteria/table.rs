@@ -69,11 +69,6 @@ fn answer(question: &str, asked: &str) -> String {
             &errors(asked)[0],
             step::Leaves::Resembles,
         )),
-        "without unborne" => yes(step::does_without(
-            &errors(asked)[1],
-            &errors(asked)[0],
-            step::Leaves::Unborne,
-        )),
         "without infeasible" => yes(step::does_without(
             &errors(asked)[1],
             &errors(asked)[0],
