@@ -8,6 +8,12 @@ use crate::slot::Slot;
 use crate::wire::{Outcome, Positions, SetZero, Zero};
 
 impl<T: Real> LegLine<T> {
+    /// Whether all zeros are known.
+    #[inline]
+    pub(in crate::app) fn is_placed(&self) -> bool {
+        self.zeros.are_known()
+    }
+
     /// What is told of the zeros.
     pub(in crate::app) fn zeros(&self) -> [Zero; JOINTS_PER_LEG] {
         self.zeros.told()
@@ -24,11 +30,7 @@ impl<T: Real> LegLine<T> {
     pub(super) fn note_breaks(&mut self) {
         if let Some(listener) = self.listener.get_mut() {
             let silent = self.alignment.take_silence();
-            let voided = self.zeros.void::<T>(listener.take_breaks(), silent);
-            if voided {
-                self.try_anew();
-            }
-            self.voided |= voided;
+            self.voided |= self.zeros.void::<T>(listener.take_breaks(), silent);
         }
     }
 
@@ -38,7 +40,6 @@ impl<T: Real> LegLine<T> {
             return;
         }
         self.zeros.set_positions(positions, &mut self.alignment);
-        self.try_anew();
         self.forget_motion(data);
     }
 
@@ -56,17 +57,12 @@ impl<T: Real> LegLine<T> {
             Ok(Done::Another) => self.forget_motion(data),
             Err(refused) => return refused,
         }
-        self.try_anew();
         Outcome::Accepted
     }
 
     /// Takes the zeros to hold that were kept before a restart; false if there are none.
     pub(in crate::app) fn trust_zeros(&mut self) -> bool {
-        let trusted = self.zeros.trust();
-        if trusted {
-            self.try_anew();
-        }
-        trusted
+        self.zeros.trust()
     }
 
     /// Has no window bridge the samples before and those to come.

@@ -133,10 +133,7 @@ impl<T: Real> WalkingApp<T> {
             HostMessage::RequestHello => self.hello_at = 0,
             HostMessage::Imu(imu) => self.imu = Slot::Full(*imu),
             HostMessage::Request(request) => match request.action {
-                Action::SetPositions(_)
-                | Action::SetZero(_)
-                | Action::TrustZeros
-                | Action::TrustWiring => {
+                Action::SetPositions(_) | Action::SetZero(_) | Action::TrustZeros => {
                     self.requests.push(*request);
                 }
                 _ => {}

@@ -102,7 +102,6 @@ impl Answer {
             | Action::SetPositions(_)
             | Action::SetZero(_)
             | Action::TrustZeros
-            | Action::TrustWiring
             | Action::Keep => return None,
         };
         let (joint, effect) = place(at, hello)?;
@@ -121,7 +120,6 @@ impl Answer {
                 Outcome::NotHeard => "its motor does not answer",
                 Outcome::Moves => "it moves",
                 Outcome::NoZero => "no zero is kept",
-                Outcome::NoTrial => "no leg is on trial",
                 Outcome::NoStorage => "no storage",
             },
         })
