@@ -208,7 +208,7 @@ impl Diagnosis {
             ([], Verdict::Insufficient) => self.reason.clone(),
             // Without a floor noise is what neighbours in time do not share: less than that tells.
             ([], _) if self.yardsticks.noise_floor_rms.is_none() => {
-                "what is left shows no structure; without a noise floor more may be missing"
+                "the residual shows no structure; without a noise floor more may be missing"
                     .to_owned()
             }
             ([], _) => "no structure is left above the noise".to_owned(),
