@@ -142,8 +142,8 @@ fn of_robot(program: &Path, folder: &Path, seed: u64) -> Result<Judged, String> 
             "identify", log, "-m", &plain, "-o", &model, "--force", "--json",
         ];
         let fitted = parsed(&run(program, &arguments)?)?;
-        let all = fitted["parameters"].as_array().into_iter().flatten();
-        let own = all.filter(|own| own["name"] == *name).next_back();
+        let mut all = fitted["parameters"].as_array().into_iter().flatten();
+        let own = all.rfind(|own| own["name"] == *name);
         let own = own.ok_or_else(|| format!("no {name} in {log}"))?;
         Ok(["value", "std"].map(|key| own[key].as_f64().unwrap_or_default()))
     };
