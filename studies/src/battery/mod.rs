@@ -9,7 +9,7 @@ pub mod mujoco;
 pub mod table;
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 /// Where the tables are.
 pub fn folder() -> PathBuf {
@@ -38,6 +38,26 @@ pub fn built() -> Result<PathBuf, String> {
         return Err("the command does not build".to_owned());
     }
     Ok(Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/proprio"))
+}
+
+/// The command to be judged, the repository's own unless it is `named`, and the folder that its logs are made in.
+///
+/// # Errors
+/// What cargo says, or why there can be no such folder.
+pub fn ready(named: Option<&Path>, folder: &Path) -> Result<PathBuf, String> {
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    named.map_or_else(built, |program| Ok(program.to_owned()))
+}
+
+/// How a study ends.
+pub fn ended(name: &str, result: Result<(), String>) -> ExitCode {
+    result.map_or_else(
+        |error| {
+            eprintln!("{name}: {error}");
+            ExitCode::FAILURE
+        },
+        |()| ExitCode::SUCCESS,
+    )
 }
 
 /// What a command prints on standard output.

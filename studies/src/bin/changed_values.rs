@@ -56,21 +56,11 @@ struct Judged {
 }
 
 fn main() -> ExitCode {
-    match table(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("changed_values: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    battery::ended("changed_values", table(&Arguments::parse()))
 }
 
 fn table(arguments: &Arguments) -> Result<(), String> {
-    let program = match &arguments.proprio {
-        Some(program) => program.clone(),
-        None => battery::built()?,
-    };
-    std::fs::create_dir_all(&arguments.folder).map_err(|e| e.to_string())?;
+    let program = battery::ready(arguments.proprio.as_deref(), &arguments.folder)?;
     let mut all = Vec::new();
     for seed in arguments.seed..arguments.seed + arguments.robots {
         let own = of_robot(&program, &arguments.folder, seed)?;

@@ -72,21 +72,11 @@ struct Named {
 }
 
 fn main() -> ExitCode {
-    match table(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("walk_battery: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    battery::ended("walk_battery", table(&Arguments::parse()))
 }
 
 fn table(arguments: &Arguments) -> Result<(), String> {
-    let program = match &arguments.proprio {
-        Some(program) => program.clone(),
-        None => battery::built()?,
-    };
-    std::fs::create_dir_all(&arguments.folder).map_err(|e| e.to_string())?;
+    let program = battery::ready(arguments.proprio.as_deref(), &arguments.folder)?;
     let mut text = format!(
         "# Robots that walk\n\nSimulated Go2s whose bodies are 3 % off the CAD and whose drives have usual friction, rotors and offsets; 20 s of \
          trots, flying trots and hops; one effect hidden. A payload counts at the end as a body heavier than the CAD's too. Made by `cargo run --release -p proprio-studies --bin walk_battery -- --robots {} \
