@@ -97,6 +97,11 @@ impl<T: Real, R: Robot<J>, const J: usize> Alignment<T, R, J> {
         (zero, self.reversed >> joint & 1 == 1)
     }
 
+    /// Motors that turn against their joints, bit n for the n-th joint.
+    pub(super) fn reversed(&self) -> u8 {
+        self.reversed
+    }
+
     /// The leg at the time of the first reply of `cycle`. Replies further apart than `max_gap_us` are not interpolated.
     #[inline(never)]
     pub fn sample(&mut self, cycle: &Cycle<J>, max_gap_us: u64) -> Sample<T, J> {

@@ -26,7 +26,9 @@ impl<T: Real> App<T> {
         if let Some(change) = lines.find_map(|(leg, line)| line.take_change(leg)) {
             return Some(DeviceMessage::Change(change));
         }
-        if let Some((which, time_us, solution)) = self.solved.take() {
+        if let Some((which, time_us, solution)) = self.solved.take()
+            && self.identifies(which.index())
+        {
             let estimate = self.estimate(which, time_us, solution);
             return Some(DeviceMessage::Estimate(estimate));
         }
@@ -45,9 +47,10 @@ impl<T: Real> App<T> {
         if let Some(part) = memory.1.take(&memory.0) {
             return Some(DeviceMessage::FactorPart(part));
         }
-        self.diagnosis
-            .take()
-            .map(|verdict| DeviceMessage::Diagnosis(told(&verdict)))
+        let verdict = self.diagnosis.take()?;
+        // It was of a leg that is on trial by now.
+        let holds = self.identifies(verdict.leg);
+        holds.then(|| DeviceMessage::Diagnosis(told(&verdict)))
     }
 
     fn hello(&self) -> Hello {
@@ -72,6 +75,7 @@ impl<T: Real> App<T> {
             listens_to: self.listens_to,
             carried: self.was_carried,
             zeros: self.legs.each_ref().map(LegLine::zeros),
+            wiring: self.legs.each_ref().map(LegLine::wiring),
             kept: self.snapshots.status(),
             effects: fitting(COLUMNS.iter().map(|effect| text(effect.name()))),
         }

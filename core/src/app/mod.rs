@@ -16,7 +16,8 @@
 //! So the legs, whose windows close in the same step, share the work of the steps that follow, and a step's cost has a
 //! bound. Apart from part 3, which is cheaper where less came, it does not depend on the data; a step whose listening was dear
 //! leaves the solution and the diagnosis to the next.
-//! A leg whose zeros are unknown (`zeros`) is listened to and counted, and no more.
+//! A leg whose zeros are unknown (`zeros`) is listened to and counted, and no more; one whose zeros were set is on trial before it is
+//! identified (`wiring`).
 //! Nothing is dropped without being counted ([`crate::wire::LegCounters`]).
 
 mod alignment;
@@ -46,6 +47,7 @@ mod timing_tests;
 mod walking;
 #[cfg(test)]
 mod walking_tests;
+mod wiring;
 mod zeros;
 #[cfg(test)]
 mod zeros_tests;
@@ -239,9 +241,9 @@ impl<T: Real> App<T> {
         self.snapshots.advance(flash, &source, now_us);
     }
 
-    /// Whether a leg is identified: it is listened to, and its zeros are known.
+    /// Whether a leg is identified: it is listened to, its zeros are known, and its wiring is right.
     fn identifies(&self, leg: usize) -> bool {
-        self.listens_to(leg) && self.legs.get(leg).is_some_and(LegLine::is_placed)
+        self.listens_to(leg) && self.legs.get(leg).is_some_and(LegLine::is_cleared)
     }
 
     /// Whether a leg is listened to.

@@ -1,6 +1,7 @@
 //! The legs' solutions, one after the other and one part in a step: data gathered, least squares alone, and the likeliest that could be where
 //! that one could not ([`crate::consistent`]). The diagnosis has the steps between.
 
+use super::leg::LegLine;
 use super::{App, ESTIMATE_US, Memory};
 use crate::Real;
 use crate::factor::FactorError;
@@ -55,6 +56,13 @@ impl<T: Real> App<T> {
             return;
         }
         self.rest = REST;
+        if self.legs.iter().any(LegLine::waits_for_trial)
+            && self.solving.get().is_none()
+            && self.solved.get().is_none()
+        {
+            self.try_wiring(memory);
+            return;
+        }
         let n = self.diagnosis.leg();
         let identifies = self.identifies(n);
         if !identifies {
@@ -68,6 +76,22 @@ impl<T: Real> App<T> {
             && let (Some(leg), Some(data)) = (self.legs.get(n), memory.0.get(n))
         {
             self.diagnosis.advance(&leg.evidence(data));
+        }
+    }
+
+    /// One part of a leg's trial: in the solver's storage, so between two solutions, which wait until the trial is done. Apart: a step without
+    /// one costs a look at four flags.
+    #[cold]
+    #[inline(never)]
+    fn try_wiring(&mut self, memory: &mut Memory<T>) {
+        let (carried, work) = (self.was_carried, self.solver.storage_mut());
+        let lines = self.legs.iter_mut().zip(&mut memory.0).zip(Leg::ALL);
+        let mut waiting = lines.filter(|((leg, _), _)| leg.waits_for_trial());
+        if let Some(((leg, data), which)) = waiting.next()
+            && leg.try_on(data, which, carried, work)
+        {
+            // What was found is told at once.
+            self.hello_at = 0;
         }
     }
 

@@ -29,13 +29,15 @@ const STILL: u16 = 52;
 /// A zero that is set anew within so many counts is the same, 0.005 rad of a hip: what was learnt still holds.
 const SAME: u32 = 165;
 
-/// How each number of a zero is kept in a snapshot: its count, and what is known of it.
-pub(super) const NUMBERS: usize = 2 * JOINTS_PER_LEG;
+/// How each zero is kept in a snapshot: its count, what is known of it, and the angle at which it was set.
+pub(super) const NUMBERS: usize = 3 * JOINTS_PER_LEG;
 
 /// What is known of a leg's zeros. All zeros at first: nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Zeros {
     joints: [Zero; JOINTS_PER_LEG],
+    /// The angles at which they were set, rad.
+    angles: [f32; JOINTS_PER_LEG],
     /// All are known.
     known: bool,
 }
@@ -53,6 +55,7 @@ impl Zeros {
     pub(super) const fn new() -> Self {
         Self {
             joints: [Zero::Unknown; JOINTS_PER_LEG],
+            angles: [0.0; JOINTS_PER_LEG],
             known: false,
         }
     }
@@ -61,6 +64,16 @@ impl Zeros {
     #[inline]
     pub(super) fn are_known(&self) -> bool {
         self.known
+    }
+
+    /// Whether a host has set all of them, and they hold.
+    pub(super) fn are_set(&self) -> bool {
+        self.joints.iter().all(|zero| *zero == Zero::Set)
+    }
+
+    /// The angles at which they were set, rad.
+    pub(super) fn angles(&self) -> &[f32; JOINTS_PER_LEG] {
+        &self.angles
     }
 
     /// What is told of them.
@@ -151,6 +164,9 @@ impl Zeros {
         // What was learnt before a zero became void was of one that held.
         let wrong = place.is_known() && !near;
         *place = Zero::Set;
+        if let Some(place) = self.angles.get_mut(joint) {
+            *place = asked.angle;
+        }
         alignment.set_zero(joint, zero, asked.reversed);
         self.judge();
         Ok(if wrong { Done::Another } else { Done::Same })
@@ -170,11 +186,14 @@ impl Zeros {
 
     /// The n-th number of a snapshot.
     pub(super) fn number<T: Real>(&self, alignment: &LegAlignment<T>, n: usize) -> Option<f64> {
-        let zero = self.joints.get(n / 2)?;
-        let (count, reversed) = alignment.zero(n / 2);
+        let joint = n / 3;
+        let zero = self.joints.get(joint)?;
+        let (count, reversed) = alignment.zero(joint);
+        let angle = self.angles.get(joint).copied().map(f64::from)?;
         let kept = matches!(zero, Zero::Set | Zero::Restarted);
-        Some(match (n % 2, kept, reversed) {
+        Some(match (n % 3, kept, reversed) {
             (0, ..) => f64::from(count),
+            (2, ..) => angle,
             (_, false, _) => 0.0,
             (_, true, false) => 1.0,
             (_, true, true) => -1.0,
@@ -188,7 +207,7 @@ impl Zeros {
         n: usize,
         number: f64,
     ) {
-        let joint = n / 2;
+        let joint = n / 3;
         let Some(zero) = self.joints.get_mut(joint) else {
             return;
         };
@@ -196,8 +215,12 @@ impl Zeros {
             return;
         }
         let (count, reversed) = alignment.zero(joint);
-        if n.is_multiple_of(2) {
+        if n.is_multiple_of(3) {
             alignment.set_zero(joint, number as i32, reversed);
+        } else if n % 3 == 2 {
+            if let Some(angle) = self.angles.get_mut(joint) {
+                *angle = number as f32;
+            }
         } else if number != 0.0 {
             alignment.set_zero(joint, count, number < 0.0);
             *zero = Zero::Restarted;

@@ -16,6 +16,7 @@ pub mod rings;
 #[cfg(test)]
 mod tests;
 mod walk;
+mod wiring;
 
 pub use frame::{MAX_FRAME, Message, Receiver, Sender, WireError};
 pub use request::{
@@ -24,6 +25,7 @@ pub use request::{
 };
 
 pub use walk::{Imu, Walk, WalkCounts};
+pub use wiring::{Fault, Wiring};
 
 use heapless::{String, Vec};
 use postcard_schema::{Schema, key::hash::fnv1a64::hash_ty_path};
@@ -122,6 +124,8 @@ pub struct Hello {
     pub carried: bool,
     /// Whether each joint's zero is known, by leg and joint.
     pub zeros: [[Zero; JOINTS_PER_LEG]; LEGS],
+    /// What is known of each leg's wiring.
+    pub wiring: [Wiring; LEGS],
     /// Names of the effects that the device keeps columns for; other messages speak of them by their place in this list.
     pub effects: Vec<String<24>, MAX_EFFECTS>,
 }
@@ -367,6 +371,8 @@ pub struct LegCounters {
     pub samples: u32,
     /// Samples of a leg whose zeros are unknown: not used.
     pub unplaced: u32,
+    /// Windows by which it was tested which leg it is, or that came meanwhile ([`Hello::wiring`]): in no estimate.
+    pub tried: u32,
     /// Samples used.
     pub used: u32,
     /// Samples whose time was not after the one before: skipped.
@@ -407,6 +413,7 @@ impl LegCounters {
         surplus: 0,
         samples: 0,
         unplaced: 0,
+        tried: 0,
         used: 0,
         late: 0,
         rejected: 0,

@@ -45,6 +45,8 @@ pub enum Action {
     SetZero(SetZero),
     /// Take the zeros that were kept before the board restarted: the motors were not switched off meanwhile.
     TrustZeros,
+    /// Take the wiring of all legs on trial to be right, except where a fault was found ([`Wiring`](super::Wiring)): somebody has looked.
+    TrustWiring,
 }
 
 /// What positions on the motor bus are. [`Action::Reset`] leaves it as it is, and the zeros with it: they are not the host's choice but how
@@ -154,6 +156,8 @@ pub enum Outcome {
     Moves,
     /// No zero was kept, or it has not held since.
     NoZero,
+    /// No leg is on trial, or only such as have a fault.
+    NoTrial,
 }
 
 /// An effect at a joint.

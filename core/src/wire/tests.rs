@@ -42,6 +42,10 @@ fn hello() -> Hello {
         listens_to: 255,
         carried: true,
         zeros: [[Zero::Exchanged; JOINTS_PER_LEG]; LEGS],
+        wiring: [Wiring::Fault(Fault::Velocity {
+            joint: 255,
+            per_mille: i16::MIN,
+        }); LEGS],
         kept: Kept::OfAnother,
         effects: core::array::from_fn::<_, MAX_EFFECTS, _>(|_| {
             String::try_from("123456789012345678901234").unwrap()
@@ -85,6 +89,7 @@ fn largest() -> [DeviceMessage; 9] {
         surplus: m,
         samples: m,
         unplaced: m,
+        tried: m,
         used: m,
         late: m,
         rejected: m,

@@ -140,6 +140,7 @@ pub(super) fn of(error: &Error) -> Option<String> {
             "the robot must be on and its bus heard, the joint at rest where it is said to be: proprio monitor PORT".to_owned(),
         ),
         Error::NoZeros => Some("say where the joints are: proprio zero PORT --help".to_owned()),
+        Error::NoTrial => Some("see what it has found: proprio monitor PORT".to_owned()),
         Error::Unanswered { .. } => Some("ask for fewer changes at once".to_owned()),
         Error::Diverged(_) | Error::Walk(WalkError::Diverged(_)) => {
             Some("an effect is too strong to simulate: give --hide a smaller value".to_owned())

@@ -356,6 +356,9 @@ pub(crate) enum Error {
     /// `zero --same-power-up` where nothing was kept, or a motor was silent since.
     #[error("the device has kept no zeros that have held since")]
     NoZeros,
+    /// `zero --trust-wiring` where no leg is on trial, or only such as have a fault.
+    #[error("no leg is on trial, or those that are have a fault")]
+    NoTrial,
     /// A command to a device that it has not answered.
     #[error("the device answered {answers} of {wishes} commands")]
     Unanswered { answers: usize, wishes: usize },

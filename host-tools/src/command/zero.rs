@@ -54,6 +54,10 @@ pub(crate) struct Zero {
     /// has kept
     #[arg(long, conflicts_with_all = ["pose", "at", "reversed"])]
     same_power_up: bool,
+    /// The wiring is right, whatever the device has not made out yet: have it identify the legs on trial. It keeps to a fault that it
+    /// has found
+    #[arg(long, conflicts_with_all = ["pose", "at", "reversed", "same_power_up"])]
+    trust_wiring: bool,
     /// Print what would be set, and set nothing
     #[arg(long)]
     dry_run: bool,
@@ -218,7 +222,13 @@ impl Zero {
         if self.same_power_up {
             actions.push(Action::TrustZeros);
         }
+        if self.trust_wiring {
+            actions.push(Action::TrustWiring);
+        }
         let outcomes = talk.ask(&actions)?;
+        if self.trust_wiring && outcomes != [Outcome::Accepted] {
+            return Err(Error::NoTrial);
+        }
         if self.same_power_up && outcomes != [Outcome::Accepted] {
             return Err(Error::NoZeros);
         }

@@ -3,7 +3,9 @@
 use proprio_core::effect::EffectKind;
 use proprio_core::factor::FactorError;
 use proprio_core::go2::{JointId, Leg};
-use proprio_core::wire::{Change, ChangeKind, EffectAt, Estimate, Hello, Solution, Walk, Zero};
+use proprio_core::wire::{
+    Change, ChangeKind, EffectAt, Estimate, Fault, Hello, Solution, Walk, Wiring, Zero,
+};
 
 use crate::estimate::{self, Constraint, ParameterEstimate};
 
@@ -42,6 +44,75 @@ pub fn words_of_zero(zero: Zero) -> &'static str {
         Zero::Silent => "unknown: the motor was silent",
         Zero::Jumped => "unknown: the position jumped",
         Zero::Exchanged => "unknown: the position is another motor's",
+    }
+}
+
+/// What a device knows of a leg's wiring, in words that go on from its name: what is wrong, and what to do.
+pub fn words_of_wiring(leg: Leg, wiring: Wiring) -> String {
+    match wiring {
+        Wiring::Untested => "wiring not tested".to_owned(),
+        Wiring::OnTrial => "wiring on trial: move all its joints".to_owned(),
+        Wiring::Right => "wiring as it should be".to_owned(),
+        Wiring::Unclear(fault) => format!(
+            "wiring unclear: its motion does not exclude that {}; move its joints further, from stop to stop",
+            words_of_fault(leg, fault).0
+        ),
+        Wiring::Unexplained => "wiring unclear: neither a leg as it should be nor one fault explains its torques; hang the robot free, check \
+             its cables and zeros"
+            .to_owned(),
+        Wiring::Fault(fault) => {
+            let (wrong, fix) = words_of_fault(leg, fault);
+            format!("{wrong}; {fix}")
+        }
+    }
+}
+
+/// What is wrong, and what to do.
+fn words_of_fault(leg: Leg, fault: Fault) -> (String, &'static str) {
+    let names = leg.joint_names();
+    let name = |joint: u8| names.get(usize::from(joint)).copied().unwrap_or("?");
+    match fault {
+        Fault::TorqueSign { joint } => (
+            format!("the torque of {} has the wrong sign", name(joint)),
+            "check its motor's firmware and wiring",
+        ),
+        Fault::Reversed { joint } => (
+            format!("{} counts the other way", name(joint)),
+            "set its zero with or without `proprio zero --reversed`",
+        ),
+        Fault::Exchanged { joints: [a, b] } => (
+            format!("the motors of {} and {} are exchanged", name(a), name(b)),
+            "exchange their ids or cables and set their zeros",
+        ),
+        Fault::OtherSide => (
+            "it is the leg of the other side".to_owned(),
+            "plug its cable into the other socket",
+        ),
+        Fault::OtherSideOrReversed => (
+            format!(
+                "it is the leg of the other side, or {} counts the other way",
+                name(0)
+            ),
+            "check its socket; else set the hip's zero 0.3 rad or more from 0",
+        ),
+        Fault::Turns { joint, turns } => (
+            format!(
+                "{} reads {} rotor turn too {}",
+                name(joint),
+                turns.unsigned_abs(),
+                if turns > 0 { "high" } else { "low" }
+            ),
+            "set its zero",
+        ),
+        Fault::Velocity { joint, per_mille } => (
+            format!(
+                "the velocity of {} reads {:.1} % {}",
+                name(joint),
+                f64::from(per_mille).abs() / 10.0,
+                if per_mille > 0 { "high" } else { "low" }
+            ),
+            "no estimate is sent; record a log and add velocity_gain",
+        ),
     }
 }
 

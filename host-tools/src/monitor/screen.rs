@@ -127,6 +127,12 @@ fn title_line<'a>(view: &'a View, screen: &'a Screen) -> Line<'a> {
         let text = format!("zero unknown: {} ", names.join(" "));
         spans.push(Span::styled(text, wrong()));
     }
+    let withheld = view.withheld();
+    if !withheld.is_empty() {
+        let names: Vec<&str> = withheld.iter().map(|(leg, _)| leg.name()).collect();
+        let text = format!("wiring: {} ", names.join(" "));
+        spans.push(Span::styled(text, wrong()));
+    }
     for page in Page::ALL {
         let style = if page == screen.page {
             bold().add_modifier(Modifier::REVERSED)

@@ -5,11 +5,13 @@ use std::collections::VecDeque;
 use proprio_core::go2::{JOINTS_PER_LEG, JointId, LEGS, Leg};
 use proprio_core::wire::{
     Action, Answer, BodyPrior, Clock, Counters, DeviceMessage, Diagnosis, EffectAt, Estimate,
-    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Walk, Zero,
+    Hello, Kept, LegCounters, Outcome, Positions, Reset, SetZero, Solution, Walk, Wiring, Zero,
 };
 
 use super::residual::Residual;
-use crate::device::names::{parameters_of, place, words_of, words_of_walk, words_of_zero};
+use crate::device::names::{
+    parameters_of, place, words_of, words_of_walk, words_of_wiring, words_of_zero,
+};
 use crate::estimate::ParameterEstimate;
 use crate::parameter;
 
@@ -183,6 +185,8 @@ impl View {
         self.feet(before, hello.carried);
         let before = self.hello.as_ref().map(|before| before.zeros);
         self.zeros(before, &hello.zeros);
+        let before = self.hello.as_ref().map(|before| before.wiring);
+        self.wiring(before.unwrap_or_default(), &hello.wiring);
         self.hello = Some(hello.clone());
     }
 
@@ -246,6 +250,26 @@ impl View {
                 Zero::Absolute => format!("positions of {names} are angles"),
                 void => format!("zero of {names} {}", words_of_zero(void)),
             });
+        }
+    }
+
+    /// Legs whose zeros are known and of which nothing is identified, and why in words.
+    pub fn withheld(&self) -> Vec<(Leg, Wiring)> {
+        let Some(hello) = &self.hello else {
+            return Vec::new();
+        };
+        let legs = Leg::ALL.into_iter().zip(hello.wiring);
+        let withheld =
+            legs.filter(|(_, wiring)| !matches!(wiring, Wiring::Untested | Wiring::Right));
+        withheld.collect()
+    }
+
+    /// Says what a device has found of its legs' wiring.
+    fn wiring(&mut self, before: [Wiring; LEGS], now: &[Wiring; LEGS]) {
+        for ((leg, before), now) in Leg::ALL.into_iter().zip(before).zip(*now) {
+            if before != now && now != Wiring::Untested {
+                self.happened(format!("{}: {}", leg.name(), words_of_wiring(leg, now)));
+            }
         }
     }
 
@@ -406,6 +430,7 @@ impl View {
                 format!("{} at {angle} rad", name.unwrap_or("?"))
             }
             Action::TrustZeros => "zeros as kept".to_owned(),
+            Action::TrustWiring => "wiring is right".to_owned(),
         };
         if done && action == Action::Reset {
             self.begin_anew();
@@ -427,6 +452,7 @@ impl View {
             Outcome::NotHeard => format!("{what}: its motor is not heard"),
             Outcome::Moves => format!("{what}: it moves"),
             Outcome::NoZero => format!("{what}: none is kept that has held"),
+            Outcome::NoTrial => format!("{what}: no leg is on trial, or it has a fault"),
         });
     }
 
@@ -475,6 +501,7 @@ fn is_same(one: &Hello, other: &Hello) -> bool {
         listens_to: other.listens_to,
         carried: other.carried,
         zeros: other.zeros,
+        wiring: other.wiring,
         kept: other.kept,
         reset: other.reset,
         clock: other.clock,

@@ -9,11 +9,14 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use object::{Object, ObjectSection, SectionFlags, elf};
-use proprio_core::go2::{JOINTS_PER_LEG, Leg};
+use proprio_core::go2::{JOINTS_PER_LEG, LEGS, Leg};
 use proprio_core::window::Sample;
-use proprio_core::wire::{Counters, DeviceMessage, HostMessage, Load};
+use proprio_core::wire::{
+    Action, Counters, DeviceMessage, HostMessage, Load, Positions, Request, SetZero, Wiring,
+};
 use proprio_host::device::image::{self, Scalar};
-use proprio_host::device::replay::{bus_step, replay};
+use proprio_host::device::power_up::PowerUp;
+use proprio_host::device::replay::{bus_step, replay, resting};
 use proprio_host::device::{Device, Qemu, qemu};
 use proprio_tests::{motion, walks};
 use serde::{Deserialize, Serialize};
@@ -73,6 +76,7 @@ fn check() -> Result<bool, Failure> {
         tick(scalar, "tick", motion::sample, &mut figures)?;
         // Every leg needs the consistent solution, all the time.
         tick(scalar, "impossible_tick", motion::impossible, &mut figures)?;
+        trial(scalar, &mut figures)?;
         walk(scalar, &mut figures)?;
         for image in [
             image::operation_counts(scalar)?,
@@ -189,6 +193,58 @@ fn tick(
     *deepest = u64::from(stack_bytes).max(*deepest);
     figures.insert(format!("{name}_worst"), u64::from(worst));
     figures.insert(format!("{name}_mean"), total / u64::from(ticks));
+    Ok(())
+}
+
+/// Instructions per tick from the zeros of all four legs on, which are on trial until the device has found that their wiring is right.
+fn trial(scalar: Scalar, figures: &mut Figures) -> Result<(), Failure> {
+    let (mut last, mut right) = (Counters::default(), false);
+    let mut hear = |message| match message {
+        DeviceMessage::Counters(counters) => last = counters,
+        DeviceMessage::Hello(hello) => right = hello.wiring == [Wiring::Right; LEGS],
+        _ => {}
+    };
+    let mut board = Qemu::boot(&image::build(scalar)?)?;
+    let mut id = 0;
+    let mut ask = |board: &mut Qemu, action| {
+        id += 1;
+        board.command(&HostMessage::Request(Request { id, action }))
+    };
+    ask(&mut board, Action::SetPositions(Positions::FromPowerUp))?;
+    let angles = Leg::ALL.map(|leg| motion::sample(leg, 0).q);
+    let mut time_us = motion::SAMPLE_US;
+    for (leg, joint) in (0..LEGS).flat_map(|leg| (0..JOINTS_PER_LEG).map(move |joint| (leg, joint)))
+    {
+        for _ in 0..10 {
+            board.play(&resting(time_us, &angles, &PowerUp::NONE), &mut hear)?;
+            time_us += motion::SAMPLE_US;
+        }
+        board.settle(&mut hear)?;
+        let asked = SetZero {
+            leg: leg as u8,
+            joint: joint as u8,
+            angle: angles[leg][joint] as f32,
+            reversed: false,
+        };
+        ask(&mut board, Action::SetZero(asked))?;
+    }
+    for n in 0..SAMPLES {
+        let instant = Leg::ALL.map(|leg| Some(motion::sample(leg, n)));
+        board.play(&bus_step(time_us, &instant)?, &mut hear)?;
+        time_us += motion::SAMPLE_US;
+    }
+    board.settle(&mut hear)?;
+    if !right || last.legs.iter().any(|leg| leg.tried == 0) {
+        return Err("the board's legs were not found to be right".into());
+    }
+    let Load {
+        ticks,
+        worst,
+        total,
+        ..
+    } = last.load;
+    figures.insert("trial_tick_worst".into(), u64::from(worst));
+    figures.insert("trial_tick_mean".into(), total / u64::from(ticks));
     Ok(())
 }
 

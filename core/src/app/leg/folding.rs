@@ -117,7 +117,7 @@ impl<T: Real> LegLine<T> {
     fn find(&mut self, data: &mut LegData<T>, change: Change<T>) {
         let [start, time_us] = data.folds.block_span();
         let since_us = start.saturating_sub((change.blocks - 1) * (time_us - start));
-        self.changed = Slot::Full(wire::Change {
+        let told = wire::Change {
             leg: 0,
             joint: change.joint as u8,
             kind: match change.kind {
@@ -128,9 +128,17 @@ impl<T: Real> LegLine<T> {
             size: single(change.size),
             since_us,
             time_us,
-        });
-        increment(&mut self.counters.changes);
+        };
         self.leave_out(data);
+        if !self.withhold(data, told, change) {
+            self.accept(data, told, change);
+        }
+    }
+
+    /// Tells of a change, and begins to forget what it has touched.
+    pub(super) fn accept(&mut self, data: &mut LegData<T>, told: wire::Change, change: Change<T>) {
+        self.changed = Slot::Full(told);
+        increment(&mut self.counters.changes);
         if let Some(prior) = self.prior.get_mut()
             && let Some(body) = prior.cad().get(change.joint).copied()
             && let Some(uncertainty) = change.uncertainty(body.mass())

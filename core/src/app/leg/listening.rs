@@ -78,7 +78,8 @@ impl<T: Real> LegLine<T> {
             increment(&mut counters.unplaced);
             return;
         }
-        match window.push(sample) {
+        let pushed = window.push(sample);
+        match pushed {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
                 increment(&mut counters.used);
@@ -91,12 +92,34 @@ impl<T: Real> LegLine<T> {
             Push::Late | Push::Repeated => increment(&mut counters.late),
             Push::Rejected(_) => increment(&mut counters.rejected),
         }
+        if self.trial.is_running() {
+            self.try_sample(data, pushed, sample);
+        }
+    }
+
+    /// Has the trial see a sample. Apart: a leg that is not on trial pays for a look at a flag.
+    #[cold]
+    #[inline(never)]
+    fn try_sample(
+        &mut self,
+        data: &mut LegData<T>,
+        pushed: Push,
+        sample: &Sample<T, JOINTS_PER_LEG>,
+    ) {
+        if let Some(window) = self.window.get() {
+            self.trial
+                .see(pushed, sample, window.rows(), &mut data.notes);
+        }
     }
 
     /// Lays the rows of the closed window by, to be folded in with others.
     fn take(&mut self, data: &mut LegData<T>, q: &[T; JOINTS_PER_LEG]) {
         if let Some(window) = self.window.get() {
             self.support.see(window.rows(), q);
+        }
+        if !self.trial.allows() {
+            increment(&mut self.counters.tried);
+            return;
         }
         if self.carried {
             increment(&mut self.counters.carried);

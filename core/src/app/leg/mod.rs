@@ -1,17 +1,19 @@
 //! One leg's line, in the order in which data flow: bus bytes, frames, samples and windows (`listening`); factors, and what is forgotten of
 //! them (`folding`); a solution (`solving`), on top of what is believed of the leg before any data (`model`). Where the joints' zeros are:
-//! `placing`.
+//! `placing`; which leg it is: `trying`.
 
 mod folding;
 mod listening;
 mod model;
 mod placing;
 mod solving;
+mod trying;
 
 use super::counts::heard;
 use super::diagnosis::Evidence;
 use super::identity::Identity;
 use super::support::Support;
+use super::wiring::{Notes, Trial};
 use super::zeros::{LegAlignment, Zeros};
 use crate::Real;
 use crate::bus::{Listener, Queue};
@@ -38,6 +40,8 @@ pub(super) struct LegData<T> {
     test: BlockTest<T>,
     /// What the bus has brought and no step has taken yet.
     queue: Queue,
+    /// What a trial of its wiring has noted.
+    notes: Notes,
 }
 
 impl<T: Real> LegData<T> {
@@ -48,6 +52,7 @@ impl<T: Real> LegData<T> {
             base: LegBase::empty(),
             test: BlockTest::empty(),
             queue: Queue::new(),
+            notes: Notes::new(),
         }
     }
 
@@ -105,6 +110,9 @@ pub(super) struct LegLine<T: Real> {
     spoilt: bool,
     /// A change to be told.
     changed: Slot<wire::Change>,
+    /// Which leg it is; and a change to be told, and what it touches, once a trial has found that its wiring has not changed.
+    trial: Trial,
+    withheld: Slot<(wire::Change, Change<T>)>,
     counters: LegCounters,
 }
 
@@ -131,6 +139,8 @@ impl<T: Real> LegLine<T> {
             carried: false,
             spoilt: false,
             changed: Slot::Empty,
+            trial: Trial::new(),
+            withheld: Slot::Empty,
             counters: LegCounters::ZERO,
         }
     }
@@ -153,6 +163,7 @@ impl<T: Real> LegLine<T> {
         self.forgetting = Slot::Empty;
         self.stale = false;
         self.changed = Slot::Empty;
+        self.try_anew();
         self.active = DEFAULT_ACTIVE;
         self.beliefs = Beliefs::NONE;
         self.noise = [real(NOISE_GUESS); JOINTS_PER_LEG];

@@ -8,12 +8,6 @@ use crate::slot::Slot;
 use crate::wire::{Outcome, Positions, SetZero, Zero};
 
 impl<T: Real> LegLine<T> {
-    /// Whether all zeros are known.
-    #[inline]
-    pub(in crate::app) fn is_placed(&self) -> bool {
-        self.zeros.are_known()
-    }
-
     /// What is told of the zeros.
     pub(in crate::app) fn zeros(&self) -> [Zero; JOINTS_PER_LEG] {
         self.zeros.told()
@@ -30,7 +24,11 @@ impl<T: Real> LegLine<T> {
     pub(super) fn note_breaks(&mut self) {
         if let Some(listener) = self.listener.get_mut() {
             let silent = self.alignment.take_silence();
-            self.voided |= self.zeros.void::<T>(listener.take_breaks(), silent);
+            let voided = self.zeros.void::<T>(listener.take_breaks(), silent);
+            if voided {
+                self.try_anew();
+            }
+            self.voided |= voided;
         }
     }
 
@@ -40,6 +38,7 @@ impl<T: Real> LegLine<T> {
             return;
         }
         self.zeros.set_positions(positions, &mut self.alignment);
+        self.try_anew();
         self.forget_motion(data);
     }
 
@@ -57,12 +56,17 @@ impl<T: Real> LegLine<T> {
             Ok(Done::Another) => self.forget_motion(data),
             Err(refused) => return refused,
         }
+        self.try_anew();
         Outcome::Accepted
     }
 
     /// Takes the zeros to hold that were kept before a restart; false if there are none.
     pub(in crate::app) fn trust_zeros(&mut self) -> bool {
-        self.zeros.trust()
+        let trusted = self.zeros.trust();
+        if trusted {
+            self.try_anew();
+        }
+        trusted
     }
 
     /// Has no window bridge the samples before and those to come.

@@ -4,9 +4,11 @@ use super::{Line, WalkingApp, WalkingMemory};
 use crate::Real;
 use crate::app::messages::{single, text};
 use crate::app::{ALL_LEGS, HELLO_US, REPORT_US};
-use crate::go2::JOINTS_PER_LEG;
+use crate::go2::{JOINTS_PER_LEG, LEGS};
 use crate::walk::{EFFECTS, OWN, WINDOW_US};
-use crate::wire::{Capacities, Counters, DeviceMessage, Hello, Kept, SCHEMA, Walk, WalkCounts};
+use crate::wire::{
+    Capacities, Counters, DeviceMessage, Hello, Kept, SCHEMA, Walk, WalkCounts, Wiring,
+};
 use heapless::Vec;
 
 impl<T: Real> WalkingApp<T> {
@@ -94,6 +96,8 @@ impl<T: Real> WalkingApp<T> {
             listens_to: ALL_LEGS,
             carried: false,
             zeros: memory.lines.each_ref().map(Line::zeros),
+            // Its legs' torques are not those of legs that hang.
+            wiring: [Wiring::Untested; LEGS],
             kept: Kept::NoStorage,
             effects: Vec::new(),
         }

@@ -133,7 +133,10 @@ impl<T: Real> WalkingApp<T> {
             HostMessage::RequestHello => self.hello_at = 0,
             HostMessage::Imu(imu) => self.imu = Slot::Full(*imu),
             HostMessage::Request(request) => match request.action {
-                Action::SetPositions(_) | Action::SetZero(_) | Action::TrustZeros => {
+                Action::SetPositions(_)
+                | Action::SetZero(_)
+                | Action::TrustZeros
+                | Action::TrustWiring => {
                     self.requests.push(*request);
                 }
                 _ => {}

@@ -142,6 +142,11 @@ impl<T: Real> DeviceWindow<T> {
         &self.rows
     }
 
+    /// What the leg's motion is made of.
+    pub(crate) fn frame(&self) -> &LegFrame<T> {
+        &self.frame
+    }
+
     /// Takes the next sample, as [`Window::push`](crate::window::Window::push) does.
     pub fn push(&mut self, sample: &Sample<T, JOINTS_PER_LEG>) -> Push {
         let link = match self.sequence.admit(sample) {

@@ -2,12 +2,13 @@
 
 use std::io::{ErrorKind, Write, stdout};
 
+use crate::device::names::words_of_wiring;
 use crate::estimate::ParameterEstimate;
 use crate::monitor::View;
 use crate::output::{asked_to_finish, finish_on_interrupt};
 use crate::table::with_std;
 use proprio_core::go2::Leg;
-use proprio_core::wire::{Counters, Walk};
+use proprio_core::wire::{Counters, Walk, Wiring};
 use serde::Serialize;
 
 use super::session::Session;
@@ -68,6 +69,12 @@ impl Printed {
                 );
                 continue;
             }
+            let withheld = view.withheld().into_iter().find(|(of, _)| *of == leg);
+            if let Some((leg, wiring)) = withheld {
+                let (seconds, words) = (now_us as f64 * 1e-6, words_of_wiring(leg, wiring));
+                *text += &format!("{seconds:9.2} s  {} {words}\n", leg.name());
+                continue;
+            }
             if known.windows == 0 {
                 continue;
             }
@@ -103,6 +110,8 @@ pub(super) struct Report {
     legs: Vec<LegReport>,
     /// Legs of which a joint's zero is unknown.
     zero_unknown: Vec<&'static str>,
+    /// What is known of the wiring of each leg that is not identified for it.
+    wiring: Vec<WiringReport>,
     ranking: Vec<RankedReport>,
     events: Vec<EventReport>,
     /// The last estimate of a robot that walks.
@@ -112,6 +121,32 @@ pub(super) struct Report {
     messages: u64,
     messages_missed: u32,
     frames_bad: u32,
+}
+
+/// What a device knows of a leg's wiring.
+#[derive(Serialize)]
+struct WiringReport {
+    leg: &'static str,
+    /// "on_trial", "unclear", "unexplained" or "fault".
+    state: &'static str,
+    text: String,
+}
+
+impl WiringReport {
+    fn new((leg, wiring): (Leg, Wiring)) -> Self {
+        Self {
+            leg: leg.name(),
+            state: match wiring {
+                Wiring::Untested => "untested",
+                Wiring::Right => "right",
+                Wiring::OnTrial => "on_trial",
+                Wiring::Unclear(_) => "unclear",
+                Wiring::Unexplained => "unexplained",
+                Wiring::Fault(_) => "fault",
+            },
+            text: words_of_wiring(leg, wiring),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -164,6 +199,7 @@ impl Report {
                 })
                 .collect(),
             zero_unknown: view.unplaced().iter().map(|leg| leg.name()).collect(),
+            wiring: view.withheld().into_iter().map(WiringReport::new).collect(),
             ranking: view
                 .ranking()
                 .iter()

@@ -102,6 +102,7 @@ impl Answer {
             | Action::SetPositions(_)
             | Action::SetZero(_)
             | Action::TrustZeros
+            | Action::TrustWiring
             | Action::Keep => return None,
         };
         let (joint, effect) = place(at, hello)?;
@@ -120,6 +121,7 @@ impl Answer {
                 Outcome::NotHeard => "its motor does not answer",
                 Outcome::Moves => "it moves",
                 Outcome::NoZero => "no zero is kept",
+                Outcome::NoTrial => "no leg is on trial",
                 Outcome::NoStorage => "no storage",
             },
         })

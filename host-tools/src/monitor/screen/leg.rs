@@ -8,6 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{Screen, bold, dim};
+use crate::device::names::words_of_wiring;
 use crate::estimate::{ParameterEstimate, Status};
 use crate::monitor::view::View;
 use crate::table::with_std;
@@ -49,9 +50,13 @@ pub(super) fn draw(frame: &mut Frame, area: Rect, view: &View, screen: &Screen, 
     // Without data a device tells its prior.
     let untold = (view.counters.as_ref()).is_some_and(|c| c.legs[leg.index()].windows == 0);
     if parameters.is_empty() || untold {
-        let text = match view.unplaced().contains(&leg) {
-            true => "zero unknown: say where its joints are, proprio zero PORT --help",
-            false => "no data of this leg yet",
+        let withheld = view.withheld().into_iter().find(|(of, _)| *of == leg);
+        let text = match (view.unplaced().contains(&leg), withheld) {
+            (true, _) => {
+                "zero unknown: say where its joints are, proprio zero PORT --help".to_owned()
+            }
+            (false, Some((leg, wiring))) => words_of_wiring(leg, wiring),
+            (false, None) => "no data of this leg yet".to_owned(),
         };
         lines.push(Line::styled(text, dim()));
     } else {

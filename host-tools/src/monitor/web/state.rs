@@ -181,14 +181,15 @@ fn ranked(ranked: &Ranked) -> RankedState {
 
 fn buses(view: &View) -> Vec<BusState> {
     let legs = Leg::ALL.into_iter().zip(&view.legs).enumerate();
-    let unplaced = view.unplaced();
+    let (unplaced, withheld) = (view.unplaced(), view.withheld());
     let buses = legs.map(|(n, (leg, known))| BusState {
         leg: leg.name(),
         rate: known.rate,
         windows: known.windows,
-        solution: match known.consistent {
-            true => "consistent",
-            false => "free",
+        solution: match (withheld.iter().any(|(of, _)| *of == leg), known.consistent) {
+            (true, _) => "wiring",
+            (false, true) => "consistent",
+            (false, false) => "free",
         },
         placed: !unplaced.contains(&leg),
         lost: view.lost(n),
