@@ -79,6 +79,10 @@ impl<T: Real> LegLine<T> {
             return;
         }
         let pushed = window.push(sample);
+        if self.trial.is_running() {
+            self.try_sample(data, pushed, sample);
+        }
+        let counters = &mut self.counters;
         match pushed {
             Push::Used => increment(&mut counters.used),
             Push::Closed => {
@@ -91,9 +95,6 @@ impl<T: Real> LegLine<T> {
             }
             Push::Late | Push::Repeated => increment(&mut counters.late),
             Push::Rejected(_) => increment(&mut counters.rejected),
-        }
-        if self.trial.is_running() {
-            self.try_sample(data, pushed, sample);
         }
     }
 
