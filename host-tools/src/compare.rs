@@ -53,9 +53,10 @@ use crate::equation::values::is_shared;
 use crate::estimate::Constraint;
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::robot::{self, side_by_side};
+use crate::estimate::robot;
 use crate::identify::model_fit::places_of;
 use crate::model::{Model, ModelEffect};
+use crate::parallel::side_by_side;
 use crate::recording::{LogGates, Recording, RecordingError};
 use crate::summary::ErrorRange;
 

@@ -32,6 +32,7 @@ pub mod monitor;
 mod name;
 mod once;
 pub mod output;
+mod parallel;
 pub mod parameter;
 mod predict;
 mod progress;

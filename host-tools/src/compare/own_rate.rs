@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use crate::detect::{JointSeries, floor};
 use crate::equation::values::Values;
-use crate::estimate::robot::{data, side_by_side};
+use crate::estimate::robot::data;
 use crate::model::Model;
+use crate::parallel::side_by_side;
 use crate::recording::Recording;
 
 /// Measured and predicted torque of every joint at every sample, each a mean over the two sample periods around it: from the values that

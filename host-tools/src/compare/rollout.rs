@@ -5,7 +5,6 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::asked::{Asked, names};
@@ -15,6 +14,7 @@ use crate::equation::values::{Values, places};
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::robot;
 use crate::model::{JointKind, Model, ModelEffect};
+use crate::parallel::side_by_side;
 use crate::recording::{LogGates, Recording, RecordingError};
 use crate::rollout::{Rollouts, Span, is_included, spans};
 use crate::summary::{ErrorRange, Summary, typed};
@@ -315,7 +315,7 @@ impl Models<'_> {
             (error(&self.own), before, error(&self.cad), displacement)
         };
         let spans: Vec<&Span> = spans.collect();
-        let all: Vec<_> = spans.par_iter().map(of).collect();
+        let all: Vec<_> = side_by_side(&spans, of);
         let mut sums = vec![Sums::default(); joints];
         for (own, before, cad, displacement) in &all {
             for (j, sums) in sums.iter_mut().enumerate() {

@@ -10,10 +10,10 @@
 pub(super) mod probes;
 
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::estimate::limb_data::LimbData;
+use crate::parallel::side_by_side;
 use crate::select::criteria::sum_and_error;
 
 /// Shrinkage that is tried, in units of the number of windows: probes have unit variance.
@@ -76,7 +76,7 @@ impl BlackBox {
             .flat_map(|(limb, data)| (0..data.joints()).map(move |joint| (limb, joint)))
             .collect();
         let of = |&(limb, joint): &(usize, usize)| Joint::of(&data[limb], predicted[limb], joint);
-        let joints: Vec<Joint> = joints.par_iter().filter_map(of).collect();
+        let joints: Vec<Joint> = side_by_side(&joints, of).into_iter().flatten().collect();
         let windows: f64 = joints.iter().map(|joint| joint.windows).sum();
         let folds = joints.iter().map(|joint| joint.left.len()).max()?;
         let sum = |of: &dyn Fn(&[f64; 4]) -> f64| -> Vec<f64> {

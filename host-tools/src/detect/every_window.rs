@@ -11,8 +11,8 @@ use serde::Serialize;
 use super::contact::leave_out_contact;
 use super::ladder::over_all;
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::robot::side_by_side;
 use crate::model::{Limb, Model};
+use crate::parallel::side_by_side;
 use crate::recording::{LimbRecording, Recording, RecordingError, Slab};
 use crate::summary::{from_standard_input, torque};
 

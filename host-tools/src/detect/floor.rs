@@ -6,13 +6,13 @@
 
 use nalgebra::{DMatrix, DVector};
 use proprio_core::effect::EffectKind;
-use rayon::prelude::*;
 
 use super::black_box::probes;
 use super::residual::{NoiseFloor, noise_floor};
 use super::series::JointSeries;
 use crate::equation::values::{Place, Values};
 use crate::estimate::limb_data::LimbData;
+use crate::parallel::by_number;
 use crate::robust;
 
 /// Shrinkage in units of the number of windows: what has less than a millionth of its column's variance alone is not told from the others.
@@ -34,8 +34,8 @@ pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
         .collect();
     let columns = data.columns(&values, &drive, &[]);
     let rows = data.rows(&values, &columns);
-    let mut series = JointSeries::of(&data, cad);
-    let of = |(joint, series): (usize, &mut JointSeries)| {
+    let series = JointSeries::of(&data, cad);
+    let of = |joint: usize| {
         let windows: Vec<usize> = (0..data.motion.windows.len())
             .filter(|&w| data.counts(w, joint))
             .collect();
@@ -53,10 +53,13 @@ pub(crate) fn of(data: &LimbData, cad: &[f64]) -> Vec<Option<NoiseFloor>> {
             let size = column.norm() / (windows.len() as f64).sqrt();
             column /= size.max(f64::MIN_POSITIVE);
         }
-        series.residual = noise(&x, &series.tau)?;
-        noise_floor(&series.view())
+        let own = JointSeries {
+            residual: noise(&x, &series[joint].tau)?,
+            ..series[joint].clone()
+        };
+        noise_floor(&own.view())
     };
-    series.par_iter_mut().enumerate().map(of).collect()
+    by_number(0..series.len(), of)
 }
 
 /// What a regression on `x` leaves of y, of the size of its noise; nothing at spikes, which the others make up for.

@@ -16,9 +16,8 @@ mod text;
 
 use std::mem::discriminant;
 
-use rayon::prelude::*;
-
 use crate::model::{Body, Limb, Model, other_unit};
+use crate::parallel::side_by_side;
 use crate::recording::{LimbRecording, Recording};
 use crate::robust;
 pub use kind::{Mismatch, MismatchKind};
@@ -94,9 +93,12 @@ pub fn mismatches(recording: &Recording, model: &Model) -> Vec<Mismatch> {
 
 /// What is wrong between what is measured and what the model gives of the same motion.
 fn of_motion(recording: &Recording, model: &Model) -> Vec<MismatchKind> {
-    let as_is: Vec<Reading> = (recording.limbs.par_iter())
-        .filter_map(|(limb, samples)| Reading::of(model, limb, samples, true))
-        .collect();
+    let as_is: Vec<Reading> = side_by_side(&recording.limbs, |(limb, samples)| {
+        Reading::of(model, limb, samples, true)
+    })
+    .into_iter()
+    .flatten()
+    .collect();
     if as_is.iter().all(|reading| reading.joints.is_empty()) {
         return Vec::new();
     }

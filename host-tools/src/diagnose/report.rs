@@ -1,7 +1,6 @@
 //! A recording, walked to the end, as one diagnosis.
 
 use proprio_core::effect::EffectKind;
-use rayon::prelude::*;
 
 use super::changed::changed;
 use super::path::path;
@@ -18,8 +17,8 @@ use crate::detect::series::JointSeries;
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::ParameterEstimate;
 use crate::estimate::limb_data::Squares;
-use crate::estimate::robot::side_by_side;
 use crate::identify::model_fit::parameters;
+use crate::parallel::{by_number, side_by_side};
 use crate::select::candidate::Member;
 use crate::select::criteria::{RESOLUTION, STRUCTURE};
 use crate::select::drift::Drift;
@@ -286,8 +285,8 @@ impl Diagnosed<'_> {
                 let taken = Explained::of(&below, &predicted, joint)?;
                 Some((self.name(*limb, joint), text::black_box(&taken)?))
             };
-            let joints = (0..below.joints()).into_par_iter();
-            let boxes: Vec<_> = joints.filter_map(taken).collect();
+            let boxes = by_number(0..below.joints(), taken);
+            let boxes: Vec<_> = boxes.into_iter().flatten().collect();
             let own = JointSeries::of(&below, &predicted).into_iter().enumerate();
             let own = own.map(|(joint, series)| (series, fit.doubt(&below, joint)));
             Some((own.collect::<Vec<_>>(), boxes))

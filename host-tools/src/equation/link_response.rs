@@ -2,9 +2,8 @@
 //! does, and what it changes of the torques by the slopes of momentum and rate along the motors' motion. Links move by hundredths of a
 //! radian, to which the torques answer almost in proportion.
 
+use crate::parallel::side_by_side;
 use std::sync::Arc;
-
-use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::joint_states::States;
@@ -57,7 +56,7 @@ impl Responses {
         };
         Self {
             load: motion.load(body, values, (true, delay)),
-            slopes: windows.par_iter().map(of).collect(),
+            slopes: side_by_side(windows, of),
             windows: windows.to_vec(),
             values: values.clone(),
             motion: motion.clone(),

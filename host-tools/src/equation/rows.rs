@@ -13,7 +13,6 @@
 use proprio_core::effect::{EffectKind, JointState};
 use proprio_core::inertia::INERTIAL;
 use proprio_core::spatial::Transform;
-use rayon::prelude::*;
 
 use super::body::LimbBody;
 use super::column::{Column, Columns};
@@ -23,6 +22,7 @@ use super::joint_states::States;
 use super::motion::Motion;
 use super::rigid_body::{RigidBody, Slopes};
 use super::values::{Values, load};
+use crate::parallel::each_part;
 
 /// Windows whose rows are made one after the other; parts are made side by side.
 const PART: usize = 128;
@@ -310,11 +310,9 @@ impl<'a> Pass<'a> {
         let places: Vec<usize> = of_joint
             .flat_map(|(own, first)| own.iter().map(move |c| first + c))
             .collect();
-        let parts = rows.numbers.par_chunks_mut(width * PART);
-        let of = |(n, numbers): (usize, &mut [f64])| {
+        each_part(rows.numbers.chunks_mut(width * PART), |n, numbers| {
             self.run_part(PART * n, numbers.chunks_exact_mut(width), &places, chosen);
-        };
-        parts.enumerate().for_each(of);
+        });
     }
 
     /// The same of the windows from `begin` on whose `rows` these are; `places` are those of the columns that are made.

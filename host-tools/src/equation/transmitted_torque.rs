@@ -6,13 +6,12 @@
 
 use std::sync::{Arc, PoisonError};
 
-use rayon::prelude::*;
-
 use super::body::LimbBody;
 use super::local_line::{Line, around};
 use super::motion::Motion;
 use super::transmitted_torque_cache::{Key, Load, MOST, MOST_OF_BRISTLES};
 use super::values::Values;
+use crate::parallel::each_part;
 use crate::trajectory::{Before, Trajectory};
 
 /// No link has less, kg m²: a division by it stays finite.
@@ -115,8 +114,8 @@ impl Motion {
         let links = self.links_of(motors);
         let mut torque = vec![0.0; n * self.time.len()];
         let mut inertia = vec![0.0; torque.len()];
-        let parts = (torque.par_chunks_mut(n * PART)).zip(inertia.par_chunks_mut(n * PART));
-        parts.enumerate().for_each(|(part, (torque, inertia))| {
+        let parts = (torque.chunks_mut(n * PART)).zip(inertia.chunks_mut(n * PART));
+        each_part(parts, |part, (torque, inertia)| {
             let mut motion = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
             let samples = torque.chunks_exact_mut(n).zip(inertia.chunks_exact_mut(n));
             let samples = (PART * part..).zip(samples).filter(|(k, _)| asked[*k]);
@@ -148,8 +147,7 @@ impl Motion {
     fn lines(&self, torque: &[f64], asked: &[bool]) -> Vec<[f64; 2]> {
         let n = self.joints;
         let mut line = vec![[0.0; 2]; torque.len()];
-        let parts = line.par_chunks_mut(n * PART).enumerate();
-        parts.for_each(|(part, line)| {
+        each_part(line.chunks_mut(n * PART), |part, line| {
             let samples = (PART * part..).zip(line.chunks_exact_mut(n));
             for (k, own) in samples.filter(|(k, _)| asked[*k]) {
                 let at = self.stretches.partition_point(|s| s.end <= k);

@@ -5,8 +5,6 @@
 //! rest ([`MOST_REST`]), the friction's standard deviation is jump × share / √3; such a row stands alone, and the chain of correlated
 //! rows starts anew after it.
 
-use rayon::prelude::*;
-
 use super::blocks::BlockFactors;
 use super::factor::{BATCH, HeapFactor};
 use super::limb_data::LimbData;
@@ -15,6 +13,7 @@ use crate::equation::column::{Column, Columns};
 use crate::equation::motion::MOST_REST;
 use crate::equation::reversal::DryFriction;
 use crate::equation::rows::Rows;
+use crate::parallel::by_number;
 
 /// What is folded, and what is known of its noise.
 pub(crate) struct Folding<'a> {
@@ -127,7 +126,7 @@ impl Weights {
         chosen: &(dyn Fn(usize) -> bool + Sync),
     ) -> BlockFactors {
         let of = |j: usize| self.joint(data, (columns, rows, j), count, part, chosen);
-        let joints: Vec<Vec<HeapFactor>> = (0..data.joints()).into_par_iter().map(of).collect();
+        let joints: Vec<Vec<HeapFactor>> = by_number(0..data.joints(), of);
         let mut blocks: Vec<Vec<HeapFactor>> = vec![Vec::new(); count];
         for factors in joints {
             for (block, factor) in blocks.iter_mut().zip(factors) {

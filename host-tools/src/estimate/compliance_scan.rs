@@ -5,13 +5,13 @@
 //! the link that is let go moves those after it and lacks in those before, and where it sags the bodies have stood for that.
 
 use proprio_core::effect::Enters;
-use rayon::prelude::*;
 
 pub(crate) use super::grid::values_to_try;
 use super::grid::{SMALLEST, step_near};
 use super::refit::{Refit, Told};
 use super::shapes::{Scan, refined};
 use crate::equation::values::Place;
+use crate::parallel::side_by_side;
 
 /// A value that takes away less than this share of the sum of squares is not looked for more closely: no effect counts that does
 /// (`select::criteria::LEAST_GAIN`).
@@ -44,8 +44,9 @@ impl Scan<'_> {
         let with = self.data.loose_link(self.values, place, &judged);
         let fall = |value: f64| -refit.left(&with.predicted(value));
         let grid = self.values_to_try(place);
-        let falls = || -> Vec<f64> { grid.par_iter().map(|&value| fall(value)).collect() };
-        let (falls, without) = rayon::join(falls, || fall(0.0));
+        let tried: Vec<f64> = grid.iter().copied().chain([0.0]).collect();
+        let mut falls = side_by_side(&tried, |&value| fall(value));
+        let without = falls.pop()?;
         if falls
             .iter()
             .all(|fall| *fall < (1.0 - LEAST_FALL) * without)

@@ -9,8 +9,8 @@
 //! solution are too small. Each is taken at the solution without its own block instead: the jackknife over blocks (Bell &
 //! McCaffrey 2002; MacKinnon, Nielsen & Webb 2023, CV3), which is (I − A_b H⁻¹)⁻¹ times the gradient, A_b the block's information.
 
+use crate::parallel::side_by_side;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
 use super::bounded::{Problem, Solution, inverse};
@@ -94,7 +94,7 @@ pub(crate) fn sandwich(
         return inverse.clone();
     }
     let moved = |block: &BlockScore| block.without_itself(inverse);
-    let moved: Vec<DVector<f64>> = blocks.par_iter().map(moved).collect();
+    let moved: Vec<DVector<f64>> = side_by_side(blocks, moved);
     let mean = moved.iter().sum::<DVector<f64>>() / count;
     let mut root = DMatrix::zeros(inverse.nrows(), moved.len() + prior.nrows());
     let scale = ((count - 1.0) / count).sqrt() * few(count - 1.0);

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use proprio_core::effect::{Enters, Form, Input, Moved, Transmission};
 use proprio_core::inertia::InertialParameters;
-use rayon::prelude::*;
 
 use super::directions::Directions;
 use crate::equation::body::LimbBody;
@@ -17,6 +16,7 @@ use crate::equation::rows::Rows;
 use crate::equation::values::{Place, Values, places};
 use crate::equation::velocity::VelocityGain;
 use crate::model::{BASE, JointKind, Limb, Model};
+use crate::parallel::by_number;
 use crate::parameter::{INERTIAL_NAMES, name_at, of_effect};
 use crate::predict::{self, LooseLink, predict};
 use crate::recording::LimbRecording;
@@ -274,9 +274,9 @@ impl<'a> LimbData<'a> {
 
     /// What models predict, each of the windows of its own fold, N m.
     pub(crate) fn predicted_by_fold(&self, values: &[Values]) -> Vec<f64> {
-        let of =
-            |(fold, values): (usize, &Values)| self.predicted(values, &|w| self.fold(w) == fold);
-        let parts: Vec<Vec<f64>> = values.par_iter().enumerate().map(of).collect();
+        let parts = by_number(0..values.len(), |fold| {
+            self.predicted(&values[fold], &|w| self.fold(w) == fold)
+        });
         let mut torque = vec![0.0; self.torque.len()];
         for part in parts {
             // Windows of other folds are zero.

@@ -3,7 +3,6 @@
 use nalgebra::DVector;
 use proprio_core::effect::{EffectKind, Form};
 use proprio_core::inertia::INERTIAL;
-use rayon::prelude::*;
 
 use super::bounded::Problem;
 use super::deviation::BlockScore;
@@ -15,6 +14,7 @@ use crate::equation::column::depends_on_values;
 use crate::equation::dot::dot;
 use crate::equation::reversal::DryFriction;
 use crate::equation::values::{Place, Values};
+use crate::parallel::side_by_side;
 
 /// Whether an effect is a scale of the reported torque.
 fn is_scale(effect: EffectKind) -> bool {
@@ -106,7 +106,7 @@ impl LimbFit<'_> {
             };
             Some(problem.solve_from(&self.solution.theta)?.theta)
         };
-        trains.par_iter().map(solved).collect()
+        side_by_side(&trains, solved).into_iter().collect()
     }
 
     /// The data without the windows in which a joint reports more, at any moment, than the limit that the model gives its drive: what is

@@ -8,6 +8,7 @@ use super::fit::{How, LimbFit, STEADY};
 use super::limb_data::LimbData;
 use crate::equation::values::{Place, Values, is_shared};
 use crate::model::{BASE, Model};
+use crate::parallel::side_by_side;
 use crate::recording::Recording;
 
 /// A value that all limbs share, and its standard deviation.
@@ -36,15 +37,6 @@ pub(crate) fn data<'a>(recording: &'a Recording, model: &'a Model) -> Vec<LimbDa
         LimbData::of(model, limb, samples)
     };
     side_by_side(&limbs, of).into_iter().flatten().collect()
-}
-
-/// Does the same work for all items, on as many processors as there are, and returns the results in the order of the items.
-pub(crate) fn side_by_side<T: Sync, R: Send>(
-    items: &[T],
-    work: impl Fn(&T) -> R + Sync + Send,
-) -> Vec<R> {
-    use rayon::prelude::*;
-    items.par_iter().map(work).collect()
 }
 
 /// Fits each limb's effects; `places` are of the limbs in their order. What limbs share is fitted by each, combined by the errors,

@@ -9,7 +9,6 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use proprio_core::effect::{EffectKind, Grid, Input, MAX_COLUMNS};
-use rayon::prelude::*;
 
 use super::directions::{Kept, Key, Span, Vectors};
 use super::grid::{MULTIPLES, gear, grid, is_harmonic, is_narrow, shape_parameter, size_of};
@@ -20,6 +19,7 @@ use crate::equation::joint_states::States;
 use crate::equation::presliding::Way;
 use crate::equation::values::{Place, Values};
 use crate::once::made_once;
+use crate::parallel::side_by_side;
 
 /// Windows that a scan looks at, spread over the recording.
 const MOST_WINDOWS: usize = 1500;
@@ -56,9 +56,7 @@ pub(crate) fn better<'a>(
     }
     let mut scan = scan();
     scan.is_near = again;
-    let best: Vec<Option<f64>> = (places.par_iter())
-        .map(|&place| scan.closest(place))
-        .collect();
+    let best: Vec<Option<f64>> = side_by_side(&places, |&place| scan.closest(place));
     let (mut values, mut moved, mut nothing) = (scan.values.clone(), false, false);
     for (place, best) in places.into_iter().zip(best) {
         let Some(best) = best else {
@@ -403,8 +401,8 @@ pub(super) fn refined(
     for _ in 0..ROUNDS {
         let [less, more] = [shape - step, shape + step];
         let told = |shape: f64| (shape > above).then(|| (shape, fall(shape)));
-        let (less, more) = rayon::join(|| told(less), || told(more));
-        for (other, fall) in less.into_iter().chain(more) {
+        let found = side_by_side(&[less, more], |&shape| told(shape));
+        for (other, fall) in found.into_iter().flatten() {
             if fall > most {
                 (shape, most) = (other, fall);
             }

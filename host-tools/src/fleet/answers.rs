@@ -4,7 +4,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::columns::KeptColumn;
@@ -19,6 +18,7 @@ use super::population::common;
 use super::solve::solve;
 pub use super::values::RobotValue;
 use super::values::{Series, Solved, memories, model_of, robot_values, series_of};
+use crate::parallel::side_by_side;
 use crate::table::Table;
 
 /// A parameter over all robots.
@@ -74,11 +74,11 @@ fn is_plain(column: &KeptColumn) -> bool {
 
 /// All answers that kept blocks give: the same, to the bit, for any order in which they came.
 pub fn final_answers(kept: &[Kept]) -> Answers {
-    let solved = kept.par_iter().filter_map(|kept| {
+    let solved = side_by_side(kept, |kept| {
         let solution = solve(kept)?;
         Some(Solved { kept, solution })
     });
-    let solved: Vec<Solved> = solved.collect();
+    let solved: Vec<Solved> = solved.into_iter().flatten().collect();
     let (model, missing) = model(&solved);
     let all = all_series(&solved, &model);
     let memory = memories(&all);
@@ -150,7 +150,7 @@ fn joints<'a>(solved: &'a [Solved<'a>]) -> Vec<(&'a Solved<'a>, usize)> {
 
 /// The series of the model's columns, and of each other column added to it alone.
 fn all_series<'a>(solved: &'a [Solved<'a>], model: &Kinds) -> Vec<Series<'a>> {
-    let of = |(of, joint): (&'a Solved<'a>, usize)| {
+    let of = |&(of, joint): &(&'a Solved<'a>, usize)| {
         let own = model_of(of, joint, &|column| model.contains(column.kind()));
         let mut series = series_of(of, joint, &own, None);
         for n in (0..of.solution.joints[joint].columns.len()).filter(|n| !own.contains(n)) {
@@ -158,7 +158,8 @@ fn all_series<'a>(solved: &'a [Solved<'a>], model: &Kinds) -> Vec<Series<'a>> {
         }
         series
     };
-    joints(solved).into_par_iter().flat_map_iter(of).collect()
+    let joints = joints(solved);
+    side_by_side(&joints, of).into_iter().flatten().collect()
 }
 
 fn missing(solved: &[Solved], model: &Kinds) -> Vec<Candidate> {
@@ -174,7 +175,7 @@ fn missing(solved: &[Solved], model: &Kinds) -> Vec<Candidate> {
         (own, values)
     };
     let joints = joints(solved);
-    let told: Vec<_> = joints.par_iter().map(of).collect();
+    let told: Vec<_> = side_by_side(&joints, of);
     let robots = joints
         .iter()
         .zip(&told)

@@ -7,7 +7,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use proprio_core::effect::EffectKind;
-use rayon::prelude::*;
 
 use super::block::Block;
 use super::columns::{BlockColumns, KeptColumn, cad_hash, has_column, is_kept, name_of};
@@ -19,6 +18,7 @@ use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
 use crate::log::{LogError, sha256};
 use crate::model::{Limb, Model};
+use crate::parallel::side_by_side;
 use crate::parameter::INERTIAL_NAMES;
 use crate::recording::{LimbRecording, Recording, RecordingError, SHORTEST_SLAB, Slab};
 
@@ -133,7 +133,7 @@ fn grow(growing: &mut Vec<Growing>, model: &Model, slab: Slab) {
             factors(model, limb, samples)?,
         ))
     };
-    let made: Vec<_> = slab.limbs.par_iter().map(of).collect();
+    let made: Vec<_> = side_by_side(&slab.limbs, of);
     for (limb, temperature, (columns, factors)) in made.into_iter().flatten() {
         for (joint, factor) in factors.into_iter().enumerate() {
             let known = growing

@@ -6,9 +6,9 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use crate::parallel::side_by_side;
 use crate::robust;
 
 /// Greatest ρ: a memory as long as 50 blocks cannot be told from a drift.
@@ -68,18 +68,18 @@ impl Memory {
             kinds.entry(kind(own.0)).or_default().push(own.clone());
             names.entry(own.0).or_default().push(own.clone());
         }
-        let kinds: BTreeMap<String, Self> = kinds
-            .into_par_iter()
-            .map(|(kind, own)| (kind, Self::of_kind(&own)))
-            .collect();
-        let of = |(name, own): (&str, Vec<(&str, Vec<f64>)>)| {
+        let kinds: Vec<_> = kinds.into_iter().collect();
+        let kinds = side_by_side(&kinds, |(kind, own)| (kind.clone(), Self::of_kind(own)));
+        let kinds: BTreeMap<String, Self> = kinds.into_iter().collect();
+        let names: Vec<_> = names.into_iter().collect();
+        let of = |(name, own): &(&str, Vec<(&str, Vec<f64>)>)| {
             let memory = match own.len() >= LEAST_SERIES {
-                true => Self::of_kind(&own),
+                true => Self::of_kind(own),
                 false => kinds.get(&kind(name)).copied().unwrap_or_default(),
             };
-            (name.to_owned(), memory)
+            ((*name).to_owned(), memory)
         };
-        names.into_par_iter().map(of).collect()
+        side_by_side(&names, of).into_iter().collect()
     }
 
     /// Of series about their means.

@@ -19,7 +19,7 @@ use super::walk::Walk;
 use super::walks::Walks;
 use super::windows::{WindowSamples, Windows};
 use crate::estimate::factor::HeapFactor;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// Length of a block of time, s, and how many blocks a short log is cut into at least.
 const BLOCK: f64 = 1.0;

@@ -11,7 +11,7 @@ use crate::estimate::Constraint;
 use crate::estimate::bounded::{Problem, Solution, inverse, triangle};
 use crate::estimate::deviation::{BlockScore, sandwich};
 use crate::estimate::fit::{HOLD_ROUNDS, hold};
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// The least noise of an equation that is believed, N m.
 const LEAST_NOISE: f64 = 1e-4;

@@ -8,7 +8,7 @@ use super::sensors::{MOVED, Sensors, offsets};
 use super::stance::Stance;
 use super::walk::Walk;
 use super::windows::WindowSamples;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// How far readings are moved for a column: far beyond rounding, and too little to be felt.
 const STEP: [f64; SENSORS - MOVED] = [

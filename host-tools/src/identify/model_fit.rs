@@ -13,11 +13,12 @@ use crate::equation::values::{Place, Values, is_shared, places};
 use crate::equation::velocity::VelocityGain;
 use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::robot::{self, side_by_side};
+use crate::estimate::robot;
 use crate::estimate::stages::{self, Stage, StageParameter};
 use crate::estimate::{Constraint, Method, ParameterEstimate, Status};
 use crate::log::LEAST_DURATION;
 use crate::model::{Model, ModelEffect};
+use crate::parallel::side_by_side;
 use crate::recording::{Recording, RecordingError};
 pub use result::{Fitted, FittedJoint, FittedParameter, Where};
 

@@ -3,10 +3,9 @@
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use rayon::prelude::*;
-
 use crate::log::{BRIDGED, Periods};
 use crate::once::made_once;
+use crate::parallel::by_number;
 use crate::trajectory::{Stretch, Trajectory};
 
 /// s.
@@ -118,8 +117,7 @@ impl LimbRecording {
 
     /// The joints' smooth trajectories; `velocity_gain` is each joint's reported velocity over the true one.
     pub(crate) fn trajectories(&self, velocity_gain: &[f64]) -> Arc<Vec<Trajectory>> {
-        let joints = || (0..self.joints).into_par_iter();
-        let as_reported = || Arc::new(joints().map(|j| self.trajectory(j, 1.0)).collect());
+        let as_reported = || Arc::new(by_number(0..self.joints, |j| self.trajectory(j, 1.0)));
         let as_reported = made_once(&self.trajectories.0, as_reported);
         if velocity_gain.iter().all(|gain| *gain == 1.0) {
             return as_reported.clone();

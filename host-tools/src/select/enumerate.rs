@@ -9,6 +9,7 @@ use super::trial_factors::ScoreTest;
 use crate::catalogue;
 use crate::equation::values::{Place, is_shared};
 use crate::model::BASE;
+use crate::parallel::side_by_side;
 
 /// All that the limbs' models may lack: every effect at every joint, families, and shared causes.
 pub(crate) fn candidates(screens: &[Screen], possible: &[Vec<Place>]) -> Vec<Candidate> {
@@ -33,7 +34,6 @@ pub(crate) fn of_joints(
     possible: &[Vec<Place>],
     kind: &dyn Fn(usize) -> usize,
 ) -> (Vec<Candidate>, usize) {
-    use rayon::prelude::*;
     let mut sets: Vec<Joints> = Vec::new();
     for (limb, places) in possible.iter().enumerate() {
         for &place in places {
@@ -42,18 +42,15 @@ pub(crate) fn of_joints(
     }
     sets.extend(families(possible, kind));
     let tried = sets.len();
-    let all = sets
-        .into_par_iter()
-        .filter_map(|(effect, set)| {
-            let trial = |(limb, places): (usize, Vec<Place>)| Some((limb, trial(limb, &places)?));
-            Candidate::of(
-                effect,
-                set.into_iter().map(trial).collect::<Option<_>>()?,
-                tried,
-            )
-        })
-        .collect();
-    (all, tried)
+    let all = side_by_side(&sets, |(effect, set)| {
+        let trial = |(limb, places): &(usize, Vec<Place>)| Some((*limb, trial(*limb, places)?));
+        Candidate::of(
+            *effect,
+            set.iter().map(trial).collect::<Option<_>>()?,
+            tried,
+        )
+    });
+    (all.into_iter().flatten().collect(), tried)
 }
 
 /// The effects that are possible anywhere, each once, in the catalogue's order.

@@ -14,7 +14,6 @@ use std::collections::{BTreeMap, HashMap};
 use proprio_core::effect::{EffectKind, Form, Input, JointState};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::criteria::statistics::autocorrelation_time;
 use super::criteria::sum_and_error;
@@ -25,6 +24,7 @@ use crate::estimate::grid::{Reach, values};
 use crate::estimate::shapes::orthonormal;
 use crate::formula::Names;
 use crate::formula::grammar::{CARRIERS, Factor, Term, terms};
+use crate::parallel::{by_number, side_by_side};
 
 /// Windows that are looked at, spread over the log.
 const MOST_WINDOWS: usize = 1000;
@@ -102,9 +102,12 @@ pub(crate) fn pick(fit: &LimbFit, joint: usize, (alarm, least): (f64, f64)) -> O
     let [from, to] = reach.positions;
     let all = terms(names, to - from);
     let factors = residual.factors(&all, names, &reach);
-    let tried: Vec<Tried> = (all.par_iter().enumerate())
-        .flat_map_iter(|(n, term)| residual.tried(n, term, &factors, &reach))
-        .collect();
+    let tried: Vec<Tried> = by_number(0..all.len(), |n| {
+        residual.tried(n, &all[n], &factors, &reach)
+    })
+    .into_iter()
+    .flatten()
+    .collect();
     let most = tried.iter().max_by(|a, b| a.fall.total_cmp(&b.fall))?;
     if most.fall < least * residual.square {
         return None;
@@ -170,8 +173,8 @@ fn chance(tried: &[Tried], fall: f64, alarm: f64) -> Option<f64> {
     let mut tried: Vec<&Tried> = tried.iter().filter(may).collect();
     // Those that explain much do so under many signs: the first that does is enough.
     tried.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-    let as_much = |draw: &usize| {
-        let mut random = ChaCha8Rng::seed_from_u64(*draw as u64);
+    let as_much = |draw: usize| {
+        let mut random = ChaCha8Rng::seed_from_u64(draw as u64);
         let signs: [f64; SEGMENTS] =
             std::array::from_fn(|_| if random.random::<bool>() { 1.0 } else { -1.0 });
         let of = |tried: &&Tried| -> f64 {
@@ -183,7 +186,10 @@ fn chance(tried: &[Tried], fall: f64, alarm: f64) -> Option<f64> {
     let mut count = 0;
     for begin in (0..draws).step_by(TOGETHER) {
         let end = (begin + TOGETHER).min(draws);
-        count += (begin..end).into_par_iter().filter(as_much).count();
+        count += by_number(begin..end, as_much)
+            .into_iter()
+            .filter(|as_much| *as_much)
+            .count();
         if (count + 1) as f64 > alarm * (draws + 1) as f64 {
             return None;
         }
@@ -325,12 +331,13 @@ impl Residual {
                 }
             }
         }
-        let of = |((text, key), p): ((&str, u64), f64)| {
+        let asked: Vec<_> = asked.into_iter().collect();
+        let of = |&((text, key), p): &((&str, u64), f64)| {
             Some(((text.to_owned(), key), self.factor(text, names, p)?))
         };
         Factors {
             names,
-            known: asked.into_par_iter().filter_map(of).collect(),
+            known: side_by_side(&asked, of).into_iter().flatten().collect(),
         }
     }
 

@@ -7,7 +7,6 @@
 use std::sync::{Arc, OnceLock};
 
 use proprio_core::effect::EffectKind;
-use rayon::prelude::*;
 
 use crate::equation::link_response::Responses;
 use crate::equation::values::Place;
@@ -15,6 +14,7 @@ use crate::estimate::added_variables::LeftOver;
 use crate::estimate::compliance_scan::values_to_try;
 use crate::estimate::fit::LimbFit;
 use crate::once::made_once;
+use crate::parallel::side_by_side;
 
 /// The responses of a limb's links, worked out when they are asked for and good for all fits whose loads are alike.
 pub(crate) struct Links {
@@ -82,7 +82,7 @@ impl GainBounds {
         let Tried { sizes, responses } = made_once(&links.tried[place.1][kind], || {
             let sizes = twice_as_many(&values_to_try(data, &fit.values, place));
             let of = |&size: &f64| links.responses.of_size(place, size);
-            let responses = sizes.par_iter().map(of).collect();
+            let responses = side_by_side(&sizes, of);
             Tried { sizes, responses }
         });
         let nothing = vec![0.0; responses.first()?.len()];

@@ -2,8 +2,6 @@
 
 use std::sync::{Arc, Weak};
 
-use rayon::prelude::*;
-
 use super::candidate::Member;
 use super::criteria::step::is_less;
 use super::state::State;
@@ -11,7 +9,7 @@ use crate::catalogue;
 use crate::estimate::fit::LimbFit;
 use crate::estimate::limb_data::LimbData;
 use crate::estimate::limit::Limit;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::{by_number, side_by_side};
 
 /// Fits of which it is known what limits they tell.
 #[derive(Default)]
@@ -38,12 +36,11 @@ impl<'a> Sought<'a> {
                 let limit = sought.then(|| fit.limit(&predicted, joint)).flatten()?;
                 Some(((*limb, place), limit))
             };
-            let joints = (0..fit.data.joints()).into_par_iter();
-            joints.filter_map(limit).collect::<Vec<_>>()
+            by_number(0..fit.data.joints(), limit)
         });
         self.fits
             .extend(sought.iter().map(|(_, fit)| Arc::downgrade(fit)));
-        found.into_iter().flatten().collect()
+        found.into_iter().flatten().flatten().collect()
     }
 }
 

@@ -7,7 +7,7 @@ use super::enumerate::candidates;
 use super::score_test::{Screen, possible};
 use super::state::State;
 use crate::equation::values::Place;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// The score tests of the limbs, beside the fits of the last model that was looked at.
 #[derive(Default)]

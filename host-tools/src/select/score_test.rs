@@ -5,7 +5,6 @@
 use std::sync::Arc;
 
 use proprio_core::effect::{EffectKind, Form, Reach};
-use rayon::prelude::*;
 
 use super::candidate::{Felt, Finding, Trial};
 use super::criteria::presence;
@@ -25,6 +24,7 @@ use crate::estimate::r_factor::{Prior, RFactor, prior_of_body};
 use crate::estimate::shapes::Scan;
 use crate::estimate::whitening::{Whitening, neighbour_correlation};
 use crate::model::BASE;
+use crate::parallel::side_by_side;
 
 /// The factors of a limb's data over the columns of its model and of all that the model might lack.
 pub(crate) struct Screen<'a> {
@@ -106,7 +106,7 @@ impl<'a> Screen<'a> {
         if is_other {
             left = Left::of(fit, &columns, rows, &all.solve_all());
         }
-        let trains: Vec<RFactor> = trains.par_iter().map(|train| triangle(train)).collect();
+        let trains: Vec<RFactor> = side_by_side(&trains, |train| triangle(train));
         let kinds = (columns, order.active);
         Self {
             memory: left.memory,
@@ -326,10 +326,7 @@ fn with_shapes(
     let scan = Scan::new(data, &columns, [&fit.values; 2], &|w, j| {
         data.torque[w * n + j] - predicted[w * n + j]
     });
-    let best: Vec<Option<f64>> = shaped
-        .par_iter()
-        .map(|&place| found(&scan, place))
-        .collect();
+    let best: Vec<Option<f64>> = side_by_side(&shaped, |&place| found(&scan, place));
     for (&place, best) in shaped.iter().zip(best) {
         let shape = place.0.description().shape();
         if let (Some(best), Some(n)) = (best, shape) {

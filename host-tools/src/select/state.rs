@@ -3,7 +3,6 @@
 use std::sync::{Arc, Weak};
 
 use proprio_core::effect::{Enters, Transmission};
-use rayon::prelude::*;
 
 use super::candidate::{Candidate, Member};
 use super::criteria::feasible::{is_likely, is_resolved_spring};
@@ -14,8 +13,9 @@ use crate::estimate::fit::{FarBodies, How, LimbFit};
 use crate::estimate::grid::{shape_parameter, size_of};
 use crate::estimate::limb_data::{LimbData, Squares};
 use crate::estimate::parameter_estimate::Constraint;
-use crate::estimate::robot::{self, Shared, side_by_side};
+use crate::estimate::robot::{self, Shared};
 use crate::estimate::shapes::Scan;
+use crate::parallel::{by_number, side_by_side};
 
 /// A shape that differs by less than this share makes no difference to a prediction.
 const SAME_SHAPE: f64 = 0.05;
@@ -103,10 +103,11 @@ impl<'a> State<'a> {
 
     /// Held-out sums of squares of other fits of the limbs, each where it is another.
     fn squares_of(&self, fits: &[Arc<LimbFit<'a>>]) -> Option<Vec<Squares>> {
-        let limbs: Vec<usize> = (0..fits.len()).collect();
-        let squares = side_by_side(&limbs, |&n| match Arc::ptr_eq(&fits[n], &self.fits[n]) {
-            true => Some(self.squares[n].clone()),
-            false => held_out_squares(&fits[n]),
+        let squares = by_number(0..fits.len(), |n| {
+            match Arc::ptr_eq(&fits[n], &self.fits[n]) {
+                true => Some(self.squares[n].clone()),
+                false => held_out_squares(&fits[n]),
+            }
         });
         squares.into_iter().collect()
     }
@@ -329,13 +330,14 @@ pub(super) fn held_out_with_shape(
         data.torque[w * n + j] - predicted[w * n + j]
     });
     let shape = shape_parameter(place.0);
-    let of = |(fold, known): (usize, Values)| -> Option<Values> {
+    let held_out = after.held_out()?;
+    let of = |fold: usize| -> Option<Values> {
         let best = scan.best(place, &|f| f != fold);
         let before = after.values.get(place, shape);
         let same = SAME_SHAPE * size_of(data, place, before);
         let is_other = |best: &f64| (best - before).abs() > same;
         let Some(best) = best.filter(is_other) else {
-            return Some(known);
+            return Some(held_out[fold].clone());
         };
         let mut start = after.values.clone();
         start.set(place, shape, best);
@@ -350,8 +352,7 @@ pub(super) fn held_out_with_shape(
         };
         Some(LimbFit::of(&train, &places, &how)?.values)
     };
-    let values = after.held_out()?;
-    let values: Option<Vec<Values>> = values.into_par_iter().enumerate().map(of).collect();
-    let values = values?;
+    let values = by_number(0..held_out.len(), of);
+    let values: Vec<Values> = values.into_iter().collect::<Option<_>>()?;
     Some(data.squares(&data.predicted_by_fold(&values)))
 }

@@ -6,12 +6,12 @@
 
 use nalgebra::{DMatrix, DVector};
 use proprio_solve::bounded::{inverse, triangle};
-use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 
 use super::flexible::{Derived, Plant, derived, response};
 use super::layout::Layout;
 use super::response::{Point, Response};
+use crate::parallel::by_number;
 use crate::robust::{median, scale};
 
 /// Elements whose relative variance is greater are left out: the logarithm of what is mostly noise is biased.
@@ -153,18 +153,18 @@ impl Problem<'_> {
 
     /// Rows of all points' means, each as a triangle.
     fn factors(&self, layout: &Layout, x: &[f64], lacking: f64) -> Option<Vec<DMatrix<f64>>> {
-        (0..self.points.len())
-            .into_par_iter()
-            .map(|point| {
-                let model = self.model(point, layout, x)?;
-                Some(triangle(self.rows(
-                    point,
-                    None,
-                    0..self.used,
-                    &model,
-                    lacking,
-                )))
-            })
+        let of_point = |point: usize| {
+            let model = self.model(point, layout, x)?;
+            Some(triangle(self.rows(
+                point,
+                None,
+                0..self.used,
+                &model,
+                lacking,
+            )))
+        };
+        by_number(0..self.points.len(), of_point)
+            .into_iter()
             .collect()
     }
 
@@ -204,9 +204,8 @@ impl Problem<'_> {
             };
             all.iter().map(square).sum::<f64>()
         };
-        let points = (0..self.points.len()).into_par_iter();
         // In the order of the points, so that the sum is the same every time.
-        let costs: Vec<f64> = points.map(of_point).collect();
+        let costs = by_number(0..self.points.len(), of_point);
         costs.iter().sum::<f64>() + prior_rows(layout, x).column(x.len()).norm_squared()
     }
 

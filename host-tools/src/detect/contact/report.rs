@@ -4,7 +4,7 @@ use super::Contact;
 use crate::equation::values::{Place, places};
 use crate::estimate::fit::{How, LimbFit};
 use crate::estimate::limb_data::LimbData;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// Windows of swing that the other effects need at least: 4 s.
 const LEAST_WINDOWS: f64 = 200.0;

@@ -1,10 +1,9 @@
 //! Readings of a log's columns: joints that count the other way, any two joints exchanged.
 
-use rayon::prelude::*;
-
 use super::MismatchKind;
 use super::reading::Reading;
 use crate::model::Model;
+use crate::parallel::{by_number, side_by_side};
 use crate::recording::{LimbRecording, Recording};
 
 /// Most joints that count the other way, or pairs that are exchanged: more of them are another robot.
@@ -47,9 +46,8 @@ impl Columns<'_> {
             .iter()
             .map(|(_, own)| own.clone())
             .collect();
-        let left = |(n, own): (usize, &LimbRecording)| self.left(n, own);
         Way {
-            left: limbs.par_iter().enumerate().map(left).collect(),
+            left: by_number(0..limbs.len(), |n| self.left(n, &limbs[n])),
             limbs,
         }
     }
@@ -81,7 +79,7 @@ impl Columns<'_> {
             let sum: f64 = (0..way.left.len()).map(of_limb).sum();
             (sum, *of, left)
         };
-        let all = changes.par_iter().map(tried);
+        let all = side_by_side(&changes, tried).into_iter();
         let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let mut next = Way {
             limbs: way.limbs.clone(),

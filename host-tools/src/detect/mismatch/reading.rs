@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Vector3};
-use rayon::prelude::*;
 
 use proprio_core::spatial::Transform;
 use proprio_core::tree::GRAVITY;
@@ -13,6 +12,7 @@ use crate::equation::dot::dot;
 use crate::equation::values::Values;
 use crate::estimate::limb_data::LimbData;
 use crate::model::{Limb, Model};
+use crate::parallel::{by_number, side_by_side};
 use crate::recording::LimbRecording;
 
 /// Most time by which a torque may be late, s.
@@ -66,11 +66,11 @@ impl Reading {
             false => Vec::new(),
         };
         let parts = Parts::of(&data);
-        let joint = |(j, name): (usize, String)| {
-            JointReading::of(&data, j, name, (&predicted, &parts), &times)
-        };
-        let names: Vec<(usize, String)> = data.joint_names().into_iter().enumerate().collect();
-        let joints = names.into_par_iter().map(joint);
+        let names = data.joint_names();
+        let joints = by_number(0..names.len(), |j| {
+            JointReading::of(&data, j, names[j].clone(), (&predicted, &parts), &times)
+        });
+        let joints = joints.into_iter();
         let joints = joints.filter(|joint| joint.torque.len() >= LEAST_WINDOWS);
         Some(Self {
             joints: joints.collect(),
@@ -128,7 +128,7 @@ impl JointReading {
         let torque: Vec<f64> = samples.tau.iter().skip(j).step_by(n).copied().collect();
         let late = Late::of(&torque, data, &windows, times);
         let left = |shift: &i64| (*shift, own.left_of(&late.torque(*shift), 1.0));
-        own.left_at = times.par_iter().map(left).collect();
+        own.left_at = side_by_side(times, left).into_iter().collect();
         own
     }
 

@@ -5,13 +5,13 @@ use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use proprio_core::effect::{EffectKind, Input, MAX_COLUMNS, Term};
 
 use crate::estimate::grid::{Reach, least_displacement, possible, shape_parameter, values};
-use crate::estimate::robot::side_by_side;
 use crate::free_base::Walks;
 use crate::free_base::columns::EffectSite;
 use crate::free_base::data::{Data, LeftOfWindow};
 use crate::free_base::fit::Fit;
 use crate::free_base::projection::{Projection, bristles};
 use crate::free_base::walk::Walk;
+use crate::parallel::side_by_side;
 
 /// Windows that a scan looks at, spread over the logs.
 const MOST_WINDOWS: usize = 1500;

@@ -8,7 +8,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::search::Supervisor;
-use crate::estimate::robot::side_by_side;
+use crate::parallel::side_by_side;
 
 /// Motions of a generation, and the better of them that make the next.
 const GENERATION: usize = 20;
