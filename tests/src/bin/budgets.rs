@@ -1,4 +1,4 @@
-//! Measures the firmware and compares it with `budgets.toml`: `cargo run --release -p proprio-tests --bin budgets`.
+//! Measures the firmware and compares it with `budgets.toml`: `cargo run -p proprio-tests --bin budgets`.
 //!
 //! Counts, never wall time: bytes of the images, the deepest stack, instructions on the emulated board. Ends with status 1
 //! if a figure is above what was accepted (of the same compiler), or an operation's instructions depend on the data. `-- --accept` writes what was
