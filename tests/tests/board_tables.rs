@@ -13,6 +13,10 @@ const ROWS: &[(&str, &[&str])] = &[
         "instructions per tick where no leg could be as the data say: mean; worst",
         &["impossible_tick_mean", "impossible_tick_worst"],
     ),
+    (
+        "instructions per tick while every leg's wiring is on trial: mean; worst",
+        &["trial_tick_mean", "trial_tick_worst"],
+    ),
     ("a polling cycle's bytes to frames", &["decode_cycle"]),
     (
         "a sample into the window; one that closes it",

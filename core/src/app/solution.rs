@@ -56,9 +56,9 @@ impl<T: Real> App<T> {
             return;
         }
         self.rest = REST;
-        if self.legs.iter().any(LegLine::waits_for_trial)
-            && self.solving.get().is_none()
+        if self.solving.get().is_none()
             && self.solved.get().is_none()
+            && self.legs.iter().any(LegLine::waits_for_trial)
         {
             self.try_wiring(memory);
             return;

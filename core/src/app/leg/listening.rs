@@ -78,10 +78,16 @@ impl<T: Real> LegLine<T> {
             increment(&mut counters.unplaced);
             return;
         }
-        let pushed = window.push(sample);
         if self.trial.is_running() {
-            self.try_sample(data, pushed, sample);
+            return self.try_sample(data, sample);
         }
+        let pushed = window.push(sample);
+        self.note(data, pushed, sample);
+    }
+
+    /// Counts a sample, and takes the rows of the window that it has closed.
+    #[inline(always)]
+    fn note(&mut self, data: &mut LegData<T>, pushed: Push, sample: &Sample<T, JOINTS_PER_LEG>) {
         let counters = &mut self.counters;
         match pushed {
             Push::Used => increment(&mut counters.used),
@@ -98,18 +104,15 @@ impl<T: Real> LegLine<T> {
         }
     }
 
-    /// Has the trial see a sample. Apart: a leg that is not on trial pays for a look at a flag.
+    /// The same of a leg on trial, which sees the sample too. Apart: any other leg pays for a look at a flag.
     #[cold]
     #[inline(never)]
-    fn try_sample(
-        &mut self,
-        data: &mut LegData<T>,
-        pushed: Push,
-        sample: &Sample<T, JOINTS_PER_LEG>,
-    ) {
-        if let Some(window) = self.window.get() {
+    fn try_sample(&mut self, data: &mut LegData<T>, sample: &Sample<T, JOINTS_PER_LEG>) {
+        if let Some(window) = self.window.get_mut() {
+            let pushed = window.push(sample);
             self.trial
                 .see(pushed, sample, window.rows(), &mut data.notes);
+            self.note(data, pushed, sample);
         }
     }
 

@@ -40,8 +40,9 @@ pub(super) struct LegData<T> {
     test: BlockTest<T>,
     /// What the bus has brought and no step has taken yet.
     queue: Queue,
-    /// What a trial of its wiring has noted.
+    /// What a trial of its wiring has noted; and where it is of a leg that has changed, what is told and touched once the wiring is found not to be why.
     notes: Notes,
+    withheld: Slot<(wire::Change, Change<T>)>,
 }
 
 impl<T: Real> LegData<T> {
@@ -53,6 +54,7 @@ impl<T: Real> LegData<T> {
             test: BlockTest::empty(),
             queue: Queue::new(),
             notes: Notes::new(),
+            withheld: Slot::Empty,
         }
     }
 
@@ -110,9 +112,8 @@ pub(super) struct LegLine<T: Real> {
     spoilt: bool,
     /// A change to be told.
     changed: Slot<wire::Change>,
-    /// Which leg it is; and a change to be told, and what it touches, once a trial has found that its wiring has not changed.
+    /// Which leg it is.
     trial: Trial,
-    withheld: Slot<(wire::Change, Change<T>)>,
     counters: LegCounters,
 }
 
@@ -140,7 +141,6 @@ impl<T: Real> LegLine<T> {
             spoilt: false,
             changed: Slot::Empty,
             trial: Trial::new(),
-            withheld: Slot::Empty,
             counters: LegCounters::ZERO,
         }
     }

@@ -22,7 +22,6 @@ impl<T: Real> LegLine<T> {
 
     /// Begins a trial of a leg whose zeros were set; ends one where they are not known, or are none of a wiring's.
     pub(super) fn try_anew(&mut self) {
-        self.withheld = Slot::Empty;
         match self.zeros.are_set() {
             true => self.trial.begin(false),
             false => self.trial.clear(),
@@ -47,7 +46,7 @@ impl<T: Real> LegLine<T> {
         let waiting = data.folds.drop_waiting() as u32;
         self.counters.forgotten = self.counters.forgotten.wrapping_add(waiting);
         data.test.begin_block();
-        self.withheld = Slot::Full((told, change));
+        data.withheld = Slot::Full((told, change));
         self.trial.begin(true);
         true
     }
@@ -83,7 +82,8 @@ impl<T: Real> LegLine<T> {
         let notes = &mut data.notes;
         let outcome = self.trial.advance(&model, carried, notes, work);
         if outcome == Outcome::Cleared
-            && let Some((told, change)) = self.withheld.take()
+            && self.trial.is_of_a_change()
+            && let Some((told, change)) = data.withheld.take()
         {
             self.accept(data, told, change);
         }

@@ -221,6 +221,11 @@ impl Trial {
         (self.attempts, self.taken, self.fresh) = (0, 0, true);
     }
 
+    /// Whether the trial, or the last one, is of a leg that was right and has changed.
+    pub(super) fn is_of_a_change(&self) -> bool {
+        self.changed
+    }
+
     /// Whether the windows are there, and parts of the evidence wait to be made.
     #[inline]
     pub(super) fn is_ready(&self) -> bool {

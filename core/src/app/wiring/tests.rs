@@ -7,7 +7,7 @@ use crate::app::Identity;
 use crate::app::leg::SETTINGS;
 use crate::app::tests::{DESKTOP, Whole, bytes};
 use crate::bus::{Mode, Reply};
-use crate::estimator::{DEFAULT_ACTIVE, DevicePrior, DeviceWindow, LegBase};
+use crate::estimator::{DEFAULT_ACTIVE, DevicePrior, DeviceWindow, LEG_INERTIAL, LegBase};
 use crate::go2::{ACTUATORS, Leg};
 use crate::spatial::Transform;
 use crate::tree::Tree;
@@ -133,6 +133,8 @@ struct RealLeg {
     waves: [[[f64; 3]; 2]; 3],
     /// Force of the ground at the foot, N.
     ground: f64,
+    /// White noise of the velocities of hip, thigh and calf: a standing Go2's, rad/s.
+    noise: [f64; 3],
     dice: Dice,
 }
 
@@ -175,6 +177,7 @@ impl RealLeg {
             middle,
             waves,
             ground: 0.0,
+            noise: [0.035, 0.035, 0.022],
             dice,
         }
     }
@@ -209,12 +212,11 @@ impl RealLeg {
         let mut out = [[0.0; 3]; 3];
         for j in 0..3 {
             let [viscous, coulomb, armature, bias] = self.friction[j];
-            let noise = if j == 2 { 0.022 } else { 0.035 };
             out[0][j] = q[j];
             out[1][j] = if still {
                 0.0
             } else {
-                v[j] + noise * self.dice.normal()
+                v[j] + self.noise[j] * self.dice.normal()
             };
             out[2][j] =
                 bodies[j] + viscous * v[j] + coulomb * (v[j] / 0.05).tanh() + armature * a[j]
@@ -568,6 +570,68 @@ fn of_a_hundred_power_ups_none_is_taken_for_another() {
     }
     println!("right {right}, refused {refused}, open {open:?}");
     assert!(right >= 90, "{right} {open:?}");
+}
+
+/// The friction, armature and offset of each joint that a device tells after ten seconds of a right leg, with their errors.
+fn told_effects(mut device: Device, after: f64) -> Vec<[f64; 2]> {
+    (0..5000).for_each(|n| device.hear(after + n as f64 * 2e-3));
+    let mut messages = device.messages.iter().rev();
+    let told = messages.find_map(|message| match message {
+        DeviceMessage::Estimate(estimate) => Some(estimate),
+        _ => None,
+    });
+    let told = told.unwrap();
+    // The default effects, in the order of the simulated leg's numbers.
+    assert_eq!(told.effects, DEFAULT_ACTIVE.0);
+    let effects = told.values.iter().zip(&told.std).skip(LEG_INERTIAL);
+    let effects = effects.map(|(value, std)| [value, std].map(|x| f64::from(*x)));
+    effects.collect()
+}
+
+/// Motors that count from anywhere: once a leg is found to be right, armature and offset are the simulated ones within their errors. Velocities have
+/// no noise here: theirs biases an armature.
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
+fn what_is_told_of_a_right_leg_is_true() {
+    let (mut all, mut off) = (0, Vec::new());
+    for n in 0..24 {
+        let mut device = Device::new(n % 4, 3000 + n as u64, &[], true);
+        device.real.noise = [0.0; 3];
+        assert!(device.place());
+        let (found, after) = device.run(20.0);
+        assert_eq!(found, Wiring::Right, "{n}");
+        let friction = device.real.friction;
+        let told = told_effects(device, after);
+        // Viscous and Coulomb friction depend on the simulated law, which turns over more smoothly.
+        let numbers = friction.as_flattened().iter().zip(told).enumerate();
+        for (_, (truth, [value, std])) in numbers.filter(|(k, _)| k % 4 >= 2) {
+            all += 1;
+            if (value - truth).abs() > 3.0 * std {
+                off.push((n, *truth, value, std));
+            }
+        }
+    }
+    println!("{} of {all} beyond three standard deviations", off.len());
+    assert!(100 * off.len() <= all, "{off:?}");
+}
+
+/// Zeros that are set give the estimates of angles that are right from the start: within the errors, for the trial has taken windows.
+#[test]
+#[cfg_attr(miri, ignore = "too long to interpret")]
+fn after_a_trial_estimates_are_those_of_a_clean_run() {
+    for n in 0..8 {
+        let mut device = Device::new(n % 4, 4000 + n as u64, &[], true);
+        assert!(device.place());
+        let (found, after) = device.run(20.0);
+        assert_eq!(found, Wiring::Right, "{n}");
+        let mut clean = Device::new(n % 4, 4000 + n as u64, &[], false);
+        clean.whole = Whole::new(DESKTOP);
+        let told = told_effects(device, after);
+        for ([a, std], [b, other]) in told.into_iter().zip(told_effects(clean, after)) {
+            let error = std.hypot(other);
+            assert!((a - b).abs() < 3.0 * error, "{n}: {a} {b} {error}");
+        }
+    }
 }
 
 /// A quarter of the robot's weight at a foot that sways over the ground: no hypothesis has such torques.
