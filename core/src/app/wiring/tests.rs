@@ -344,17 +344,14 @@ fn two_faults_are_not_another_one() {
             continue;
         }
         all += 1;
-        match judged(which, seed, &faults).0 {
-            found @ (Wiring::Right | Wiring::Fault(_)) => {
-                match faults
-                    .iter()
-                    .any(|fault| compare(Some(*fault), found) == Found::Right)
-                {
-                    true => one += 1,
-                    false => wrong.push((which, seed, faults, found)),
-                }
-            }
-            _ => {}
+        let found = judged(which, seed, &faults).0;
+        if !matches!(found, Wiring::Right | Wiring::Fault(_)) {
+            continue;
+        }
+        let is_one = |fault: &Fault| compare(Some(*fault), found) == Found::Right;
+        match faults.iter().any(is_one) {
+            true => one += 1,
+            false => wrong.push((which, seed, faults, found)),
         }
     }
     println!("{all} pairs: {one} of them one of both, wrong {wrong:?}");

@@ -79,7 +79,7 @@ impl Columns<'_> {
             let sum: f64 = (0..way.left.len()).map(of_limb).sum();
             (sum, *of, left)
         };
-        let all = side_by_side(&changes, tried).into_iter();
+        let all = side_by_side(changes, tried).into_iter();
         let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let mut next = Way {
             limbs: way.limbs.clone(),
